@@ -16,7 +16,7 @@ LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce test test-quick test-pythons test-mpi test-cluster test-browser bench bench-mpi validate fuzz robustness repeat lint docs clean
+.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-mpi test-cluster test-browser bench bench-mpi validate fuzz robustness repeat lint docs clean
 
 setup: $(READY)
 
@@ -32,6 +32,10 @@ $(READY): requirements.txt pyproject.toml
 # Runs all scenarios of the papers, judges all claims, draws all figures into $(OUT).
 reproduce: $(READY)
 	$(BIN)/flocking reproduce --seeds $(SEEDS) --out $(OUT)
+
+# The same with the further standard laws of the literature.
+reproduce-all: $(READY)
+	$(BIN)/flocking reproduce --all --seeds $(SEEDS) --out $(OUT)
 
 test: $(READY)
 	$(BIN)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)

@@ -60,10 +60,10 @@ def public_names() -> str:
 
 def paper_names() -> str:
     """A table of what the package of each paper gives."""
-    from flocking.papers import KEYS, paper
+    from flocking.papers import ALL_KEYS, paper
 
     text = ""
-    for key in KEYS:
+    for key in ALL_KEYS:
         module = importlib.import_module(paper(key).package)
         given = [(n, getattr(module, n)) for n in module.__all__ if callable(getattr(module, n))]
         text += title(f"fk.papers.{module.__name__.rpartition('.')[2]}", "~")

@@ -14,12 +14,12 @@ from switch_picture import draw_switch
 from text_tables import code, table
 from tile_picture import draw_tile
 
-from flocking.papers import KEYS
+from flocking.papers import ALL_KEYS
 
 
 def papers_index() -> str:
     """The page that lists the papers."""
-    pages = "\n".join(KEYS)
+    pages = "\n".join(ALL_KEYS)
     return (
         "# The papers\n\nEvery number, claim, reading and erratum on these pages is read from `flocking.papers` when "
         "they are built, and every counter-example is computed then.\n\n"
@@ -39,7 +39,7 @@ def mutants_page() -> str:
             ", ".join(map(code, one.fails)) or "none",
             ", ".join(map(code, one.unresolved)) or "none",
         )
-        for one in caught_mutants(lambda: tuple(name for name, (_, key, _) in CASES.items() if key in KEYS))
+        for one in caught_mutants(lambda: tuple(name for name, (_, key, _) in CASES.items() if key in ALL_KEYS))
     ]
     return (
         "# Mutants\n\nAn audit that cannot fail is worthless. In each row one thing about the moving agents is wrong, "
@@ -73,7 +73,7 @@ def write_pages(app: Any) -> None:
     folder = Path(app.srcdir) / "computed"
     shutil.rmtree(folder, ignore_errors=True)
     (folder / "papers").mkdir(parents=True)
-    pages = {f"papers/{key}": paper_page(key) for key in KEYS}
+    pages = {f"papers/{key}": paper_page(key) for key in ALL_KEYS}
     pages |= {"papers/index": papers_index(), "papers/errata": errata_page()}
     pages |= {"mutants": mutants_page(), "command_line": command_line_page()}
     for name, text in pages.items():

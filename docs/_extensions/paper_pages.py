@@ -13,7 +13,7 @@ from text_tables import code, number, plain, table
 
 from flocking.model.law import Scenario
 from flocking.model.terms.pair_terms import Gradient
-from flocking.papers import KEYS, paper
+from flocking.papers import ALL_KEYS, paper
 from flocking.papers.description import Paper
 from flocking.papers.equation_table import Demonstration, Fault, Row
 from flocking.papers.numbered import index
@@ -163,7 +163,7 @@ def errata_page() -> str:
         "that the paper leaves open. What is *not printed* is a question of our own.\n\n"
         "Both sides of every counter-example were computed when this page was built.\n\n"
     ]
-    for key in KEYS:
+    for key in ALL_KEYS:
         article = paper(key)
         head = f"## {plain(article.title)} ({article.year})\n\n"
         lines.append(head + errata_sections(list(article.equations()), 3))

@@ -17,7 +17,7 @@ import flocking as fk
 from flocking.apps import cli
 from flocking.apps.reproduction import reproduce as reproduction
 from flocking.apps.reproduction.reproduce import Reproduction
-from flocking.papers import KEYS
+from flocking.papers import ALL_KEYS, KEYS
 
 QUICK = """
 name = "quick"
@@ -94,7 +94,7 @@ def test_list_shows_every_scenario_of_every_paper(capsys: pytest.CaptureFixture[
     assert code == 0
     names = {row["scenario"]: row["paper"] for row in json.loads(out)}
     assert {"tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "zhou-2015-leader"} <= set(names)
-    assert set(names.values()) == set(KEYS)
+    assert set(names.values()) == set(ALL_KEYS)
     code, out, _ = call(capsys, "list")
     assert code == 0
     assert all(name in out for name in names)
@@ -292,6 +292,11 @@ def test_reproduce_passes_its_arguments_and_exits_with_0_when_all_is_as_expected
     assert "0 of 0 claims" in out
     assert (seen["seeds"], seen["first_seed"], seen["out"], seen["workers"]) == (7, 3, tmp_path, 1)
     assert tuple(seen["keys"]) == tuple(KEYS)
+    assert call(capsys, "reproduce", "--all")[0] == 0
+    assert tuple(seen["keys"]) == tuple(ALL_KEYS)
+    code, _, complaint = call(capsys, "reproduce", "--all", "zhou-2015")
+    assert code == 2
+    assert "--all" in complaint
 
 
 def test_a_closed_pipe_is_no_error() -> None:

@@ -149,6 +149,12 @@ STRUCTURES: dict[str, Structure] = {
     ),
     "agent gains": Structure(_law(Draw.proximity, Draw.zhou, lambda d: fk.Consensus(d.each()))),
     "hashed weights": Structure(_law(Draw.fixed, Draw.tanner, _hashed)),
+    "alignment of all pairs": Structure(
+        _law(lambda d: fk.Complete(), Draw.tanner, lambda d: fk.CuckerSmale(d.one(), d.one(), d.one()))
+    ),
+    "alignment over a graph": Structure(
+        _law(Draw.hysteresis, Draw.zhou, lambda d: fk.CuckerSmale(d.one(), d.one(), over=fk.Complete()))
+    ),
     "even weights": Structure(_law(Draw.fixed, lambda d: fk.Consensus(weights=d.matrix(True)))),
     "uneven weights": Structure(_law(Draw.fixed, lambda d: fk.Consensus(d.one(), weights=d.matrix(False)))),
     "directed": Structure(_law(lambda d: d.fixed(directed=True), Draw.tanner, _hashed), conservative=False),

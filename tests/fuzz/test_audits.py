@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import flocking as fk
 from flocking.engine.runs.fidelity import Approaches, LawAgreement, LedgerRule
 from flocking.engine.runs.run import Closest
-from flocking.papers import KEYS, paper
+from flocking.papers import ALL_KEYS, paper
 from flocking.study.claims.claim import UNCOMPUTED, Claim, Verdict
 from flocking.study.claims.general_claims import GENERAL
 from flocking.study.claims.witnesses import witness_of
@@ -34,7 +34,7 @@ ODD = st.sampled_from([0.0, 1.0, -1.0, 1e-300, 1e20, 1e99, 1e150, 1e300, -1e308,
 @cache
 def all_claims() -> tuple[Claim, ...]:
     """The general claims and those of all papers about all their systems."""
-    return (*GENERAL, *(c for key in KEYS for name in paper(key).scenarios() for c in paper(key).claims(name)))
+    return (*GENERAL, *(c for key in ALL_KEYS for name in paper(key).scenarios() for c in paper(key).claims(name)))
 
 
 @cache

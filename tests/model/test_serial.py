@@ -47,6 +47,8 @@ PARTS: list[Any] = [
     ConvexPolygon([[0.0, 0.0], [0.0, 1.0], [1.0, 0.3]], 0.2, PATH),
     fk.Energy("leader", PATH, 0.3, "J"),
     fk.Fixed(4, ((0, 1), (2, 1)), directed=True),
+    fk.Complete(),
+    fk.CuckerSmale(0.5, 1 / 3, 2.0),
     fk.Gradient(fk.Potential("a/r + 1e-17*r", a=0.1), "force", fk.Proximity(1 / 3, closed=True)),
     fk.HashedWeights(0.1, 2, 7),
     fk.Hysteresis(4, 0.1),

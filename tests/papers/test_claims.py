@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.papers import KEYS, paper
+from flocking.papers import ALL_KEYS, paper
 from flocking.study.claims.audit import audit
 from flocking.study.claims.claim import Basis, Verdict
 from flocking.study.claims.judgement import judge
@@ -30,7 +30,7 @@ def test_three_seeds_agree_with_what_holds(key: str, name: str) -> None:
             assert verdicts <= {judgement.claim.expected}, (judgement.claim.key, verdicts)
 
 
-@pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("key", ALL_KEYS)
 def test_every_expected_verdict_of_a_paper_rests_on_something(key: str) -> None:
     found = paper(key)
     claims = [claim for name in found.scenarios() for claim in found.claims(name)]

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import flocking as fk
-from flocking.papers import KEYS, paper
+from flocking.papers import ALL_KEYS, paper
 
 GIVEN = {
     "olfati-saber-2003": ("translational_energy", "gathering_energy", "contraction", "contraction_rate"),
@@ -21,10 +21,14 @@ GIVEN = {
         "potential", "centre_motion", "steady_velocity_error", "free_motion", "ramp_motion", "exponential_motion",
         "exponential_leading_part", "jordan_form", "speed_bounds", "distance_bound",
     ),
+    "cucker-smale-2007": (
+        "weights", "discrete_step", "discrete_motion", "scatter", "sufficient_condition", "pair_invariant",
+        "final_distance", "final_speed", "delay_limits",
+    ),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("key", ALL_KEYS)
 def test_a_paper_gives_its_functions_with_documentation(key: str) -> None:
     package = getattr(fk.papers, key.replace("-", "_"))
     assert package.PAPER is paper(key)

@@ -196,6 +196,7 @@ def list_scenarios(*, as_json: Json = False) -> int:
 
 def reproduce(
     *papers: str,
+    every: Annotated[bool, Parameter(name="--all", negative="")] = False,
     seeds: int = 10,
     first_seed: int = 0,
     out: Path | None = None,
@@ -207,7 +208,9 @@ def reproduce(
     Parameters
     ----------
     papers
-        Keys of papers; all when absent.
+        Keys of papers; when absent, those of the five that the library began with, and papers of other packages.
+    every
+        Reproduce the further standard laws of the literature too.
     seeds
         Number of seeds per scenario. A verdict needs five that meet the claim's hypothesis: with five or more, further
         ones are drawn until there are.
@@ -223,9 +226,13 @@ def reproduce(
     from flocking.apps.reproduction.reproduce import reproduce as reproduce_papers
     from flocking.apps.reproduction.results import rate_of
     from flocking.apps.tables import print_table, short
+    from flocking.errors import InvalidInput
+    from flocking.papers import default_keys, keys
 
+    if papers and every:
+        raise InvalidInput("reproduce", "--all", "must stand alone", " ".join(papers), "Leave out the keys.")
     found = reproduce_papers(
-        _keys(papers),
+        tuple(dict.fromkeys(papers)) or (keys() if every else default_keys()),
         seeds=seeds,
         first_seed=first_seed,
         out=out,

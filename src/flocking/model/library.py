@@ -10,6 +10,7 @@ from flocking.model.bodies.point_bodies import PointMass as PointMass
 from flocking.model.bodies.point_bodies import SingleIntegrator as SingleIntegrator
 from flocking.model.bodies.unicycles import Unicycle as Unicycle
 from flocking.model.energy import Energy as Energy
+from flocking.model.graphs.all_pairs import Complete as Complete
 from flocking.model.graphs.distance_graphs import Fixed as Fixed
 from flocking.model.graphs.distance_graphs import Graph as Graph
 from flocking.model.graphs.distance_graphs import Hysteresis as Hysteresis
@@ -40,6 +41,7 @@ from flocking.model.space import Periodic as Periodic
 from flocking.model.space import Space as Space
 from flocking.model.state import Agents as Agents
 from flocking.model.state import State as State
+from flocking.model.terms.alignment import CuckerSmale as CuckerSmale
 from flocking.model.terms.avoidance import Avoid as Avoid
 from flocking.model.terms.body_terms import BodyTerm as BodyTerm
 from flocking.model.terms.body_terms import Compensate as Compensate

@@ -10,13 +10,24 @@ if TYPE_CHECKING:
     from flocking.papers.description import Paper
 
 KEYS = ("olfati-saber-2003", "tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "shi-2009")
-"""Keys of the papers of the library, in the order they are reproduced."""
+"""Keys of the papers that are reproduced by default, in this order."""
+
+STANDARD_KEYS = ("cucker-smale-2007",)
+"""Keys of further standard laws of the literature, which are reproduced on demand."""
+
+ALL_KEYS = (*KEYS, *STANDARD_KEYS)
+"""Keys of all papers of the library."""
 
 _added: dict[str, Paper] = {}
 
 
 def keys() -> tuple[str, ...]:
     """Keys of all papers: those of the library, then those that were added."""
+    return (*ALL_KEYS, *_added)
+
+
+def default_keys() -> tuple[str, ...]:
+    """Keys of the papers that are reproduced if none is named: `KEYS`, then those that were added."""
     return (*KEYS, *_added)
 
 
@@ -35,7 +46,7 @@ def add_paper(paper: Paper) -> None:
     """
     from flocking.errors import InvalidInput
 
-    if paper.key in KEYS or not paper.home:
+    if paper.key in ALL_KEYS or not paper.home:
         raise InvalidInput("add_paper", "key", "must be a new one, of a paper with a home", paper.key)
     if odd := [name for name in paper.scenarios() if name != paper.key and not name.startswith(f"{paper.key}-")]:
         raise InvalidInput("add_paper", "scenarios", f"must have names that begin with {paper.key}", odd[0])
@@ -52,7 +63,7 @@ def paper(key: str) -> Paper:
     """
     if key in _added:
         return _added[key]
-    if key not in KEYS:
+    if key not in ALL_KEYS:
         from flocking.errors import InvalidInput
 
         raise InvalidInput("papers", "key", f"must be one of {', '.join(keys())}", key)
@@ -70,6 +81,6 @@ def paper_of(scenario: str) -> str:
 
 
 def __getattr__(name: str) -> ModuleType:
-    if name.replace("_", "-") in KEYS:
+    if name.replace("_", "-") in ALL_KEYS:
         return _package(name)
     raise AttributeError(f"module 'flocking.papers' has no attribute {name!r}")

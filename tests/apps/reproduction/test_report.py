@@ -13,7 +13,7 @@ import flocking as fk
 from flocking.apps.reproduction.claim_pictures import CAPTIONS, picture_of
 from flocking.apps.reproduction.report_formulas import formulas
 from flocking.apps.reproduction.reproduce import reproduce
-from flocking.papers import KEYS, paper
+from flocking.papers import ALL_KEYS, paper
 from flocking.show.animate import ffmpeg
 from flocking.study.claims.subjects import Subject
 
@@ -136,7 +136,9 @@ def test_a_caption_names_the_seeds_of_all_runs_that_are_drawn():
 
 
 def test_every_subject_has_a_picture_and_a_claim():
-    spoken_of = {c.about.subject for key in KEYS for name in paper(key).scenarios() for c in paper(key).claims(name)}
+    spoken_of = {
+        c.about.subject for key in ALL_KEYS for name in paper(key).scenarios() for c in paper(key).claims(name)
+    }
     assert set(CAPTIONS) == set(Subject) == spoken_of
 
 

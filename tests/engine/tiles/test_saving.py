@@ -67,6 +67,9 @@ def scenario(kind: str, n: int = 500) -> fk.Scenario:
         ring = fk.Fixed(n, tuple((k, (k + 1) % n) for k in range(n)))
         weights = fk.HashedWeights(0.5, 1.5, seed=3)
         law = fk.Law(fk.Proximity(1.2), [fk.Gradient(structural()), fk.Consensus(0.1, weights=weights, over=ring)])
+    elif kind == "one graph complete":
+        align = fk.CuckerSmale(0.01, 0.5, over=fk.Complete())
+        law = fk.Law(fk.Proximity(1.2), [fk.Gradient(structural()), align])
     else:
         law = zhou(1.2, 0.1) if kind == "hysteresis" else saber()
     if kind == "single integrators":
@@ -105,7 +108,7 @@ OPTIONS: dict[str, Any] = {"engine": "tiles", "step": 0.004, "observe": True, "p
     ("kind", "scheme"),
     [("proximity", "verlet"), ("proximity", "rk4"), ("hysteresis", "verlet"), ("hysteresis", "rk4"),
      ("scheduled", "damped"), ("obstacles", "verlet"), ("uneven", "verlet"), ("two graphs", "verlet"),
-     ("single integrators", "rk4"), ("single integrators", "euler")],
+     ("one graph complete", "rk4"), ("single integrators", "rk4"), ("single integrators", "euler")],
 )  # fmt: skip
 def test_a_stopped_run_goes_on_bit_for_bit_with_any_number_of_threads(
     tmp_path: Path, stop_after: Callable[[int], None], monkeypatch: pytest.MonkeyPatch,

@@ -9,6 +9,7 @@ from tests.papers.homes import (
     arguments,
     avoidance,
     claims,
+    cucker_smale,
     laws,
     measures,
     motion,
@@ -24,6 +25,7 @@ from tests.papers.homes import (
 _WHOLE: dict[str, Callable[[], None]] = {
     **nets.HOMES, **structure.HOMES, **terms.HOMES, **laws.HOMES, **states.HOMES, **avoidance.HOMES,
     **papers.HOMES, **shi.HOMES, **measures.HOMES, **claims.HOMES, **shapes.HOMES, **motion.HOMES,
+    **cucker_smale.HOMES,
 }  # fmt: skip
 
 

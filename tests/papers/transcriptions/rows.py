@@ -7,11 +7,11 @@ from functools import cache
 
 import pytest
 
-from flocking.papers import KEYS, paper
+from flocking.papers import ALL_KEYS, paper
 from flocking.papers.equation_table import Row
 from tests.papers.homes import HOMES
 
-ROWS = [row for key in KEYS for row in paper(key).equations()]
+ROWS = [row for key in ALL_KEYS for row in paper(key).equations()]
 
 
 def check_of(row: Row):

@@ -26,6 +26,8 @@ SCENARIOS = {
     "hysteresis": scenario(terms=(fk.Gradient(PSI), fk.Consensus(0.1 + 0.2))),
     "fixed": scenario(fk.Fixed(5, ((0, 1), (3, 2), (4, 0)), directed=True)),
     "no edges": scenario(fk.Fixed(5, ())),
+    "complete": scenario(fk.Complete(), (fk.CuckerSmale(2.0, 0.7, 1 / 3),)),
+    "another complete": scenario(terms=(fk.CuckerSmale(2.0, 0.7, over=fk.Complete()),)),
     "proximity": scenario(OTHER, (fk.Gradient(fk.Potential("log(r)^2"), weighting="force"),)),
     "smooth": scenario(Smooth(5.0, 0.8, bump="quintic"), (fk.Consensus(1.0, weighted=True),)),
     "radii": scenario(PerAgentRadii(np.array([1.0, 2.0, 3.0, 4.0, 1 / 7]))),

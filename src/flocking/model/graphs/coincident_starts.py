@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.model.checks import Array
+from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
 from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
 from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone, heading_gaps
 
 Indices = NDArray[np.int64]
 
-LINKS_ALL = (Proximity, Hysteresis, Smooth, PerAgentRadii, FieldOfView)
+LINKS_ALL = (Complete, Proximity, Hysteresis, Smooth, PerAgentRadii, FieldOfView)
 """Graphs that link all agents at the same point."""
 BLOCK = 1000
 """Number of agents whose headings are compared at once."""

@@ -142,7 +142,21 @@ class PairTerm(Term):
 add_group(Group("term", Term))
 
 
-def _check_graph(owner: str, over: Graph | None) -> None:
+def check_graph(owner: str, over: Graph | None) -> None:
+    """Check the graph of a term.
+
+    Parameters
+    ----------
+    owner
+        Name of the term.
+    over
+        The graph, or None.
+
+    Raises
+    ------
+    InvalidInput
+        If it is anything else.
+    """
     if over is not None and not isinstance(over, Graph):
         raise InvalidInput(owner, "over", "must be a graph", over, "Use Fixed, Proximity or Hysteresis.")
 
@@ -187,7 +201,7 @@ class Gradient(PairTerm):
                 self.potential,
                 "Write Gradient(Potential('1/r + 1/(R - r)', R=4)).",
             )
-        _check_graph("Gradient", self.over)
+        check_graph("Gradient", self.over)
         one_of("Gradient", "weighting", self.weighting, WEIGHTINGS, "must be 'energy' or 'force'")
         one_of("Gradient", "stored", self.stored, STORED, "must be 'integral' or 'potential'")
 
@@ -283,7 +297,7 @@ class Consensus(PairTerm):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        _check_graph("Consensus", self.over)
+        check_graph("Consensus", self.over)
         if self.weights is not None and not isinstance(self.weights, PairWeights):
             object.__setattr__(self, "weights", MatrixWeights(self.weights))
         object.__setattr__(self, "gain", scalar_or_each("Consensus", "gain", self.gain, least=0.0))

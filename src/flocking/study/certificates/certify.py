@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
+from flocking.study.certificates.alignment_certificates import alignment_certificates
 from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.consensus_certificates import consensus_certificates
 from flocking.study.certificates.limit_certificates import energy_and_limits
@@ -39,5 +40,8 @@ def certify(scenario: Scenario) -> Certificates:
     """
     if not isinstance(scenario, Scenario):
         raise InvalidInput("certify", "scenario", "must be a Scenario", scenario)
-    found = (*energy_and_limits(scenario), *consensus_certificates(scenario), *world_certificates(scenario))
+    found = (
+        *energy_and_limits(scenario), *consensus_certificates(scenario), *alignment_certificates(scenario),
+        *world_certificates(scenario),
+    )  # fmt: skip
     return Certificates(scenario.name, found)

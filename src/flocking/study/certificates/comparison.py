@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Indices
+from flocking.arrays import Array, Indices
 from flocking.engine.reference.control import control
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
@@ -20,6 +20,9 @@ MOST_STATES = 32
 
 ROUNDING = 1e-9
 """Relative difference up to which a value beyond its bound counts as kept whatever the error."""
+
+RESOLVED = 100.0
+"""Differences of velocities that are this many times their error count in a rate of decay."""
 
 
 @dataclass(frozen=True)
@@ -135,9 +138,39 @@ def _speed(run: Run, certificate: Certificate) -> tuple[float, float]:
         p = p - np.einsum("i,fik->fk", setting.masses, p)[:, None] / setting.masses.sum()
     elif setting.track is not None:
         p = p - setting.track.leader.along(run.t)[1][:, None]
-    known = run.accuracy is not None and len(run.accuracy.frames)
-    error = 2.0 * float(run.accuracy.frames[:, 1].max()) if run.accuracy is not None and known else np.nan
-    return float(np.linalg.norm(p, axis=2).max()), error
+    return float(np.linalg.norm(p, axis=2).max()), _velocity_error(run)
+
+
+def _velocity_differences(run: Run) -> Array:
+    """The largest difference of two velocities at each frame."""
+    from scipy.spatial.distance import pdist
+
+    return np.array([float(pdist(p).max(initial=0.0)) for p in np.asarray(run.p, dtype=np.float64)])
+
+
+def _velocity_error(run: Run) -> float:
+    """Error of a difference of velocities at any frame; NaN where it is not known."""
+    if run.accuracy is None or not len(run.accuracy.frames):
+        return np.nan
+    return 2.0 * float(run.accuracy.frames[:, 1].max())
+
+
+def _velocity_difference(run: Run, certificate: Certificate) -> tuple[float, float]:
+    return float(_velocity_differences(run).max()), _velocity_error(run)
+
+
+def _alignment_rate(run: Run, certificate: Certificate) -> tuple[float, float] | None:
+    """The smallest average rate of decay up to a frame, of those whose difference is well above its error."""
+    differences, error = _velocity_differences(run), _velocity_error(run)
+    first, later = differences[0], differences[1:]
+    doubt = (error if np.isfinite(error) else 0.0) + ROUNDING * first
+    seen = later > RESOLVED * doubt
+    if not seen.any():
+        return None
+    times = (run.t[1:] - run.t[0])[seen]
+    rates = np.log(first / later[seen]) / times
+    k = int(np.argmin(rates))
+    return float(rates[k]), float(2.0 * error / (later[seen][k] * times[k]))
 
 
 def _energy(run: Run, certificate: Certificate) -> tuple[float, float]:
@@ -175,6 +208,9 @@ _OBSERVED: dict[str, Callable[[Run, Certificate], tuple[float, float] | None]] =
     "closest_approach": _closest,
     "longest_link": _link_lengths,
     "group_diameter": _diameter,
+    "alignment_diameter": _diameter,
+    "velocity_difference": _velocity_difference,
+    "alignment_rate": _alignment_rate,
     "links_kept": _losses,
     "largest_speed": _speed,
 }

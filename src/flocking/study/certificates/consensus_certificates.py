@@ -9,6 +9,7 @@ import numpy as np
 
 from flocking.formula.intervals import Interval
 from flocking.model.bodies.point_bodies import SingleIntegrator, is_point_mass
+from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.connectivity import is_connected
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Scenario
@@ -68,7 +69,7 @@ class LinearConsensus:
 
     def _graph(self) -> Hypothesis:
         graph = self.scenario.law.graph
-        fits = type(graph) is Fixed and not graph.directed and len(self.scenario.law.graphs) == 1
+        fits = type(graph) in (Complete, Fixed) and not graph.directed and len(self.scenario.law.graphs) == 1
         fits = fits and self.scenario.space.is_open and self.scenario.start.n > 1
         statement = "two agents or more have a fixed, undirected graph in open space"
         return Hypothesis(statement, fits, type(graph).__name__)

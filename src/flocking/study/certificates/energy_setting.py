@@ -16,6 +16,7 @@ import numpy as np
 from flocking.arrays import Array, Links, PerAgent
 from flocking.formula.intervals import Interval
 from flocking.model.bodies.point_bodies import SingleIntegrator, is_point_mass
+from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
 from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law, Scenario
@@ -149,7 +150,8 @@ class EnergySetting:
     def _known_graph(self) -> Hypothesis:
         graph = self.graph
         statement = "the energy of a pair is continuous in its distance, also where it is linked or unlinked"
-        if type(graph) not in (Fixed, Proximity, Hysteresis, Smooth) or getattr(graph, "has_own_bump", True) is False:
+        known = type(graph) in (Complete, Fixed, Proximity, Hysteresis, Smooth)
+        if not known or getattr(graph, "has_own_bump", True) is False:
             return Hypothesis(statement, False, f"not known for links by {type(graph).__name__}")
         if type(graph) is Smooth:
             if not isinstance(graph.bump, str):
@@ -160,7 +162,7 @@ class EnergySetting:
             found = self._jump(term)
             if found:
                 return Hypothesis(statement, False, found)
-        if not self.keeps_links and type(graph) is not Fixed:
+        if not self.keeps_links and graph.moves:
             edge = self.pair.on(Interval.of(self.pair.end))
             if not np.isfinite(edge.hi):
                 return Hypothesis(statement, False, "the energy is infinite where links appear")
@@ -209,7 +211,7 @@ class EnergySetting:
 
     def _near_pairs_linked(self) -> Hypothesis:
         statement = "every pair within the radius at which links appear is linked at the start"
-        if isinstance(self.graph, Fixed):
+        if not self.graph.moves:
             return Hypothesis(statement, True, "links are fixed")
         radius = self.pair.end if not self.keeps_links else float(np.asarray(self.graph.appear_radius))
         i, j = np.triu_indices(self.n, 1)
@@ -266,7 +268,7 @@ class EnergySetting:
         if isinstance(self.graph, Smooth):
             numbers = {name: sympy.Rational(x) for name, x in self.graph.parameters.items()}
             value = value * self.graph.weight(r, lambda name: numbers[name])
-        end = np.inf if isinstance(self.graph, Fixed) else float(np.asarray(self.graph.break_radius))
+        end = np.inf if not self.graph.moves else float(np.asarray(self.graph.break_radius))
         return PairEnergy(r, value, sympy.diff(value, r), end)
 
     @cached_property
@@ -286,7 +288,7 @@ class EnergySetting:
     @cached_property
     def pair_count(self) -> int:
         """Number of pairs whose energies are counted: those with a link, or all where each may get and lose one."""
-        if isinstance(self.graph, Fixed) or self.keeps_links:
+        if not self.graph.moves or self.keeps_links:
             return int(np.count_nonzero(self.start_links)) // 2
         return self.n * (self.n - 1) // 2
 
@@ -334,7 +336,7 @@ class EnergySetting:
     @cached_property
     def links_stay(self) -> bool:
         """Whether no link is ever lost: they are fixed, or the energy does not suffice to stretch one to the radius."""
-        if isinstance(self.graph, Fixed):
+        if not self.graph.moves:
             return True
         if not self.keeps_links:
             return False

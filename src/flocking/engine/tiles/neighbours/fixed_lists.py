@@ -49,3 +49,25 @@ def fixed_lists(
     lists = TileLists(np.empty((max(int(count.sum()), 1), WIDTH), np.uint32), first, count)
     workers.each(_fixed, tiles, n, ids, place, offsets, neighbours, lists.rows, first, count)
     return lists
+
+
+def complete_lists(n: int) -> TileLists:
+    """Neighbour lists of the complete graph: all tiles share one list of all agents.
+
+    An agent in its own list is padding, and so is every agent in the list of a lane without an agent; therefore the
+    last tile has a list of its own if it is not full. Memory grows with N, not with its square.
+
+    Parameters
+    ----------
+    n
+        Number of agents.
+    """
+    tiles = (n + WIDTH - 1) // WIDTH
+    everyone = np.repeat(np.arange(n, dtype=np.uint32)[:, None] | LINKED, WIDTH, axis=1)
+    first = np.zeros(tiles, np.int64)
+    if n % WIDTH:
+        last = everyone.copy()
+        last[:, n % WIDTH :] = np.arange(n, tiles * WIDTH, dtype=np.uint32)
+        everyone = np.concatenate([everyone, last])
+        first[-1] = n
+    return TileLists(everyone, first, np.full(tiles, n, np.int32))

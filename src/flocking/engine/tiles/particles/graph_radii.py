@@ -35,7 +35,8 @@ class GraphRadii:
         self.each: list[Reals] = []
         """For each graph the squared radius of each agent, shape (size,); shape (1,) if it is common."""
         self.edges: list[tuple[Numbers, Numbers32] | None] = []
-        """Links of fixed graphs, see `flocking.engine.tiles.measures.sensed_offsets`; None for the others."""
+        """Links of fixed graphs, see `flocking.engine.tiles.measures.sensed_offsets`; None for other graphs, and for
+        `Complete`, which needs no list of pairs."""
         for graph in graphs:
             self.limits.append(np.zeros(3, self._dtype))
             self.each.append(np.zeros(1, self._dtype))

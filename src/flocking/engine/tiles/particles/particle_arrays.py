@@ -16,7 +16,7 @@ from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
 from flocking.engine.tiles.measures import extremes_of, fastest
 from flocking.engine.tiles.neighbours.cell_list import Sorter
-from flocking.engine.tiles.neighbours.fixed_lists import fixed_lists
+from flocking.engine.tiles.neighbours.fixed_lists import complete_lists, fixed_lists
 from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond, remember_links
 from flocking.engine.tiles.neighbours.nearest_image import box_of
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH, ListBuilder, TileLists
@@ -247,8 +247,9 @@ class ParticleArrays:
             if kind.fixed:
                 place = self.place if place is None else place
                 edges = self.radii.edges[number]
-                assert edges is not None
-                self.lists[number] = fixed_lists(self.ids, place, *edges, self.workers)
+                self.lists[number] = (
+                    complete_lists(self.n) if edges is None else fixed_lists(self.ids, place, *edges, self.workers)
+                )
 
     def _take_links(self, links: Links) -> None:
         """Set the links of the law's graph from the link matrix of the start."""

@@ -1,0 +1,69 @@
+"""Velocity alignment with weights that decrease with the distance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flocking.model.checks import number
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.parts.registration import register_part
+from flocking.model.terms.pair_terms import PairTerm, Value, check_graph
+from flocking.model.terms.symbols import PairSymbols
+
+if TYPE_CHECKING:
+    import sympy
+
+
+@register_part("cucker_smale")
+@dataclass(frozen=True)
+class CuckerSmale(PairTerm):
+    """Alignment of weight K/(sigma^2 + r^2)^beta: sum over neighbours of that times p_j - p_i (Cucker, Smale 2007).
+
+    The authors let all pairs act, over the graph `Complete`, and divide by nothing. With weights K/N give K/N as gain.
+
+    Parameters
+    ----------
+    gain
+        K; not negative.
+    exponent
+        beta; not negative. The weights are not summable over the distance up to beta = 1/2.
+    scale
+        sigma, the distance over which the weight is level; positive.
+    over
+        Graph of this term; the graph of the law by default.
+
+    Raises
+    ------
+    InvalidInput
+        If a value is out of range.
+    """
+
+    gain: float
+    exponent: float
+    scale: float = 1.0
+    over: Graph | None = None
+
+    def __post_init__(self) -> None:
+        check_graph("CuckerSmale", self.over)
+        object.__setattr__(self, "gain", number("CuckerSmale", "gain", self.gain, least=0.0))
+        object.__setattr__(self, "exponent", number("CuckerSmale", "exponent", self.exponent, least=0.0))
+        object.__setattr__(self, "scale", number("CuckerSmale", "scale", self.scale, above=0.0))
+
+    @property
+    def parameters(self) -> dict[str, Value]:
+        """Gain, exponent and scale."""
+        return {"gain": self.gain, "exponent": self.exponent, "scale": self.scale}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The name."""
+        return ("CuckerSmale",)
+
+    def drag(self, x: PairSymbols) -> sympy.Expr:
+        """K/(sigma^2 + r^2)^beta."""
+        return x.parameter("gain") * (x.parameter("scale") ** 2 + x.r**2) ** (-x.parameter("exponent"))
+
+    def dissipation(self, x: PairSymbols) -> sympy.Expr:
+        """The weight times |p_j - p_i|^2."""
+        return self.drag(x) * x.speed2

@@ -1,0 +1,57 @@
+"""Cucker, Smale: Emergent Behavior in Flocks (IEEE TAC 52, 2007), as it is commonly cited, and later results."""
+
+from __future__ import annotations
+
+from flocking.papers.cucker_smale_2007.closed_forms import (
+    delay_limits,
+    discrete_motion,
+    discrete_step,
+    final_distance,
+    final_speed,
+    pair_invariant,
+    scatter,
+    sufficient_condition,
+    weights,
+)
+from flocking.papers.cucker_smale_2007.pictures import figures
+from flocking.papers.cucker_smale_2007.system import KEY, scenario, scenarios
+from flocking.papers.cucker_smale_2007.theorems import claims
+from flocking.papers.description import Paper
+
+PAPER = Paper(
+    key=KEY,
+    title="Emergent Behavior in Flocks",
+    authors="F. Cucker, S. Smale",
+    year=2007,
+    venue="IEEE Transactions on Automatic Control 52(5)",
+    scenario=scenario,
+    scenarios=scenarios,
+    claims=claims,
+    figures=figures,
+)
+TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
+equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure
+
+__all__ = [
+    "AUTHORS",
+    "KEY",
+    "PAPER",
+    "TITLE",
+    "YEAR",
+    "claims",
+    "delay_limits",
+    "discrete_motion",
+    "discrete_step",
+    "equations",
+    "errata",
+    "figure",
+    "figures",
+    "final_distance",
+    "final_speed",
+    "pair_invariant",
+    "scatter",
+    "scenario",
+    "scenarios",
+    "sufficient_condition",
+    "weights",
+]

@@ -1,0 +1,184 @@
+"""The systems of Cucker and Smale: alignment of all pairs with weights that decrease with the distance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flocking.model import starts
+from flocking.model.checks import number, one_of
+from flocking.model.graphs.all_pairs import Complete
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+from flocking.model.terms.alignment import CuckerSmale
+from flocking.model.world.information import Delayed
+
+KEY = "cucker-smale-2007"
+CRITICAL, SHARP = f"{KEY}-critical", f"{KEY}-sharp"
+PAIR, PARTING = f"{KEY}-pair", f"{KEY}-parting"
+DELAYED, REACTION, MONOTONE, UNSTABLE = (f"{KEY}-{x}" for x in ("delayed", "reaction", "monotone", "unstable"))
+
+FIGURES = {"A": SHARP, "B": PAIR, "C": MONOTONE}
+"""Scenario of each figure of this package; the first of those that it shows."""
+
+AGENTS = 20
+"""Number of agents of the groups; the authors simulate none."""
+SPREAD = 3.0
+"""Radius of the ball in which they start, and their largest speed."""
+DURATION = 30.0
+"""Duration of the runs, in units of 1/K and more; audits extend it where a limit is not reached."""
+
+PARTING_DURATION = 20000.0
+"""Duration of the run of two agents that part, whose relative speed tends to its limit as 1/t."""
+
+MEETING, LEAVING = 1.2, 1.7
+"""Relative speeds of two agents that start at one place: below and above K times the integral of psi, pi/2."""
+
+DELAY = 2.0
+"""Delay of the neighbours' states; agents know their own."""
+LATE, MONOTONE_LATE, TOO_LATE = 1.5, 0.36, 1.7
+"""Delays of all states for lambda = 1: between 1/e and pi/2, below 1/e, and above pi/2."""
+NEAR = 1e-9
+"""Distance at which two agents start that the theory starts at one point: their kernels would meet at contact."""
+
+
+def law(gain: float = 1.0, exponent: float = 0.4, scale: float = 1.0) -> Law:
+    """v_i' = sum over all j of K/(sigma^2 + |x_i - x_j|^2)^beta (v_j - v_i), without 1/N.
+
+    Parameters
+    ----------
+    gain, exponent, scale
+        K, beta and sigma.
+    """
+    return Law(Complete(), (CuckerSmale(gain, exponent, scale),))
+
+
+def group(
+    exponent: float, *, gain: float = 1.0, seed: int = 0, agents: int = AGENTS, spread: float = SPREAD, name: str = ""
+) -> Scenario:
+    """A group in space with weights (K/N)/(1 + r^2)^beta.
+
+    Parameters
+    ----------
+    exponent, gain
+        beta and K.
+    seed
+        Seed of the start, uniform in balls of positions and of velocities.
+    agents
+        Number of agents N.
+    spread
+        Radius of both balls.
+    name
+        Name of the scenario.
+    """
+    begin = starts.ball(agents, radius=spread, speed=spread, dimension=3, seed=seed)
+    return Scenario(law(gain / agents, exponent), begin, t_end=DURATION, frames=301, name=name, seed=seed)
+
+
+def pair(
+    speed: float, *, exponent: float = 1.0, gain: float = 1.0, distance: float = NEAR, duration: float = DURATION,
+    name: str = "",
+) -> Scenario:  # fmt: skip
+    """Two agents on a line that move apart, with weights (K/2)/(1 + r^2)^beta, so that w' = -K psi(r) w.
+
+    Parameters
+    ----------
+    speed
+        Their relative speed w at the start, positive.
+    exponent, gain
+        beta and K.
+    distance
+        Their distance r at the start.
+    duration
+        Duration of the run.
+    name
+        Name of the scenario.
+
+    Raises
+    ------
+    InvalidInput
+        If the speed is not positive.
+    """
+    w = number("pair", "speed", speed, above=0.0)
+    begin = State(np.array([[0.5 * distance], [-0.5 * distance]]), np.array([[0.5 * w], [-0.5 * w]]))
+    return Scenario(law(0.5 * gain, exponent), begin, t_end=duration, frames=301, name=name)
+
+
+def parting_pair() -> Scenario:
+    """Two agents too fast for each other, at many times near the start and far behind it."""
+    times = (*np.linspace(0.0, DURATION, 301), *np.linspace(2.0 * DURATION, PARTING_DURATION, 200))
+    return pair(LEAVING, duration=PARTING_DURATION, name=PARTING).with_(frames=tuple(map(float, times)))
+
+
+def late_pair(delay: float, *, rate: float = 1.0, duration: float = 10.0 * DURATION, name: str = "") -> Scenario:
+    """Two agents with constant weights whose velocities, the own one too, are known late: w'(t) = -lambda w(t - tau).
+
+    Parameters
+    ----------
+    delay
+        tau.
+    rate
+        lambda, the sum of both weights.
+    duration
+        Duration of the run.
+    name
+        Name of the scenario.
+    """
+    begin = pair(1.0, exponent=0.0, gain=rate, distance=1.0)
+    return begin.with_(information=Delayed(delay, self_delayed=True), t_end=duration, frames=1201, name=name)
+
+
+def delayed_group(*, seed: int = 0, delay: float = DELAY, name: str = "") -> Scenario:
+    """Five agents with exponent 0.4 that know their own state, and those of the others ``delay`` late.
+
+    Parameters
+    ----------
+    seed
+        Seed of the start.
+    delay
+        The delay.
+    name
+        Name of the scenario.
+    """
+    begin = group(0.4, gain=2.0, agents=5, spread=1.0, seed=seed, name=name)
+    return begin.with_(information=Delayed(delay, self_delayed=False), t_end=4.0 * DURATION)
+
+
+def scenarios() -> dict[str, Callable[[int], Scenario]]:
+    """Scenarios by name, each a function of the seed."""
+    return {
+        KEY: lambda seed: group(0.4, gain=4.0, seed=seed, name=KEY),
+        CRITICAL: lambda seed: group(0.5, gain=4.0, seed=seed, name=CRITICAL),
+        SHARP: lambda seed: group(1.0, gain=10.0, seed=seed, spread=1.0, name=SHARP),
+        PAIR: lambda seed: pair(MEETING, name=PAIR),
+        PARTING: lambda seed: parting_pair(),
+        DELAYED: lambda seed: delayed_group(seed=seed, name=DELAYED),
+        REACTION: lambda seed: late_pair(LATE, name=REACTION),
+        MONOTONE: lambda seed: late_pair(MONOTONE_LATE, name=MONOTONE),
+        UNSTABLE: lambda seed: late_pair(TOO_LATE, duration=2.0 * DURATION, name=UNSTABLE),
+    }
+
+
+def scenario(figure: str | None = None, seed: int = 0, *, name: str = KEY) -> Scenario:
+    """A scenario by its name, or that of a figure.
+
+    Parameters
+    ----------
+    figure
+        Name of a figure of this package; the authors print no figure of a simulation.
+    seed
+        Seed of the start, where it is random.
+    name
+        Name of the scenario, if no figure is given.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such figure or scenario.
+    """
+    if figure is not None:
+        one_of("scenario", "figure", figure, FIGURES, f"must be one of {', '.join(FIGURES)}")
+        name = FIGURES[figure]
+    one_of("scenario", "name", name, scenarios(), f"must be one of {', '.join(scenarios())}")
+    return scenarios()[name](seed)

@@ -1,0 +1,299 @@
+"""Claims about Cucker and Smale's systems with their grounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.law import Scenario
+from flocking.model.world.information import Delayed
+from flocking.papers.cucker_smale_2007 import system
+from flocking.papers.cucker_smale_2007.closed_forms import delay_limits, final_distance, final_speed, pair_invariant
+from flocking.papers.grounds import OBSERVED, Ground, grounded, proved, refuted
+from flocking.study.certificates.alignment_certificates import Alignment
+from flocking.study.claims import general_claims as general
+from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below
+from flocking.study.claims.settling import limit_of_series
+from flocking.study.claims.subjects import Subject, about
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
+
+CLOSE = 1e-6
+"""Relative difference up to which a limit or an invariant counts as reached or kept."""
+
+DOWN_TO = 1e-3
+"""Share of the first difference of velocities down to which its decay is compared with the bound."""
+
+SHARE = 3
+"""The first and the last of so many parts of a run are compared."""
+
+
+@lru_cache(maxsize=64)
+def _alignment(scenario: Scenario) -> Alignment:
+    found = Alignment(scenario)
+    if not found.holds or found.farthest is None:
+        raise NotMeasurable("the weights do not suffice to hold this start together")
+    return found
+
+
+def _velocity_differences(e: Evidence) -> np.ndarray:
+    from scipy.spatial.distance import pdist
+
+    return np.array([float(pdist(p).max(initial=0.0)) for p in np.asarray(e.p, dtype=np.float64)])
+
+
+def held_together(e: Evidence) -> Measure:
+    """D_v(0) against N times the integral of the weight from D_x(0) on."""
+    found = Alignment(e.run.scenario)
+    if not found.holds:
+        raise NotMeasurable("not an alignment of all pairs")
+    now, most = float(found.difference.hi), found.available
+    note = f"velocities differ by up to {now:.4g}, the weights suffice for {most:.4g}"
+    margin = (np.inf if found.unconditional else most - now) if found.farthest is not None else min(most - now, 0.0)
+    return Measure(margin, 0.0, note, everywhere=False)
+
+
+@about(Subject.NET, lasting=True)
+def diameter_bounded(e: Evidence) -> Measure:
+    """Largest distance of two agents against X, up to which the integral of the weights is D_v(0)."""
+    bound = _alignment(e.run.scenario).farthest
+    assert bound is not None
+    return general.at_most(e, "diameter", float(e.diameter.max()), float(bound.hi))
+
+
+@about(Subject.SPREAD, lasting=True)
+def differences_decay(e: Evidence) -> Measure:
+    """D_v(t) against D_v(0) exp(-N phi(X) t), while that is above `DOWN_TO` of its first value."""
+    found = _alignment(e.run.scenario)
+    assert found.farthest is not None
+    rate = float(found.rate(float(found.farthest.hi)).lo)
+    first = float(found.difference.hi)
+    allowed = first * np.exp(-rate * (e.t - e.t[0]))
+    # At the first frame both are equal.
+    frames = 1 + np.flatnonzero(allowed[1:] > DOWN_TO * first)
+    if not len(frames):
+        raise NotResolvable("the run has no frame between the start and the end of the decay")
+    differences = _velocity_differences(e)[frames]
+    worst = int(np.argmin((allowed[frames] - differences) / allowed[frames]))
+    frame = int(frames[worst])
+    accuracy = e.run.accuracy
+    error = 2.0 * float(accuracy.frames[frame, 1]) if accuracy is not None and len(accuracy.frames) else 0.0
+    note = f"largest difference {differences[worst]:.3g} at t = {e.t[frame]:.3g}, bound {allowed[frame]:.3g}"
+    return above(float(allowed[frame]), float(differences[worst]), note, error)
+
+
+def _line(e: Evidence) -> tuple[np.ndarray, np.ndarray]:
+    """Distance and relative speed of two agents on a line, in the direction in which they stand at the start."""
+    if e.run.n != 2 or e.q.shape[2] != 1:
+        raise NotMeasurable("the run is not one of two agents on a line")
+    side = np.sign(e.q[0, 0, 0] - e.q[0, 1, 0])
+    return side * (e.q[:, 0, 0] - e.q[:, 1, 0]), side * (e.p[:, 0, 0] - e.p[:, 1, 0])
+
+
+@about(Subject.SPREAD, lasting=True)
+def invariant_kept(e: Evidence) -> Measure:
+    """W + arctan r at all frames against its first value."""
+    values = pair_invariant(*_line(e))
+    off = float(np.abs(values - values[0]).max())
+    return below(off, CLOSE, f"w + arctan r changed by at most {off:.1e}")
+
+
+@about(Subject.NET)
+def distance_as_predicted(e: Evidence) -> Measure:
+    """The last distance against tan(arctan r(0) + w(0))."""
+    r, w = _line(e)
+    limit = final_distance(float(r[0]), float(w[0]))
+    if not np.isfinite(limit):
+        raise NotMeasurable("the two agents part for ever")
+    off = np.abs(r - limit) / limit
+    return limit_of_series(e.t, off, CLOSE, lambda x: f"distance {r[-1]:.9g}, predicted {limit:.9g}: off by {x:.1e}")
+
+
+@about(Subject.SPREAD)
+def speed_as_predicted(e: Evidence) -> Measure:
+    """The last relative speed against w(0) - (pi/2 - arctan r(0)); it falls to it as 1/r."""
+    r, w = _line(e)
+    limit = final_speed(float(r[0]), float(w[0]))
+    # Beyond r the weights can still take pi/2 - arctan r.
+    still = np.pi / 2 - np.arctan(r[-1])
+    off = abs(w[-1] - limit - still)
+    note = f"relative speed {w[-1]:.9g}, of which {still:.3g} is still to be lost; predicted limit {limit:.9g}"
+    return below(float(off), CLOSE, note)
+
+
+@about(Subject.NET)
+def parts_for_ever(e: Evidence) -> Measure:
+    """The least relative speed against the predicted limit, which is positive."""
+    r, w = _line(e)
+    limit = final_speed(float(r[0]), float(w[0]))
+    least = float(w.min())
+    return above(least, 0.5 * limit, f"least relative speed {least:.6g}, predicted limit {limit:.6g}")
+
+
+@about(Subject.SPREAD, lasting=True)
+def keeps_its_sign(e: Evidence) -> Measure:
+    """The least relative velocity, by the first: positive where it never turns."""
+    _, w = _line(e)
+    least = float((w / w[0]).min())
+    rounding = 1e-9
+    return above(least, -rounding, f"least relative velocity {least:.3g} of the first", rounding * 1e-3)
+
+
+@about(Subject.SPREAD)
+def differences_shrink(e: Evidence) -> Measure:
+    """Largest difference of velocities in the last third of the run, by that in the first third."""
+    differences, times = _velocity_differences(e), e.t - e.t[0]
+    part = times[-1] / SHARE
+    first, last = differences[times <= part].max(), differences[times >= times[-1] - part].max()
+    return below(float(last / first), 1.0, f"largest difference {last:.3g} in the last third, {first:.3g} in the first")
+
+
+def stable_delay(e: Evidence) -> Measure:
+    """The delay against pi/(2 lambda)."""
+    return _delay_below(e, 1)
+
+
+def monotone_delay(e: Evidence) -> Measure:
+    """The delay against 1/(e lambda)."""
+    return _delay_below(e, 0)
+
+
+def _delay_below(e: Evidence, which: int) -> Measure:
+    information = e.run.scenario.information
+    if not isinstance(information, Delayed) or not information.self_delayed:
+        raise NotMeasurable("the own velocity is not known late")
+    delay = information.tau
+    (term,) = e.law.pair_terms
+    limit = delay_limits(2.0 * float(np.max(np.asarray(term.parameters["gain"]))))[which]
+    return Measure(limit - delay, 0.0, f"delay {delay:.4g}, limit {limit:.4g}", everywhere=False)
+
+
+def grounds() -> Mapping[str, Ground]:
+    """Grounds by the key of the claim."""
+    diameters = (
+        "D_x' <= D_v and D_v' <= -N phi(D_x) D_v, by projection on the two velocities that are farthest apart; "
+        "so D_v + N (integral of phi up to D_x) does not grow (as Ha, Liu 2009)"
+    )
+    line = "w' = -K psi(r) r' on a line, so that w + K (integral of psi) is constant"
+    return {
+        "energy": proved("the weights of a pair are equal both ways: the kinetic energy falls by their sum"),
+        "momentum": proved("the weights of a pair are equal both ways"),
+        "velocities-agree": proved(f"{diameters}; the integral is infinite up to beta = 1/2"),
+        "agree-if-held": proved(diameters),
+        "diameter-bound": proved(diameters),
+        "exponential": proved(diameters),
+        "all-apart": OBSERVED,
+        "invariant": proved(line),
+        "final-distance": proved(line),
+        "final-speed": proved(line),
+        "parting": proved(line),
+        "agree-always": refuted(lambda: system.scenarios()[system.PARTING](0)),
+        "agree-late-neighbours": proved(
+            "for beta <= 1/2 and every delay of the neighbours (Rodriguez Cartabia 2020, arXiv 2008.09530)"
+        ),
+        "agree-late": proved(
+            "roots of s + lambda exp(-s tau) have negative real parts if and only if lambda tau < pi/2"
+        ),
+        "shrink-too-late": refuted(lambda: system.scenarios()[system.UNSTABLE](0)),
+        "shrink": proved("roots of s + lambda exp(-s tau) have negative real parts if and only if lambda tau < pi/2"),
+        "monotone": proved("the characteristic equation has a real root if and only if lambda tau <= 1/e"),
+        "monotone-late": refuted(lambda: system.scenarios()[system.REACTION](0)),
+    }
+
+
+def claims(scenario: str = system.KEY) -> Sequence[Claim]:
+    """Claims about a scenario of this package.
+
+    Parameters
+    ----------
+    scenario
+        Its name.
+
+    Raises
+    ------
+    InvalidInput
+        If there is none of that name.
+    """
+    if scenario not in system.scenarios():
+        raise InvalidInput("claims", "scenario", f"must be one of {', '.join(system.scenarios())}", scenario)
+    return grounded(_stated(scenario), grounds())
+
+
+def _stated(name: str) -> Sequence[Claim]:
+    own, cited = Origin.OWN, "as commonly cited"
+    if name == system.DELAYED:
+        return (
+            Claim("agree-late-neighbours", "Rodriguez Cartabia 2020",
+                  "With neighbours known late and beta <= 1/2 all velocities become the same, whatever the delay.",
+                  general.velocities_agree, origin=own),
+        )  # fmt: skip
+    if name in (system.REACTION, system.MONOTONE, system.UNSTABLE):
+        return _late(name, own)
+    if name in (system.PAIR, system.PARTING):
+        return _of_two(name, own)
+    unconditional = name != system.SHARP
+    agree = (
+        Claim("velocities-agree", f"Theorem 1, {cited}", "For beta <= 1/2 all velocities become the same.",
+              general.velocities_agree)
+        if unconditional else
+        Claim("agree-if-held", "Ha, Liu 2009", "If D_v(0) is below the integral of the weights from D_x(0) on, all "
+              "velocities become the same.", general.velocities_agree, held_together, origin=own)
+    )  # fmt: skip
+    return (
+        Claim("energy", f"(1), {cited}", "The kinetic energy falls by the sum of weights times squared differences.",
+              general.ledger_residual, dynamic=False),
+        Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift,
+              origin=own),
+        agree,
+        Claim("diameter-bound", "Ha, Liu 2009", "No two agents are farther apart than the X up to which the integral "
+              "of the weights from D_x(0) on is D_v(0).", diameter_bounded, held_together, origin=own),
+        Claim("exponential", "Ha, Liu 2009", "The largest difference of velocities falls at least as "
+              "exp(-N phi(X) t), down to a thousandth of the first.", differences_decay, held_together, origin=own),
+        Claim("all-apart", "not stated", "No two agents collide.", general.all_apart, origin=own),
+    )  # fmt: skip
+
+
+def _of_two(name: str, own: Origin) -> Sequence[Claim]:
+    invariant = Claim("invariant", "not stated", "w + arctan r is constant while two agents on a line move apart.",
+                      invariant_kept, origin=own)  # fmt: skip
+    if name == system.PAIR:
+        return (
+            invariant,
+            Claim("final-distance", "not stated", "Their distance tends to tan(arctan r(0) + w(0)).",
+                  distance_as_predicted, held_together, origin=own),
+        )  # fmt: skip
+    return (
+        invariant,
+        Claim("final-speed", "not stated", "Their relative speed tends to w(0) - (pi/2 - arctan r(0)).",
+              speed_as_predicted, origin=own),
+        Claim("parting", "not stated", "They part for ever if w(0) exceeds the integral of the weights.",
+              parts_for_ever, origin=own),
+        Claim("agree-always", "not stated", "All velocities become the same from every start for beta = 1.",
+              general.velocities_agree, origin=own, expected=Verdict.FAILS,
+              reason="For beta > 1/2 the weights are summable, and a start that is fast enough escapes."),
+    )  # fmt: skip
+
+
+def _late(name: str, own: Origin) -> Sequence[Claim]:
+    stable = Claim("agree-late", "Haskovec, Markou 2020",
+                   "With constant weights, all states known late, velocities agree for lambda tau < pi/2.",
+                   general.velocities_agree, stable_delay, origin=own)  # fmt: skip
+    unstable = Claim("shrink-too-late", "Haskovec, Markou 2020",
+                     "Differences of velocities shrink also for lambda tau > pi/2.", differences_shrink, origin=own,
+                     expected=Verdict.FAILS,
+                     reason="Two roots of the characteristic equation have positive real parts.")  # fmt: skip
+    shrinking = Claim("shrink", "Haskovec, Markou 2020", "Differences of velocities shrink for lambda tau < pi/2.",
+                      differences_shrink, stable_delay, origin=own)  # fmt: skip
+    monotone = Claim("monotone", "Haskovec, Markou 2020",
+                     "For lambda tau <= 1/e the relative velocity never turns.", keeps_its_sign, monotone_delay,
+                     origin=own)  # fmt: skip
+    turning = Claim("monotone-late", "Haskovec, Markou 2020", "The relative velocity never turns, whatever the delay.",
+                    keeps_its_sign, origin=own, expected=Verdict.FAILS,
+                    reason="For lambda tau > 1/e no real root exists, and every solution oscillates.")  # fmt: skip
+    return {
+        system.REACTION: (stable, shrinking, turning),
+        system.MONOTONE: (stable, monotone),
+        system.UNSTABLE: (unstable,),
+    }[name]

@@ -1,0 +1,262 @@
+"""Guarantees of velocity alignment of all pairs with weights that decrease with the distance.
+
+With v_i' = sum over j of phi(|x_j - x_i|) (v_j - v_i) over all pairs, phi not increasing, the diameters of positions
+and velocities satisfy D_x' <= D_v and D_v' <= -N phi(D_x) D_v: project onto the difference of the two velocities that
+are farthest apart; every agent's contribution is at most -phi(D_x) D_v. Hence D_v + (N times the integral of phi from
+D_x(0) to D_x) does not grow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flocking.arrays import Array
+from flocking.formula.intervals import Interval
+from flocking.model.bodies.point_bodies import is_point_mass
+from flocking.model.law import Scenario
+from flocking.model.terms.alignment import CuckerSmale
+from flocking.model.terms.pair_terms import Consensus
+from flocking.study.certificates.certificate import NOT_APPLICABLE, Certificate, Hypothesis, decided
+from flocking.study.certificates.power_law_integral import PowerLaw
+from flocking.study.certificates.sources import sources
+
+KEYS = ("velocity_difference", "alignment_diameter", "alignment_rate")
+
+FARTHEST = 1e150
+"""Largest diameter that is looked for."""
+
+REFINED, TRIES = 1e-12, 24
+"""First relative distance of the ends of the bound of the diameter from its estimate, and how often it is tried with
+four times as much."""
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A scenario, seen as velocity alignment of all pairs.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+
+    scenario: Scenario
+
+    @cached_property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """What must hold, in the order of the checks; later ones assume earlier ones."""
+        found: list[Hypothesis] = []
+        for check in (self._world, self._bodies, self._terms, self._all_pairs):
+            found.append(check())
+            if not found[-1].holds:
+                break
+        return tuple(found)
+
+    @property
+    def holds(self) -> bool:
+        """Whether all hypotheses hold."""
+        return all(h.holds for h in self.hypotheses)
+
+    def _world(self) -> Hypothesis:
+        world = self.scenario.imperfections
+        if not self.scenario.space.is_open:
+            world = "; ".join(x for x in (world, "space repeats") if x)
+        return Hypothesis("ideal information and control in open space", not world, world or "ideal, open")
+
+    def _bodies(self) -> Hypothesis:
+        body = self.scenario.agents
+        alike = is_point_mass(body) and np.ptp(np.asarray(body.masses)) == 0.0 and not np.any(np.asarray(body.damping))
+        return Hypothesis("agents are point masses of one mass, undamped", bool(alike), type(body).__name__)
+
+    def _terms(self) -> Hypothesis:
+        law, statement = self.scenario.law, "the law aligns velocities, with one weight of the distance for all pairs"
+        strange = [type(t).__name__ for t in law.terms if type(t) not in (CuckerSmale, Consensus)]
+        if strange:
+            return Hypothesis(statement, False, f"the law has {', '.join(strange)}")
+        for term in law.pair_terms:
+            if isinstance(term, Consensus) and (
+                np.ndim(term.gain) or term.weights is not None or term.functional or term.weighted
+            ):
+                return Hypothesis(statement, False, "weights of Consensus differ")
+        return Hypothesis(statement, True, "so")
+
+    def _all_pairs(self) -> Hypothesis:
+        start, statement = self.scenario.start, "two agents or more, and all pairs are linked at all times"
+        if start.n < 2:
+            return Hypothesis(statement, False, "one agent")
+        for graph in self.scenario.law.graphs:
+            if graph.moves:
+                return Hypothesis(statement, False, f"links by {type(graph).__name__} break")
+            links = graph.initial(start.q)
+            if graph is self.scenario.law.graph and start.links is not None:
+                links = np.asarray(start.links, dtype=bool)
+            if int(np.count_nonzero(links)) != start.n * (start.n - 1):
+                return Hypothesis(statement, False, f"{type(graph).__name__} lacks a pair")
+        return Hypothesis(statement, True, "so")
+
+    @cached_property
+    def weights(self) -> tuple[PowerLaw, ...]:
+        """The weights, whose sum is phi times the mass; a constant one has the exponent 0."""
+        found = []
+        for term in self.scenario.law.pair_terms:
+            if isinstance(term, CuckerSmale):
+                found.append(PowerLaw(term.gain, term.exponent, term.scale))
+            elif isinstance(term, Consensus):
+                found.append(PowerLaw(float(np.max(term.gain)), 0.0, 1.0))
+        return tuple(found)
+
+    @cached_property
+    def factor(self) -> Interval:
+        """N over the mass."""
+        return Interval.of(float(self.scenario.start.n)) / Interval.of(float(np.max(self.scenario.agents.masses)))
+
+    @cached_property
+    def spread(self) -> Interval:
+        """D_x at the start."""
+        return diameter(self.scenario.start.q)
+
+    @cached_property
+    def difference(self) -> Interval:
+        """D_v at the start."""
+        return diameter(self.scenario.start.p)
+
+    @property
+    def unconditional(self) -> bool:
+        """Whether every start is held together, since the weights are not summable."""
+        return any(not w.summable for w in self.weights)
+
+    def integral(self, begin: Interval, end: float) -> Interval:
+        """N times the integral of phi from ``begin`` to ``end``."""
+        total = Interval.of(0.0)
+        for weight in self.weights:
+            total = total + weight.integral(begin, Interval.of(end))
+        return self.factor * total
+
+    @cached_property
+    def available(self) -> float:
+        """An upper bound of N times the integral of phi from D_x(0) to infinity."""
+        total = Interval.of(0.0)
+        for weight in self.weights:
+            total = total + Interval.of(weight.beyond(float(self.spread.lo)))
+        return float((self.factor * total).hi)
+
+    @cached_property
+    def farthest(self) -> Interval | None:
+        """The X at which N times the integral of phi from D_x(0) on is D_v(0), enclosed; None if none is known."""
+        start = float(self.spread.hi)
+        if float(self.difference.hi) == 0.0:
+            return self.spread
+
+        start, difference = float(self.spread.hi), self.difference
+        if self.available <= difference.lo:
+            return None
+        guess = self._estimated(start, float(difference.hi))
+        if guess is None:
+            return None
+        for k in range(TRIES):
+            high = start + (guess - start) * (1.0 + REFINED * 4.0**k) + start * REFINED * 4.0**k
+            if self.integral(self.spread, high).lo >= difference.hi:
+                break
+        else:
+            return None
+        for k in range(TRIES):
+            low = start + (guess - start) * max(1.0 - REFINED * 4.0**k, 0.0)
+            if self.integral(self.spread, low).hi <= difference.lo:
+                break
+        return Interval.of(max(low, float(self.spread.lo)), high)
+
+    def _estimated(self, start: float, needed: float) -> float | None:
+        """The distance up to which N times the integral of phi is about ``needed``."""
+        from scipy.optimize import brentq
+
+        factor = float(self.factor.hi)
+
+        def missing(end: float) -> float:
+            return factor * sum(w.estimate(start, end) for w in self.weights) - needed
+
+        step = max(start, min(w.scale for w in self.weights))
+        end = start + step
+        while missing(end) < 0.0:
+            step *= 4.0
+            end = start + step
+            if end > FARTHEST:
+                return None
+        return float(brentq(missing, start, end, xtol=1e-300, rtol=4e-15))
+
+    def rate(self, distance: float) -> Interval:
+        """N phi at a distance."""
+        total = Interval.of(0.0)
+        for weight in self.weights:
+            total = total + weight.at(Interval.of(distance))
+        return self.factor * total
+
+
+def diameter(points: Array) -> Interval:
+    """The largest distance of two points, shape (N, m), enclosed.
+
+    Parameters
+    ----------
+    points
+        The points.
+    """
+    from scipy.spatial.distance import pdist
+
+    if not np.ptp(points, axis=0).any():
+        return Interval.of(0.0)
+    # Rounding of differences, squares, sums and the root stays below this many units in the last place.
+    units = 4.0 + points.shape[1]
+    found = float(pdist(points).max(initial=0.0))
+    slack = units * float(np.spacing(np.abs(points).max(initial=0.0) + found))
+    return Interval.of(max(found - slack, 0.0), found + slack)
+
+
+def alignment_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
+    """All guarantees of a scenario whose law aligns the velocities of all pairs.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    setting = Alignment(scenario)
+    source = sources()["alignment"]
+    if not setting.holds:
+        failed = next(h for h in setting.hypotheses if not h.holds)
+        reason = f"{failed.statement}: {failed.found}"
+        return tuple(Certificate(key, "", source, setting.hypotheses, NOT_APPLICABLE, reason) for key in KEYS)
+    difference, place = "largest difference of two velocities", "largest distance of two agents"
+    quantity = "rate of decay of the largest difference of two velocities, on average up to any time"
+    now = setting.difference
+    found = [decided(
+        "velocity_difference", source, setting.hypotheses, bound=now, quantity=difference,
+        statement=f"No two velocities ever differ by more than {float(now.hi):.9g}.",
+    )]  # fmt: skip
+    far = setting.farthest
+    reason = ""
+    if far is None:
+        reason = (
+            f"velocities differ by up to {float(now.lo):.9g}, and the weights beyond the largest distance suffice for "
+            f"differences below {setting.available:.9g}"
+        )
+        if setting.available > now.lo:
+            reason = f"the bound of the largest distance lies beyond {FARTHEST:g}" + (
+                ", though velocities agree from every start" if setting.unconditional else ""
+            )
+    certain = "from every start" if setting.unconditional else "from this start"
+    found.append(decided(
+        "alignment_diameter", source, setting.hypotheses, reason=reason, bound=far, quantity=place,
+        statement="" if far is None else (
+            f"No two agents are ever farther apart than {float(far.hi):.9g}; the group stays together {certain}."
+        ),
+    ))  # fmt: skip
+    rate = None if far is None else setting.rate(float(far.hi))
+    return (*found, decided(
+        "alignment_rate", source, setting.hypotheses, reason=reason, bound=rate, side="at least", quantity=quantity,
+        statement="" if rate is None else (
+            f"All velocities become the same: their largest difference is at most its first value times "
+            f"exp(-{float(rate.lo):.9g} t)."
+        ),
+    ))  # fmt: skip
