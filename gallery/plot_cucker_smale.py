@@ -39,8 +39,7 @@ distance = abs(runs[0].q[-1, 0, 0] - runs[0].q[-1, 1, 0])
 speed = abs(runs[1].p[-1, 0, 0] - runs[1].p[-1, 1, 0])
 print(f"distance at t = 30: {distance:.6f}, predicted limit tan 1.2 = {math.tan(1.2):.6f}")
 print(f"relative speed at t = 20000: {speed:.6f}, predicted limit 1.7 - pi/2 = {1.7 - math.pi / 2:.6f}")
-picture = article.figure("B", *runs)
-picture.savefig("plot_cucker_smale_dichotomy.png", dpi=150)
+dichotomy = article.figure("B", *runs)
 
 # %%
 # What is known late: for two agents with constant weights, lambda = 1, all velocities known tau late, the difference falls
@@ -50,5 +49,4 @@ late = [
     fk.simulate(article.scenario(name=f"cucker-smale-2007-{name}"), progress=False)
     for name in ("monotone", "reaction", "unstable")
 ]
-picture = article.figure("C", *late)
-picture.savefig("plot_cucker_smale_delay.png", dpi=150)
+delays = article.figure("C", *late)

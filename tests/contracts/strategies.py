@@ -14,6 +14,7 @@ from flocking.model.potentials.bumps import BUMPS
 
 RADIUS = 3.0
 SMOOTH = fk.Smooth(RADIUS, 0.5)
+SIGMA = fk.Smooth(RADIUS, 0.3, sigma_norm=0.4)
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,11 @@ class Draw:
         settings = {"repulsion_gain": self.one(), "damping_gain": self.one(), "offset": self.one(), "onset": 0.6}
         return fk.Avoid(bodies, self.path(), range=self.one(1.0, 2.0), **settings)
 
+    def fading(self) -> fk.Avoid:
+        bodies = [fk.Ball(self.moving(), self.one()) for _ in range(3)] + [fk.Wall(self.vector(), self.vector())]
+        settings = {"repulsion_gain": self.one(), "damping_gain": self.one(), "onset": 0.6, "sigma_norm": self.one()}
+        return fk.Avoid(bodies, range=self.one(1.0, 2.0), gamma_agents=False, fading_damping=True, **settings)
+
     def fixed(self, directed: bool = False) -> fk.Fixed:
         pairs = [(i, j) for i in range(self.n) for j in range(self.n) if i != j and self.rng.random() < 0.4]
         return fk.Fixed(self.n, pairs, directed=directed)
@@ -104,6 +110,34 @@ def _smooth_slope(term: fk.Gradient, i: int, j: int, q: np.ndarray, p: np.ndarra
     return along * (q[j] - q[i]) / r
 
 
+def _sigma(length: float, epsilon: float) -> float:
+    return float((np.sqrt(1 + epsilon * length**2) - 1) / epsilon)
+
+
+def _sigma_slope(term: fk.Gradient, i: int, j: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    r = float(np.linalg.norm(q[j] - q[i]))
+    rho = float(BUMPS["cosine"](_sigma(r, 0.4) / _sigma(RADIUS, 0.4), 0.3))
+    return rho * float(term.potential.slope(r)) * (q[j] - q[i]) / r
+
+
+def _sigma_drag(term: fk.Consensus, i: int, j: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    r = float(np.linalg.norm(q[j] - q[i]))
+    return term.gain * float(BUMPS["cosine"](_sigma(r, 0.4) / _sigma(RADIUS, 0.4), 0.3)) * (p[j] - p[i])
+
+
+def _faded(term: fk.Avoid, case: Case, i: int) -> np.ndarray:
+    """beta-agents whose bump compares sigma-norms and multiplies the damping too."""
+    u = np.zeros_like(case.state.q[i])
+    for body in term.obstacles:
+        seen = {name: value[0] for name, value in body.at(case.state.q[[i]], case.state.p[[i]], case.state.t).items()}
+        if seen["distance"] <= term.range:
+            share = _sigma(abs(seen["distance"]), term.sigma_norm) / _sigma(term.range, term.sigma_norm)
+            rho = float(BUMPS["cosine"](share, term.onset))
+            u -= term.repulsion_gain * rho * float(term.repulsion.slope(seen["distance"])) * seen["normal"]
+            u += term.damping_gain * rho * (seen["boundary"] - case.state.p[i])
+    return u
+
+
 def _avoided(term: fk.Avoid, case: Case, i: int) -> np.ndarray:
     """(54) from the geometry of each obstacle."""
     q, p, t = case.state.q[i], case.state.p[i], case.state.t
@@ -126,6 +160,17 @@ def _avoided(term: fk.Avoid, case: Case, i: int) -> np.ndarray:
 STRUCTURES: dict[str, Structure] = {
     "smooth": Structure(
         _law(lambda d: SMOOTH, Draw.zhou, lambda d: fk.Consensus(d.one())), brute={fk.Gradient: _smooth_slope}
+    ),
+    "sigma-norms": Structure(
+        _law(
+            lambda d: SIGMA,
+            lambda d: fk.Gradient(fk.Potential("exp(-r)*k + r**2/9", k=d.one()), weighting="force"),
+            lambda d: fk.Consensus(d.one(), weighted=True),
+        ),
+        brute={fk.Gradient: _sigma_slope, fk.Consensus: _sigma_drag},
+    ),
+    "fading obstacles": Structure(
+        _law(Draw.proximity, Draw.zhou, Draw.fading), conservative=False, brute={fk.Avoid: _faded}
     ),
     "radii per agent": Structure(_law(Draw.radii, Draw.zhou, lambda d: fk.Consensus(d.one())), conservative=False),
     "obstacles": Structure(_law(Draw.proximity, Draw.zhou, Draw.avoid), conservative=False, brute={fk.Avoid: _avoided}),

@@ -16,6 +16,7 @@ BEFORE = {
     "world": "",
     "certificates": "",
     "audit_data": "",
+    "two_papers": "",
     "writing_laws": (
         "import flocking as fk\nlaw = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])\n"
         "state = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]])\n"

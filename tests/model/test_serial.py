@@ -48,6 +48,8 @@ PARTS: list[Any] = [
     fk.Energy("leader", PATH, 0.3, "J"),
     fk.Fixed(4, ((0, 1), (2, 1)), directed=True),
     fk.Complete(),
+    Avoid(Ball([0.0, 1.0], 2.0), range=3.0, gamma_agents=False, sigma_norm=0.2, fading_damping=True),
+    fk.Smooth(3.0, 0.5, sigma_norm=0.2),
     fk.CuckerSmale(0.5, 1 / 3, 2.0),
     fk.Gradient(fk.Potential("a/r + 1e-17*r", a=0.1), "force", fk.Proximity(1 / 3, closed=True)),
     fk.HashedWeights(0.1, 2, 7),

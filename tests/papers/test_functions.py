@@ -21,6 +21,10 @@ GIVEN = {
         "potential", "centre_motion", "steady_velocity_error", "free_motion", "ramp_motion", "exponential_motion",
         "exponential_leading_part", "jordan_form", "speed_bounds", "distance_bound",
     ),
+    "olfati-saber-2006": (
+        "action", "bump", "centre_motion", "metrics", "most_collisions", "obstacle_action", "pair_potential",
+        "potential", "repulsion", "sigma_norm", "structural_energy", "uneven_sigmoid",
+    ),
     "cucker-smale-2007": (
         "weights", "discrete_step", "discrete_motion", "scatter", "sufficient_condition", "pair_invariant",
         "final_distance", "final_speed", "delay_limits",

@@ -10,6 +10,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS
+from flocking.papers import obstacle_passages
 from flocking.papers import olfati_saber_2003 as paper
 from flocking.papers.olfati_saber_2003 import density, examples_runs, passage, system
 from flocking.study.claims.audit import audit
@@ -123,9 +124,9 @@ def straight(start: list[float], velocity: list[float], t_end: float = 10.0) -> 
 
 def test_clearance_sees_what_happens_between_frames() -> None:
     # The obstacle at (120, 40) of radius 2 is passed at distance 1, or cut by 0.5, both between two frames.
-    least, error = passage.clearance(straight([77.0, 43.0], [10.0, 0.0], 6.0))
+    least, error = obstacle_passages.clearance(straight([77.0, 43.0], [10.0, 0.0], 6.0))
     assert abs(least - 1.0) < error < 1.0
-    least, error = passage.clearance(straight([77.0, 41.5], [10.0, 0.0], 6.0))
+    least, error = obstacle_passages.clearance(straight([77.0, 41.5], [10.0, 0.0], 6.0))
     assert abs(least + 0.5) < error
     assert least < 0
 
@@ -133,7 +134,7 @@ def test_clearance_sees_what_happens_between_frames() -> None:
 def test_paths_between_frames_are_cubics() -> None:
     t = np.array([0.0, 0.5, 2.0])
     q, p = (f(t)[:, None, None] for f in (lambda s: s**3 - 2 * s, lambda s: 3 * s**2 - 2))
-    times, points = passage.between_frames(t, q, p, 4)
+    times, points = obstacle_passages.between_frames(t, q, p, 4)
     np.testing.assert_allclose(points[:, 0, 0], times**3 - 2 * times, atol=1e-12)
     assert len(times) == 9
 

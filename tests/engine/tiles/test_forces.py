@@ -219,3 +219,18 @@ def test_many_obstacles():
     state = states(600, 2, seed=5)["random"]
     found, expected, scale = accelerations(avoiding([*balls, moving]), fk.State(state.q, state.p, t=0.3))
     assert_close(found, expected, scale + 1 + np.linalg.norm(expected, axis=1), 1e-11)
+
+
+@pytest.mark.parametrize("kind", ["random", "clustered"])
+def test_sigma_norms_of_links_and_obstacles(kind):
+    leader = fk.Velocity([2.0, 1.0], start=[5.0, 5.0])
+    potential = fk.Potential("sqrt(1 + (r**2/(1 + sqrt(1 + r**2/10)) - 1)**2)")
+    balls = tuple(Ball([x, y], 1.0) for x, y in ((3.0, 4.0), (9.0, 12.0), (20.0, 1.0)))
+    avoid = Avoid(balls, range=1.2, gamma_agents=False, sigma_norm=0.1, fading_damping=True, onset=0.7)
+    terms = (
+        fk.Gradient(potential, weighting="force"), fk.Consensus(1.0, weighted=True),
+        fk.Track(leader, 0.7, 0.0, saturated=True), fk.Track(leader, 0.0, 0.3), avoid,
+    )  # fmt: skip
+    law = fk.Law(Smooth(1.4, 0.2, sigma_norm=0.1), terms)
+    found, expected, scale = accelerations(law, states(700, 2, seed=9)[kind])
+    assert_close(found, expected, scale + np.linalg.norm(expected, axis=1), share=1e-11)

@@ -14,6 +14,7 @@ from tests.papers.homes import (
     measures,
     motion,
     nets,
+    olfati_saber_2006,
     papers,
     shapes,
     shi,
@@ -26,6 +27,7 @@ _WHOLE: dict[str, Callable[[], None]] = {
     **nets.HOMES, **structure.HOMES, **terms.HOMES, **laws.HOMES, **states.HOMES, **avoidance.HOMES,
     **papers.HOMES, **shi.HOMES, **measures.HOMES, **claims.HOMES, **shapes.HOMES, **motion.HOMES,
     **cucker_smale.HOMES,
+    **olfati_saber_2006.HOMES,
 }  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import flocking as fk
 from flocking.papers.cucker_smale_2007 import closed_forms, system, theorems
 from flocking.study.certificates.alignment_certificates import Alignment
 from flocking.study.claims.claim import Basis, Verdict
-from tests.papers.transcriptions import cucker_smale as by_hand
+from tests.papers.transcriptions.standard_laws import cucker_smale as by_hand
 
 RNG = np.random.default_rng(5)
 Q, P = RNG.normal(size=(6, 3)), RNG.normal(size=(6, 3))

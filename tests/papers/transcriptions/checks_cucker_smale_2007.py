@@ -7,7 +7,7 @@ from functools import cache
 
 import flocking as fk
 from flocking.study.claims.claim import Basis, Verdict
-from tests.papers.transcriptions import cucker_smale as by_hand
+from tests.papers.transcriptions.standard_laws import cucker_smale as by_hand
 from tests.papers.transcriptions.transcribed import near, random_agents
 
 Q, P = random_agents()

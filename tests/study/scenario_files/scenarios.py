@@ -30,6 +30,13 @@ SCENARIOS = {
     "another complete": scenario(terms=(fk.CuckerSmale(2.0, 0.7, over=fk.Complete()),)),
     "proximity": scenario(OTHER, (fk.Gradient(fk.Potential("log(r)^2"), weighting="force"),)),
     "smooth": scenario(Smooth(5.0, 0.8, bump="quintic"), (fk.Consensus(1.0, weighted=True),)),
+    "sigma-norm": scenario(
+        Smooth(5.0, 0.8, sigma_norm=0.1),
+        (
+            fk.Consensus(1.0, weighted=True),
+            Avoid(fk.Ball([9.0, 0.0], 1.0), range=2.0, gamma_agents=False, sigma_norm=1 / 3, fading_damping=True),
+        ),
+    ),
     "radii": scenario(PerAgentRadii(np.array([1.0, 2.0, 3.0, 4.0, 1 / 7]))),
     "own bump": scenario(Smooth(5.0, 0.8, bump=fk.Bump("line", "where(z < k0, 1, (1 - z)/(1 - k0))"))),
     "periodic": scenario(space=fk.Periodic([99.0, None])),

@@ -14,6 +14,7 @@ from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from flocking.model.parts.registration import register_part
 from flocking.model.potentials.bumps import Bump, bump_named
+from flocking.model.potentials.sigma_norm import SigmaNorm, sigma_share
 
 if TYPE_CHECKING:
     import sympy
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 @register_part("smooth")
 @dataclass(frozen=True)
 class Smooth(Graph):
-    """Links of weight a_ij = rho(r/R), with support r < R (Olfati-Saber (17)).
+    """Links of weight a_ij = rho(r/R), with support r < R (Olfati-Saber (17)), or rho(|r|_sigma/|R|_sigma) (2006).
 
     Parameters
     ----------
@@ -32,22 +33,28 @@ class Smooth(Graph):
         k0 in (0, 1): the weight is 1 up to k0 R. The paper takes k0 = d_alpha/R.
     bump
         ``"cosine"``, ``"quintic"`` or ``"infinite"``, or a `Bump`.
+    sigma_norm
+        epsilon of the sigma-norm in which the bump compares distances, see
+        `flocking.model.potentials.sigma_norm.SigmaNorm`; None for distances themselves.
 
     Raises
     ------
     InvalidInput
-        If the radius is not positive, the onset not in (0, 1), or the bump unknown.
+        If the radius or the epsilon is not positive, the onset not in (0, 1), or the bump unknown.
     """
 
     radius: float
     onset: float
     bump: str | Bump = "cosine"
+    sigma_norm: float | None = None
     follows_radii = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", number("Smooth", "radius", self.radius, above=0.0))
         object.__setattr__(self, "onset", number("Smooth", "onset", self.onset, above=0.0, below=1.0))
         bump_named("Smooth", self.bump)
+        if self.sigma_norm is not None:
+            object.__setattr__(self, "sigma_norm", number("Smooth", "sigma_norm", self.sigma_norm, above=0.0))
 
     @property
     def shape(self) -> Bump:
@@ -73,27 +80,42 @@ class Smooth(Graph):
         return np.asarray(distance < self.radius)
 
     def weight(self, r: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> sympy.Expr:
-        """The bump of r/R."""
-        return self.shape.expression(r / parameter("radius"), parameter("onset"))
+        """The bump of the relative distance."""
+        share = r / parameter("radius")
+        if self.sigma_norm is not None:
+            share = sigma_share(r, parameter("radius"), parameter("sigma_norm"))
+        return self.shape.expression(share, parameter("onset"))
+
+    def weight_slope(self, r: Array) -> Array:
+        """Slopes of the weight at distances ``r``, an array."""
+        if self.sigma_norm is None:
+            return self.shape.slope(r / self.radius, self.onset) / self.radius
+        norm = SigmaNorm(self.sigma_norm)
+        reach = float(norm(self.radius))
+        return np.asarray(self.shape.slope(norm(r) / reach, self.onset) * norm.slope(r) / reach)
 
     @property
     def has_own_bump(self) -> bool:
-        """Whether the weight is the bump of r/R and not overridden by a subclass."""
+        """Whether the weight is the bump of the relative distance and not overridden by a subclass."""
         return type(self).weight is Smooth.weight
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Radius and onset."""
-        return {"radius": self.radius, "onset": self.onset}
+        """Radius and onset, and the epsilon of a sigma-norm."""
+        found = {"radius": self.radius, "onset": self.onset}
+        return found if self.sigma_norm is None else {**found, "sigma_norm": self.sigma_norm}
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """The formula of the bump."""
-        return ("smooth", self.shape.structure)
+        """The formula of the bump, and whether it compares sigma-norms."""
+        return ("smooth", self.shape.structure, *(() if self.sigma_norm is None else ("sigma-norm",)))
 
     def kinks(self) -> tuple[float, ...]:
-        """k0 R, where the weight begins to decrease."""
-        return (self.onset * self.radius,)
+        """The distance at which the weight begins to decrease: k0 R, unless sigma-norms are compared."""
+        if self.sigma_norm is None:
+            return (self.onset * self.radius,)
+        norm = SigmaNorm(self.sigma_norm)
+        return (norm.inverse(self.onset * float(norm(self.radius))),)
 
 
 @register_part("per_agent_radii")

@@ -15,6 +15,7 @@ from flocking.model.leaders_and_obstacles.obstacles import TINY, Obstacle
 from flocking.model.parts.registration import register_part
 from flocking.model.potentials.bumps import Bump, bump_named
 from flocking.model.potentials.potential import Potential
+from flocking.model.potentials.sigma_norm import SigmaNorm, sigma_share
 from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.terms.body_terms import BodyTerm
 from flocking.model.terms.pair_terms import Value
@@ -156,6 +157,11 @@ class Avoid(ObstacleTerm):
         k0 and shape of the bump rho of distance/r0, which multiplies only the force of the beta-agent, as printed.
     gamma_agents
         Whether there are gamma-agents. A `Wall` has no centre and no gamma-agent.
+    sigma_norm
+        epsilon of the sigma-norm in which the bump compares distances, as in Olfati-Saber (2006); None for signed
+        distances themselves. Inside an obstacle the sigma-norm is that of the depth, so that the bump fades there too.
+    fading_damping
+        Whether the bump multiplies the damping too, as in Olfati-Saber (2006).
 
     Raises
     ------
@@ -174,6 +180,8 @@ class Avoid(ObstacleTerm):
     onset: float = field(default=5 / 6, kw_only=True)
     bump: str | Bump = field(default="cosine", kw_only=True)
     gamma_agents: bool = field(default=True, kw_only=True)
+    sigma_norm: float | None = field(default=None, kw_only=True)
+    fading_damping: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         given = (self.obstacles,) if isinstance(self.obstacles, Obstacle) else self.obstacles
@@ -200,6 +208,9 @@ class Avoid(ObstacleTerm):
             if not isinstance(getattr(self, name), Potential):
                 raise InvalidInput("Avoid", name, "must be a Potential", getattr(self, name))
         truth("Avoid", "gamma_agents", self.gamma_agents)
+        truth("Avoid", "fading_damping", self.fading_damping)
+        if self.sigma_norm is not None:
+            object.__setattr__(self, "sigma_norm", number("Avoid", "sigma_norm", self.sigma_norm, above=0.0))
         if self.gamma_agents and self.leader is None:
             raise InvalidInput(
                 "Avoid", "leader", "must be given for gamma-agents", None,
@@ -211,6 +222,8 @@ class Avoid(ObstacleTerm):
         """Gains, range, bump and the parameters of both potentials, without those of obstacles."""
         found: dict[str, Value] = {name: getattr(self, name) for name in ("range", "repulsion_gain", "damping_gain")}
         found |= {"onset": self.onset}
+        if self.sigma_norm is not None:
+            found |= {"sigma_norm": self.sigma_norm}
         found |= {f"repulsion_{name}": value for name, value in self.repulsion.parameters.items()}
         if self.gamma_agents:
             found |= {"offset": self.offset}
@@ -223,11 +236,16 @@ class Avoid(ObstacleTerm):
         shape = bump_named("Avoid", self.bump).structure
         attraction = self.attraction.formula.structure if self.gamma_agents else None
         kinds = tuple(group.structure for group in self.groups)
-        return ("Avoid", shape, self.repulsion.formula.structure, attraction, kinds)
+        more = (*(() if self.sigma_norm is None else ("sigma-norm",)), *(("fading",) if self.fading_damping else ()))
+        return ("Avoid", shape, self.repulsion.formula.structure, attraction, kinds, *more)
 
     def kinks(self) -> tuple[float, ...]:
         """The boundary, the onset of the bump, and the kinks of the repulsion."""
-        return tuple(sorted({0.0, self.onset * self.range, *self.repulsion.kinks()}))
+        begin = self.onset * self.range
+        if self.sigma_norm is not None:
+            norm = SigmaNorm(self.sigma_norm)
+            begin = norm.inverse(self.onset * float(norm(self.range)))
+        return tuple(sorted({0.0, begin, *self.repulsion.kinks()}))
 
     def _slope(self, potential: Potential, prefix: str, r: sympy.Expr, x: ObstacleSymbols) -> sympy.Expr:
         import sympy
@@ -236,11 +254,23 @@ class Avoid(ObstacleTerm):
         psi = potential.expression(distance, {k: x.parameter(f"{prefix}_{k}") for k in potential.parameters})
         return sympy.diff(psi, distance).subs(distance, r)
 
+    def _fading(self, x: ObstacleSymbols) -> sympy.Expr:
+        """The bump of the relative distance."""
+        share = x.distance / x.parameter("range")
+        if self.sigma_norm is not None:
+            share = sigma_share(x.distance, x.parameter("range"), x.parameter("sigma_norm"))
+        return bump_named("Avoid", self.bump).expression(share, x.parameter("onset"))
+
+    def _damping(self, x: ObstacleSymbols) -> sympy.Expr:
+        """Coefficient of the damping."""
+        gain = x.parameter("damping_gain")
+        return gain * self._fading(x) if self.fading_damping else gain
+
     def _forces(self, x: ObstacleSymbols) -> list[sympy.Expr]:
         """All forces except the damping."""
         import sympy
 
-        rho = bump_named("Avoid", self.bump).expression(x.distance / x.parameter("range"), x.parameter("onset"))
+        rho = self._fading(x)
         push = -x.parameter("repulsion_gain") * rho * self._slope(self.repulsion, "repulsion", x.distance, x)
         found = [push * n for n in x.normal]
         if self.gamma_agents and x.anchor is not None:
@@ -254,14 +284,14 @@ class Avoid(ObstacleTerm):
 
     def obstacle_force(self, x: ObstacleSymbols) -> Sequence[sympy.Expr]:
         """(54)."""
-        c4 = x.parameter("damping_gain")
+        c4 = self._damping(x)
         return [f + c4 * (w - v) for f, w, v in zip(self._forces(x), x.boundary, x.p, strict=True)]
 
     def obstacle_balance(self, x: ObstacleSymbols) -> tuple[sympy.Expr, sympy.Expr]:
         """The damping dissipates c4 |phat - p|^2; all other power counts as supplied."""
         import sympy
 
-        c4 = x.parameter("damping_gain")
+        c4 = self._damping(x)
         slip = [w - v for w, v in zip(x.boundary, x.p, strict=True)]
         supplied = sum(
             (f * (v - frame) + c4 * s * (w - frame)

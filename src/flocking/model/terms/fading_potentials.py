@@ -157,7 +157,7 @@ def fall_of(potential: Potential, graph: Smooth) -> Fall | None:
         half = (ends - starts) / 2
         s = starts[:, None] + half[:, None] * (1 + places)
         with np.errstate(all="ignore"):
-            values = graph.shape.slope(s / end, graph.onset) / end * potential(s)
+            values = graph.weight_slope(s) * potential(s)
         return np.asarray(np.cumsum((half * (values @ weights))[::-1])[::-1])
 
     between = np.linspace(-2.0, 2.0, PLACES)[:-1]

@@ -10,7 +10,8 @@ import numpy as np
 
 from flocking.engine.driver.simulate import simulate
 from flocking.model.observables import density, flocks
-from flocking.papers.olfati_saber_2003 import passage, system
+from flocking.papers import obstacle_passages
+from flocking.papers.olfati_saber_2003 import system
 from flocking.show.style import BLUE, COLUMN, VERMILION, axes_or_new, in_style, theme
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def outcome(
     )
     run = simulate(scenario.with_(t_end=t_end, frames=(0.0, t_end), name=""), progress=False)
     desired = np.asarray(system.DESIRED_VELOCITY)
-    last = max(float(o.outline(64)[:, 0].max()) for o in passage.obstacles_of(run))
+    last = max(float(o.outline(64)[:, 0].max()) for o in obstacle_passages.obstacles_of(run))
     off = np.linalg.norm(run.p[-1] - desired, axis=1).max() / np.linalg.norm(desired)
     links = run.links_at(-1)
     return Outcome(variant, seed, density(links), flocks(links), float((run.q[-1][:, 0] > last).mean()), float(off))

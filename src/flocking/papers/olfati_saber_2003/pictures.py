@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flocking.engine.runs.run import Run
+from flocking.papers.obstacle_passages import obstacles_of
 from flocking.papers.olfati_saber_2003 import diagrams
-from flocking.papers.olfati_saber_2003.passage import obstacles_of
 from flocking.papers.olfati_saber_2003.system import KEY, SINK, SINK_DURATION
 from flocking.show import plane
 from flocking.show.declaration import Figure

@@ -11,6 +11,7 @@ from flocking.model.checks import Array
 from flocking.model.potentials.potential import Potential
 from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.terms.pair_terms import Gradient
+from flocking.papers import obstacle_passages
 from flocking.papers.grounds import grounded
 from flocking.papers.olfati_saber_2003 import passage, system
 from flocking.papers.olfati_saber_2003.grounds import grounds
@@ -45,9 +46,6 @@ def potential_of(e: Evidence) -> Potential:
     return found
 
 
-# -- obstacles ------------------------------------------------------------------------------------------
-
-
 def dense_at_end(e: Evidence) -> Measure:
     """Density (7) at the end."""
     from flocking.study.nets.matrices import density
@@ -62,7 +60,7 @@ def never_inside(e: Evidence) -> Measure:
     """Smallest distance of any agent from any obstacle."""
     if len(e.t) < 3:
         raise NotResolvable("fewer than three frames do not show the paths between them")
-    least, error = passage.clearance(e.checked)
+    least, error = obstacle_passages.clearance(e.checked)
     return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
 
 
@@ -87,14 +85,14 @@ def headings_agree(e: Evidence) -> Measure:
 @about(Subject.CONNECTIVITY)
 def splits(e: Evidence) -> Measure:
     """Largest number of flocks while obstacles are active, against that when the first becomes active."""
-    before, most, _ = passage.flock_counts(e)
+    before, most, _ = obstacle_passages.flock_counts(e)
     return happens(above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them"))
 
 
 @about(Subject.CONNECTIVITY)
 def rejoins(e: Evidence) -> Measure:
     """Number of flocks at the end, against the largest number while obstacles were active."""
-    _, most, after = passage.flock_counts(e)
+    _, most, after = obstacle_passages.flock_counts(e)
     return happens(above(most - after, 0.5, f"{most} flocks among the obstacles, {after} at the end"))
 
 

@@ -1,0 +1,97 @@
+"""Measures of a passage of obstacles: clearance between frames, and numbers of flocks among obstacles."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.arrays import Array, Reals
+from flocking.engine.runs.run import Run
+from flocking.model.leaders_and_obstacles.obstacles import Obstacle
+from flocking.model.terms.avoidance import ObstacleTerm
+
+if TYPE_CHECKING:
+    from flocking.study.evidence import Evidence
+
+BETWEEN = 10
+"""Number of interpolated points between two frames."""
+
+
+def _terms(run: Run) -> list[ObstacleTerm]:
+    return [term for term in run.scenario.law.body_terms if isinstance(term, ObstacleTerm)]
+
+
+def obstacles_of(run: Run) -> tuple[Obstacle, ...]:
+    """The obstacles in a run's law."""
+    return tuple(o for term in _terms(run) for o in term.obstacles)
+
+
+def between_frames(t: Array, q: Reals, p: Reals, count: int = BETWEEN) -> tuple[Array, Array]:
+    """Times and positions at and between frames, by cubic Hermite interpolation.
+
+    Parameters
+    ----------
+    t, q, p
+        Frame times (F,), positions and velocities (F, N, m).
+    count
+        Number of steps between two frames.
+    """
+    s = (np.arange(count) / count)[None, :, None, None]
+    h = np.diff(t)[:, None, None, None]
+    a, b, va, vb = q[:-1, None], q[1:, None], p[:-1, None] * h, p[1:, None] * h
+    inside = a + s * va + s**2 * (3 * (b - a) - 2 * va - vb) + s**3 * (2 * (a - b) + va + vb)
+    times = (t[:-1, None] + np.diff(t)[:, None] * s[..., 0, 0]).ravel()
+    points = inside.reshape(-1, *q.shape[1:])
+    return np.append(times, t[-1]), np.concatenate([points, q[-1:]])
+
+
+def clearance(run: Run) -> tuple[float, float]:
+    """Smallest signed distance of any agent from any obstacle, and its error.
+
+    Positions between frames are interpolated by cubic Hermite polynomials. The error is that of the interpolation at
+    a frame when every second frame is omitted, near obstacles, plus half the largest distance of successive points.
+    """
+    times, points = between_frames(run.t, run.q, run.p)
+    every_second = run.q[::2], run.p[::2], run.t[::2]
+    _, coarse = between_frames(every_second[2], every_second[0], every_second[1], 2)
+    missed = np.linalg.norm(coarse[1::2] - run.q[1::2][: len(coarse[1::2])], axis=2)
+    least, error = np.inf, 0.0
+    n = run.q.shape[1]
+    for obstacle in obstacles_of(run):
+        distances = _distances(obstacle, times, points)
+        least = min(least, float(distances.min()))
+        # Only paths that come close can enter an obstacle.
+        close = distances[: len(distances) // (2 * BETWEEN) * 2 * BETWEEN].reshape(-1, 2 * BETWEEN, n).min(axis=1)
+        near = close < min(term.range for term in _terms(run)) / 2
+        error = max(error, float(missed[: len(near)][near[: len(missed)]].max(initial=0.0)))
+    return least, error + float(np.linalg.norm(np.diff(points, axis=0), axis=2).max()) / 2
+
+
+def _distances(obstacle: Obstacle, times: Array, points: Array) -> Array:
+    """Signed distances of points, shape (K, N, m), each row at its own time; shape (K, N)."""
+    k, n, m = points.shape
+    values = [np.full(k * n, value) for value in obstacle.parameters.values()]
+    return obstacle.distance_function()(points.reshape(k * n, m), np.repeat(times, n), values).reshape(k, n)
+
+
+@lru_cache(maxsize=1)
+def flock_counts(e: Evidence) -> tuple[int, int, int]:
+    """Number of flocks when the first obstacle becomes active, its maximum until the last is left, and at the end."""
+    from flocking.study.nets.matrices import flocks
+
+    switches = e.all_switches
+    times = switches["time"][switches["kind"] == "obstacle"]
+    if len(times) == 0:
+        now = flocks(e.end_links)
+        return now, now, now
+    before, most = flocks(e.link_history[0][1]), 0
+    for time, links in e.link_history:
+        if time > times[-1]:
+            break
+        count = flocks(links)
+        if time <= times[0]:
+            before = count
+        most = max(most, count if time >= times[0] else 0)
+    return before, max(most, before), flocks(e.end_links)

@@ -1,0 +1,223 @@
+"""Claims about Algorithms 1, 2 and 3 with their grounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.leaders_and_obstacles.leaders import Velocity
+from flocking.model.observables import flocks
+from flocking.model.terms.body_terms import Track
+from flocking.papers import obstacle_passages
+from flocking.papers.grounds import OBSERVED, Ground, grounded, proved, refuted
+from flocking.papers.olfati_saber_2006 import system
+from flocking.papers.olfati_saber_2006.closed_forms import (
+    centre_motion,
+    metrics,
+    most_collisions,
+    pair_potential,
+    structural_energy,
+)
+from flocking.study.claims import general_claims as general
+from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below, happens
+from flocking.study.claims.subjects import Subject, about
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
+
+NEAR = 0.01 * system.DISTANCE
+"""Two agents that are closer count as merged."""
+
+QUASI = 0.02
+"""Largest deviation energy, by d^2, of what counts as a quasi alpha-lattice: deviations of about a seventh of d."""
+
+EXACT = 1e-4
+"""Largest error of the centre, by the first distance from the goal, that counts as agreement with its closed form."""
+
+
+def too_little_energy(e: Evidence) -> Measure:
+    """H(0) against psi_alpha(0), which one collision needs."""
+    energy, needed = structural_energy(e.run.scenario.start), pair_potential(0.0)
+    measured = below(energy, needed, f"H(0) = {energy:.4g}, a collision needs {needed:.4g}")
+    return Measure(measured.margin, 0.0, measured.note, everywhere=False)
+
+
+@about(Subject.CLOSEST, lasting=True)
+def apart_by_energy(e: Evidence) -> Measure:
+    """The closest approach against the distance whose potential is H(0)."""
+    from scipy.optimize import brentq
+
+    energy = structural_energy(e.run.scenario.start)
+    if not energy < pair_potential(0.0):
+        raise NotMeasurable("the energy suffices for a collision")
+    norm = system.sigma_norm()
+    start = float(norm(system.DISTANCE))
+    least = norm.inverse(float(brentq(lambda z: pair_potential(z) - energy, 0.0, start, xtol=1e-12)))
+    found = e.closest
+    return above(found.distance, least, f"closest {found.distance:.4g}, H(0) allows {least:.4g}", e.error_of(found))
+
+
+@about(Subject.CLOSEST, lasting=True)
+def never_merge(e: Evidence) -> Measure:
+    """The closest approach against a hundredth of d."""
+    found = e.closest
+    note = f"closest {found.distance:.3g} at t = {found.time:.3g} (agents {found.pair[0]}, {found.pair[1]})"
+    return above(found.distance, NEAR, note, e.error_of(found))
+
+
+@about(Subject.CLOSEST)
+def few_collisions(e: Evidence) -> Measure:
+    """Number of pairs that collide, 0 where all agents stay apart, against the k of the energy at the start."""
+    most = most_collisions(structural_energy(e.run.scenario.start))
+    found = e.closest
+    if not found.distance > e.error_of(found):
+        raise NotResolvable(f"two agents come within the error of each other, {found.distance:.3g}")
+    return below(0.0, most + 0.5, f"no pair collides: closest {found.distance:.3g}, at most {most} pairs allowed")
+
+
+@about(Subject.CONNECTIVITY)
+def one_flock(e: Evidence) -> Measure:
+    """Number of flocks at the end."""
+    count = flocks(e.end_links)
+    return Measure(1.5 - count, 0.0, f"{count} flocks at the end", everywhere=False)
+
+
+@about(Subject.NET)
+def quasi_lattice(e: Evidence) -> Measure:
+    """Deviation energy at the end."""
+    value = float(metrics(e.checked)["deviation energy"][-1])
+    measured = below(value, QUASI, f"deviation energy {value:.2g} d^2 at the end")
+    return Measure(measured.margin, 0.0, measured.note, everywhere=False)
+
+
+@about(Subject.LEADER, lasting=True)
+def centre_as_predicted(e: Evidence) -> Measure:
+    """The centre of mass at all frames against its closed form."""
+    (track,) = (t for t in e.law.body_terms if type(t) is Track)
+    leader, start = track.leader, e.run.scenario.start
+    if not isinstance(leader, Velocity):
+        raise NotMeasurable("the gamma-agent does not move with constant velocity")
+    expected, _ = centre_motion(e.t, start, leader, float(np.max(np.asarray(track.position_gain))))
+    centre = np.asarray(e.q, np.float64).mean(axis=1)
+    scale = max(float(np.linalg.norm(expected[0] - leader.at(start.t)[0])), system.DISTANCE)
+    off = float(np.linalg.norm(centre - expected, axis=1).max()) / scale
+    return below(off, EXACT, f"the centre differs from its closed form by at most {off:.1e} of {scale:.3g}")
+
+
+@about(Subject.NET, lasting=True)
+def never_inside(e: Evidence) -> Measure:
+    """Smallest distance of any agent from any obstacle, for agents that start outside of all."""
+    if len(e.t) < 3:
+        raise NotResolvable("fewer than three frames do not show the paths between them")
+    least, error = obstacle_passages.clearance(e.checked)
+    return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
+
+
+@about(Subject.CONNECTIVITY)
+def splits(e: Evidence) -> Measure:
+    """Largest number of flocks among the obstacles, against that before."""
+    before, most, _ = obstacle_passages.flock_counts(e)
+    return happens(above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them"))
+
+
+@about(Subject.CONNECTIVITY)
+def rejoins(e: Evidence) -> Measure:
+    """Number of flocks at the end, against the largest number among the obstacles."""
+    _, most, after = obstacle_passages.flock_counts(e)
+    return happens(above(most - after, 0.5, f"{most} flocks among the obstacles, {after} at the end"))
+
+
+def grounds() -> Mapping[str, Ground]:
+    """Grounds by the key of the claim."""
+    return {
+        "energy": proved("each pair force is the gradient of psi_alpha(|q_j - q_i|_sigma), opposite for i and j"),
+        "momentum": proved("pair forces are opposite for i and j"),
+        "falls": proved("dH/dt is minus the sum of a_ij |p_j - p_i|^2 over the links"),
+        "velocities-agree": proved(
+            "in the frame of the gamma-agent H + J falls at least at the rate c2 |p|^2 and is bounded below: LaSalle"
+        ),
+        "centre": proved("the forces of pairs cancel, and feedback is linear"),
+        "no-collision": proved("H does not rise, and a pair at contact stores psi_alpha(0)"),
+        "apart-by": proved("H does not rise, and every pair stores at least zero"),
+        "collisions": proved("H does not rise, and k + 1 pairs at contact store (k + 1) psi_alpha(0)"),
+        "never-merge": OBSERVED,
+        "merge": refuted(lambda: system.scenarios()[system.PRESSED](0)),
+        "one-flock": OBSERVED,
+        "one-flock-alone": refuted(lambda: system.scenarios()[system.FRAGMENTS](0)),
+        "lattice": OBSERVED,
+        "no-entry": OBSERVED,
+        "split": OBSERVED,
+        "rejoin": OBSERVED,
+    }
+
+
+def claims(scenario: str = system.KEY) -> Sequence[Claim]:
+    """Claims about a scenario of this package.
+
+    Parameters
+    ----------
+    scenario
+        Its name.
+
+    Raises
+    ------
+    InvalidInput
+        If there is none of that name.
+    """
+    if scenario not in system.scenarios():
+        raise InvalidInput("claims", "scenario", f"must be one of {', '.join(system.scenarios())}", scenario)
+    return grounded(_stated(scenario), grounds())
+
+
+def _stated(name: str) -> Sequence[Claim]:
+    own = Origin.OWN
+    energy = Claim("energy", "Theorem 1", "The declared forces explain the energy of the motion.",
+                   general.ledger_residual, dynamic=False)  # fmt: skip
+    if name in (system.FRAGMENTS, system.GENTLE):
+        first = (
+            energy,
+            Claim("momentum", "not stated", "The mean velocity is constant.", general.momentum_drift, origin=own),
+            Claim("falls", "Theorem 1", "H never rises under Algorithm 1.", general.energy_rise),
+            Claim("collisions", "Theorem 1", "At most k pairs collide if H(0) < (k + 1) psi_alpha(0).", few_collisions),
+        )
+        if name == system.FRAGMENTS:
+            return (
+                *first,
+                Claim("one-flock-alone", "sec. on fragmentation", "Algorithm 1 gathers all agents in one flock.",
+                      one_flock, expected=Verdict.FAILS, origin=own,
+                      reason="Algorithm 1 holds neighbours together; groups that do not meet stay apart."),
+            )  # fmt: skip
+        return (
+            *first,
+            Claim("no-collision", "Theorem 1", "No agents collide if H(0) < psi_alpha(0).", general.all_apart,
+                  too_little_energy),
+            Claim("apart-by", "not stated", "No agents come closer than H(0) allows.", apart_by_energy,
+                  too_little_energy, origin=own),
+        )  # fmt: skip
+    if name in (system.SPLIT, system.SQUEEZE, system.NETWORK):
+        return (
+            energy,
+            Claim("no-entry", "sec. on obstacles", "No agent enters an obstacle.", never_inside),
+            Claim("split", "sec. on obstacles", "Obstacles split the flock.", splits),
+            Claim("rejoin", "sec. on obstacles", "The parts of the flock rejoin.", rejoins),
+        )  # fmt: skip
+    merging = (
+        Claim("merge", "not stated", "No two agents merge, whatever the gains.", never_merge, origin=own,
+              expected=Verdict.FAILS,
+              reason="The potential is finite at contact: a strong enough pull of the goal presses agents together.")
+        if name == system.PRESSED
+        else Claim("never-merge", "not stated", "No two agents come closer than a hundredth of d.", never_merge,
+                   origin=own)
+    )  # fmt: skip
+    found = (
+        energy,
+        Claim("velocities-agree", "Theorem 2", "All velocities become the same.",
+              general.velocities_agree),
+        Claim("centre", "not stated", "The centre follows the gamma-agent as a critically damped oscillator.",
+              centre_as_predicted, origin=own),
+        Claim("one-flock", "Theorem 2", "All agents end in one flock.", one_flock),
+        merging,
+    )  # fmt: skip
+    if name == system.PRESSED:
+        return found
+    return (*found, Claim("lattice", "Theorem 2", "The flock ends as a quasi alpha-lattice.", quasi_lattice))

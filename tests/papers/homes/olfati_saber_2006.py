@@ -1,0 +1,192 @@
+"""The objects of Olfati-Saber's package of 2006, whole."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import flocking as fk
+from flocking.model.potentials.sigma_norm import SigmaNorm
+from flocking.papers.olfati_saber_2006 import closed_forms, system, theorems
+from flocking.study.claims.claim import Basis, Verdict
+from tests.papers.transcriptions.standard_laws import olfati_saber_2006 as by_hand
+
+RNG = np.random.default_rng(6)
+Q, P = 5.0 * RNG.normal(size=(7, 2)), RNG.normal(size=(7, 2))
+
+
+def norm():
+    for eps in (0.1, 2.0):
+        found = SigmaNorm(eps)
+        for z in (0.0, 1e-9, 0.3, 5.0, 1e4):
+            assert_allclose(found(z), by_hand.sigma(z, eps) if z > 1e-3 else z * z / 2, rtol=1e-10, atol=1e-30)
+            assert_allclose(found.slope(z), z / math.sqrt(1 + eps * z * z), rtol=1e-12)
+            assert_allclose(found.inverse(float(found(z))), z, rtol=1e-7)
+    for wrong in (0.0, -1.0, math.inf):
+        with pytest.raises(fk.InvalidInput, match="epsilon"):
+            SigmaNorm(wrong)
+
+
+def bump():
+    z = np.linspace(0.0, 1.3, 53)
+    for h in (0.2, 0.9):
+        assert_allclose(closed_forms.bump(z, h), [by_hand.rho(x, h) for x in z], atol=1e-12)
+    assert_allclose(closed_forms.bump(z), [by_hand.rho(x, 0.2) for x in z], atol=1e-12)
+
+
+def net():
+    found = system.net()
+    assert found == fk.Smooth(8.4, 0.2, sigma_norm=0.1)
+    assert_allclose(found.kinks(), [math.sqrt(0.2 * by_hand.sigma(8.4) * (0.1 * 0.2 * by_hand.sigma(8.4) + 2))])
+    r = np.linspace(0.0, 9.0, 91)[1:]
+    step = 1e-6
+    slopes = [(by_hand.rho(by_hand.sigma(x + step) / by_hand.sigma(8.4), 0.2)
+               - by_hand.rho(by_hand.sigma(x - step) / by_hand.sigma(8.4), 0.2)) / (2 * step) for x in r]  # fmt: skip
+    away = (np.abs(r - 8.4) > 1e-3) & (np.abs(r - found.kinks()[0]) > 1e-3)
+    assert_allclose(found.weight_slope(r)[away], np.array(slopes)[away], atol=1e-8)
+    for wrong in (0.0, -0.1):
+        with pytest.raises(fk.InvalidInput, match="sigma_norm"):
+            fk.Smooth(8.4, 0.2, sigma_norm=wrong)
+
+
+def functions():
+    z = np.linspace(-30.0, 12.0, 43)
+    for a, b in ((5.0, 5.0), (1.0, 5.0), (2.0, 3.0)):
+        assert_allclose(closed_forms.uneven_sigmoid(z, a, b), [by_hand.phi(x, a, b) for x in z], rtol=1e-11, atol=1e-12)
+        assert_allclose(closed_forms.uneven_sigmoid(0.0, a, b), 0.0, atol=1e-12)
+    assert_allclose(closed_forms.uneven_sigmoid(z), [by_hand.phi(x) for x in z], rtol=1e-12, atol=1e-12)
+    z = np.linspace(0.0, 20.0, 41)
+    assert_allclose(closed_forms.action(z), [by_hand.phi_alpha(x) for x in z], rtol=1e-12, atol=1e-12)
+    assert_allclose(closed_forms.obstacle_action(z), [by_hand.phi_beta(x) for x in z], rtol=1e-12, atol=1e-12)
+
+
+def pair_potential():
+    for z in (0.0, 0.3, 3.6, 3.7, 14.0, 14.289916, 16.0, 18.383, 40.0):
+        assert_allclose(closed_forms.pair_potential(z), by_hand.psi_alpha(z), atol=1e-9)
+    assert closed_forms.pair_potential(1e6) == closed_forms.pair_potential(19.0)
+    with pytest.raises(fk.InvalidInput, match="pair_potential"):
+        closed_forms.pair_potential(-1.0)
+
+
+def law():
+    state, leader = fk.State(Q, P), fk.Velocity([1.0, 2.0], start=[0.5, 0.0])
+    assert_allclose(fk.control(system.law(system.Algorithm(1)), state), by_hand.alpha(Q, P), atol=1e-11)
+    away, slip = Q - [0.5, 0.0], P - [1.0, 2.0]
+    found = fk.control(system.law(system.Algorithm(2, (9.0, 9.0, 0.3), goal=leader)), state)
+    assert_allclose(found, by_hand.alpha(Q, P) - 0.3 * away - 2 * math.sqrt(0.3) * slip, atol=1e-11)
+    rows, gains = [(0.0, 9.0, 2.0), (-9.0, -1.0, 3.0), (50.0, 50.0, 1.0)], (0.7, 3.0, 1.1)
+    outside = [i for i in range(7) if all(math.dist(Q[i], row[:2]) > row[2] for row in rows)]
+    assert any(0 < math.dist(Q[i], row[:2]) - row[2] < 4.2 for i in outside for row in rows)
+    algorithm = system.Algorithm(3, gains, system.balls(rows), leader)
+    pull = -1.1 * away / np.sqrt(1 + (away**2).sum(axis=1))[:, None] - 2 * math.sqrt(1.1) * slip
+    expected = by_hand.alpha(Q, P, 0.7, 2 * math.sqrt(0.7)) + by_hand.beta(Q, P, rows, 3.0, 2 * math.sqrt(3.0)) + pull
+    assert_allclose(fk.control(system.law(algorithm), state)[outside], expected[outside], atol=1e-10)
+    other = fk.Velocity([4.0, 0.0])
+    apart = system.Algorithm(3, gains, system.balls(rows), fk.Sink([0.5, 0.0]), other)
+    expected += -2 * math.sqrt(1.1) * ([1.0, 2.0] - np.array([4.0, 0.0]))
+    assert_allclose(fk.control(system.law(apart), state)[outside], expected[outside], atol=1e-10)
+    with pytest.raises(fk.InvalidInput, match="algorithm"):
+        system.law(system.Algorithm(0))
+    with pytest.raises(fk.InvalidInput, match="repulsion"):
+        system.potential(repulsion=1.0)
+
+
+def energy():
+    assert_allclose(closed_forms.structural_energy(fk.State(Q, P)), by_hand.energy(Q, P), rtol=1e-10)
+    unit = by_hand.psi_alpha(0.0)
+    for k in range(4):
+        assert closed_forms.most_collisions(unit * (k + 1e-6)) == k
+        assert closed_forms.most_collisions(unit * (k + 1 - 1e-6)) == k
+    with pytest.raises(fk.InvalidInput, match="most_collisions"):
+        closed_forms.most_collisions(-1.0)
+
+
+def metrics():
+    scenario = fk.Scenario(system.law(system.Algorithm(1)), fk.State(Q, P), t_end=1.0, frames=3)
+    run = fk.simulate(scenario, progress=False)
+    found = closed_forms.metrics(run)
+    assert list(found) == ["connectivity", "cohesion radius", "deviation energy", "velocity mismatch"]
+    for k in range(3):
+        q, p = run.q[k], run.p[k]
+        L = np.diag((A := run.links_at(k).astype(float)).sum(axis=1)) - A
+        lengths = [math.dist(q[i], q[j]) for i in range(7) for j in range(i) if A[i, j]]
+        assert_allclose(found["connectivity"][k], np.linalg.matrix_rank(L) / 6)
+        assert_allclose(found["cohesion radius"][k], max(math.dist(x, q.mean(axis=0)) for x in q))
+        assert_allclose(found["deviation energy"][k], sum((r - 7) ** 2 for r in lengths) / (len(lengths) + 1) / 49)
+        assert_allclose(found["velocity mismatch"][k], sum(((v - p.mean(axis=0)) ** 2).sum() for v in p) / 14)
+
+
+def centre():
+    begin, leader, gain = fk.State(Q, P, t=2.0), fk.Velocity([1.0, 2.0], start=[0.5, 0.0]), 0.7
+    law = system.law(system.Algorithm(2, (1.0, 1.0, gain), goal=leader))
+    run = fk.simulate(fk.Scenario(law, begin, t_end=6.0, frames=5), progress=False)
+    q, p = closed_forms.centre_motion(run.t, begin, leader, gain)
+    assert_allclose(q, run.q.mean(axis=1), atol=1e-7)
+    assert_allclose(p, run.p.mean(axis=1), atol=1e-7)
+    with pytest.raises(fk.InvalidInput, match="gain"):
+        closed_forms.centre_motion([1.0], begin, leader, 0.0)
+
+
+def start():
+    for n, m, seed in ((4, 2, 0), (9, 3, 5)):
+        found, rng = system.gaussian(n, m, seed), np.random.default_rng(seed)
+        assert_array_equal(found.q, 50.0 * rng.normal(size=(n, m)))
+        assert_array_equal(found.p, rng.uniform(-2.0, -1.0, size=(n, m)))
+
+
+def round_things():
+    ball, wall = fk.Ball([1.0, -1.0], 1.5), fk.Wall([0.0, -4.0], [3.0, 4.0])
+    a, y = np.array([0.6, 0.8]), np.array([0.0, -4.0])
+    flat = np.eye(2) - np.outer(a, a)
+    for q, p in zip(Q, P, strict=True):
+        found = ball.at(q[None], p[None])
+        away = q - [1.0, -1.0]
+        far = math.hypot(*away)
+        assert_allclose(found["distance"][0], far - 1.5, rtol=1e-10)
+        assert_allclose(found["projection"][0], [1.0, -1.0] + 1.5 * away / far, atol=1e-10)
+        if far > 1.5:
+            turn = np.eye(2) - np.outer(away, away) / far**2
+            assert_allclose(found["boundary"][0], 1.5 / far * turn @ p, atol=1e-10)
+        found = wall.at(q[None], p[None])
+        assert_allclose(found["distance"][0], (q - y) @ a, atol=1e-10)
+        assert_allclose(found["projection"][0], flat @ q + (np.eye(2) - flat) @ y, atol=1e-10)
+        assert_allclose(found["boundary"][0], flat @ p, atol=1e-10)
+
+
+def claims():
+    for name in system.scenarios():
+        stated = theorems.claims(name)
+        assert len({c.key for c in stated}) == len(stated)
+        for claim in stated:
+            assert claim.basis is not Basis.GENERAL
+            if claim.basis is Basis.COUNTEREXAMPLE:
+                run = fk.simulate(claim.counterexample(), progress=False)
+                assert fk.audit(run, [claim])[claim.key].verdict == Verdict.FAILS, claim.key
+    with pytest.raises(fk.InvalidInput, match="scenario"):
+        theorems.claims("olfati-saber-2005")
+
+
+PAPER = "flocking.papers.olfati_saber_2006"
+SHAPES = "flocking.model.leaders_and_obstacles.obstacles"
+HOMES = {
+    "flocking.model.potentials.sigma_norm.SigmaNorm": norm,
+    "flocking.model.potentials.sigma_norm.SigmaNorm.slope": norm,
+    f"{PAPER}.closed_forms.bump": bump,
+    f"{PAPER}.system.net": net,
+    f"{PAPER}.closed_forms.uneven_sigmoid": functions,
+    f"{PAPER}.closed_forms.action": functions,
+    f"{PAPER}.closed_forms.obstacle_action": functions,
+    f"{PAPER}.closed_forms.pair_potential": pair_potential,
+    f"{PAPER}.system.law": law,
+    f"{SHAPES}.Ball": round_things,
+    f"{SHAPES}.Wall": round_things,
+    f"{PAPER}.closed_forms.structural_energy": energy,
+    f"{PAPER}.closed_forms.most_collisions": energy,
+    f"{PAPER}.theorems.claims": claims,
+    f"{PAPER}.closed_forms.centre_motion": centre,
+    f"{PAPER}.closed_forms.metrics": metrics,
+    f"{PAPER}.system.gaussian": start,
+}
