@@ -30,7 +30,21 @@ def _plain(value: object) -> object:
 
 
 class FlockingError(Exception):
-    """Base of every error raised on purpose by this library."""
+    """Base of every error raised on purpose by this library; it passes from a worker process as it is."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _restored, (type(self), self.args, self._state())
+
+    def _state(self) -> dict[str, object]:
+        return dict(vars(self))
+
+
+def _restored(kind: type[FlockingError], args: tuple[object, ...], state: dict[str, object]) -> FlockingError:
+    """An error with its message, without the arguments of its constructor."""
+    error = kind.__new__(kind)
+    error.args = args
+    vars(error).update(state)
+    return error
 
 
 class InvalidInput(FlockingError, ValueError):
@@ -59,6 +73,11 @@ class InvalidInput(FlockingError, ValueError):
         given = said(value)
         message = f"{owner}: {parameter} {rule}; got {given}."
         super().__init__(f"{message} {fix}" if fix else message)
+
+    def _state(self) -> dict[str, object]:
+        # Any object may have been given, also one that cannot be sent.
+        value = self.value if isinstance(self.value, str | int | float | bool | None) else said(self.value)
+        return {**vars(self), "value": value}
 
 
 class SuspectInput(UserWarning):

@@ -32,7 +32,8 @@ def in_stages(
     plant
         The law that agents follow; the scenario's law by default.
     fine
-        Whether to store several samples of every step of the first run, see `flocking.engine.driver.simulate.simulate`.
+        Whether to store several samples of every step of the first run, see `flocking.engine.driver.simulate.simulate`;
+        engines without such samples store the frames alone.
 
     Raises
     ------
@@ -47,4 +48,5 @@ def in_stages(
         raise InvalidInput("in_stages", "ends", rule, list(ends))
     found = engine_named(chosen_engine(scenario, engine, plant))
     check_world(found.name, scenario, found.worlds)
-    return found.in_stages(scenario, ends, found.options_from(fine_option(found, fine)), plant=plant)
+    wanted = fine and "fine" in found.option_names
+    return found.in_stages(scenario, ends, found.options_from(fine_option(found, wanted)), plant=plant)

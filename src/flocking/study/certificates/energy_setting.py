@@ -25,7 +25,7 @@ from flocking.model.terms.body_terms import Compensate, Track
 from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
 from flocking.study.certificates.certificate import Hypothesis
-from flocking.study.certificates.pair_energy import PairEnergy
+from flocking.study.certificates.pair_energy import IntegratedEnergy, PairEnergy
 from flocking.study.certificates.pieces import jump
 
 LARGEST_GROUP = 500
@@ -156,8 +156,8 @@ class EnergySetting:
         if type(graph) is Smooth:
             if not isinstance(graph.bump, str):
                 return Hypothesis(statement, False, "not known for a bump of one's own")
-            if any(t.weighting == "force" for t in self.gradients):
-                return Hypothesis(statement, False, "the weighted force is no gradient of psi times the weight")
+            if len({t.weighting for t in self.gradients}) > 1:
+                return Hypothesis(statement, False, "one potential is weighted, and the force of another")
         for term in self.gradients:
             found = self._jump(term)
             if found:
@@ -265,10 +265,14 @@ class EnergySetting:
         value: sympy.Expr = sympy.Integer(0)
         for term in self.gradients:
             value += term.potential.expression(r)
+        end = float(np.asarray(self.graph.break_radius)) if self.graph.moves else np.inf
         if isinstance(self.graph, Smooth):
             numbers = {name: sympy.Rational(x) for name, x in self.graph.parameters.items()}
-            value = value * self.graph.weight(r, lambda name: numbers[name])
-        end = np.inf if not self.graph.moves else float(np.asarray(self.graph.break_radius))
+            weight = self.graph.weight(r, lambda name: numbers[name])
+            if any(t.weighting == "force" for t in self.gradients):
+                # The force is the slope of psi times the weight; its energy is the integral.
+                return IntegratedEnergy(r, value, weight * sympy.diff(value, r), end)
+            value = value * weight
         return PairEnergy(r, value, sympy.diff(value, r), end)
 
     @cached_property

@@ -41,6 +41,9 @@ HALVINGS = 56
 UNBOUNDED = 1e60
 """A distance that is as good as no bound."""
 
+CELLS = 2**16
+"""Cells of the integral of a slope."""
+
 NEAREST, FARTHEST = 1e-9, 1e9
 """Smallest and largest distance, relative to the scale of the pair, that the first division separates."""
 
@@ -69,13 +72,13 @@ class PairEnergy:
 
     def on(self, r: Interval) -> Interval:
         """Energies at distances in intervals."""
-        found = enclosed(self.value, self.symbol, r)
+        found = self._values(r)
         if np.array_equal(r.lo, r.hi):
             return found
         with np.errstate(all="ignore"):
             middle, slope = 0.5 * r.lo + 0.5 * r.hi, self.slope_on(r)
             places = Interval.of(np.stack(np.broadcast_arrays(r.lo, r.hi, middle)))
-            values = enclosed(self.value, self.symbol, places)
+            values = self._values(places)
             first, last, centre = (Interval(values.lo[k], values.hi[k]) for k in range(3))
             other = centre + slope * (r - Interval.of(middle))
         known = np.isfinite(middle) & (middle > 0.0)
@@ -85,6 +88,10 @@ class PairEnergy:
         lo = np.where(falls & np.isfinite(r.hi), last.lo, np.where(rises & (r.lo > 0.0), first.lo, -np.inf))
         hi = np.where(falls & (r.lo > 0.0), first.hi, np.where(rises & np.isfinite(r.hi), last.hi, np.inf))
         return found.meet(Interval(lo, hi))
+
+    def _values(self, r: Interval) -> Interval:
+        """Energies at distances in intervals, by the formula alone."""
+        return enclosed(self.value, self.symbol, r)
 
     @cached_property
     def _slopes(self) -> tuple[sympy.Expr, ...]:
@@ -209,6 +216,46 @@ class PairEnergy:
         if first == 0.0:
             edges = np.union1d(edges, np.geomspace(NEAREST * last, last, BOXES))
         return np.asarray(edges)
+
+
+@dataclass(frozen=True, eq=False)
+class IntegratedEnergy(PairEnergy):
+    """The energy of a pair whose slope is a formula, and which is zero at the end: minus the integral of the slope.
+
+    The energy at the edge of a cell is the sum of the slopes on all further cells, each enclosed, times their widths.
+    This holds wherever the slope jumps. `value` is not used.
+    """
+
+    @cached_property
+    def _cells(self) -> tuple[Array, Interval, Interval]:
+        """Edges of the cells, the slopes on each, and the energies at the edges."""
+        edges = np.linspace(0.0, self.end, CELLS + 1)
+        edges[-1] = self.end
+        slopes = self.slope_on(Interval(edges[:-1], edges[1:]))
+        falls = slopes * (Interval.of(edges[1:]) - Interval.of(edges[:-1]))
+        return edges, slopes, Interval(-_sums_from_above(falls.hi, np.inf), -_sums_from_above(falls.lo, -np.inf))
+
+    def _values(self, r: Interval) -> Interval:
+        points = np.array_equal(r.lo, r.hi)
+        low = np.clip(np.asarray(r.lo), 0.0, self.end)
+        edges, slopes, energies = self._cells
+        cell = np.clip(np.searchsorted(edges, low, side="right") - 1, 0, CELLS - 1)
+        rest = Interval.of(edges[cell + 1]) - Interval.of(low)
+        at = Interval(energies.lo[cell + 1], energies.hi[cell + 1]) - Interval(slopes.lo[cell], slopes.hi[cell]) * rest
+        if points:
+            return at
+        same = np.asarray(r.lo == r.hi)
+        # What an interval adds is found from its middle and its slopes.
+        return Interval(np.where(same, at.lo, -np.inf), np.where(same, at.hi, np.inf))
+
+
+def _sums_from_above(values: Array, side: float) -> Array:
+    """Sums of the values from each on, and zero, rounded to a side by more than their rounding errors."""
+    sums = np.concatenate([np.cumsum(values[::-1])[::-1], [0.0]])
+    sizes = np.concatenate([np.cumsum(np.abs(values)[::-1])[::-1], [0.0]])
+    # The error of a sum of n numbers is at most n units of rounding of the sum of their sizes.
+    slack = sizes * (len(values) * np.finfo(np.float64).eps)
+    return np.asarray(sums + (slack if side > 0 else -slack))
 
 
 def _parts(lo: Array, hi: Array) -> Interval:
