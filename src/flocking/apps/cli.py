@@ -334,7 +334,7 @@ def _named_values(texts: Sequence[str]) -> dict[str, float]:
             number = float(value)
         except ValueError:
             number = float("nan")
-        if not equals or not name.isidentifier() or name in ("self", "formula") or number != number:
+        if not equals or not name.isidentifier() or name == "formula" or number != number:
             raise InvalidInput("check", "-p", "must be name=number, such as -p R=4", text)
         if name in found:
             raise InvalidInput("check", "-p", f"must give {name} once", text)

@@ -147,3 +147,12 @@ def test_parameters_cannot_be_changed_in_place():
         ZHOU.parameters["R"] = 5  # type: ignore[index]
     assert ZHOU.with_parameters(R=5).parameters["R"] == 5
     assert "R=4" in repr(ZHOU)
+
+
+def test_a_parameter_may_be_called_self(tmp_path):
+    psi, path = fk.Potential("self*r", self=2.0), fk.Path(["self*t"], self=2.0)
+    assert float(psi(3.0)) == 6.0
+    assert path.at(1.0)[1].tolist() == [2.0]
+    scenario = fk.Scenario(fk.Law(fk.Complete(), [fk.Gradient(psi)]), fk.State([[0.0], [1.0]]), t_end=0.1)
+    fk.write_scenario(scenario, tmp_path / "self.toml")
+    assert fk.read_scenario(tmp_path / "self.toml").law == scenario.law

@@ -329,6 +329,7 @@ class Path(Leader):
 
     def __init__(
         self,
+        /,
         velocity: Sequence[str | Formula],
         start: Sequence[float] | None = None,
         start_time: float = 0.0,

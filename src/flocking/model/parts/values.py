@@ -24,7 +24,7 @@ LARGEST_INTEGER = 10**9
 """Largest integer in a file; larger counts are probably mistakes, and it fits into 32 bits."""
 LARGEST_SEED = 2**63 - 1
 """Largest seed in a file: the largest integer of TOML."""
-_TAKEN = ("self", "formula", "velocity", "start", "start_time")
+_TAKEN = ("formula", "velocity", "start", "start_time")
 """Names that parameters of a formula cannot have: they are fields of the parts that hold formulas."""
 
 

@@ -61,7 +61,7 @@ class Potential:
     formula: Annotated[Formula, fields.formula("r")]
     parameters: Annotated[Mapping[str, float], fields.NAMED_NUMBERS] = field(default_factory=dict)
 
-    def __init__(self, formula: str | Formula | sympy.Expr, **parameters: float | Mapping[str, float]) -> None:
+    def __init__(self, /, formula: str | Formula | sympy.Expr, **parameters: float | Mapping[str, float]) -> None:
         if isinstance(formula, str):
             formula = Formula(formula, "Potential")
         elif not isinstance(formula, Formula):

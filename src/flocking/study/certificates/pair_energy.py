@@ -224,6 +224,11 @@ class IntegratedEnergy(PairEnergy):
 
     The energy at the edge of a cell is the sum of the slopes on all further cells, each enclosed, times their widths.
     This holds wherever the slope jumps. `value` is not used.
+
+    Parameters
+    ----------
+    symbol, value, slope, end
+        As in `PairEnergy`.
     """
 
     @cached_property

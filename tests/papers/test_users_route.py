@@ -1,0 +1,99 @@
+"""The standard laws by a user's route alone: a TOML file, or fifteen lines of Python, give the runs of the packages."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+import flocking as fk
+
+SECOND_ALGORITHM = """
+format = 1
+t_end = 2.0
+frames = 5
+
+[graph]
+kind = "smooth"
+radius = 8.4
+onset = 0.2
+sigma_norm = 0.1
+
+[[terms]]
+kind = "gradient"
+weighting = "force"
+formula = "5*sqrt(1 + ((sqrt(1 + eps*r**2) - 1)/eps - d)**2)"
+parameters = { eps = 0.1, d = 14.289915602982239 }
+
+[[terms]]
+kind = "consensus"
+gain = 1.0
+weighted = true
+
+[[terms]]
+kind = "track"
+position_gain = 0.05
+velocity_gain = 0.4472135954999579
+leader = { kind = "velocity", value = [5.0, 0.0] }
+
+[start]
+draw = "box"
+n = 12
+side = 20.0
+speed = 1.0
+seed = 3
+"""
+
+ALIGNMENT = """
+format = 1
+t_end = 2.0
+frames = 5
+graph = { kind = "complete" }
+terms = [{ kind = "cucker_smale", gain = 0.3, exponent = 0.4 }]
+start = { draw = "ball", n = 9, radius = 3.0, speed = 3.0, seed = 4 }
+"""
+
+
+def test_algorithm_2_from_a_file(tmp_path) -> None:
+    path = tmp_path / "second.toml"
+    path.write_text(SECOND_ALGORITHM)
+    found = fk.read_scenario(path)
+    system = fk.papers.olfati_saber_2006.system
+    law = system.law(system.Algorithm(2, (1.0, 1.0, 0.05), goal=fk.Velocity([5.0, 0.0])))
+    assert_allclose(fk.control(found.law, found.start), fk.control(law, found.start), rtol=1e-9, atol=1e-11)
+    runs = [fk.simulate(found.with_(law=each), progress=False) for each in (found.law, law)]
+    assert_allclose(runs[0].q, runs[1].q, atol=1e-7)
+    assert fk.audit(runs[0])["ledger"].verdict == "holds"
+
+
+def test_algorithm_3_in_fifteen_lines() -> None:
+    sigma = "((sqrt(1 + eps*r**2) - 1)/eps - d)"
+    reach = [(np.sqrt(1 + 0.1 * z**2) - 1) / 0.1 for z in (7.0, 4.2)]
+    push = fk.Potential(f"sqrt(1 + {sigma}**2) - {sigma}", eps=0.1, d=reach[1])
+    goal = fk.Velocity([5.0, 0.0])
+    avoid = fk.Avoid(
+        fk.Ball([8.0, 4.0], 2.0), range=4.2, repulsion=push, repulsion_gain=4.5, damping_gain=2 * np.sqrt(4.5),
+        onset=0.9, sigma_norm=0.1, fading_damping=True, gamma_agents=False,
+    )  # fmt: skip
+    law = fk.Law(fk.Smooth(8.4, 0.2, sigma_norm=0.1), (
+        fk.Gradient(fk.Potential(f"5*sqrt(1 + {sigma}**2)", eps=0.1, d=reach[0]), weighting="force"),
+        fk.Consensus(2.0, weighted=True), fk.Track(goal, 1.2, 0.0, saturated=True),
+        fk.Track(goal, velocity_gain=2 * np.sqrt(1.2)), avoid,
+    ))  # fmt: skip
+    begin = fk.start.box(12, side=20.0, speed=1.0, seed=3)
+    system = fk.papers.olfati_saber_2006.system
+    packaged = system.law(system.Algorithm(3, obstacles=(fk.Ball([8.0, 4.0], 2.0),), goal=goal))
+    assert_allclose(fk.control(law, begin), fk.control(packaged, begin), rtol=1e-9, atol=1e-10)
+
+
+def test_alignment_from_a_file(tmp_path) -> None:
+    path = tmp_path / "alignment.toml"
+    path.write_text(ALIGNMENT)
+    found = fk.read_scenario(path)
+    law = fk.papers.cucker_smale_2007.system.law(0.3, 0.4)
+    assert found.law == law
+    q, p = found.start.q, found.start.p
+    offset = q[None] - q[:, None]
+    weights = 0.3 / (1 + (offset**2).sum(axis=-1)) ** 0.4
+    expected = np.einsum("ij,ijk->ik", weights, p[None] - p[:, None])
+    assert_allclose(fk.control(found.law, found.start), expected, rtol=1e-12, atol=1e-13)
+    assert fk.certify(found)["alignment_rate"].granted
