@@ -7,11 +7,13 @@ import math
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.integrate import quad
 
 import flocking as fk
+from flocking.formula.intervals import Interval
 from flocking.papers.cucker_smale_2007 import closed_forms, system, theorems
 from flocking.study.certificates.alignment_certificates import Alignment
-from flocking.study.claims.claim import Basis, Verdict
+from tests.papers.homes.stated_claims import agree_on
 from tests.papers.transcriptions.standard_laws import cucker_smale as by_hand
 
 RNG = np.random.default_rng(5)
@@ -114,37 +116,64 @@ def delayed_group():
     assert system.delayed_group().information == fk.Delayed(2.0, self_delayed=False)
 
 
-def farthest():
-    for gain, exponent, scale, seed in ((10.0, 1.0, 1.0, 0), (4.0, 0.4, 2.0, 1), (9.0, 0.7, 0.5, 2)):
-        begin = fk.start.ball(6, radius=1.0, speed=0.5, dimension=3, seed=seed)
-        scenario = fk.Scenario(system.law(gain / 6, exponent, scale), begin, t_end=1.0)
-        found = Alignment(scenario)
-        spread, difference = by_hand.diameter(begin.q), by_hand.diameter(begin.p)
-        far = by_hand.reached(
-            6, spread, difference, lambda r, g=gain, b=exponent, s=scale: by_hand.weight(r, g / 6, b, s)
-        )
-        assert found.farthest.lo <= far * (1 + 1e-10)
-        assert found.farthest.hi >= far * (1 - 1e-10)
-        assert_allclose(float(found.farthest.hi), far, rtol=1e-8)
-        heavy = Alignment(scenario.with_(agents=fk.Agents(masses=0.5)))
-        near = by_hand.reached(
-            6, spread, difference, lambda r, g=gain, b=exponent, s=scale: by_hand.weight(r, g / 3, b, s)
-        )
-        assert_allclose(float(heavy.farthest.hi), near, rtol=1e-8)
-    still = fk.Scenario(system.law(1.0, 2.0), fk.State(Q), t_end=1.0)
-    assert_allclose(float(Alignment(still).farthest.hi), by_hand.diameter(Q), rtol=1e-12)
-    assert Alignment(system.pair(system.LEAVING)).farthest is None
+def integral():
+    for gain, exponent, scale, mass in ((10.0, 1.0, 1.0, 1.0), (4.0, 0.4, 2.0, 0.5), (9.0, 0.7, 0.5, 3.0)):
+        terms = (fk.CuckerSmale(gain, exponent, scale), fk.Consensus(0.25))
+        begin = fk.start.ball(6, radius=1.0, speed=0.5, dimension=3, seed=1)
+        scenario = fk.Scenario(fk.Law(fk.Complete(), terms), begin, t_end=1.0, agents=fk.Agents(mass))
+        for low, high in ((0.5, 2.5), (2.0, 30.0)):
+            found = Alignment(scenario).integral(Interval.of(low), high)
+
+            def weight(r, g=gain, b=exponent, s=scale):
+                return by_hand.weight(r, g, b, s) + 0.25
+
+            expected = 6 / mass * quad(weight, low, high, epsabs=0, epsrel=1e-12)[0]
+            assert float(found.lo) <= expected * (1 + 1e-11)
+            assert float(found.hi) >= expected * (1 - 1e-11)
+            assert_allclose([found.lo, found.hi], expected, rtol=1e-7)
+
+
+CITED, HA, LATE, NOT = "as commonly cited", "Ha, Liu 2009", "Haskovec, Markou 2020", "not stated"
+BOUNDS = [
+    ("diameter-bound", HA, "OWN", "HOLDS", True, "diameter_bounded", "held_together"),
+    ("exponential", HA, "OWN", "HOLDS", True, "differences_decay", "held_together"),
+    ("all-apart", NOT, "OWN", "HOLDS", True, "all_apart", "granted"),
+]
+GROUP = [
+    ("energy", f"the system, {CITED}", "PAPER", "HOLDS", False, "ledger_residual", "granted"),
+    ("momentum", NOT, "OWN", "HOLDS", True, "momentum_drift", "granted"),
+]
+UNCONDITIONAL = (
+    "velocities-agree", f"main theorem, {CITED}", "PAPER", "HOLDS", True, "velocities_agree", "granted"
+)  # fmt: skip
+INVARIANT = ("invariant", NOT, "OWN", "HOLDS", True, "invariant_kept", "granted")
+AGREE_LATE = ("agree-late", LATE, "OWN", "HOLDS", True, "velocities_agree", "stable_delay")
+STATED = {
+    "": [*GROUP, UNCONDITIONAL, *BOUNDS],
+    "-critical": [*GROUP, UNCONDITIONAL, *BOUNDS],
+    "-sharp": [*GROUP, ("agree-if-held", HA, "OWN", "HOLDS", True, "velocities_agree", "held_together"), *BOUNDS],
+    "-pair": [INVARIANT, ("final-distance", NOT, "OWN", "HOLDS", True, "distance_as_predicted", "held_together")],
+    "-parting": [
+        INVARIANT,
+        ("final-speed", NOT, "OWN", "HOLDS", True, "speed_as_predicted", "granted"),
+        ("parting", NOT, "OWN", "HOLDS", True, "parts_for_ever", "granted"),
+        ("agree-always", NOT, "OWN", "FAILS", True, "velocities_agree", "granted"),
+    ],
+    "-delayed": [
+        ("agree-late-neighbours", "Rodriguez Cartabia 2020", "OWN", "HOLDS", True, "velocities_agree", "granted")
+    ],
+    "-reaction": [
+        AGREE_LATE,
+        ("shrink", LATE, "OWN", "HOLDS", True, "differences_shrink", "stable_delay"),
+        ("monotone-late", LATE, "OWN", "FAILS", True, "keeps_its_sign", "granted"),
+    ],
+    "-monotone": [AGREE_LATE, ("monotone", LATE, "OWN", "HOLDS", True, "keeps_its_sign", "monotone_delay")],
+    "-unstable": [("shrink-too-late", LATE, "OWN", "FAILS", True, "differences_shrink", "granted")],
+}
 
 
 def claims():
-    for name in system.scenarios():
-        stated = theorems.claims(name)
-        assert len({c.key for c in stated}) == len(stated)
-        for claim in stated:
-            assert claim.basis is not Basis.GENERAL
-            if claim.basis is Basis.COUNTEREXAMPLE:
-                run = fk.simulate(claim.counterexample(), progress=False)
-                assert fk.audit(run, [claim])[claim.key].verdict == Verdict.FAILS, claim.key
+    agree_on(theorems, system, STATED)
     with pytest.raises(fk.InvalidInput, match="scenario"):
         theorems.claims("cucker-smale-2008")
 
@@ -163,5 +192,5 @@ HOMES = {
     f"{PAPER}.system.late_pair": late_pair,
     f"{PAPER}.system.delayed_group": delayed_group,
     f"{PAPER}.theorems.claims": claims,
-    "flocking.study.certificates.alignment_certificates.Alignment.farthest": farthest,
+    "flocking.study.certificates.alignment_certificates.Alignment.integral": integral,
 }

@@ -158,5 +158,5 @@ CHECKS = {
     "sigma-norm": sigma, "n_ij": slope, "rho_h": bump, "a_ij": adjacency, "phi": sigmoid, "phi_alpha": action,
     "psi_alpha": pair_potential, "Algorithm 1": first, "Algorithm 2": second, "Algorithm 3": third,
     "phi_beta": obstacle_action, "sphere": sphere, "wall": wall, "inside an obstacle": inside, "H": energy,
-    "collisions": collisions, "Theorem 2": theorem, "centre": centre, "metrics": metrics, "start": start,
+    "collisions": collisions, "Theorem (Algorithm 2)": theorem, "centre": centre, "metrics": metrics, "start": start,
 }  # fmt: skip

@@ -111,7 +111,7 @@ def parting_pair() -> Scenario:
     return pair(LEAVING, duration=PARTING_DURATION, name=PARTING).with_(frames=tuple(map(float, times)))
 
 
-def late_pair(delay: float, *, rate: float = 1.0, duration: float = 10.0 * DURATION, name: str = "") -> Scenario:
+def late_pair(delay: float, *, rate: float = 1.0, duration: float = 300.0, name: str = "") -> Scenario:
     """Two agents with constant weights whose velocities, the own one too, are known late: w'(t) = -lambda w(t - tau).
 
     Parameters
@@ -142,7 +142,7 @@ def delayed_group(*, seed: int = 0, delay: float = DELAY, name: str = "") -> Sce
         Name of the scenario.
     """
     begin = group(0.4, gain=2.0, agents=5, spread=1.0, seed=seed, name=name)
-    return begin.with_(information=Delayed(delay, self_delayed=False), t_end=4.0 * DURATION)
+    return begin.with_(information=Delayed(delay), t_end=4.0 * DURATION)
 
 
 def scenarios() -> dict[str, Callable[[int], Scenario]]:

@@ -235,14 +235,15 @@ def _stated(name: str) -> Sequence[Claim]:
         return _of_two(name, own)
     unconditional = name != system.SHARP
     agree = (
-        Claim("velocities-agree", f"Theorem 1, {cited}", "For beta <= 1/2 all velocities become the same.",
+        Claim("velocities-agree", f"main theorem, {cited}", "For beta <= 1/2 all velocities become the same.",
               general.velocities_agree)
         if unconditional else
         Claim("agree-if-held", "Ha, Liu 2009", "If D_v(0) is below the integral of the weights from D_x(0) on, all "
               "velocities become the same.", general.velocities_agree, held_together, origin=own)
     )  # fmt: skip
     return (
-        Claim("energy", f"(1), {cited}", "The kinetic energy falls by the sum of weights times squared differences.",
+        Claim("energy", f"the system, {cited}",
+              "The kinetic energy falls by the sum of weights times squared differences.",
               general.ledger_residual, dynamic=False),
         Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift,
               origin=own),

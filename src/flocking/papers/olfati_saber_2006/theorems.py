@@ -25,6 +25,10 @@ from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, 
 from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
+FIRST, SECOND, THIRD = (f"on Algorithm {k}, as commonly cited" for k in (1, 2, 3))
+APART = "on fragmentation, as commonly cited"
+"""Where the article states a claim; its numbers are not used."""
+
 NEAR = 0.01 * system.DISTANCE
 """Two agents that are closer count as merged."""
 
@@ -171,25 +175,30 @@ def claims(scenario: str = system.KEY) -> Sequence[Claim]:
 
 def _stated(name: str) -> Sequence[Claim]:
     own = Origin.OWN
-    energy = Claim("energy", "Theorem 1", "The declared forces explain the energy of the motion.",
+    energy = Claim("energy", FIRST, "The declared forces explain the energy of the motion.",
                    general.ledger_residual, dynamic=False)  # fmt: skip
     if name in (system.FRAGMENTS, system.GENTLE):
         first = (
             energy,
             Claim("momentum", "not stated", "The mean velocity is constant.", general.momentum_drift, origin=own),
-            Claim("falls", "Theorem 1", "H never rises under Algorithm 1.", general.energy_rise),
-            Claim("collisions", "Theorem 1", "At most k pairs collide if H(0) < (k + 1) psi_alpha(0).", few_collisions),
+            Claim("falls", FIRST, "H never rises under Algorithm 1.", general.energy_rise),
+            Claim(
+                "collisions",
+                FIRST,
+                "At most k pairs collide if H(0) < (k + 1) psi_alpha(0).",
+                few_collisions,
+            ),
         )
         if name == system.FRAGMENTS:
             return (
                 *first,
-                Claim("one-flock-alone", "sec. on fragmentation", "Algorithm 1 gathers all agents in one flock.",
+                Claim("one-flock-alone", APART, "Algorithm 1 gathers all agents in one flock.",
                       one_flock, expected=Verdict.FAILS, origin=own,
                       reason="Algorithm 1 holds neighbours together; groups that do not meet stay apart."),
             )  # fmt: skip
         return (
             *first,
-            Claim("no-collision", "Theorem 1", "No agents collide if H(0) < psi_alpha(0).", general.all_apart,
+            Claim("no-collision", FIRST, "No agents collide if H(0) < psi_alpha(0).", general.all_apart,
                   too_little_energy),
             Claim("apart-by", "not stated", "No agents come closer than H(0) allows.", apart_by_energy,
                   too_little_energy, origin=own),
@@ -197,9 +206,9 @@ def _stated(name: str) -> Sequence[Claim]:
     if name in (system.SPLIT, system.SQUEEZE, system.NETWORK):
         return (
             energy,
-            Claim("no-entry", "sec. on obstacles", "No agent enters an obstacle.", never_inside),
-            Claim("split", "sec. on obstacles", "Obstacles split the flock.", splits),
-            Claim("rejoin", "sec. on obstacles", "The parts of the flock rejoin.", rejoins),
+            Claim("no-entry", THIRD, "No agent enters an obstacle.", never_inside),
+            Claim("split", THIRD, "Obstacles split the flock.", splits),
+            Claim("rejoin", THIRD, "The parts of the flock rejoin.", rejoins),
         )  # fmt: skip
     merging = (
         Claim("merge", "not stated", "No two agents merge, whatever the gains.", never_merge, origin=own,
@@ -211,13 +220,16 @@ def _stated(name: str) -> Sequence[Claim]:
     )  # fmt: skip
     found = (
         energy,
-        Claim("velocities-agree", "Theorem 2", "All velocities become the same.",
+        Claim("velocities-agree", SECOND, "All velocities become the same.",
               general.velocities_agree),
         Claim("centre", "not stated", "The centre follows the gamma-agent as a critically damped oscillator.",
               centre_as_predicted, origin=own),
-        Claim("one-flock", "Theorem 2", "All agents end in one flock.", one_flock),
+        Claim("one-flock", SECOND, "All agents end in one flock.", one_flock),
         merging,
     )  # fmt: skip
     if name == system.PRESSED:
         return found
-    return (*found, Claim("lattice", "Theorem 2", "The flock ends as a quasi alpha-lattice.", quasi_lattice))
+    return (
+        *found,
+        Claim("lattice", SECOND, "The flock ends as a quasi alpha-lattice.", quasi_lattice),
+    )
