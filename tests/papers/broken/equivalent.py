@@ -36,6 +36,16 @@ RULES: tuple[tuple[str, str, str], ...] = (
         ("system.obstacle_scenario", f"without {name} = ", "the paper's number is the default of the term")
         for name in ("damping_gain", "offset", "repulsion_gain", "attraction", "onset")
     ),
+    ("cucker_smale_2007.closed_forms.discrete_step", "index: 0 for 1 in axis", "the matrix of weights is symmetric"),
+    ("cucker_smale_2007.closed_forms.sufficient_condition", "1.05 times np.inf", "infinity times a number is infinite"),
+    *(
+        ("olfati_saber_2006.closed_forms.pair_potential", text, "the integral has ten digits whatever the rule is told")
+        for text in ("points = kink", "ALPHA_ONSET", "epsabs", "epsrel", "limit")
+    ),
+    ("structural_energy", "index: [(i, j)] turned round", "the matrix of distances is symmetric"),
+    ("Ball.signed_distance", "swap: arguments of zip(q", "squares of differences"),
+    ("Wall.__post_init__", " in length - 1.0", "scaling a unit vector changes its last bits alone"),
+    ("Wall.__post_init__", "other sign in length - 1.0", "scaling a unit vector changes its last bits alone"),
     ("passage.gap_width", "OBSTACLES = with 105 at 0", "the gap lies between the last two obstacles"),
     ("pictures.passage", "in o.outline(8)", "the mean of the corners of a regular polygon is its centre"),
     ("Fixed.random_connected", "in range(100000)", "the number of draws before it is refused"),

@@ -101,6 +101,9 @@ def avoid():
     assert_allclose(numbers, [100.0, 2.0, 1.0, 5 / 6], rtol=1e-12)
     assert plain.gamma_agents
     refused(lambda **wrong: Avoid(ball, guide, range=3.0, **wrong), bump="round", gamma_agents="none")
+    refused(lambda **wrong: Avoid(ball, guide, range=3.0, **wrong), sigma_norm=-1.0, fading_damping="no")
+    assert (plain.sigma_norm, plain.fading_damping) == (None, False)
+    kept(Avoid(ball, guide, range=3.0, sigma_norm=np.float32(0.5)), sigma_norm=0.5)
 
 
 MODEL = "flocking.model"

@@ -43,6 +43,7 @@ def weights():
             expected = 0.0 if i == j else by_hand.weight(math.dist(Q[i], Q[j]), 0.7, 1.2, 2.0)
             assert_allclose(found[i, j], expected, rtol=1e-12)
     assert_allclose(closed_forms.weights(Q), closed_forms.weights(Q, 1.0, 0.4, 1.0))
+    assert_allclose(closed_forms.weights(Q, 2.0, 0.0), 2.0 * (1.0 - np.eye(6)))
 
 
 def discrete():
@@ -70,7 +71,9 @@ def condition():
     e = 1 / 1.5
     front = (1 / 2.5) ** e - (1 / 2.5) ** (2.5 * e)
     assert_allclose(get(gamma, speed, 3.0, beta, 0.5, 2.0), front * (36.0 / 1.6) ** e - 0.6 - 0.25, rtol=1e-12)
-    for wrong in ((-1.0, 1.0), (1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0, -1.0), (1.0, 1.0, 1.0, 1.0, 0.0),
+    assert_allclose(get(gamma, speed, 3.0, beta), front * (9.0 / 1.6) ** e - 0.6 - 1.0, rtol=1e-12)
+    for wrong in ((-1.0, 1.0, 1.0, 1.0), (1.0, 0.0, 1.0, 1.0), (1.0, 1.0, 0.0, 1.0), (1.0, 1.0, 1.0, -1.0),
+                  (1.0, 1.0, 1.0, 1.0, 0.0),
                   (1.0, 1.0, 1.0, 1.0, 1.0, 0.0)):  # fmt: skip
         with pytest.raises(fk.InvalidInput, match="sufficient_condition"):
             get(*wrong)

@@ -77,7 +77,8 @@ def law():
     away, slip = Q - [0.5, 0.0], P - [1.0, 2.0]
     found = fk.control(system.law(system.Algorithm(2, (9.0, 9.0, 0.3), goal=leader)), state)
     assert_allclose(found, by_hand.alpha(Q, P) - 0.3 * away - 2 * math.sqrt(0.3) * slip, atol=1e-11)
-    rows, gains = [(0.0, 9.0, 2.0), (-9.0, -1.0, 3.0), (50.0, 50.0, 1.0)], (0.7, 3.0, 1.1)
+    far = math.hypot(*(Q[0] - [20.0, 20.0])) - 4.1
+    rows, gains = [(0.0, 9.0, 2.0), (-9.0, -1.0, 3.0), (20.0, 20.0, far)], (0.7, 3.0, 1.1)
     outside = [i for i in range(7) if all(math.dist(Q[i], row[:2]) > row[2] for row in rows)]
     assert any(0 < math.dist(Q[i], row[:2]) - row[2] < 4.2 for i in outside for row in rows)
     algorithm = system.Algorithm(3, gains, system.balls(rows), leader)
@@ -118,6 +119,11 @@ def metrics():
         assert_allclose(found["deviation energy"][k], sum((r - 7) ** 2 for r in lengths) / (len(lengths) + 1) / 49)
         assert_allclose(found["velocity mismatch"][k], sum(((v - p.mean(axis=0)) ** 2).sum() for v in p) / 14)
 
+    far = np.array([[0.0, 0.0], [5.0, 0.0], [50.0, 0.0], [90.0, 0.0]])
+    for n, connectivity in ((1, 1.0), (2, 1.0), (3, 0.5), (4, 1 / 3)):
+        few = fk.simulate(scenario.with_(start=fk.State(far[:n]), t_end=0.0, frames=1), progress=False)
+        assert_allclose(closed_forms.metrics(few)["connectivity"], connectivity)
+
 
 def centre():
     begin, leader, gain = fk.State(Q, P, t=2.0), fk.Velocity([1.0, 2.0], start=[0.5, 0.0]), 0.7
@@ -138,6 +144,7 @@ def start():
 
 
 def round_things():
+    shapes_refuse()
     ball, wall = fk.Ball([1.0, -1.0], 1.5), fk.Wall([0.0, -4.0], [3.0, 4.0])
     a, y = np.array([0.6, 0.8]), np.array([0.0, -4.0])
     flat = np.eye(2) - np.outer(a, a)
@@ -196,6 +203,19 @@ STATED = {
     "-squeeze": PASSING,
     "-network": PASSING,
 }
+
+
+def shapes_refuse():
+    for wrong in (0.0, -1.0, math.inf):
+        with pytest.raises(fk.InvalidInput, match="radius"):
+            fk.Ball([0.0, 0.0], wrong)
+        with pytest.raises(fk.InvalidInput, match="extent"):
+            fk.Wall([0.0, 0.0], [1.0, 0.0], wrong)
+    assert_allclose(fk.Ball([1.0, 2.0], 3).at(np.array([[1.0, 2.0]]))["distance"], -3.0)
+    assert_allclose(fk.Wall([0.0, 0.0], [0.9, 1.2]).normal, [0.6, 0.8], rtol=1e-12)
+    assert fk.Wall([0.0, 0.0], [1.0, 0.0]).extent == 100.0
+    assert isinstance(fk.Wall([1.0, 0.0], [1.0, 0.0], 7).extent, float)
+    assert fk.Wall([1.0, 0.0], [1.0, 0.0], 7).extent == 7.0
 
 
 def claims():

@@ -69,7 +69,7 @@ def second(found):
 
 
 def third(found):
-    angle, depth = np.array([0.3, 2.0, -1.4, 0.9]), np.array([1.0, 2.5, 3.9, -0.7])
+    angle, depth = np.array([0.3, 2.0, -1.4, 0.9]), np.array([1.0, 2.5, 4.1, -0.7])
     q = np.array([100.0, 20.0]) + (10.0 + depth)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     p = np.array([[4.0, 1.0], [5.0, -1.0], [3.0, 2.0], [4.5, 0.0]])
     away = q - [120.0, 25.0]

@@ -85,7 +85,7 @@ def scatter(points: Array) -> float:
 
 
 def sufficient_condition(
-    position_scatter: float, velocity_scatter: float, gain: float = 1.0, exponent: float = 0.4, scale: float = 1.0,
+    position_scatter: float, velocity_scatter: float, gain: float, exponent: float, scale: float = 1.0,
     norm_constant: float = 1.0,
 ) -> float:  # fmt: skip
     """By how much the condition of 2007 for convergence is met, as it is commonly cited; positive where it is.

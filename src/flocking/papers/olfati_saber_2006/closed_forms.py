@@ -131,7 +131,7 @@ def metrics(run: Run) -> Mapping[str, Array]:
         links = run.links_at(frame)
         i, j = np.nonzero(np.triu(links, 1))
         # The rank of a Laplacian is the number of agents less that of its components.
-        found["connectivity"].append((run.n - flocks(links)) / max(run.n - 1, 1))
+        found["connectivity"].append((run.n - flocks(links)) / (run.n - 1) if run.n > 1 else 1.0)
         found["cohesion radius"].append(float(np.linalg.norm(q - q.mean(axis=0), axis=1).max()))
         deviations = np.linalg.norm(q[i] - q[j], axis=1) - DISTANCE
         found["deviation energy"].append(float((deviations**2).sum() / (len(i) + 1) / DISTANCE**2))

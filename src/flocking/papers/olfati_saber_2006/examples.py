@@ -9,7 +9,6 @@ import numpy as np
 from flocking.engine.driver.simulate import simulate
 from flocking.engine.reference.control import control
 from flocking.model.checks import Array
-from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Wall
@@ -39,7 +38,7 @@ def example_state() -> State:
 def near_obstacles() -> State:
     """Three agents within d' of the obstacles of Algorithm 3 in the examples, and one inside the first of them."""
     angle = np.array([0.3, 2.0, -1.4, 0.9])
-    depth = np.array([1.0, 2.5, 3.9, -0.7])
+    depth = np.array([1.0, 2.5, 4.1, -0.7])
     q = np.array([100.0, 20.0]) + (10.0 + depth)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return State(q, np.array([[4.0, 1.0], [5.0, -1.0], [3.0, 2.0], [4.5, 0.0]]))
 
@@ -62,7 +61,7 @@ def bump_of(scale: float) -> Array:
 
 def adjacency_of(scale: float) -> Array:
     """Velocity consensus with the weights of the net, its radius scaled."""
-    net = Smooth(system.RADIUS * scale, system.ALPHA_ONSET, sigma_norm=system.EPSILON)
+    net = replace(system.net(), radius=system.RADIUS * scale)
     return control(Law(net, (Consensus(1.0, weighted=True),)), example_state())
 
 
