@@ -123,6 +123,8 @@ def metrics():
     for n, connectivity in ((1, 1.0), (2, 1.0), (3, 0.5), (4, 1 / 3)):
         few = fk.simulate(scenario.with_(start=fk.State(far[:n]), t_end=0.0, frames=1), progress=False)
         assert_allclose(closed_forms.metrics(few)["connectivity"], connectivity)
+    two = fk.simulate(scenario.with_(start=fk.State(far[1:3]), t_end=0.0, frames=1), progress=False)
+    assert_allclose(closed_forms.metrics(two)["connectivity"], 0.0)
 
 
 def centre():
