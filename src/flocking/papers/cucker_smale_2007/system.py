@@ -105,10 +105,39 @@ def pair(
     return Scenario(law(0.5 * gain, exponent), begin, t_end=duration, frames=301, name=name)
 
 
-def parting_pair() -> Scenario:
-    """Two agents too fast for each other, at many times near the start and far behind it."""
+def drawn(seed: int, first: float, low: float, high: float) -> float:
+    """A number of a scenario of two agents: ``first`` for the seed 0, else drawn between ``low`` and ``high``.
+
+    Parameters
+    ----------
+    seed
+        Seed of the draw.
+    first
+        The number for the seed 0.
+    low, high
+        Ends of the range for other seeds.
+    """
+    return first if seed == 0 else float(np.random.default_rng(seed).uniform(low, high))
+
+
+def meeting_pair(seed: int = 0) -> Scenario:
+    """Two agents slow enough for each other: of relative speed 1.2, for other values of ``seed`` from 0.2 to 1.3."""
+    return pair(drawn(seed, MEETING, 0.2, 1.3), name=PAIR).with_(seed=seed)
+
+
+def parting_pair(seed: int = 0) -> Scenario:
+    """Two agents too fast for each other, at many times near the start and far behind it.
+
+    Their relative speed is 1.7, for other seeds drawn from 1.6 to 3.
+
+    Parameters
+    ----------
+    seed
+        Seed of the draw.
+    """
     times = (*np.linspace(0.0, DURATION, 301), *np.linspace(2.0 * DURATION, PARTING_DURATION, 200))
-    return pair(LEAVING, duration=PARTING_DURATION, name=PARTING).with_(frames=tuple(map(float, times)))
+    found = pair(drawn(seed, LEAVING, 1.6, 3.0), duration=PARTING_DURATION, name=PARTING)
+    return found.with_(frames=tuple(map(float, times)), seed=seed)
 
 
 def late_pair(delay: float, *, rate: float = 1.0, duration: float = 300.0, name: str = "") -> Scenario:
@@ -151,12 +180,14 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         KEY: lambda seed: group(0.4, gain=4.0, seed=seed, name=KEY),
         CRITICAL: lambda seed: group(0.5, gain=4.0, seed=seed, name=CRITICAL),
         SHARP: lambda seed: group(1.0, gain=10.0, seed=seed, spread=1.0, name=SHARP),
-        PAIR: lambda seed: pair(MEETING, name=PAIR),
-        PARTING: lambda seed: parting_pair(),
+        PAIR: meeting_pair,
+        PARTING: parting_pair,
         DELAYED: lambda seed: delayed_group(seed=seed, name=DELAYED),
-        REACTION: lambda seed: late_pair(LATE, name=REACTION),
-        MONOTONE: lambda seed: late_pair(MONOTONE_LATE, name=MONOTONE),
-        UNSTABLE: lambda seed: late_pair(TOO_LATE, duration=2.0 * DURATION, name=UNSTABLE),
+        REACTION: lambda seed: late_pair(drawn(seed, LATE, 0.5, 1.5), name=REACTION).with_(seed=seed),
+        MONOTONE: lambda seed: late_pair(drawn(seed, MONOTONE_LATE, 0.1, 0.36), name=MONOTONE).with_(seed=seed),
+        UNSTABLE: lambda seed: late_pair(
+            drawn(seed, TOO_LATE, 1.65, 2.5), duration=2.0 * DURATION, name=UNSTABLE
+        ).with_(seed=seed),
     }
 
 
