@@ -79,3 +79,15 @@ def test_shared_parts_are_computed_once_and_branches_stay_inside():
         name, text = line.split(" = ", 1)
         space[name] = eval(text, space)
     assert space["b"] == 0
+
+
+def test_extremes_of_numbers_and_arrays_are_printed():
+    import numpy
+    import sympy
+
+    x, y = sympy.symbols("x y", real=True)
+    lines = statements({"high": sympy.Max(x, y, 0), "low": sympy.Min(2 * x, y)}, arrays=True, prefix="s")
+    names = {"numpy": numpy, "x": numpy.array([-1.0, 3.0]), "y": numpy.array([-2.0, 5.0])}
+    exec("\n".join(lines), names)
+    assert names["high"].tolist() == [0.0, 5.0]
+    assert names["low"].tolist() == [-2.0, 5.0]

@@ -35,7 +35,7 @@ def _printer(arrays: bool) -> CodePrinter:
         return ScalarPrinter(settings)
 
     class ArrayPrinter(NumPyPrinter):  # type: ignore[misc]
-        """Joins conditions with operators: NumPy's reduce cannot mix numbers with arrays."""
+        """Joins conditions with operators and extremes in pairs: NumPy's reduce cannot mix numbers with arrays."""
 
         _print_Integer = print_integer  # noqa: N815
         _print_Rational = print_rational  # noqa: N815
@@ -45,6 +45,18 @@ def _printer(arrays: bool) -> CodePrinter:
 
         def _print_Or(self, expr: sympy.Or) -> str:  # noqa: N802
             return "(" + " | ".join(f"({self._print(c)})" for c in expr.args) + ")"
+
+        def _extreme(self, function: str, expr: sympy.Expr) -> str:
+            *rest, found = map(self._print, expr.args)
+            for value in reversed(rest):
+                found = f"numpy.{function}({value}, {found})"
+            return str(found)
+
+        def _print_Max(self, expr: sympy.Max) -> str:  # noqa: N802
+            return self._extreme("maximum", expr)
+
+        def _print_Min(self, expr: sympy.Min) -> str:  # noqa: N802
+            return self._extreme("minimum", expr)
 
     return ArrayPrinter(settings)
 
