@@ -70,8 +70,14 @@ CASES: dict[str, tuple[str, str, float]] = {
     "broken symmetry": ("shi-2009-uniform", "shi-2009", 10.0),
     "swapped obstacle velocity": ("olfati-saber-2003", "olfati-saber-2003", 14.0),
     "wrong mass": ("shi-2009-uniform", "shi-2009", 10.0),
+    "flipped sign, all pairs": ("cucker-smale-2007", "cucker-smale-2007", 2.0),
+    "gain halved, all pairs": ("cucker-smale-2007", "cucker-smale-2007", 10.0),
+    "wrong exponent": ("cucker-smale-2007-sharp", "cucker-smale-2007", 10.0),
+    "gain halved, smooth net": ("olfati-saber-2006-gentle", "olfati-saber-2006", 10.0),
+    "late switch, smooth net": ("olfati-saber-2006-gentle", "olfati-saber-2006", 10.0),
+    "plain distances": ("olfati-saber-2006-gentle", "olfati-saber-2006", 10.0),
 }
-"""For each mutant the scenario, its paper and the duration."""
+"""For each mutant the scenario, its paper and the duration. A word after a comma tells uses of one mutation apart."""
 
 
 def catch(mutant: str) -> Caught:
@@ -102,7 +108,7 @@ def _right_run(scenario: Scenario) -> Run:
 def _mutant_run(mutant: str, scenario: Scenario) -> Run:
     if mutant == "coarse step":
         return coarse_step(scenario, 0.05)
-    return mutated_run(scenario, MUTATIONS[mutant])
+    return mutated_run(scenario, MUTATIONS[mutant.partition(",")[0]])
 
 
 def _verdicts(run: Run, name: str) -> dict[str, Verdict]:

@@ -19,9 +19,11 @@ from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.checks import Array
 from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
+from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.graphs.weights import MatrixWeights
 from flocking.model.law import Law, Scenario
 from flocking.model.state import Agents, State
+from flocking.model.terms.alignment import CuckerSmale
 from flocking.model.terms.avoidance import Avoid, ObstacleTerm
 from flocking.model.terms.pair_terms import Consensus, PairTerm, Term, Value
 from flocking.model.terms.symbols import ObstacleSymbols, PairSymbols
@@ -97,14 +99,18 @@ def _with_graph(scenario: Scenario, graph: Graph) -> Scenario:
 
 
 def flipped_sign(scenario: Scenario) -> Scenario:
-    """Consensus with the wrong sign."""
-    return _with_terms(scenario, lambda t: Flipped(t) if isinstance(t, Consensus) else t, "a Consensus term")
+    """Consensus, or alignment by distance, with the wrong sign."""
+    return _with_terms(
+        scenario, lambda t: Flipped(t) if isinstance(t, Consensus | CuckerSmale) else t, "a Consensus term"
+    )
 
 
 def gain_halved(scenario: Scenario) -> Scenario:
-    """Consensus at half its gain."""
+    """Consensus, or alignment by distance, at half its gain."""
 
     def change(term: Term) -> Term:
+        if isinstance(term, CuckerSmale):
+            return replace(term, gain=0.5 * term.gain)
         if not isinstance(term, Consensus):
             return term
         gain = np.multiply(term.gain, 0.5)
@@ -128,7 +134,26 @@ def late_switch(scenario: Scenario) -> Scenario:
         return _with_graph(scenario, Proximity(graph.radius * 1.05, graph.closed))
     if isinstance(graph, Hysteresis):
         return _with_graph(scenario, Hysteresis(graph.radius, graph.gap * 0.2))
-    raise InvalidInput("mutant", "scenario", "must have a Proximity or Hysteresis graph", scenario.name)
+    if isinstance(graph, Smooth):
+        return _with_graph(scenario, replace(graph, radius=graph.radius * 1.05))
+    raise InvalidInput("mutant", "scenario", "must have a Proximity, Hysteresis or Smooth graph", scenario.name)
+
+
+def wrong_exponent(scenario: Scenario) -> Scenario:
+    """The weight of alignment falls faster with the distance, by a tenth in the exponent."""
+
+    def change(term: Term) -> Term:
+        return replace(term, exponent=term.exponent + 0.1) if isinstance(term, CuckerSmale) else term
+
+    return _with_terms(scenario, change, "a CuckerSmale term")
+
+
+def plain_distances(scenario: Scenario) -> Scenario:
+    """The weights of links compare distances instead of sigma-norms."""
+    graph = scenario.law.graph
+    if not isinstance(graph, Smooth) or graph.sigma_norm is None:
+        raise InvalidInput("mutant", "scenario", "must have a Smooth graph with a sigma-norm", scenario.name)
+    return _with_graph(scenario, replace(graph, sigma_norm=None))
 
 
 def broken_symmetry(scenario: Scenario) -> Scenario:
@@ -179,8 +204,10 @@ MUTATIONS: dict[str, Mutation] = {
     "broken symmetry": broken_symmetry,
     "swapped obstacle velocity": swapped_boundary_velocity,
     "wrong mass": wrong_mass,
+    "wrong exponent": wrong_exponent,
+    "plain distances": plain_distances,
 }
-"""Wrong systems by name. `coarse_step` is the eighth mutant: the right system with a large integration error."""
+"""Wrong systems by name. `coarse_step` is a further mutant: the right system with a large integration error."""
 
 
 def mutated_run(declared: Scenario, mutation: Mutation) -> Run:
