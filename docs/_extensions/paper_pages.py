@@ -16,7 +16,7 @@ from flocking.model.terms.pair_terms import Gradient
 from flocking.papers import ALL_KEYS, paper
 from flocking.papers.description import Paper
 from flocking.papers.equation_table import Demonstration, Fault, Row
-from flocking.papers.numbered import index
+from flocking.papers.numbered import NUMBERED, index
 
 
 def constants(module: ModuleType) -> list[tuple[str, str, str]]:
@@ -149,8 +149,9 @@ def paper_page(key: str) -> str:
         for r in rows
     ]  # fmt: skip
     lines.append("## Equation table\n\n" + table(("number", "kind", "statement", "home", "verdict"), listed))
-    numbered = [(plain(n), plain(", ".join(r.number for r in found))) for n, found in index(key).items()]
-    lines.append("## Numbered statements of the text\n\n" + table(("number", "rows of the table"), numbered))
+    if key in NUMBERED:
+        numbered = [(plain(n), plain(", ".join(r.number for r in found))) for n, found in index(key).items()]
+        lines.append("## Numbered statements of the text\n\n" + table(("number", "rows of the table"), numbered))
     return "".join(lines)
 
 

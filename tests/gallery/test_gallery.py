@@ -87,7 +87,7 @@ def figure_of_eight(made):
     assert (made["informed"] > 0).sum() == 3
 
 
-def cucker_smale(made):
+def cucker_smale_2007(made):
     certificates, run = made["certificates"], made["run"]
     assert all(certificates[key].granted for key in ("alignment_diameter", "alignment_rate"))
     diameter = max(np.linalg.norm(q[:, None] - q[None], axis=2).max() for q in run.q)
@@ -158,7 +158,7 @@ def cluster_obstacles(made):
 
 SHOWS = {check.__name__: check for check in (
     tanner_2003_fixed, tanner_2003_dynamic, zhou_2015, shi_2009, olfati_saber_2003, own_potential, space, field_of_view,
-    live_lab, moving_obstacles, figure_of_eight, cucker_smale, reynolds, vicsek, olfati_saber_2006,
+    live_lab, moving_obstacles, figure_of_eight, cucker_smale_2007, reynolds, vicsek, olfati_saber_2006,
     obstacle_field, flock_from_noise, cluster_obstacles,
 )}  # fmt: skip
 

@@ -6,6 +6,7 @@ import importlib
 
 import pytest
 
+from flocking.papers import KEYS, STANDARD_KEYS, paper
 from flocking.papers.equation_table import KINDS, Demonstration, Fault, Row
 from tests.papers.transcriptions.rows import ROWS, examine, identity
 
@@ -80,3 +81,14 @@ def test_a_counter_example_that_refutes_nothing_is_no_more_than_a_reading() -> N
     wrong = {"reading": "so", "fault": Fault.FALSE}
     assert _made(**wrong, demonstration=lambda: _shown(2.0)).verdict()[0] is Fault.FALSE
     assert _made(**wrong, demonstration=lambda: _shown(1.05)).verdict() == (Fault.READING, None)
+
+
+def test_a_text_that_was_not_at_hand_is_cited_never_printed() -> None:
+    for key in STANDARD_KEYS:
+        verdicts = {row.verdict()[0] for row in paper(key).equations()}
+        assert Fault.CITED in verdicts
+        assert verdicts <= {Fault.CITED, Fault.OWN, Fault.READING}
+    for key in KEYS:
+        assert all(row.fault is not Fault.CITED for row in paper(key).equations())
+    assert _made(fault=Fault.CITED).as_dict()["verdict"] == "as commonly cited"
+    assert _made(fault=Fault.CITED, reading="so").fault is Fault.READING

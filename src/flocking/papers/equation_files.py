@@ -1,6 +1,7 @@
 """Reading of the equation tables, one ``equations.toml`` in the folder of each paper.
 
-A table is a list of ``[[statement]]``, each with these keys:
+A table is a list of ``[[statement]]``. Where the text of the paper was not at hand, ``text_at_hand = false`` before
+them marks them as commonly cited. Each has these keys:
 
 ``number``, ``kind``, ``title``, ``home``, ``also``
     As in `flocking.papers.equation_table.Row`.
@@ -73,11 +74,16 @@ def read_statements(package: str, key: str) -> tuple[Row, ...]:
         If a statement has an unknown key or lacks one, refers to a function or a statement that does not exist, or
         its fault, reading and counter-example are inconsistent.
     """
-    text = files(package).joinpath(FILE).read_text(encoding="utf-8")
-    return rows_of(tomllib.loads(text)["statement"], package, key)
+    table = tomllib.loads(files(package).joinpath(FILE).read_text(encoding="utf-8"))
+    seen = table.get("text_at_hand", True)
+    if not isinstance(seen, bool):
+        raise ValueError(f"{key}/{FILE}: text_at_hand must be true or false")
+    return rows_of(table["statement"], package, key, Fault.NONE if seen else Fault.CITED)
 
 
-def rows_of(statements: list[dict[str, object]], package: str, key: str) -> tuple[Row, ...]:
+def rows_of(
+    statements: list[dict[str, object]], package: str, key: str, faultless: Fault = Fault.NONE
+) -> tuple[Row, ...]:
     """Rows of the statements of one file.
 
     Parameters
@@ -88,6 +94,8 @@ def rows_of(statements: list[dict[str, object]], package: str, key: str) -> tupl
         Dotted name of the paper's package.
     key
         Key of the paper.
+    faultless
+        The verdict of statements without a fault: as printed, or as commonly cited.
 
     Raises
     ------
@@ -99,7 +107,7 @@ def rows_of(statements: list[dict[str, object]], package: str, key: str) -> tupl
     for read in statements:
         statement = checked(read, key)
         known[statement["number"]] = statement
-        rows.append(_row(statement, known, package, key))
+        rows.append(_row(statement, known, package, key, faultless))
     return tuple(rows)
 
 
@@ -135,13 +143,13 @@ def checked(statement: Mapping[str, object], key: str) -> Statement:
     return cast(Statement, statement)
 
 
-def _row(statement: Statement, known: Mapping[str, Statement], package: str, key: str) -> Row:
+def _row(statement: Statement, known: Mapping[str, Statement], package: str, key: str, faultless: Fault) -> Row:
     return Row(
         key, statement["number"], statement["kind"], statement["title"], statement["home"],
         _function(statement, "example", package, key),
         reading=_words(statement, "reading", known, key),
         demonstration=_function(statement, "counterexample", package, key) if "counterexample" in statement else None,
-        fault=Fault(statement["fault"]) if "fault" in statement else Fault.NONE,
+        fault=Fault(statement["fault"]) if "fault" in statement else faultless,
         note=_words(statement, "note", known, key),
         also=tuple(statement.get("also", ())),
     )  # fmt: skip

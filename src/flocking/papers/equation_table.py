@@ -15,9 +15,13 @@ KINDS = ("equation", "definition", "assumption", "lemma", "proposition", "theore
 
 
 class Fault(StrEnum):
-    """Fault of a printed statement that is not read as printed, or the mark of a statement that is not printed."""
+    """Fault of a printed statement that is not read as printed, or the mark of one that is not printed, or not seen.
+
+    Statements of a text that was not at hand are as commonly cited.
+    """
 
     NONE = "as printed"
+    CITED = "as commonly cited"
     READING = "ambiguity or missing value"
     MISPRINT = "misprint"
     FALSE = "false statement"
@@ -140,9 +144,10 @@ class Row:
             if self.reading or self.demonstration is not None:
                 raise ValueError(f"{self.paper} {self.number}: a statement that is not printed has no fault")
             return
-        if self.fault is Fault.NONE and self.reading and self.demonstration is None:
+        faultless = (Fault.NONE, Fault.CITED)
+        if self.fault in faultless and self.reading and self.demonstration is None:
             object.__setattr__(self, "fault", Fault.READING)
-        if (self.fault is Fault.NONE) == bool(self.reading) or self.fault is Fault.OWN:
+        if (self.fault in faultless) == bool(self.reading) or self.fault is Fault.OWN:
             raise ValueError(f"{self.paper} {self.number}: a fault needs a reading, and a reading a fault")
         if self.fault is Fault.FALSE and self.demonstration is None:
             raise ValueError(f"{self.paper} {self.number}: a false statement needs a counter-example")

@@ -278,7 +278,7 @@ def errata_rows(article: Paper) -> list[RowData]:
     article
         The paper.
     """
-    return [row.as_dict() for row in article.equations() if row.fault is not Fault.NONE]
+    return [row.as_dict() for row in article.equations() if row.fault not in (Fault.NONE, Fault.CITED)]
 
 
 def _errata(key: str) -> list[RowData]:

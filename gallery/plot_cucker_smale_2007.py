@@ -28,7 +28,7 @@ for key in ("velocity_difference", "alignment_diameter", "alignment_rate"):
 
 run = fk.simulate(start, progress=False)
 picture = article.figure("A", run)
-picture.savefig("plot_cucker_smale.png", dpi=150)
+picture.savefig("plot_cucker_smale_2007.png", dpi=150)
 
 # %%
 # Two agents that move apart on a line with psi = 1/(1 + r^2): w + arctan r is constant, so that they stay together if and
