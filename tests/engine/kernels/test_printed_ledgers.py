@@ -114,6 +114,8 @@ CASES = {
                               lost_by_links(lambda i, j, r: FUNCTIONAL[i] * UNEVEN[i, j])),
     "Consensus, weighted": (SMOOTH, fk.Consensus(1.4, weighted=True), no_energy,
                             lost_by_links(lambda i, j, r: 1.4 * bump(r))),
+    "CuckerSmale": (HARD, fk.CuckerSmale(1.4, 0.7, 0.6), no_energy,
+                    lost_by_links(lambda i, j, r: 1.4 / (0.36 + r * r) ** 0.7)),
     "Track": (HARD, fk.Track(LEADER, C1, C2), stored_by_agents(C1), lost_by_agents(C2)),
     "Track, sink": (HARD, fk.Track(fk.Sink(SINK), C1, C2), stored_by_agents(C1, SINK), lost_by_agents(C2)),
     "Track, masses": (HARD, fk.Track(LEADER, C1, C2, 1.0, per_mass=True), stored_by_agents(C1 * MASS),

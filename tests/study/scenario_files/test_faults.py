@@ -121,7 +121,7 @@ def test_every_fault_is_named_at_once_with_its_place():
         ),
         ('"consensus"', '"gradient", formula = "r*exp(64*log(9))^64"', "terms[0].formula: must have powers of powers"),
         ('"consensus"', '"gradient", formula = "1/(R - r)"', "terms[0].formula: uses 'R', which has no value"),
-        ('"consensus"', '"gradient", formula = "r*R", parameters = {self = 1}', "terms[0].parameters.self"),
+        ('"consensus"', '"gradient", formula = "r*R", parameters = {formula = 1}', "terms[0].parameters.formula"),
         ('"consensus"', '"consensus", weights = {low = 2, high = 1, seed = 1}', "terms[0].weights.high"),
         ('"consensus"', '"consensus", over = {kind = "fixed", n = 3, edges = [[0, 1]]}', "terms[0].over.n"),
         ('"consensus"', '"consensus", over = {kind = "fixed", n = 6, edges = [[0, 6]]}', "terms[0].over.edges"),

@@ -9,6 +9,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
+from flocking.model.terms.alignment import CuckerSmale
 from flocking.model.world.information import Delayed
 from flocking.papers.cucker_smale_2007 import system
 from flocking.papers.cucker_smale_2007.closed_forms import delay_limits, final_distance, final_speed, pair_invariant
@@ -136,6 +137,8 @@ def parts_for_ever(e: Evidence) -> Measure:
 def keeps_its_sign(e: Evidence) -> Measure:
     """The least relative velocity, by the first: positive where it never turns."""
     _, w = _line(e)
+    if w[0] == 0.0:
+        raise NotMeasurable("the two agents do not move relative to each other at the start")
     least = float((w / w[0]).min())
     rounding = 1e-9
     return above(least, -rounding, f"least relative velocity {least:.3g} of the first", rounding * 1e-3)
@@ -145,6 +148,8 @@ def keeps_its_sign(e: Evidence) -> Measure:
 def differences_shrink(e: Evidence) -> Measure:
     """Largest difference of velocities in the last third of the run, by that in the first third."""
     differences, times = _velocity_differences(e), e.t - e.t[0]
+    if not times[-1] > 0.0 or not differences[times <= times[-1] / SHARE].max() > 0.0:
+        raise NotMeasurable("no velocities differ in the first third of the run")
     part = times[-1] / SHARE
     first, last = differences[times <= part].max(), differences[times >= times[-1] - part].max()
     return below(float(last / first), 1.0, f"largest difference {last:.3g} in the last third, {first:.3g} in the first")
@@ -165,8 +170,16 @@ def _delay_below(e: Evidence, which: int) -> Measure:
     if not isinstance(information, Delayed) or not information.self_delayed:
         raise NotMeasurable("the own velocity is not known late")
     delay = information.tau
-    (term,) = e.law.pair_terms
-    limit = delay_limits(2.0 * float(np.max(np.asarray(term.parameters["gain"]))))[which]
+    terms = e.law.terms
+    if (
+        e.run.n != 2
+        or len(terms) != 1
+        or not isinstance(terms[0], CuckerSmale)
+        or terms[0].exponent
+        or not terms[0].gain
+    ):
+        raise NotMeasurable("the run is not one of two agents with constant weights")
+    limit = delay_limits(2.0 * terms[0].gain)[which]
     return Measure(limit - delay, 0.0, f"delay {delay:.4g}, limit {limit:.4g}", everywhere=False)
 
 

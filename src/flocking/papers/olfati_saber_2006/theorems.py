@@ -7,9 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.observables import flocks
 from flocking.model.terms.body_terms import Track
+from flocking.model.terms.schedules import Schedule
 from flocking.papers import obstacle_passages
 from flocking.papers.grounds import OBSERVED, Ground, grounded, proved, refuted
 from flocking.papers.olfati_saber_2006 import system
@@ -37,6 +39,10 @@ QUASI = 0.02
 
 EXACT = 1e-4
 """Largest error of the centre, by the first distance from the goal, that counts as agreement with its closed form."""
+
+
+ROUNDING = 1e-12
+"""Relative difference of gains that counts as none."""
 
 
 def too_little_energy(e: Evidence) -> Measure:
@@ -94,14 +100,32 @@ def quasi_lattice(e: Evidence) -> Measure:
     return Measure(measured.margin, 0.0, measured.note, everywhere=False)
 
 
+def _critical_pursuit(e: Evidence) -> tuple[Velocity, float]:
+    """The leader and the c1 of a law whose centre moves as one agent, critically damped."""
+    world, agents, terms = e.run.scenario.imperfections, e.run.scenario.agents, e.law.body_terms
+    if world or len(terms) != 1 or type(terms[0]) is not Track:
+        raise NotMeasurable(world or "the law has not one pursuit as its only body term")
+    unit = is_point_mass(agents) and np.all(np.asarray(agents.masses) == 1.0) and not np.any(np.asarray(agents.damping))
+    if not unit or not all("momentum" in t.symmetries for t in e.law.pair_terms):
+        raise NotMeasurable("forces of pairs do not cancel, or agents are no undamped unit masses")
+    track = terms[0]
+    gains = track.position_gain, track.velocity_gain
+    if track.shared or track.saturated or track.per_mass or any(np.ndim(g) or isinstance(g, Schedule) for g in gains):
+        raise NotMeasurable("the feedback is not linear with one gain for all agents")
+    c1, c2 = (float(np.asarray(g)) for g in gains)
+    if not c1 > 0.0 or abs(c2 - 2.0 * np.sqrt(c1)) > ROUNDING * c2:
+        raise NotMeasurable("the feedback is not critically damped")
+    if not isinstance(track.leader, Velocity):
+        raise NotMeasurable("the gamma-agent does not move with constant velocity")
+    return track.leader, c1
+
+
 @about(Subject.LEADER, lasting=True)
 def centre_as_predicted(e: Evidence) -> Measure:
     """The centre of mass at all frames against its closed form."""
-    (track,) = (t for t in e.law.body_terms if type(t) is Track)
-    leader, start = track.leader, e.run.scenario.start
-    if not isinstance(leader, Velocity):
-        raise NotMeasurable("the gamma-agent does not move with constant velocity")
-    expected, _ = centre_motion(e.t, start, leader, float(np.max(np.asarray(track.position_gain))))
+    leader, gain = _critical_pursuit(e)
+    start = e.run.scenario.start
+    expected, _ = centre_motion(e.t, start, leader, gain)
     centre = np.asarray(e.q, np.float64).mean(axis=1)
     scale = max(float(np.linalg.norm(expected[0] - leader.at(start.t)[0])), system.DISTANCE)
     off = float(np.linalg.norm(centre - expected, axis=1).max()) / scale
