@@ -153,7 +153,11 @@ INVARIANT = ("invariant", NOT, "OWN", "HOLDS", True, "invariant_kept", "granted"
 AGREE_LATE = ("agree-late", LATE, "OWN", "HOLDS", True, "velocities_agree", "stable_delay")
 STATED = {
     "": [*GROUP, UNCONDITIONAL, *BOUNDS],
-    "-critical": [*GROUP, UNCONDITIONAL, *BOUNDS],
+    "-critical": [
+        *GROUP,
+        ("velocities-agree-critical", HA, "OWN", "HOLDS", True, "velocities_agree", "granted"),
+        *BOUNDS,
+    ],
     "-sharp": [*GROUP, ("agree-if-held", HA, "OWN", "HOLDS", True, "velocities_agree", "held_together"), *BOUNDS],
     "-pair": [INVARIANT, ("final-distance", NOT, "OWN", "HOLDS", True, "distance_as_predicted", "held_together")],
     "-parting": [

@@ -193,7 +193,8 @@ def grounds() -> Mapping[str, Ground]:
     return {
         "energy": proved("the weights of a pair are equal both ways: the kinetic energy falls by their sum"),
         "momentum": proved("the weights of a pair are equal both ways"),
-        "velocities-agree": proved(f"{diameters}; the integral is infinite up to beta = 1/2"),
+        "velocities-agree": proved(f"{diameters}; the integral is infinite below beta = 1/2"),
+        "velocities-agree-critical": proved(f"{diameters}; the integral is infinite at beta = 1/2 too"),
         "agree-if-held": proved(diameters),
         "diameter-bound": proved(diameters),
         "exponential": proved(diameters),
@@ -246,14 +247,17 @@ def _stated(name: str) -> Sequence[Claim]:
         return _late(name, own)
     if name in (system.PAIR, system.PARTING):
         return _of_two(name, own)
-    unconditional = name != system.SHARP
-    agree = (
-        Claim("velocities-agree", f"main theorem, {cited}", "For beta <= 1/2 all velocities become the same.",
-              general.velocities_agree)
-        if unconditional else
-        Claim("agree-if-held", "Ha, Liu 2009", "If D_v(0) is below the integral of the weights from D_x(0) on, all "
-              "velocities become the same.", general.velocities_agree, held_together, origin=own)
-    )  # fmt: skip
+    if name == system.KEY:
+        agree = Claim("velocities-agree", f"main theorem, {cited}", "For beta < 1/2 all velocities become the same.",
+                      general.velocities_agree)  # fmt: skip
+    elif name == system.CRITICAL:
+        agree = Claim("velocities-agree-critical", "Ha, Liu 2009",
+                      "For beta = 1/2 too all velocities become the same, whatever the start.",
+                      general.velocities_agree, origin=own)  # fmt: skip
+    else:
+        agree = Claim("agree-if-held", "Ha, Liu 2009",
+                      "If D_v(0) is below the integral of the weights from D_x(0) on, all velocities become the same.",
+                      general.velocities_agree, held_together, origin=own)  # fmt: skip
     return (
         Claim("energy", f"the system, {cited}",
               "The kinetic energy falls by the sum of weights times squared differences.",
