@@ -97,7 +97,8 @@ class Ranks(Team):
         if not self.first:
             self.comm.Gatherv(rows, None)
             return None
-        all_rows = np.empty((sum(counts) // rows.shape[1], rows.shape[1]))
+        # The first rank has those of all.
+        all_rows = np.empty((sum(counts or ()) // rows.shape[1], rows.shape[1]))
         self.comm.Gatherv(rows, [all_rows, counts, MPI.DOUBLE])
         return all_rows
 
