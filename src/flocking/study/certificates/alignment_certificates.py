@@ -9,7 +9,7 @@ D_x(0) to D_x) does not grow.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -19,7 +19,14 @@ from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
 from flocking.model.terms.alignment import CuckerSmale
 from flocking.model.terms.pair_terms import Consensus
-from flocking.study.certificates.certificate import NOT_APPLICABLE, Certificate, Hypothesis, decided
+from flocking.study.certificates.certificate import (
+    Certificate,
+    Hypothesis,
+    decided,
+    ideal_world,
+    not_applicable,
+    until_failed,
+)
 from flocking.study.certificates.power_law_integral import PowerLaw
 from flocking.study.certificates.sources import sources
 
@@ -48,23 +55,12 @@ class Alignment:
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """What must hold, in the order of the checks; later ones assume earlier ones."""
-        found: list[Hypothesis] = []
-        for check in (self._world, self._bodies, self._terms, self._all_pairs):
-            found.append(check())
-            if not found[-1].holds:
-                break
-        return tuple(found)
+        return until_failed(partial(ideal_world, self.scenario), self._bodies, self._terms, self._all_pairs)
 
     @property
     def holds(self) -> bool:
         """Whether all hypotheses hold."""
         return all(h.holds for h in self.hypotheses)
-
-    def _world(self) -> Hypothesis:
-        world = self.scenario.imperfections
-        if not self.scenario.space.is_open:
-            world = "; ".join(x for x in (world, "space repeats") if x)
-        return Hypothesis("ideal information and control in open space", not world, world or "ideal, open")
 
     def _bodies(self) -> Hypothesis:
         body = self.scenario.agents
@@ -224,9 +220,7 @@ def alignment_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     setting = Alignment(scenario)
     source = sources()["alignment"]
     if not setting.holds:
-        failed = next(h for h in setting.hypotheses if not h.holds)
-        reason = f"{failed.statement}: {failed.found}"
-        return tuple(Certificate(key, "", source, setting.hypotheses, NOT_APPLICABLE, reason) for key in KEYS)
+        return not_applicable(KEYS, source, setting.hypotheses)
     difference, place = "largest difference of two velocities", "largest distance of two agents"
     quantity = "rate of decay of the largest difference of two velocities, on average up to any time"
     now = setting.difference

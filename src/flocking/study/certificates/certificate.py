@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from flocking.formula.intervals import Interval
+from flocking.model.law import Scenario
 
 GRANTED, REFUSED, NOT_APPLICABLE = "granted", "refused", "not applicable"
 """Outcomes of a certificate."""
@@ -165,6 +166,51 @@ class Certificates:
     def as_dict(self) -> dict[str, object]:
         """All certificates as plain values for JSON."""
         return {"scenario": self.name, "certificates": [c.as_dict() for c in self.all]}
+
+
+def until_failed(*checks: Callable[[], Hypothesis]) -> tuple[Hypothesis, ...]:
+    """Hypotheses in the order of their checks, up to the first that does not hold; later ones assume earlier ones.
+
+    Parameters
+    ----------
+    checks
+        Functions that check one hypothesis each.
+    """
+    found: list[Hypothesis] = []
+    for check in checks:
+        found.append(check())
+        if not found[-1].holds:
+            break
+    return tuple(found)
+
+
+def ideal_world(scenario: Scenario) -> Hypothesis:
+    """The hypothesis that agents know and apply everything at once, in open space.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    world = scenario.imperfections
+    if not scenario.space.is_open:
+        world = "; ".join(x for x in (world, "space repeats") if x)
+    return Hypothesis("ideal information and control in open space", not world, world or "ideal, open")
+
+
+def not_applicable(keys: Iterable[str], source: str, hypotheses: tuple[Hypothesis, ...]) -> tuple[Certificate, ...]:
+    """Certificates of a theorem that does not speak of a scenario, with the hypothesis that is not met as the reason.
+
+    Parameters
+    ----------
+    keys
+        Keys of the certificates.
+    source, hypotheses
+        As in `Certificate`; one hypothesis does not hold.
+    """
+    failed = next(h for h in hypotheses if not h.holds)
+    reason = f"{failed.statement}: {failed.found}"
+    return tuple(Certificate(key, "", source, hypotheses, NOT_APPLICABLE, reason) for key in keys)
 
 
 def decided(

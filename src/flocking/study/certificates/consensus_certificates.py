@@ -14,7 +14,7 @@ from flocking.model.graphs.connectivity import is_connected
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Scenario
 from flocking.model.terms.pair_terms import Consensus, Gradient
-from flocking.study.certificates.certificate import NOT_APPLICABLE, Certificate, Hypothesis, decided
+from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable, until_failed
 from flocking.study.certificates.laplacian_spectrum import laplacian_spectrum
 from flocking.study.certificates.sources import sources
 
@@ -48,12 +48,7 @@ class LinearConsensus:
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """What must hold, in the order of the checks; later ones assume earlier ones."""
-        found: list[Hypothesis] = []
-        for check in (self._bodies, self._graph, self._terms, self._connected):
-            found.append(check())
-            if not found[-1].holds:
-                break
-        return tuple(found)
+        return until_failed(self._bodies, self._graph, self._terms, self._connected)
 
     @property
     def holds(self) -> bool:
@@ -230,9 +225,7 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     """
     system = LinearConsensus(scenario)
     if not system.holds:
-        failed = next(h for h in system.hypotheses if not h.holds)
-        reason = f"{failed.statement}: {failed.found}"
-        return tuple(Certificate(k, "", sources()["spectrum"], system.hypotheses, NOT_APPLICABLE, reason) for k in KEYS)
+        return not_applicable(KEYS, sources()["spectrum"], system.hypotheses)
     what = "velocities" if system.only_velocities else "positions" if system.order == 1 else "positions and velocities"
     rate = system.rate()
     found = [_of(

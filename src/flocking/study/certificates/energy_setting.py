@@ -9,7 +9,7 @@ then no term is negative, and no single one ever exceeds the whole.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from flocking.model.state import State
 from flocking.model.terms.body_terms import Compensate, Track
 from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
-from flocking.study.certificates.certificate import Hypothesis
+from flocking.study.certificates.certificate import Hypothesis, ideal_world, until_failed
 from flocking.study.certificates.pair_energy import IntegratedEnergy, PairEnergy
 from flocking.study.certificates.pieces import jump
 
@@ -97,26 +97,15 @@ class EnergySetting:
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """What must hold for the energy not to grow, in the order of the checks; later ones assume earlier ones."""
-        found: list[Hypothesis] = []
-        for check in (
-            self._ideal, self._point_masses, self._known_terms, self._opposite_forces, self._known_graph,
-            self._body_terms, self._near_pairs_linked, self._finite,
-        ):  # fmt: skip
-            found.append(check())
-            if not found[-1].holds:
-                break
-        return tuple(found)
+        return until_failed(
+            partial(ideal_world, self.scenario), self._point_masses, self._known_terms, self._opposite_forces,
+            self._known_graph, self._body_terms, self._near_pairs_linked, self._finite,
+        )  # fmt: skip
 
     @property
     def holds(self) -> bool:
         """Whether all hypotheses hold."""
         return all(h.holds for h in self.hypotheses)
-
-    def _ideal(self) -> Hypothesis:
-        world = self.scenario.imperfections
-        if not self.scenario.space.is_open:
-            world = "; ".join(x for x in (world, "space repeats") if x)
-        return Hypothesis("ideal information and control in open space", not world, world or "ideal, open")
 
     def _point_masses(self) -> Hypothesis:
         body = self.scenario.agents

@@ -14,7 +14,7 @@ from flocking.model.world.information import Instant, Messages
 from flocking.model.world.losses import Bernoulli
 from flocking.model.world.noises import WhiteNoise
 from flocking.model.world.times import PER_SECOND, nanoseconds
-from flocking.study.certificates.certificate import Hypothesis
+from flocking.study.certificates.certificate import Hypothesis, until_failed
 from flocking.study.certificates.consensus_certificates import LinearConsensus
 from flocking.study.certificates.enclosed_matrices import UNIT
 from flocking.study.certificates.random_recursion import RandomRecursion
@@ -46,12 +46,7 @@ class SampledConsensus:
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """What must hold of the world, in the order of the checks; later ones assume earlier ones."""
-        found: list[Hypothesis] = []
-        for check in (self._held, self._messages, self._loss, self._memory, self._noise, self._size):
-            found.append(check())
-            if not found[-1].holds:
-                break
-        return tuple(found)
+        return until_failed(self._held, self._messages, self._loss, self._memory, self._noise, self._size)
 
     @property
     def holds(self) -> bool:
