@@ -28,6 +28,19 @@ def mean_velocity(state: State, masses: Array | float = 1.0) -> Array:
     return np.asarray(w @ state.p / w.sum())
 
 
+def diameters(points: Reals) -> Array:
+    """Largest distance of two points at each frame, shape (F,); of velocities it is their largest difference.
+
+    Parameters
+    ----------
+    points
+        Points of every frame, shape (F, N, m).
+    """
+    from scipy.spatial.distance import pdist
+
+    return np.array([float(pdist(each).max(initial=0.0)) for each in np.asarray(points, dtype=np.float64)])
+
+
 def velocity_spread(state: State) -> float:
     """Largest |p_i - mean p|."""
     return spread_of(state.p)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.arrays import Array, Reals
 from flocking.engine.runs.run import Run
+from flocking.model.observables import diameters
 from flocking.model.world.information import Delayed
 from flocking.papers.cucker_smale_2007 import system
 from flocking.papers.cucker_smale_2007.closed_forms import pair_invariant
@@ -21,17 +21,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
 
-def _largest(vectors: Reals) -> Array:
-    from scipy.spatial.distance import pdist
-
-    return np.array([float(pdist(x).max(initial=0.0)) for x in np.asarray(vectors, dtype=np.float64)])
-
-
 @in_style
 def _diameter(run: Run, *, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     bound = Alignment(run.scenario).farthest
-    axes.plot(run.t, _largest(run.q), color=BLUE, gid="curve", label="largest distance")
+    axes.plot(run.t, diameters(run.q), color=BLUE, gid="curve", label="largest distance")
     if bound is not None:
         axes.axhline(float(bound.hi), color=VERMILION, ls="--", gid="bound", label="bound before the run")
     axes.set_xlabel("$t$")
@@ -44,7 +38,7 @@ def _diameter(run: Run, *, axes: Axes | None = None) -> Axes:
 def _difference(run: Run, *, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     found = Alignment(run.scenario)
-    differences = _largest(run.p)
+    differences = diameters(run.p)
     axes.semilogy(run.t, differences, color=BLUE, gid="curve", label="largest velocity difference")
     if found.farthest is not None:
         rate = float(found.rate(float(found.farthest.hi)).lo)

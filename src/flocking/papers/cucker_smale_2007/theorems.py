@@ -9,6 +9,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
+from flocking.model.observables import diameters
 from flocking.model.terms.alignment import CuckerSmale
 from flocking.model.world.information import Delayed
 from flocking.papers.cucker_smale_2007 import system
@@ -37,12 +38,6 @@ def _alignment(scenario: Scenario) -> Alignment:
     if not found.holds or found.farthest is None:
         raise NotMeasurable("the weights do not suffice to hold this start together")
     return found
-
-
-def _velocity_differences(e: Evidence) -> np.ndarray:
-    from scipy.spatial.distance import pdist
-
-    return np.array([float(pdist(p).max(initial=0.0)) for p in np.asarray(e.p, dtype=np.float64)])
 
 
 def held_together(e: Evidence) -> Measure:
@@ -76,7 +71,7 @@ def differences_decay(e: Evidence) -> Measure:
     frames = 1 + np.flatnonzero(allowed[1:] > DOWN_TO * first)
     if not len(frames):
         raise NotResolvable("the run has no frame between the start and the end of the decay")
-    differences = _velocity_differences(e)[frames]
+    differences = diameters(e.p)[frames]
     worst = int(np.argmin((allowed[frames] - differences) / allowed[frames]))
     frame = int(frames[worst])
     accuracy = e.run.accuracy
@@ -147,7 +142,7 @@ def keeps_its_sign(e: Evidence) -> Measure:
 @about(Subject.SPREAD)
 def differences_shrink(e: Evidence) -> Measure:
     """Largest difference of velocities in the last third of the run, by that in the first third."""
-    differences, times = _velocity_differences(e), e.t - e.t[0]
+    differences, times = diameters(e.p), e.t - e.t[0]
     if not times[-1] > 0.0 or not differences[times <= times[-1] / SHARE].max() > 0.0:
         raise NotMeasurable("no velocities differ in the first third of the run")
     part = times[-1] / SHARE

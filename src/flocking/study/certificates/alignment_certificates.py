@@ -17,6 +17,7 @@ from flocking.arrays import Array
 from flocking.formula.intervals import Interval
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
+from flocking.model.observables import diameters
 from flocking.model.terms.alignment import CuckerSmale
 from flocking.model.terms.pair_terms import Consensus
 from flocking.study.certificates.certificate import (
@@ -198,13 +199,11 @@ def diameter(points: Array) -> Interval:
     points
         The points.
     """
-    from scipy.spatial.distance import pdist
-
     if not np.ptp(points, axis=0).any():
         return Interval.of(0.0)
     # Rounding of differences, squares, sums and the root stays below this many units in the last place.
     units = 4.0 + points.shape[1]
-    found = float(pdist(points).max(initial=0.0))
+    found = float(diameters(points[None])[0])
     slack = units * float(np.spacing(np.abs(points).max(initial=0.0) + found))
     return Interval.of(max(found - slack, 0.0), found + slack)
 

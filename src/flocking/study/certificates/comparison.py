@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Indices
+from flocking.arrays import Indices
 from flocking.engine.reference.control import control
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Law
+from flocking.model.observables import diameters
 from flocking.study.certificates.certificate import Certificate, Certificates
 from flocking.study.certificates.energy_setting import EnergySetting
 
@@ -114,9 +115,7 @@ def _link_lengths(run: Run, certificate: Certificate) -> tuple[float, float] | N
 
 
 def _diameter(run: Run, certificate: Certificate) -> tuple[float, float]:
-    from scipy.spatial.distance import pdist
-
-    return max(float(pdist(q).max(initial=0.0)) for q in run.q), _position_error(run)
+    return float(diameters(run.q).max()), _position_error(run)
 
 
 def _position_error(run: Run) -> float:
@@ -141,13 +140,6 @@ def _speed(run: Run, certificate: Certificate) -> tuple[float, float]:
     return float(np.linalg.norm(p, axis=2).max()), _velocity_error(run)
 
 
-def _velocity_differences(run: Run) -> Array:
-    """The largest difference of two velocities at each frame."""
-    from scipy.spatial.distance import pdist
-
-    return np.array([float(pdist(p).max(initial=0.0)) for p in np.asarray(run.p, dtype=np.float64)])
-
-
 def _velocity_error(run: Run) -> float:
     """Error of a difference of velocities at any frame; NaN where it is not known."""
     if run.accuracy is None or not len(run.accuracy.frames):
@@ -156,12 +148,12 @@ def _velocity_error(run: Run) -> float:
 
 
 def _velocity_difference(run: Run, certificate: Certificate) -> tuple[float, float]:
-    return float(_velocity_differences(run).max()), _velocity_error(run)
+    return float(diameters(run.p).max()), _velocity_error(run)
 
 
 def _alignment_rate(run: Run, certificate: Certificate) -> tuple[float, float] | None:
     """The smallest average rate of decay up to a frame, of those whose difference is well above its error."""
-    differences, error = _velocity_differences(run), _velocity_error(run)
+    differences, error = diameters(run.p), _velocity_error(run)
     first, later = differences[0], differences[1:]
     doubt = (error if np.isfinite(error) else 0.0) + ROUNDING * first
     seen = later > RESOLVED * doubt

@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.engine.runs.run import Largest
 from flocking.model.checks import Array
+from flocking.model.observables import diameters
 from flocking.model.potentials.potential import Potential
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
 from flocking.study.potentials.equilibrium import Equilibrium
@@ -63,10 +64,8 @@ class MotionEvidence(RunEvidence):
     @cached_property
     def diameter(self) -> Array:
         """Largest distance of two agents at each frame, shape (F,), of positions as they are, not of their images."""
-        from scipy.spatial.distance import pdist
-
         self.need_few()
-        return np.array([pdist(q).max(initial=0.0) for q in self.q])
+        return diameters(self.q)
 
     @cached_property
     def distance_rate(self) -> float:
