@@ -140,3 +140,16 @@ def test_every_erratum_is_refuted_by_its_example(key: str) -> None:
         assert erratum.reading, erratum.statement
         if erratum.demonstration is not None:
             assert erratum.demonstration().refutes, erratum.statement
+
+
+def test_a_decay_is_not_resolved_where_the_run_states_no_error() -> None:
+    cucker = paper("cucker-smale-2007")
+    scenario = cucker.scenario(name="cucker-smale-2007-sharp").with_(t_end=4.0, frames=41)
+    claims = [c for c in cucker.claims(scenario.name) if c.key == "exponential"]
+    exact, tiled = (
+        fk.simulate(scenario, progress=False),
+        fk.simulate(scenario, engine="tiles", step=0.01, progress=False),
+    )
+    assert audit(exact, claims)["exponential"].verdict == Verdict.HOLDS
+    assert tiled.accuracy is None
+    assert audit(tiled, claims)["exponential"].verdict == Verdict.NOT_RESOLVED

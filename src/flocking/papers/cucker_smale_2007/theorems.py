@@ -74,10 +74,17 @@ def differences_decay(e: Evidence) -> Measure:
     differences = diameters(e.p)[frames]
     worst = int(np.argmin((allowed[frames] - differences) / allowed[frames]))
     frame = int(frames[worst])
-    accuracy = e.run.accuracy
-    error = 2.0 * float(accuracy.frames[frame, 1]) if accuracy is not None and len(accuracy.frames) else 0.0
+    error = _difference_error(e, frame)
     note = f"largest difference {differences[worst]:.3g} at t = {e.t[frame]:.3g}, bound {allowed[frame]:.3g}"
     return above(float(allowed[frame]), float(differences[worst]), note, error)
+
+
+def _difference_error(e: Evidence, frame: int) -> float:
+    """Error of a difference of two velocities at a frame; NaN where the run states none."""
+    accuracy = e.run.accuracy
+    if accuracy is not None and len(accuracy.frames):
+        return 2.0 * float(accuracy.frames[frame, 1])
+    return 2.0 * e.velocity_error * float(np.sqrt(e.p.shape[2])) if e.sampled else np.nan
 
 
 def _line(e: Evidence) -> tuple[np.ndarray, np.ndarray]:
