@@ -77,7 +77,7 @@ def test_an_unreachable_start_says_so(monkeypatch):
         (lambda: fk.start.box(2, side=1, seed=0, corner=[1]), "corner must have 2 coordinates"),
         (lambda: fk.start.box(2, side=1, seed=0, corner=[np.nan, 0]), "corner must be finite"),
         (lambda: fk.start.box(2, side=1, seed=0, dimension=0), "dimension must be at least 1"),
-        (lambda: fk.start.box(2, side=1, seed=0, velocities="x"), "must be 'disc' or 'box'"),
+        (lambda: fk.start.box(2, side=1, seed=0, velocities="x"), "must be 'disc', 'box' or 'sphere'"),
         (lambda: fk.start.ball(2, radius=0, seed=0), "radius must be greater than 0"),
         (lambda: fk.start.ball(2, radius=1, dimension=0, seed=0), "dimension must be at least 1"),
         (lambda: fk.start.hexagonal(0, spacing=1, seed=0), "n must be at least 1"),

@@ -1,4 +1,4 @@
-"""The functional of a graph under a law: the weights are those of the terms that use it (Shi, Remark 3)."""
+"""The functional of a graph under a law: one number per agent, from the terms that use it (Shi, Remark 3)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Law
+from flocking.model.terms.pair_terms import AVERAGE
 
 
 def uses_functional(law: Law, number: int) -> bool:
@@ -15,10 +16,29 @@ def uses_functional(law: Law, number: int) -> bool:
     return any(getattr(t, "functional", False) and law.graph_number(t) == number for t in law.pair_terms)
 
 
+def averages(law: Law, number: int) -> bool:
+    """Whether a term over graph ``number`` of a law averages over an agent and its neighbours.
+
+    Raises
+    ------
+    InvalidInput
+        If another term uses another functional of the same graph.
+    """
+    using = [t for t in law.pair_terms if getattr(t, "functional", False) and law.graph_number(t) == number]
+    found = [getattr(t, "functional", False) == AVERAGE for t in using]
+    if any(found) and not all(found):
+        raise InvalidInput(
+            "Law", "terms", "must not average over a graph whose functional another term uses",
+            ", ".join(type(t).__name__ for t in using), "Give one of them a graph of its own, with over=.",
+        )  # fmt: skip
+    return any(found)
+
+
 def graph_functional(law: Law, number: int, links: Links) -> Array | None:
     """Values s_i of the functional of graph ``number`` of a law, or None where no term uses it.
 
-    The weights are those of the terms that use it, including gains.
+    The weights are those of the terms that use it, including gains. Terms that average have one over the number of
+    neighbours and the agent itself.
 
     Parameters
     ----------
@@ -30,11 +50,13 @@ def graph_functional(law: Law, number: int, links: Links) -> Array | None:
     Raises
     ------
     InvalidInput
-        If the graph is not strongly connected.
+        If the graph is not strongly connected, or terms use two functionals of it.
     """
     if not uses_functional(law, number):
         return None
     n = len(links)
+    if averages(law, number):
+        return 1.0 / (1.0 + np.asarray(links).sum(axis=1))
     weights = np.zeros((n, n))
     for term in law.pair_terms:
         if getattr(term, "functional", False) and law.graph_number(term) == number:

@@ -117,7 +117,7 @@ class Law:
     def beyond_neighbours(self) -> tuple[str, ...]:
         """What an agent must know that its neighbours cannot tell: empty for a distributed law."""
         needs = ["centre of mass" for t in self.body_terms if t.uses_means]
-        needs += ["graph functional" for t in self.pair_terms if getattr(t, "functional", False)]
+        needs += ["graph functional" for t in self.pair_terms if getattr(t, "functional", False) is True]
         return tuple(dict.fromkeys(needs))
 
     @property
@@ -276,6 +276,7 @@ class Scenario:
         object.__setattr__(self, "frames", checked_frames(self.frames, self.start.t, self.t_end))
         for part in (self.agents, self.information, self.control):
             part.check_count(self.start.n)
+        self.agents.check_control(self.control)
         object.__setattr__(self, "start", self._with_all_columns())
         self.law.check_count(self.start.n, self.start.dimension)
         check_space(self.space, self.law.graphs, self.law.body_terms, self.start.dimension)

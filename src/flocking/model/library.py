@@ -5,6 +5,9 @@ from flocking.model.bodies.actuators import Lagged as Lagged
 from flocking.model.bodies.actuators import Limited as Limited
 from flocking.model.bodies.body import Body as Body
 from flocking.model.bodies.body import Column as Column
+from flocking.model.bodies.discrete_bodies import DiscreteBody as DiscreteBody
+from flocking.model.bodies.discrete_bodies import Heading as Heading
+from flocking.model.bodies.discrete_bodies import Impulsive as Impulsive
 from flocking.model.bodies.disturbances import Disturbed as Disturbed
 from flocking.model.bodies.point_bodies import PointMass as PointMass
 from flocking.model.bodies.point_bodies import SingleIntegrator as SingleIntegrator
@@ -42,6 +45,7 @@ from flocking.model.space import Space as Space
 from flocking.model.state import Agents as Agents
 from flocking.model.state import State as State
 from flocking.model.terms.alignment import CuckerSmale as CuckerSmale
+from flocking.model.terms.alignment import VelocityAverage as VelocityAverage
 from flocking.model.terms.avoidance import Avoid as Avoid
 from flocking.model.terms.body_terms import BodyTerm as BodyTerm
 from flocking.model.terms.body_terms import Compensate as Compensate

@@ -17,7 +17,7 @@ from flocking.model.parts.registration import register_part
 from flocking.model.parts.values import MOST_PAIRWISE
 from flocking.model.state import State
 
-VELOCITIES = ("disc", "box")
+VELOCITIES = ("disc", "box", "sphere")
 """Distributions of velocities."""
 
 MOST_DRAWS = 100_000
@@ -59,7 +59,7 @@ def box(
     side
         Side of the box, or one side per axis.
     speed
-        Largest speed (``"disc"``) or largest component (``"box"``).
+        Largest speed (``"disc"``), largest component (``"box"``) or speed (``"sphere"``).
     seed
         Seed of the random generator; the same seed gives the same state.
     corner
@@ -68,7 +68,7 @@ def box(
         Number of axes, if ``side`` is a single number.
     velocities
         ``"disc"``: any direction and a magnitude uniform in [0, speed). ``"box"``: each component uniform in
-        [0, speed).
+        [0, speed). ``"sphere"``: any direction and the magnitude ``speed``.
     connected_under
         Graph under which the start must be connected; it is redrawn until it is.
     most_agents
@@ -112,12 +112,12 @@ def ball(
     Parameters
     ----------
     speed
-        Largest speed (``"disc"``) or largest component (``"box"``).
+        Largest speed (``"disc"``), largest component (``"box"``) or speed (``"sphere"``).
     seed
         Seed of the random generator; the same seed gives the same state.
     velocities
         ``"disc"``: any direction and a magnitude uniform in [0, speed). ``"box"``: each component uniform in
-        [0, speed).
+        [0, speed). ``"sphere"``: any direction and the magnitude ``speed``.
     connected_under
         Graph under which the start must be connected; it is redrawn until it is.
     most_agents
@@ -270,7 +270,7 @@ def _draw(
 ) -> State:
     speed = number(owner, "speed", speed, least=0.0)
     integer(owner, "seed", seed, least=0)
-    one_of(owner, "velocities", velocities, VELOCITIES, "must be 'disc' or 'box'")
+    one_of(owner, "velocities", velocities, VELOCITIES, "must be 'disc', 'box' or 'sphere'")
     _check_graph(owner, n, graph)
     stop_if_refused()
     rng = np.random.default_rng(seed)
@@ -286,6 +286,8 @@ def _draw(
         )  # fmt: skip
     if velocities == "disc":
         p = _directions(rng, n, dimension) * (speed * rng.random((n, 1)))
+    elif velocities == "sphere":
+        p = speed * _directions(rng, n, dimension)
     else:
         p = speed * rng.random((n, dimension))
     return State(q, p)

@@ -91,11 +91,12 @@ BUILT_IN = {
         Entry("tiles", "flocking.engine.tiles.engine:ENGINE", OWN_PACKAGE, 2001, 301),
         Entry("sampled", "flocking.engine.sampled.engine:ENGINE", OWN_PACKAGE, 0, 0),
         Entry("delayed", "flocking.engine.delayed.engine:ENGINE", OWN_PACKAGE, 0, 0),
+        Entry("discrete", "flocking.engine.discrete.engine:ENGINE", OWN_PACKAGE, 0, 0),
         Entry("lammps", "flocking.engine.lammps.engine:ENGINE", OWN_PACKAGE),
     )
 }
 """Engines of this library. Above 2,000 agents (300 on a page) ``"auto"`` selects the tiled one if it can run them, and
-under held control the sampled one, and with delays the delayed one."""
+under held control the sampled one, with delays the delayed one, and for bodies in discrete time the discrete one."""
 
 GENERAL = "exact"
 """The engine whose words say why none runs a scenario, where several might."""
@@ -284,8 +285,11 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
         ((least, name) for name, entry in BUILT_IN.items() if (least := smallest(entry)) is not None and least <= n),
         reverse=True,
     )
-    found = [name for _, name in ranked if not left_out(scenario, BUILT_IN[name].load().worlds)] or [GENERAL]
-    able = (name for name in found if len(found) == 1 or not BUILT_IN[name].load().why_not(scenario, plant))
+    engines = {name: BUILT_IN[name].load() for _, name in ranked}
+    moving = [name for name, each in engines.items() if each.moves(scenario.agents)]
+    found = [name for name in moving if not left_out(scenario, engines[name].worlds)]
+    found = found or (moving if scenario.agents.discrete else [GENERAL])
+    able = (name for name in found if len(found) == 1 or not engines[name].why_not(scenario, plant))
     return next(able, GENERAL if GENERAL in found else found[-1])
 
 

@@ -73,6 +73,7 @@ def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law
         As raised by the engine, and if the opened object is not a session.
     """
     engine.check_space(scenario)
+    engine.check_bodies(scenario)
     check_world(engine.name, scenario, engine.worlds)
     session = engine.open(scenario, options, plant=plant)
     if not isinstance(session, Session):

@@ -17,6 +17,7 @@ from flocking.engine.kernels.codegen import array_kernels
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.control import obstacles_met
 from flocking.model.checks import Array
+from flocking.model.graph_functional import averages
 from flocking.model.graphs.weights import HashedWeights, PairWeights, pair_uniform
 from flocking.model.law import Scenario
 from flocking.model.terms.schedules import Schedule
@@ -200,6 +201,8 @@ class Declared:
             given = _pair_values(d, v, p[k] - group.frame)
             given |= {f"A{x}": row[k] for x, row in enumerate(A)}
             given |= {f"W{x}": _weights(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
+            if averages(self.scenario.law, number):
+                given["functional"] = (1.0 / (1.0 + np.bincount(k, minlength=count)))[k]
             found, off = self._both(f"pair{number}", P, given, len(k))
             sizes = self._sizes(f"pair_sizes{number}", P, given, len(k))
             r = given["r"]

@@ -13,6 +13,7 @@ from flocking.engine.protocol.team import ONE_PROCESS, Team
 from flocking.engine.protocol.world import check_world
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError, UnsupportedLaw
+from flocking.model.bodies.body import Body
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Space
 
@@ -55,6 +56,28 @@ class Engine(ABC):
         if not isinstance(scenario.space, self.spaces):
             name = type(scenario.space).__name__
             raise UnsupportedLaw(f"The engine {self.name!r} cannot run {name} space. Use engine='exact'.")
+
+    discrete_bodies: bool = False
+    """Whether it moves bodies in discrete time, and those alone."""
+
+    def moves(self, bodies: Body) -> bool:
+        """Whether it moves bodies in the time of these, discrete or continuous."""
+        return bodies.discrete == self.discrete_bodies
+
+    def check_bodies(self, scenario: Scenario) -> None:
+        """Refuse by name bodies in a time that is not that of this engine.
+
+        Raises
+        ------
+        UnsupportedLaw
+            When they are.
+        """
+        if not self.moves(scenario.agents):
+            time = "discrete" if scenario.agents.discrete else "continuous"
+            raise UnsupportedLaw(
+                f"engine={self.name!r} does not move {type(scenario.agents).__name__} agents, which are in {time} "
+                "time. engine='auto' chooses one that does."
+            )
 
     worlds: tuple[type, ...] = ()
     """Kinds of information and control that it runs beside the ideal ones."""
@@ -116,6 +139,7 @@ class Engine(ABC):
         UnsupportedLaw, InvalidInput
             As `open` does.
         """
+        self.check_bodies(scenario)
         check_world(self.name, scenario, self.worlds)
         session = self.open(scenario, self.options())
         session.records.keep_no_frames()
@@ -129,6 +153,7 @@ class Engine(ABC):
         """Why it cannot run a scenario; empty if it can. ``plant`` is as for `check`."""
         try:
             self.check_space(scenario)
+            self.check_bodies(scenario)
             check_world(self.name, scenario, self.worlds)
             self.check(scenario, plant)
         except FlockingError as error:

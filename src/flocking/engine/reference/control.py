@@ -19,6 +19,7 @@ from flocking.model.bodies.body import Body
 from flocking.model.checks import Array, array, listed
 from flocking.model.checks import number as checked_number
 from flocking.model.energy import Energy
+from flocking.model.graph_functional import averages, graph_functional
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import MatrixWeights
@@ -197,8 +198,6 @@ def obstacles_met(
 
 
 def _functional(law: Law, number: int, pairs: tuple[Indices, Indices], n: int) -> Array | None:
-    from flocking.model.graph_functional import graph_functional
-
     links = np.zeros((n, n), dtype=bool)
     links[pairs] = True
     return graph_functional(law, number, links)
@@ -367,7 +366,8 @@ def control_of(
             weights[:, 0, 1:] = W[:, agent.index, index]
         pairs = np.zeros_like(k), k
         offsets = displacements(space, together.q, pairs)
-        _, force = _pair_forces(module, number, offsets, together.p, pairs, (P, rows, weights), None, np.zeros(m))
+        mean = np.array([1.0 / (1.0 + len(seen))]) if averages(law, number) else None
+        _, force = _pair_forces(module, number, offsets, together.p, pairs, (P, rows, weights), mean, np.zeros(m))
         check_neighbours("control_of", law, number, offsets, force, (np.full_like(index, agent.index), index))
         u += force.sum(axis=0)
     given: dict[str, Any] = {"t": t, **{f"A{k}": row[agent.index] for k, row in enumerate(A)}}

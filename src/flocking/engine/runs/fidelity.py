@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 WATCHED = ("all", "linked", "none")
 """Pairs whose closest approach is recorded: all of them, linked ones alone, or none."""
 
-LEDGER_RULES = ("tolerance", "share", "estimate", "unknown")
+LEDGER_RULES = ("tolerance", "share", "estimate", "forces", "unknown")
 """How the residual of a ledger is bounded; see `LedgerRule`."""
 
 
@@ -21,8 +21,8 @@ class LedgerRule:
     kind
         ``"tolerance"``: a relative tolerance of the energy moved, for steps whose length follows the error.
         ``"share"``: a share of the energy moved, for fixed steps, whose residual has the order of their scheme.
-        ``"estimate"``: an estimated error, for powers integrated between samples. ``"unknown"``: nothing is known of
-        it.
+        ``"estimate"``: an estimated error, for powers integrated between samples. ``"forces"``: there is no ledger,
+        since velocities jump; the forces alone are compared with the law. ``"unknown"``: nothing is known of it.
     size
         The tolerance, the share or the estimated error; NaN where it is not known.
     switch_error

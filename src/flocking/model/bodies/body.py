@@ -16,6 +16,8 @@ from flocking.model.parts.description import Group, add_group
 if TYPE_CHECKING:
     import sympy
 
+    from flocking.model.world.control import Control
+
 MOTION = ("q", "p")
 """Columns that hold the point a law sees: its position, and its velocity where a body has one."""
 
@@ -123,6 +125,9 @@ class Body(ABC):
     """Velocity damping gains k_i, one for all or one for each agent."""
     headings: Array | None = None
     """Directions that do not change, for graphs that look at them."""
+    discrete: bool = False
+    """Whether velocities are set at ticks and stay as they are between, see
+    `flocking.model.bodies.discrete_bodies.DiscreteBody`."""
 
     @property
     @abstractmethod
@@ -240,6 +245,16 @@ class Body(ABC):
     def inert(self) -> bool:
         """Whether rates are also the same for all observers who move uniformly."""
         return False
+
+    def check_control(self, control: Control) -> None:
+        """Check that agents can act when ``control`` says; most can.
+
+        Raises
+        ------
+        InvalidInput
+            When they cannot.
+        """
+        return None
 
     def check_fields(self) -> None:
         """Check masses, damping and headings, and put them in the form that engines use.

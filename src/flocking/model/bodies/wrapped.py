@@ -48,6 +48,11 @@ class WrappedBody(Body):
         owner = type(self).__name__
         if not isinstance(self.body, Body):
             raise InvalidInput(owner, "body", "must be a body, such as PointMass", self.body)
+        if self.body.discrete:
+            raise InvalidInput(
+                owner, "body", "must move continuously", type(self.body).__name__,
+                "A body that sets its velocity at ticks stands alone.",
+            )  # fmt: skip
         taken = {c.name for c in self.body.columns} & {c.name for c in self.own_columns}
         if taken:
             raise InvalidInput(

@@ -1,14 +1,16 @@
-"""Velocity alignment with weights that decrease with the distance."""
+"""Velocity alignment: weights that decrease with the distance, and the average over the neighbours."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
 
-from flocking.model.checks import number
+import numpy as np
+
+from flocking.model.checks import Array, number, scalar_or_each
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.parts.registration import register_part
-from flocking.model.terms.pair_terms import PairTerm, Value, check_graph
+from flocking.model.terms.pair_terms import AVERAGE, SYMMETRIES, PairTerm, Value, check_graph
 from flocking.model.terms.symbols import PairSymbols
 
 if TYPE_CHECKING:
@@ -67,3 +69,64 @@ class CuckerSmale(PairTerm):
     def dissipation(self, x: PairSymbols) -> sympy.Expr:
         """The weight times |p_j - p_i|^2."""
         return self.drag(x) * x.speed2
+
+
+@register_part("velocity_average")
+@dataclass(frozen=True)
+class VelocityAverage(PairTerm):
+    """Alignment with the average: gain times the mean of p_j - p_i over agent i itself and its n_i neighbours.
+
+    u_i = c/(1 + n_i) sum over neighbours of (p_j - p_i). The nearest-neighbour rule of headings set at ticks (Vicsek,
+    Czirok, Ben-Jacob, Cohen and Shochet 1995) follows with c = 1/period, see
+    `flocking.model.bodies.discrete_bodies.Heading`. Neighbours that have different numbers of neighbours act on each
+    other with different weights, so that momentum is not kept.
+
+    Parameters
+    ----------
+    gain
+        The factor c, or one per agent; not negative.
+    over
+        Graph of this term; the graph of the law by default.
+
+    Raises
+    ------
+    InvalidInput
+        If a gain is negative or not finite.
+    """
+
+    gain: float | Array = 1.0
+    over: Graph | None = field(default=None, kw_only=True)
+    functional: ClassVar[str] = AVERAGE
+
+    def __post_init__(self) -> None:
+        check_graph("VelocityAverage", self.over)
+        object.__setattr__(self, "gain", scalar_or_each("VelocityAverage", "gain", self.gain, least=0.0))
+
+    @property
+    def parameters(self) -> dict[str, Value]:
+        """The gain."""
+        return {"gain": self.gain}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The name."""
+        return ("VelocityAverage",)
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """All but momentum; agents are alike if they share one gain."""
+        return SYMMETRIES - {"momentum"} - ({"relabelling"} if np.ndim(self.gain) else set())
+
+    def drag(self, x: PairSymbols) -> sympy.Expr:
+        """c/(1 + n_i)."""
+        return x.parameter("gain") * x.functional
+
+    def dissipation(self, x: PairSymbols) -> sympy.Expr:
+        """The coefficient times |p_j - p_i|^2."""
+        return self.drag(x) * x.speed2
+
+    def supply(self, x: PairSymbols) -> sympy.Expr:
+        """Zero: all power is dissipated."""
+        import sympy
+
+        return sympy.Integer(0)

@@ -31,6 +31,9 @@ Value = float | Array | PairWeights | Schedule
 WEIGHTINGS, STORED = ("energy", "force"), ("integral", "potential")
 """Choices of `Gradient`."""
 
+AVERAGE = "average"
+"""The functional of terms that average over an agent and its neighbours: one over their number."""
+
 SYMMETRIES = frozenset({"momentum", "rotation", "relabelling", "galilean", "locality"})
 """Symmetries a pair term may declare; each has a contract test."""
 

@@ -44,6 +44,7 @@ class Purpose(IntEnum):
     JITTER = 3
     NOISE = 4
     GUST = 5
+    HEADING = 6
 
 
 def philox(counter: tuple[Words, Words, Words, Words], key: tuple[int, int]) -> tuple[Words, Words, Words, Words]:

@@ -153,14 +153,26 @@ class LedgerEvidence(LinkEvidence):
 
     @property
     def ledger_closes(self) -> bool:
-        """Whether the declared law explains the energy of the computed motion."""
+        """Whether the declared law explains the energy of the computed motion, or in discrete time its forces."""
+        if self.fidelity.ledger.kind == "forces":
+            return self.fidelity.law is not None and self.fidelity.law.checks > 0 and not self.foreign_force
         broken = self.foreign_link or self.foreign_force or self.ledger_doubt
         return self.residual <= self.ledger_bound and not broken
 
     @property
     def ledger_note(self) -> str:
         """The residual and its bound in words, or why the ledger does not close."""
+        if self.fidelity.ledger.kind == "forces":
+            return self.foreign_force or self._forces_compared
         return self.foreign_link or self.foreign_force or self.ledger_doubt or self._ledger_sizes
+
+    @property
+    def _forces_compared(self) -> str:
+        """How often forces were compared with the law, in words."""
+        law = self.fidelity.law
+        if law is None or not law.checks:
+            return "forces were never compared with the declared law"
+        return f"no ledger in discrete time; forces are those of the law in {law.checks} comparisons"
 
     @property
     def _ledger_sizes(self) -> str:

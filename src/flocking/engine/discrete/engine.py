@@ -1,0 +1,59 @@
+"""The entry of the engine for bodies in discrete time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from flocking.engine.discrete.session import DiscreteOptions, DiscreteSession
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.law import Law, Scenario
+from flocking.model.space import Open, Periodic
+from flocking.model.world.control import Held
+
+LONGEST_RUN = 2e9
+"""Longest run: its nanoseconds, and those of a period beyond it, stay within 64 bits."""
+
+
+class DiscreteEngine(Engine):
+    """Velocities set at ticks and straight motion between them: nothing is integrated numerically."""
+
+    name = "discrete"
+    summary = "bodies in discrete time, such as headings set at ticks; straight motion between"
+    options = DiscreteOptions
+    spaces = (Open, Periodic)
+    worlds = (Held,)
+    discrete_bodies = True
+
+    def check(self, scenario: Scenario, plant: Law | None = None) -> None:
+        """Refuse what this engine does not know."""
+        self.check_bodies(scenario)
+        if scenario.t_end - scenario.start.t > LONGEST_RUN:
+            raise InvalidInput(
+                "Scenario", "t_end", f"must be at most {LONGEST_RUN:g} after the start in discrete time",
+                scenario.t_end, "Times are counted in whole nanoseconds. Use another unit of time.",
+            )  # fmt: skip
+        if plant is not None:
+            raise UnsupportedLaw("engine='discrete' runs no plant: it has no ledger that would show another law.")
+        for graph in scenario.law.graphs:
+            if graph.sees_headings:
+                raise UnsupportedLaw(
+                    f"engine='discrete' links by distances; {type(graph).__name__} looks at headings that do not change."
+                )
+        if Layout(scenario.law, scenario.energy, scenario.agents, scenario.space).places:
+            raise UnsupportedLaw("engine='discrete' needs leaders whose position has a closed form.")
+
+    def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
+        """Start a session."""
+        self.check(scenario, plant)
+        return DiscreteSession(scenario)
+
+    def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
+        """The session that was packed."""
+        return DiscreteSession.unpack(packed, stored, changes)
+
+
+ENGINE = DiscreteEngine()
+"""The one entry."""

@@ -1,0 +1,159 @@
+"""The forces that the law wants of a group at a tick, and their comparison with the declared law."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.arrays import Array, Indices
+from flocking.engine.discrete.neighbours import Neighbours
+from flocking.engine.fixed_step.declared_law import Declared, Group, LinkedPairs
+from flocking.engine.fixed_step.law_gaps import LawGaps
+from flocking.engine.kernels.codegen import compiled_kernels
+from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.obstacle_distances import ObstacleDistances
+from flocking.engine.kernels.pieces import free_pieces
+from flocking.errors import LawNotObeyed
+from flocking.model.graph_functional import averages, graph_functional, uses_functional
+from flocking.model.law import Scenario
+
+CHECKED = 64
+"""Number of agents whose forces are compared with the declared law at a tick that is checked."""
+
+SPREAD = 0.6180339887498949
+"""Golden section: successive checks begin at evenly spread agents."""
+
+UNIT = float(np.finfo(np.float64).eps)
+"""Rounding unit of the state."""
+
+EDGE = 64.0
+"""Pairs within this number of rounding units of a radius may be linked or not."""
+
+
+Judged = tuple[Indices, list[LinkedPairs]]
+"""Agents whose forces are compared with the law, and their linked pairs under each graph."""
+
+
+class DiscreteLaw:
+    """The law of a scenario on the present state.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario, self.law = scenario, scenario.law
+        self.n, self.m = scenario.start.q.shape
+        self.layout = Layout(self.law, scenario.energy, scenario.agents, scenario.space)
+        self._kernels = LawKernels(compiled_kernels(self.layout, self.m), 2)
+        self._obstacles = ObstacleDistances(self.law)
+        self._schedule = sorted(
+            {s for term in self.law.body_terms for s in term.switch_times(scenario.start.t, np.inf)}
+        )
+        self._rates = np.empty(3)
+        self._declared: Declared | None = None
+        self._take_parameters(scenario.start.t)
+
+    def _take_parameters(self, t: float) -> None:
+        """Take the gains that are in force at the scenario's time ``t``."""
+        self._since = max((s for s in self._schedule if s <= t), default=self.scenario.start.t)
+        self._slots = Slots(*self.layout.values(self.scenario.agents, self.n, self._since))
+
+    def forces(self, t: float, q: Array, p: Array, neighbours: list[Neighbours]) -> Array:
+        """Forces that the law wants of all agents, shape (N, m).
+
+        Parameters
+        ----------
+        t
+            The scenario's time.
+        q, p
+            Positions and velocities, shape (N, m).
+        neighbours
+            Linked pairs of each graph.
+
+        Raises
+        ------
+        InvalidInput
+            When a functional of a graph does not exist for its links.
+        """
+        if any(self._since < s <= t for s in self._schedule):
+            self._take_parameters(t)
+        found = [each.pairs for each in neighbours]
+        for level in self._obstacles.levels:
+            if level.kind == "obstacle":
+                i, o = np.nonzero(self._obstacles.within(level, q, t))
+                found.append((i.astype(np.int64), o.astype(np.int64)))
+        offsets = np.cumsum([0, *(len(i) for i, _ in found)])
+        senders, sensed = (np.concatenate([pair[k] for pair in found]) for k in (0, 1))
+        pairs = Pairs(senders, sensed, offsets, *free_pieces(len(senders)))
+        u = np.zeros((self.n, self.m))
+        self._kernels.control(t, q, p, pairs, self._slots, self._functionals(neighbours), u, self._rates)
+        return u
+
+    def _functionals(self, neighbours: list[Neighbours]) -> Array:
+        """Functionals of the graphs, shape (graphs, N)."""
+        found = np.ones((len(neighbours), self.n))
+        for number, each in enumerate(neighbours):
+            if not uses_functional(self.law, number):
+                continue
+            if averages(self.law, number):
+                found[number] = 1.0 / (1.0 + np.bincount(each.pairs[0], minlength=self.n))
+            else:
+                found[number] = graph_functional(self.law, number, each.matrix(each.pairs))
+        return found
+
+    def judged(self, step: int, neighbours: list[Neighbours], q: Array) -> Judged | None:
+        """Agents whose forces are to be compared, and their links by distances from all agents; None for no law.
+
+        Parameters
+        ----------
+        step
+            Number of the tick, which chooses the agents.
+        neighbours
+            Linked pairs of each graph before agents came to ``q``, shape (N, m).
+        """
+        if any(uses_functional(self.law, k) and not averages(self.law, k) for k in range(len(neighbours))):
+            return None
+        count = min(CHECKED, self.n)
+        first = int(step * SPREAD * self.n) % self.n
+        agents: Indices = np.unique((first + np.arange(count) * self.n // count) % self.n).astype(np.int64)
+        return agents, [each.seen_by(agents, q, EDGE * UNIT) for each in neighbours]
+
+    def compare(self, judged: Judged, t: float, state: tuple[Array, Array], u: Array, gaps: LawGaps) -> None:
+        """Compare forces of some agents with those of the declared law.
+
+        Parameters
+        ----------
+        judged
+            The agents and their links, see `judged`.
+        t, state
+            The scenario's time; positions and velocities, shape (N, m) each.
+        u
+            The forces to compare, shape (N, m).
+        gaps
+            Takes the largest difference.
+
+        Raises
+        ------
+        LawNotObeyed
+            When they are not those of the law.
+        """
+        if self._declared is None:
+            self._declared = Declared(self.scenario, UNIT)
+        (q, p), (agents, pairs) = state, judged
+        masses = np.broadcast_to(np.asarray(self.scenario.agents.masses, dtype=np.float64), self.n)
+        means = [masses @ x / masses.sum() for x in (q, p)]
+        group = Group(q, p, np.arange(self.n), t, self._since, np.zeros(self.m), means[0], means[1])
+        declared = self._declared.state(group, agents, pairs)
+        damping = np.broadcast_to(np.asarray(self.scenario.agents.damping, dtype=np.float64), self.n)
+        wrong = gaps.compare_forces(declared, u[agents] - damping[agents, None] * p[agents], np.zeros(len(agents)))
+        gaps.checks += 1
+        if wrong is not None:
+            raise LawNotObeyed(
+                f"The computed forces are not those of the declared law: the error is {100 * gaps.gap:.3g} % of the "
+                f"terms, and rounding explains {100 * gaps.allowed:.2g} %. This is an error of the engine; report "
+                "the law.",
+                time=t, agents=(int(agents[wrong]),),
+            )  # fmt: skip

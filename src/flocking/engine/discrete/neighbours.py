@@ -1,0 +1,165 @@
+"""Linked pairs of one graph at the ticks of agents, found with a k-d tree where links follow distances."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.arrays import Array, Indices, Links, Mask
+from flocking.errors import InvalidInput
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.space import Space
+
+MOST_DENSE = 3000
+"""Largest group of a graph whose links do not follow two distances: a matrix of all pairs is kept for it."""
+
+WIDER = 1.0 + 1e-9
+"""Share of the radius within which pairs are looked at, so that the tree's own rounding misses none."""
+
+
+class Neighbours:
+    """Linked pairs of one graph.
+
+    Parameters
+    ----------
+    graph, space
+        The graph, and the space.
+    q
+        Positions at the start, shape (N, m).
+    given
+        Links at the start, shape (N, N), where they are given.
+
+    Attributes
+    ----------
+    pairs
+        Sensing and sensed agents of the linked pairs, sorted.
+
+    Raises
+    ------
+    InvalidInput
+        When a group is too large for a graph that needs all pairs.
+    """
+
+    def __init__(self, graph: Graph, space: Space, q: Array, given: Links | None = None) -> None:
+        self.graph, self.space, self.n = graph, space, len(q)
+        self._sparse = graph.moves and graph.follows_radii and bool(np.isfinite(np.max(graph.break_radius)))
+        if not self._sparse and self.n > MOST_DENSE:
+            raise InvalidInput(
+                "start", "engine", f"must be another one for more than {MOST_DENSE} agents of {type(graph).__name__}",
+                f"'discrete' for {self.n}", "It keeps a matrix of all pairs for this graph.",
+            )  # fmt: skip
+        self._enter, self._leave = (
+            np.broadcast_to(np.asarray(x, dtype=np.float64), self.n) for x in (graph.appear_radius, graph.break_radius)
+        )
+        self._remembers = bool((self._enter != self._leave).any())
+        if given is not None:
+            self.pairs = _of_matrix(given)
+        elif self._sparse:
+            i, j, r = self.near(q)
+            level = self._leave[i]
+            linked = r < level if np.ndim(graph.break_radius) else np.asarray(graph.among(r), dtype=bool)
+            self.pairs = i[linked], j[linked]
+        else:
+            self.pairs = _of_matrix(graph.links_in(space, q))
+
+    def near(self, q: Array) -> tuple[Indices, Indices, Array]:
+        """Ordered pairs within the largest radius, sorted, and their distances.
+
+        Parameters
+        ----------
+        q
+            Positions, shape (N, m).
+        """
+        from scipy.spatial import cKDTree
+
+        reach = float(self._leave.max()) * WIDER
+        points, lengths = self._in_a_box(q, reach)
+        found = cKDTree(points, boxsize=lengths).query_pairs(reach, output_type="ndarray").astype(np.int64)
+        a, b = found[:, 0], found[:, 1]
+        d = self.space.displacement(q[b] - q[a])
+        r = np.sqrt((d**2).sum(axis=1))
+        i, j, r = np.concatenate([a, b]), np.concatenate([b, a]), np.concatenate([r, r])
+        order = np.argsort(i * self.n + j)
+        return i[order], j[order], r[order]
+
+    def _in_a_box(self, q: Array, reach: float) -> tuple[Array, Array | None]:
+        """Positions and lengths of a box that repeats as the tree wants them; axes without end get a wide one."""
+        if self.space.is_open:
+            return q, None
+        points = self.space.wrapped(q)
+        lengths = np.array(self.space.lengths)
+        for axis in np.flatnonzero(~np.isfinite(lengths)):
+            points[:, axis] -= points[:, axis].min()
+            lengths[axis] = points[:, axis].max() + 2.0 * reach + 1.0
+        return points, lengths
+
+    def after(self, q: Array) -> tuple[Indices, Indices]:
+        """Linked pairs after agents that had the links of `pairs` moved to ``q``, shape (N, m)."""
+        if not self.graph.moves:
+            return self.pairs
+        if not self._sparse:
+            return _of_matrix(self.graph.update(q, self.matrix(self.pairs), self.space))
+        i, j, r = self.near(q)
+        linked = r < self._enter[i]
+        if self._remembers:
+            linked |= self.remembered(i, j) & (r < self._leave[i])
+        return i[linked], j[linked]
+
+    def remembered(self, i: Indices, j: Indices) -> Mask:
+        """Which of the ordered pairs (i, j) are among `pairs`."""
+        known = self.pairs[0] * self.n + self.pairs[1]
+        asked = i * self.n + j
+        place = np.minimum(np.searchsorted(known, asked), max(len(known) - 1, 0))
+        return np.asarray(known[place] == asked) if len(known) else np.zeros(len(asked), dtype=bool)
+
+    def move(self, q: Array) -> None:
+        """Let agents be at ``q``, shape (N, m), from now on."""
+        self.pairs = self.after(q)
+
+    def matrix(self, pairs: tuple[Indices, Indices]) -> Links:
+        """Pairs as a link matrix, shape (N, N)."""
+        found = np.zeros((self.n, self.n), dtype=bool)
+        found[pairs] = True
+        return found
+
+    def seen_by(self, agents: Indices, q: Array, slack: float) -> tuple[Indices, Indices, Mask]:
+        """Links of some agents by a comparison with all others, for a check of the tree.
+
+        Parameters
+        ----------
+        agents
+            The agents.
+        q
+            Positions, shape (N, m).
+        slack
+            Relative difference of a distance from a radius within which a link is uncertain.
+
+        Returns
+        -------
+        tuple of arrays
+            Places in ``agents``, the agents sensed, and whether the link is certain.
+        """
+        if not self.graph.moves:
+            place = np.flatnonzero(np.isin(self.pairs[0], agents))
+            k = np.searchsorted(agents, self.pairs[0][place])
+            return k, self.pairs[1][place], np.ones(len(k), dtype=bool)
+        if not self._sparse:
+            links = self.graph.update(q, self.matrix(self.pairs), self.space)[agents]
+            k, j = np.nonzero(links)
+            return k, j, np.ones(len(k), dtype=bool)
+        offsets = self.space.displacement(q[None, :, :] - q[agents][:, None, :])
+        r = np.sqrt((offsets**2).sum(axis=2))
+        r[np.arange(len(agents)), agents] = np.inf
+        enter, leave = self._enter[agents][:, None], self._leave[agents][:, None]
+        k, j = np.nonzero(r < leave * (1.0 + slack))
+        r, enter, leave = r[k, j], enter[k, 0], leave[k, 0]
+        linked = (r < enter * (1.0 + slack)) | self.remembered(agents[k], j)
+        certain = (np.abs(r - enter) > slack * enter) & (np.abs(r - leave) > slack * leave)
+        return k[linked], j[linked], certain[linked]
+
+
+def _of_matrix(links: Links) -> tuple[Indices, Indices]:
+    i, j = np.nonzero(links)
+    return i.astype(np.int64), j.astype(np.int64)
+
+
+

@@ -1,0 +1,223 @@
+"""A running simulation in discrete time: velocities change at ticks, and motion between them is straight."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.arrays import Array, Links
+from flocking.engine import interruption
+from flocking.engine.discrete.checkpoint import DiscreteMemory, packed_memory, unpacked_memory
+from flocking.engine.discrete.law_in_force import DiscreteLaw
+from flocking.engine.discrete.neighbours import Neighbours
+from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
+from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.runs.fidelity import Fidelity, LedgerRule
+from flocking.engine.runs.recorder import MOST_LINKED, Recorder
+from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
+from flocking.model.bodies.discrete_bodies import DiscreteBody
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+from flocking.model.world.control import Held
+from flocking.model.world.times import NANOSECOND
+
+
+@dataclass(frozen=True)
+class DiscreteOptions:
+    """Options of the engine: there are none."""
+
+
+class DiscreteSession(Session):
+    """Agents that set their velocity at ticks.
+
+    At an instant at which agents tick, in this order: velocities set a period before are taken (``update="backward"``),
+    frames that are due show the state, links follow the positions, and the agents that tick compute their force on the
+    present state and set their velocity. Agents that tick at one instant act on the same state.
+
+    Parameters
+    ----------
+    scenario
+        What is simulated; its bodies are in discrete time, its control is held.
+
+    Attributes
+    ----------
+    memory
+        What the session goes on from.
+    neighbours
+        Linked pairs of each graph at the last instant.
+    """
+
+    engine = "discrete"
+    saves_when_interrupted = True
+
+    def __init__(self, scenario: Scenario) -> None:
+        assert isinstance(scenario.control, Held) and isinstance(scenario.agents, DiscreteBody)
+        self.scenario, self.plant, self.options = scenario, None, DiscreteOptions()
+        self._body: DiscreteBody = scenario.agents
+        start = scenario.start
+        self.n, self.m = start.q.shape
+        self._base = start.t
+        self.time, self.steps = start.t, 0
+        self.records = Recorder(scenario)
+        self._ticks = scenario.control.schedule(self.n)
+        self._period = self._ticks.period * NANOSECOND
+        self._law = DiscreteLaw(scenario)
+        self.law_gaps = LawGaps()
+        self.memory = DiscreteMemory(
+            np.array(start.q, dtype=np.float64), np.array(start.p, dtype=np.float64),
+            np.zeros((self.n, self.m)), np.zeros(self.n, dtype=np.int64),
+        )  # fmt: skip
+        graphs = scenario.law.graphs
+        self.neighbours = [
+            Neighbours(graph, scenario.space, start.q, start.links if k == 0 else None)
+            for k, graph in enumerate(graphs)
+        ]
+        self._record_frames(0)
+
+    # Times, in nanoseconds from the start.
+
+    def _instant(self, t: float) -> int:
+        return round((t - self._base) / NANOSECOND)
+
+    def _next_ticks(self) -> Array:
+        return self._ticks.at(np.arange(self.n), self.memory.ticked)
+
+    def _positions(self, t: float) -> Array:
+        """Positions at a time of the scenario, from the last instant on, shape (N, m)."""
+        memory = self.memory
+        since = 0.0 if self._instant(t) == memory.instant else (t - self._base) - memory.instant * NANOSECOND
+        return np.asarray(memory.q + since * memory.p)
+
+    def advance(self, to: float, seconds: float = math.inf) -> None:
+        """Go on until time ``to``, or for ``seconds`` of wall time."""
+        if not to >= self.time:
+            raise InvalidInput("DiscreteSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        stop, end = clock.monotonic() + seconds, self._instant(to)
+        try:
+            while True:
+                interruption.check()
+                ticks = self._next_ticks()
+                at = int(ticks.min())
+                if at > end:
+                    break
+                self._record_frames(at - 1)
+                self._come_to(at)
+                self._record_frames(at)
+                if at >= end:
+                    break
+                self._tick(ticks == at)
+                if clock.monotonic() >= stop:
+                    return
+            self._record_frames(end)
+            self.time = to
+        except SimulationError as error:
+            error.run = self.run(str(error))
+            raise
+
+    def _come_to(self, at: int) -> None:
+        """Move all agents to an instant, and let those that tick at it take the velocities they set before."""
+        memory = self.memory
+        if memory.instant < at:
+            memory.q = memory.q + ((at - memory.instant) * NANOSECOND) * memory.p
+            memory.instant, memory.taken = at, False
+            self.time = self._base + at * NANOSECOND
+        if not memory.taken and self._body.update == "backward":
+            taking = (self._next_ticks() == at) & (memory.ticked > 0)
+            memory.p = np.where(taking[:, None], memory.waiting, memory.p)
+        memory.taken = True
+
+    def _tick(self, ticking: Links) -> None:
+        """Let agents set their velocity at the present instant."""
+        memory, t = self.memory, self.time
+        agents = np.flatnonzero(ticking)
+        step, state = self.steps + 1, (memory.q, memory.p)
+        judged = self._law.judged(step, self.neighbours, memory.q) if is_due(step) else None
+        if memory.instant:
+            # At the start links are those that a start has, which may differ at the radius itself.
+            for each in self.neighbours:
+                each.move(memory.q)
+        u = self._law.forces(t, *state, self.neighbours)
+        if judged is not None:
+            self._law.compare(judged, t, state, u, self.law_gaps)
+        found = self._body.updated(memory.p[agents], u[agents], self._period[agents], agents, memory.ticked[agents])
+        for values, what in ((u[agents], "A force"), (found, "A velocity")):
+            bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+            if bad.size:
+                raise NotFinite(f"{what} is infinite or NaN.", time=t, agents=(int(agents[bad[0]]),))
+        if self._body.update == "backward":
+            memory.waiting[agents] = found
+        else:
+            memory.p = memory.p.copy()
+            memory.p[agents] = found
+        memory.ticked[agents] += 1
+        self.steps += 1
+
+    def _record_frames(self, until: int) -> None:
+        """Frames that are due until an instant, that instant included."""
+        records = self.records
+        while records.count < len(records.frame_times):
+            t = float(records.frame_times[records.count])
+            if self._instant(t) > until:
+                return
+            q = self._positions(t)
+            records.frame(t, q, self.memory.p, self._links(q) if records.with_links else None)
+
+    def _links(self, q: Array) -> Links:
+        """Links of the law's graph with agents at ``q``, shape (N, m), from those of the last instant."""
+        first = self.neighbours[0]
+        return first.matrix(first.after(q))
+
+    # What others ask.
+
+    @property
+    def state(self) -> State:
+        """State at the session's time; with links of up to 2,000 agents."""
+        q = self._positions(self.time)
+        return State(q, self.memory.p.copy(), self.time, self._links(q) if self.n <= MOST_LINKED else None)
+
+    def accelerations(self) -> Array:
+        """Zeros, shape (N, m): velocities change at ticks alone."""
+        return np.zeros((self.n, self.m))
+
+    @property
+    def about(self) -> dict[str, object]:
+        """Provenance of the run, with what is not ideal and how forces were compared with the law."""
+        return super().about | {"world": self.scenario.imperfections} | self.law_gaps.about
+
+    @property
+    def fidelity(self) -> Fidelity:
+        """There is no ledger: forces of some agents are compared with the declared law at some ticks."""
+        return Fidelity(self.engine, ledger=LedgerRule("forces"), law=self.law_gaps.agreement)
+
+    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
+        """Not possible yet.
+
+        Raises
+        ------
+        UnsupportedLaw
+            Always.
+        """
+        raise UnsupportedLaw(
+            "engine='discrete' replaces neither law nor state while a run goes on. Start another run from "
+            "run.state(-1)."
+        )
+
+    def pack(self) -> Packed:
+        """All that another session needs to go on bit for bit, but its scenario and its records."""
+        return packed_memory(self.memory, self.time, self.steps, [x.pairs for x in self.neighbours], self.law_gaps)
+
+    @classmethod
+    def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> DiscreteSession:
+        """The session that was packed."""
+        session = cls(stored.scenario)
+        read = unpacked_memory(session.memory, packed, stored.scenario)
+        session.time, session.steps, session.law_gaps = read.time, read.steps, read.gaps
+        for each, pairs in zip(session.neighbours, read.pairs, strict=True):
+            each.pairs = pairs
+        session.records = Recorder(stored.scenario)
+        session.records.recall(stored.counts, stored.read)
+        return session
