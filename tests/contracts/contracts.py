@@ -157,6 +157,9 @@ def _pair(term: fk.PairTerm, case: Case, i: int, j: int, q: np.ndarray, p: np.nd
     if isinstance(term, fk.Gradient):
         r = float(np.linalg.norm(q[j] - q[i]))
         return float(term.potential.slope(r)) * (q[j] - q[i]) / r
+    if isinstance(term, fk.VelocityAverage):
+        count = case.links[case.law.graph_number(term)][i].sum()
+        return np.broadcast_to(term.gain, len(q))[i] / (1 + count) * (p[j] - p[i])
     if isinstance(term, fk.CuckerSmale):
         return term.gain / (term.scale**2 + ((q[j] - q[i]) ** 2).sum()) ** term.exponent * (p[j] - p[i])
     weight = 1.0 if term.weights is None else term.weights.matrix(len(q))[i, j]

@@ -197,6 +197,7 @@ STRUCTURES: dict[str, Structure] = {
     "alignment of all pairs": Structure(
         _law(lambda d: fk.Complete(), Draw.tanner, lambda d: fk.CuckerSmale(d.one(), d.one(), d.one()))
     ),
+    "averages": Structure(_law(Draw.hysteresis, Draw.zhou, lambda d: fk.VelocityAverage(d.each()))),
     "alignment over a graph": Structure(
         _law(Draw.hysteresis, Draw.zhou, lambda d: fk.CuckerSmale(d.one(), d.one(), over=fk.Complete()))
     ),

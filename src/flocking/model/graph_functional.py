@@ -56,7 +56,7 @@ def graph_functional(law: Law, number: int, links: Links) -> Array | None:
         return None
     n = len(links)
     if averages(law, number):
-        return 1.0 / (1.0 + np.asarray(links).sum(axis=1))
+        return np.asarray(1.0 / (1.0 + np.asarray(links).sum(axis=1)), dtype=np.float64)
     weights = np.zeros((n, n))
     for term in law.pair_terms:
         if getattr(term, "functional", False) and law.graph_number(term) == number:

@@ -27,6 +27,8 @@ def scenario(n: int = 4, law: fk.Law = LAW, **parts: object) -> fk.Scenario:
         (scenario(control=fk.Held(0.1), information=fk.Messages(0.1)), "sampled"),
         (scenario(information=fk.Delayed(0.1)), "delayed"),
         (scenario(information=fk.Delayed(0.0)), "exact"),
+        (scenario(control=fk.Held(0.1), agents=fk.Impulsive()), "discrete"),
+        (scenario(3000, control=fk.Held(0.1), agents=fk.Impulsive()), "discrete"),
     ],
 )
 def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: str) -> None:
@@ -40,6 +42,14 @@ def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: st
         (scenario(control=fk.Held(0.1), information=fk.Delayed(0.1)), "engine='exact' does not run"),
         (scenario(3000, control=fk.Held(0.1)), "'sampled' for 3000"),
         (scenario(3000, information=fk.Delayed(0.1)), "'delayed' for 3000"),
+        (
+            scenario(control=fk.Held(0.1), agents=fk.Impulsive(), information=fk.Messages(0.1)),
+            "engine='discrete' does not run information=Messages",
+        ),
+        (
+            scenario(3001, fk.Law(fk.Complete(), [fk.Consensus(1.0)]), control=fk.Held(0.1), agents=fk.Impulsive()),
+            "another one for more than 3000 agents of Complete",
+        ),
         (scenario(20001, fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)])), "must be 'tiles' for more than 20000"),
     ],
 )

@@ -100,6 +100,7 @@ HARD, SMOOTH = fk.Proximity(RADIUS), fk.Smooth(RADIUS, ONSET)
 PSI = fk.Potential("k*(r - d)**2 + b/r", k=0.8, d=1.2, b=0.3)
 C1, C2 = np.array([0.3, 1.0, 0.0, 0.6]), np.array([0.5, 0.0, 1.0, 2.0])
 SINK = np.array([1.0, -0.5])
+NUMBERS = (np.linalg.norm(Q[:, None] - Q, axis=-1) < RADIUS).sum(axis=1) - 1
 FUNCTIONAL = left_eigenvector(UNEVEN * (np.linalg.norm(Q[:, None] - Q, axis=-1) < RADIUS))
 
 CASES = {
@@ -114,6 +115,8 @@ CASES = {
                               lost_by_links(lambda i, j, r: FUNCTIONAL[i] * UNEVEN[i, j])),
     "Consensus, weighted": (SMOOTH, fk.Consensus(1.4, weighted=True), no_energy,
                             lost_by_links(lambda i, j, r: 1.4 * bump(r))),
+    "VelocityAverage": (HARD, fk.VelocityAverage(1.4), no_energy,
+                        lost_by_links(lambda i, j, r: 1.4 / (1.0 + NUMBERS[i]))),
     "CuckerSmale": (HARD, fk.CuckerSmale(1.4, 0.7, 0.6), no_energy,
                     lost_by_links(lambda i, j, r: 1.4 / (0.36 + r * r) ** 0.7)),
     "Track": (HARD, fk.Track(LEADER, C1, C2), stored_by_agents(C1), lost_by_agents(C2)),
@@ -145,7 +148,8 @@ def printed(law, energy, order):
     senders, sensed = (np.concatenate([x[k] for x in lists]) for k in (0, 1))
     offsets = np.cumsum([0, *(len(x[0]) for x in lists)])
     p = P if order == 2 else np.zeros_like(P)
-    rest = (senders, sensed, offsets, *free_pieces(len(senders)), *slots, FUNCTIONAL[None])
+    functional = 1.0 / (1.0 + NUMBERS) if isinstance(law.terms[0], fk.VelocityAverage) else FUNCTIONAL
+    rest = (senders, sensed, offsets, *free_pieces(len(senders)), *slots, functional[None])
     u, rates = np.zeros((N, 2)), np.zeros(3)
     module.control.py_func(T, Q, p, *rest, u, rates)
     return module.energies.py_func(T, Q, p, *rest), u, rates

@@ -58,6 +58,12 @@ def scenario(engine: str) -> fk.Scenario:
         )  # fmt: skip
     if engine == "delayed":
         return scenario("sampled").with_(control=fk.Continuous(), information=fk.Delayed(0.06))
+    if engine == "discrete":
+        return fk.Scenario(
+            fk.Law(fk.Hysteresis(4.0, 0.3), [fk.Gradient(fk.Potential("(r - 3)^2")), fk.Consensus(1.0)]),
+            fk.start.hexagonal(8, spacing=3.6, noise=0.2, speed=4.0, seed=29), t_end=0.5, frames=6,
+            agents=fk.Impulsive(damping=0.5, speed=8.0), control=fk.Held(np.linspace(0.02, 0.03, 8)),
+        )  # fmt: skip
     begin = fk.start.hexagonal(8, spacing=3.6, noise=0.2, speed=1.0, seed=5)
     return fk.Scenario(zhou(), begin, t_end=0.5, frames=6)
 
@@ -66,7 +72,7 @@ def scenario(engine: str) -> fk.Scenario:
 def records(engine: str) -> fk.Run:
     """What that group had recorded by then."""
     session = fk.start(scenario(engine))
-    if engine in ("sampled", "delayed"):
+    if engine in ("sampled", "delayed", "discrete"):
         session.advance(0.25)
     return session.run("unfinished")
 

@@ -66,7 +66,7 @@ def refused(data: bytes, engine: str) -> str:
     return message
 
 
-@pytest.mark.parametrize("engine", ["exact", "sampled", "delayed", "tiles", "lammps"])
+@pytest.mark.parametrize("engine", ["exact", "sampled", "delayed", "discrete", "tiles", "lammps"])
 def test_an_untouched_checkpoint_is_one(engine: str) -> None:
     assert gone_on(checkpoint(engine), engine)
     assert gone_on(written(*contents(checkpoint(engine))), engine)
@@ -267,6 +267,39 @@ def test_wrong_numbers_of_the_sampled_engine(key: str, value: object, said: str)
         gone_on(written({**numbers, key: value}, arrays), "sampled")
 
 
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("q", lambda x: x * np.nan, "q must hold finite numbers"),
+        ("p", lambda x: x[:-1], "p must have the shape"),
+        ("waiting", lambda x: x.astype("f4"), "waiting must be of type float64"),
+        ("ticked", lambda x: x + 1, "ticked must be as often as the clocks say"),
+        ("ticked", lambda x: x - 2, "ticked must be as often as the clocks say"),
+        ("pairs0", lambda x: x[:, ::-1].copy(), "pairs0 must be sorted pairs"),
+        ("pairs0", lambda x: x[:, :-1].copy(), "pairs0 must be links of a Hysteresis graph"),
+        ("pairs0", lambda x: x + 8, "pairs0 must not hold values above 7"),
+    ],
+)
+def test_wrong_arrays_of_the_discrete_engine(name: str, change: Any, said: str) -> None:
+    numbers, arrays = contents(checkpoint("discrete"))
+    with pytest.raises(StorageError, match=said):
+        gone_on(written(numbers, {**arrays, name: change(arrays[name])}), "discrete")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("time", 0.4, "time must fit the clocks"), ("time", 0.1, "time must fit the clocks"),
+        ("instant", 10**8, "ticked must be as often"), ("taken", 1, "taken must be True or False"),
+        ("steps", -1, "steps must lie between"), ("worst", float("nan"), "worst must be finite"),
+    ],
+)  # fmt: skip
+def test_wrong_numbers_of_the_discrete_engine(key: str, value: object, said: str) -> None:
+    numbers, arrays = contents(checkpoint("discrete"))
+    with pytest.raises(StorageError, match=said):
+        gone_on(written({**numbers, key: value}, arrays), "discrete")
+
+
 def test_wrong_lists_of_the_tiled_engine() -> None:
     numbers, arrays = contents(checkpoint("tiles"))
     named = {
@@ -300,7 +333,7 @@ def test_another_runs_restart_of_lammps() -> None:
     assert unpacked(changed, arrays, scenario("lammps"))[1].keep_log is None
 
 
-@pytest.mark.parametrize("engine", ["exact", "sampled", "delayed", "tiles", "lammps"])
+@pytest.mark.parametrize("engine", ["exact", "sampled", "delayed", "discrete", "tiles", "lammps"])
 @pytest.mark.parametrize("cases", [24, pytest.param(170, marks=pytest.mark.slow)])
 def test_crafted_checkpoints(engine: str, cases: int) -> None:
     """Whatever is changed, going on works or is refused in one sentence; nothing else ever happens."""

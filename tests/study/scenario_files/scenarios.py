@@ -92,6 +92,13 @@ SCENARIOS = {
             fk.Lagged(fk.Disturbed(fk.PointMass(), 0.1, 0.05, seed=3), np.linspace(0.1, 0.2, 5)), force=2.0, rate=1 / 3
         )
     ),
+    "headings set at ticks": scenario(
+        terms=(fk.VelocityAverage(np.arange(5) / 3),),
+        control=fk.Held(0.1),
+        start=fk.State(START.q, np.full(START.q.shape, 0.5**0.5)),
+        agents=fk.Heading(1.0, noise=np.arange(5) / 7, seed=3),
+    ),
+    "impulses": scenario(agents=fk.Impulsive(speed=np.arange(1, 6) / 3, update="forward"), control=fk.Held(0.1)),
     "unicycles": scenario(agents=fk.Unicycle(0.1)),
     "single integrators": scenario(agents=fk.SingleIntegrator(headings=np.arange(5) * 0.1)),
     "energy": scenario(energy=fk.Energy("centre of mass", unlinked=0.1, name='J "tilde" \\')),

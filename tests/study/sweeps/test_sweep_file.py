@@ -108,7 +108,7 @@ nam: is not known here. Did you mean 'name'?
 seeds: must be at least 1; got 0
 seed: must be from 0 to 9223372036854775807; got -1
 audit: must be true or false; got 'yes'
-engine: must be 'auto', 'exact', 'tiles', 'sampled', 'delayed' or 'lammps'; got 'warp'
+engine: must be 'auto', 'exact', 'tiles', 'sampled', 'delayed', 'discrete' or 'lammps'; got 'warp'
 measures[3]: must be text in quotes; got 3
 options.side: must not be fixed and vary at once
 options.lenght: is no option of this family

@@ -40,7 +40,7 @@ class DiscreteEngine(Engine):
         for graph in scenario.law.graphs:
             if graph.sees_headings:
                 raise UnsupportedLaw(
-                    f"engine='discrete' links by distances; {type(graph).__name__} looks at headings that do not change."
+                    f"engine='discrete' links by distances; {type(graph).__name__} looks at headings at rest."
                 )
         if Layout(scenario.law, scenario.energy, scenario.agents, scenario.space).places:
             raise UnsupportedLaw("engine='discrete' needs leaders whose position has a closed form.")

@@ -16,6 +16,7 @@ from flocking.engine.kernels.pieces import free_pieces
 from flocking.errors import LawNotObeyed
 from flocking.model.graph_functional import averages, graph_functional, uses_functional
 from flocking.model.law import Scenario
+from flocking.model.world.times import NANOSECOND
 
 CHECKED = 64
 """Number of agents whose forces are compared with the declared law at a tick that is checked."""
@@ -49,16 +50,20 @@ class DiscreteLaw:
         self.layout = Layout(self.law, scenario.energy, scenario.agents, scenario.space)
         self._kernels = LawKernels(compiled_kernels(self.layout, self.m), 2)
         self._obstacles = ObstacleDistances(self.law)
-        self._schedule = sorted(
-            {s for term in self.law.body_terms for s in term.switch_times(scenario.start.t, np.inf)}
-        )
+        begin = scenario.start.t
+        # Times of ticks are whole nanoseconds: gains change at those nearest to the times of their schedule.
+        self._changes = sorted({s for term in self.law.body_terms for s in term.switch_times(begin, np.inf)})
         self._rates = np.empty(3)
         self._declared: Declared | None = None
         self._take_parameters(scenario.start.t)
 
+    def _last_change(self, t: float) -> float:
+        """When the gains that are in force at the scenario's time ``t`` began."""
+        return max((s for s in self._changes if s <= t + 0.5 * NANOSECOND), default=self.scenario.start.t)
+
     def _take_parameters(self, t: float) -> None:
         """Take the gains that are in force at the scenario's time ``t``."""
-        self._since = max((s for s in self._schedule if s <= t), default=self.scenario.start.t)
+        self._since = self._last_change(t)
         self._slots = Slots(*self.layout.values(self.scenario.agents, self.n, self._since))
 
     def forces(self, t: float, q: Array, p: Array, neighbours: list[Neighbours]) -> Array:
@@ -78,7 +83,7 @@ class DiscreteLaw:
         InvalidInput
             When a functional of a graph does not exist for its links.
         """
-        if any(self._since < s <= t for s in self._schedule):
+        if self._last_change(t) != self._since:
             self._take_parameters(t)
         found = [each.pairs for each in neighbours]
         for level in self._obstacles.levels:

@@ -116,7 +116,13 @@ class Neighbours:
         self.pairs = self.after(q)
 
     def matrix(self, pairs: tuple[Indices, Indices]) -> Links:
-        """Pairs as a link matrix, shape (N, N)."""
+        """A link matrix, shape (N, N).
+
+        Parameters
+        ----------
+        pairs
+            Sensing and sensed agents of the linked pairs.
+        """
         found = np.zeros((self.n, self.n), dtype=bool)
         found[pairs] = True
         return found
@@ -160,6 +166,3 @@ class Neighbours:
 def _of_matrix(links: Links) -> tuple[Indices, Indices]:
     i, j = np.nonzero(links)
     return i.astype(np.int64), j.astype(np.int64)
-
-
-

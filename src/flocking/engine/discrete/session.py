@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Links
+from flocking.arrays import Array, Indices, Links
 from flocking.engine import interruption
 from flocking.engine.discrete.checkpoint import DiscreteMemory, packed_memory, unpacked_memory
 from flocking.engine.discrete.law_in_force import DiscreteLaw
@@ -23,7 +23,7 @@ from flocking.model.bodies.discrete_bodies import DiscreteBody
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.control import Held
-from flocking.model.world.times import NANOSECOND
+from flocking.model.world.times import NANOSECOND, Instants
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,8 @@ class DiscreteSession(Session):
     saves_when_interrupted = True
 
     def __init__(self, scenario: Scenario) -> None:
-        assert isinstance(scenario.control, Held) and isinstance(scenario.agents, DiscreteBody)
+        assert isinstance(scenario.control, Held)
+        assert isinstance(scenario.agents, DiscreteBody)
         self.scenario, self.plant, self.options = scenario, None, DiscreteOptions()
         self._body: DiscreteBody = scenario.agents
         start = scenario.start
@@ -64,7 +65,7 @@ class DiscreteSession(Session):
         self.time, self.steps = start.t, 0
         self.records = Recorder(scenario)
         self._ticks = scenario.control.schedule(self.n)
-        self._period = self._ticks.period * NANOSECOND
+        self._period: Array = np.asarray(self._ticks.period * NANOSECOND, dtype=np.float64)
         self._law = DiscreteLaw(scenario)
         self.law_gaps = LawGaps()
         self.memory = DiscreteMemory(
@@ -83,7 +84,7 @@ class DiscreteSession(Session):
     def _instant(self, t: float) -> int:
         return round((t - self._base) / NANOSECOND)
 
-    def _next_ticks(self) -> Array:
+    def _next_ticks(self) -> Instants:
         return self._ticks.at(np.arange(self.n), self.memory.ticked)
 
     def _positions(self, t: float) -> Array:
@@ -141,13 +142,11 @@ class DiscreteSession(Session):
             for each in self.neighbours:
                 each.move(memory.q)
         u = self._law.forces(t, *state, self.neighbours)
+        self._check_finite("A force", u, np.arange(self.n))
         if judged is not None:
             self._law.compare(judged, t, state, u, self.law_gaps)
         found = self._body.updated(memory.p[agents], u[agents], self._period[agents], agents, memory.ticked[agents])
-        for values, what in ((u[agents], "A force"), (found, "A velocity")):
-            bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-            if bad.size:
-                raise NotFinite(f"{what} is infinite or NaN.", time=t, agents=(int(agents[bad[0]]),))
+        self._check_finite("A velocity", found, agents)
         if self._body.update == "backward":
             memory.waiting[agents] = found
         else:
@@ -155,6 +154,12 @@ class DiscreteSession(Session):
             memory.p[agents] = found
         memory.ticked[agents] += 1
         self.steps += 1
+
+    def _check_finite(self, what: str, values: Array, agents: Indices) -> None:
+        """Refuse to go on with ``values`` of ``agents``, shape (agents, m), that are infinite or NaN."""
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if bad.size:
+            raise NotFinite(f"{what} is infinite or NaN.", time=self.time, agents=(int(agents[bad[0]]),))
 
     def _record_frames(self, until: int) -> None:
         """Frames that are due until an instant, that instant included."""

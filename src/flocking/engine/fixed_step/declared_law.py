@@ -202,7 +202,7 @@ class Declared:
             given |= {f"A{x}": row[k] for x, row in enumerate(A)}
             given |= {f"W{x}": _weights(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
             if averages(self.scenario.law, number):
-                given["functional"] = (1.0 / (1.0 + np.bincount(k, minlength=count)))[k]
+                given["functional"] = np.asarray(1.0 / (1.0 + np.bincount(k, minlength=count)), dtype=np.float64)[k]
             found, off = self._both(f"pair{number}", P, given, len(k))
             sizes = self._sizes(f"pair_sizes{number}", P, given, len(k))
             r = given["r"]

@@ -47,9 +47,9 @@ def check_law(engine: str, scenario: Scenario, plant: Law | None) -> None:
         raise UnsupportedLaw(
             f"engine={engine!r} cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent knows."
         )
-    for term in law.pair_terms:
-        if getattr(term, "functional", False):
-            raise UnsupportedLaw(f"engine={engine!r} does not count neighbours, as {type(term).__name__} needs.")
+    for pair_term in law.pair_terms:
+        if getattr(pair_term, "functional", False):
+            raise UnsupportedLaw(f"engine={engine!r} does not count neighbours, as {type(pair_term).__name__} needs.")
     for graph in law.graphs:
         if graph.sees_headings or (graph.moves and not graph.follows_radii):
             raise UnsupportedLaw(

@@ -118,7 +118,7 @@ class Heading(DiscreteBody):
         Speed, one for all agents or one for each; positive. Velocities of a start must have it.
     noise
         Width of the interval of angles in radians, or size of the random vector; not negative.
-    kind
+    noise_kind
         ``"angular"`` or ``"vectorial"``.
     update
         ``"backward"``, as in the paper, or ``"forward"``; see `DiscreteBody`.
@@ -141,7 +141,7 @@ class Heading(DiscreteBody):
 
     speed: float | Array
     noise: float | Array = 0.0
-    kind: Annotated[str, values.choice(*NOISES)] = "angular"
+    noise_kind: Annotated[str, values.choice(*NOISES)] = "angular"
     update: Annotated[str, values.choice(*UPDATES)] = "backward"
     seed: Annotated[int, values.SEED] = 0
     masses: float | Array = 1.0
@@ -149,7 +149,7 @@ class Heading(DiscreteBody):
     def __post_init__(self) -> None:
         object.__setattr__(self, "speed", scalar_or_each("Heading", "speed", self.speed, above=0.0))
         object.__setattr__(self, "noise", scalar_or_each("Heading", "noise", self.noise, least=0.0))
-        one_of("Heading", "kind", self.kind, NOISES, "must be 'angular' or 'vectorial'")
+        one_of("Heading", "noise_kind", self.noise_kind, NOISES, "must be 'angular' or 'vectorial'")
         one_of("Heading", "update", self.update, UPDATES, "must be 'backward' or 'forward'")
         self.check_fields()
 
@@ -162,7 +162,7 @@ class Heading(DiscreteBody):
     def summary(self) -> str:
         """That headings are set at ticks, and the noise."""
         most = float(np.max(self.noise))
-        return f"headings set at ticks, with {self.kind} noise {most:g}" if most else "headings set at ticks"
+        return f"headings set at ticks, with {self.noise_kind} noise {most:g}" if most else "headings set at ticks"
 
     def missing_columns(self, given: Mapping[str, Array], q: Array, p: Array) -> dict[str, Array]:
         """None; the start is checked.
@@ -179,9 +179,9 @@ class Heading(DiscreteBody):
         InvalidInput
             When a velocity has another length than the speed, or angles have no plane to turn in.
         """
-        if self.kind == "angular" and np.max(self.noise) > 0.0 and q.shape[1] != PLANE:
+        if self.noise_kind == "angular" and np.max(self.noise) > 0.0 and q.shape[1] != PLANE:
             raise InvalidInput(
-                "Heading", "kind", f"must be 'vectorial' for noise in {q.shape[1]} dimensions", self.kind,
+                "Heading", "noise_kind", f"must be 'vectorial' for noise in {q.shape[1]} dimensions", self.noise_kind,
                 "An angle turns a heading in the plane alone.",
             )  # fmt: skip
         speed = np.broadcast_to(np.asarray(self.speed, dtype=np.float64), len(q))
@@ -209,7 +209,7 @@ class Heading(DiscreteBody):
         )
         column = {"speed": np.atleast_1d(speed)[:, None], "noise": np.atleast_1d(noise)[:, None]}
         wanted = p + u * (period / mass)[:, None]
-        angular = self.kind == "angular"
+        angular = self.noise_kind == "angular"
         if not angular and np.max(noise) > 0.0:
             wanted = wanted / column["speed"] + column["noise"] * self._unit_vectors(p.shape[1], agents, tick)
         length = np.linalg.norm(wanted, axis=1, keepdims=True)

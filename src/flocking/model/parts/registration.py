@@ -266,6 +266,11 @@ def _check_free(found: Description) -> None:
             "register_part", found.name, "must be a graph, term, leader, obstacle, start or another part of a scenario",
             found.builds, "Derive it from fk.Graph, fk.PairTerm, fk.BodyTerm, fk.Leader or fk.Obstacle.",
         )  # fmt: skip
+    if group.key in found.fields and group.kinds:
+        raise InvalidInput(
+            "register_part", f"{found.name}.{group.key}", "must not be the name that files give to the kind of a part",
+            group.key, "Rename the field.",
+        )  # fmt: skip
     if group.kind_named(found.word) is not None:
         raise InvalidInput("register_part", "word", f"must not be that of another {group.name}", found.word)
 

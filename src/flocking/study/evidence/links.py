@@ -138,11 +138,17 @@ class LinkEvidence(RunEvidence):
             raise NotResolvable("samples do not show the switches")
         if not self.fidelity.switches_located:
             engine = self.fidelity.engine
-            raise NotResolvable(f"the engine {engine} records no switches; engine='exact' locates them")
+            raise NotResolvable(f"the engine {engine} records no switches{self._locating('locates them')}")
         s = self.run.switches
         if not np.isfinite(s["time"]).all() or (np.diff(s["time"]) < 0).any():
             raise NotResolvable("the times of the switches do not ascend")
         return s
+
+    def _locating(self, what: str) -> str:
+        """Which engine ``what`` says, in words; empty for samples and in discrete time, where none does."""
+        if self.sampled or self.run.scenario.agents.discrete:
+            return ""
+        return f"; engine='exact' {what}"
 
     @cached_property
     def link_switches(self) -> Records:
@@ -173,7 +179,7 @@ class LinkEvidence(RunEvidence):
             When it is connected at all frames and switches are not recorded.
         """
         if self.seen_disconnected == np.inf and not self.switches_known:
-            where = "" if self.sampled else "; engine='exact' locates every switch"
+            where = self._locating("locates every switch")
             raise NotResolvable(f"connected at each of {self.looks} frames, nothing is known between{where}")
         return self.seen_disconnected
 
