@@ -22,7 +22,7 @@ HOMES = {
     "add a body": "class PointMass(",
     "change how robots on wheels follow the law": "class Unicycle(",
     "change how headings are set at ticks": "class Heading(",
-    "change how neighbours are found in discrete time": "class Neighbours:",
+    "change how neighbours are found in discrete time": "class CellPairs:",
     "add an actuator or a limit": "class Limited(",
     "change how it is located when a limit begins to act": "def first_bite(",
     "add a space": "class Open",

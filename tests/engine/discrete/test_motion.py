@@ -155,7 +155,7 @@ def test_without_noise_headings_stay_within_their_cone(seed, m, forward):
 
 
 def test_many_agents_move_as_few_do():
-    """The tree's neighbours are those of the comparison of all pairs, at 4,000 agents."""
+    """Neighbours from the cell list are those of the comparison of all pairs, at 4,000 agents."""
     made = vicsek(n=4000, side=20.0, t_end=3.0)
     run = fk.simulate(made)
     q, p = run.q[0].copy(), run.p[0].copy()

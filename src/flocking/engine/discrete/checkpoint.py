@@ -84,7 +84,9 @@ def packed_memory(
         As for `Read`.
     """
     arrays: Arrays = {"q": memory.q, "p": memory.p, "waiting": memory.waiting, "ticked": memory.ticked}
-    arrays |= {f"pairs{k}": np.array(found, dtype=np.int64).reshape(2, -1) for k, found in enumerate(pairs)}
+    for k, found in enumerate(pairs):
+        table = np.array(found, dtype=np.int64).reshape(2, -1)
+        arrays[f"pairs{k}"] = np.ascontiguousarray(table[:, np.argsort(table[0] * len(memory.q) + table[1])])
     numbers: dict[str, object] = {
         "time": time, "steps": steps, "instant": memory.instant, "taken": memory.taken,
         "checks": gaps.checks, "gap": gaps.gap, "allowed": gaps.allowed, "worst": gaps.worst,

@@ -21,6 +21,9 @@ from flocking.model.world.times import NANOSECOND
 CHECKED = 64
 """Number of agents whose forces are compared with the declared law at a tick that is checked."""
 
+MOST_COMPARED = 4_000_000
+"""Largest number of distances that such a comparison looks at."""
+
 SPREAD = 0.6180339887498949
 """Golden section: successive checks begin at evenly spread agents."""
 
@@ -121,7 +124,7 @@ class DiscreteLaw:
         """
         if any(uses_functional(self.law, k) and not averages(self.law, k) for k in range(len(neighbours))):
             return None
-        count = min(CHECKED, self.n)
+        count = min(CHECKED, self.n, max(1, MOST_COMPARED // self.n))
         first = int(step * SPREAD * self.n) % self.n
         agents: Indices = np.unique((first + np.arange(count) * self.n // count) % self.n).astype(np.int64)
         return agents, [each.seen_by(agents, q, EDGE * UNIT) for each in neighbours]

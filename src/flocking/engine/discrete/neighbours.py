@@ -1,19 +1,17 @@
-"""Linked pairs of one graph at the ticks of agents, found with a k-d tree where links follow distances."""
+"""Linked pairs of one graph at the ticks of agents, found with a cell list where links follow distances."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links, Mask
+from flocking.engine.discrete.cell_pairs import AXES, CellPairs
 from flocking.errors import InvalidInput
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.space import Space
 
 MOST_DENSE = 3000
 """Largest group of a graph whose links do not follow two distances: a matrix of all pairs is kept for it."""
-
-WIDER = 1.0 + 1e-9
-"""Share of the radius within which pairs are looked at, so that the tree's own rounding misses none."""
 
 
 class Neighbours:
@@ -31,7 +29,7 @@ class Neighbours:
     Attributes
     ----------
     pairs
-        Sensing and sensed agents of the linked pairs, sorted.
+        Sensing and sensed agents of the linked pairs; sorted where links are remembered.
 
     Raises
     ------
@@ -41,7 +39,8 @@ class Neighbours:
 
     def __init__(self, graph: Graph, space: Space, q: Array, given: Links | None = None) -> None:
         self.graph, self.space, self.n = graph, space, len(q)
-        self._sparse = graph.moves and graph.follows_radii and bool(np.isfinite(np.max(graph.break_radius)))
+        reach = float(np.max(np.asarray(graph.break_radius)))
+        self._sparse = graph.moves and graph.follows_radii and np.isfinite(reach) and q.shape[1] <= AXES
         if not self._sparse and self.n > MOST_DENSE:
             raise InvalidInput(
                 "start", "engine", f"must be another one for more than {MOST_DENSE} agents of {type(graph).__name__}",
@@ -51,6 +50,7 @@ class Neighbours:
             np.broadcast_to(np.asarray(x, dtype=np.float64), self.n) for x in (graph.appear_radius, graph.break_radius)
         )
         self._remembers = bool((self._enter != self._leave).any())
+        self._search = CellPairs(space, reach, self.n)
         if given is not None:
             self.pairs = _of_matrix(given)
         elif self._sparse:
@@ -62,35 +62,18 @@ class Neighbours:
             self.pairs = _of_matrix(graph.links_in(space, q))
 
     def near(self, q: Array) -> tuple[Indices, Indices, Array]:
-        """Ordered pairs within the largest radius, sorted, and their distances.
+        """Ordered pairs up to the largest radius apart, and their distances; sorted where links are remembered.
 
         Parameters
         ----------
         q
             Positions, shape (N, m).
         """
-        from scipy.spatial import cKDTree
-
-        reach = float(self._leave.max()) * WIDER
-        points, lengths = self._in_a_box(q, reach)
-        found = cKDTree(points, boxsize=lengths).query_pairs(reach, output_type="ndarray").astype(np.int64)
-        a, b = found[:, 0], found[:, 1]
-        d = self.space.displacement(q[b] - q[a])
-        r = np.sqrt((d**2).sum(axis=1))
-        i, j, r = np.concatenate([a, b]), np.concatenate([b, a]), np.concatenate([r, r])
-        order = np.argsort(i * self.n + j)
-        return i[order], j[order], r[order]
-
-    def _in_a_box(self, q: Array, reach: float) -> tuple[Array, Array | None]:
-        """Positions and lengths of a box that repeats as the tree wants them; axes without end get a wide one."""
-        if self.space.is_open:
-            return q, None
-        points = self.space.wrapped(q)
-        lengths = np.array(self.space.lengths)
-        for axis in np.flatnonzero(~np.isfinite(lengths)):
-            points[:, axis] -= points[:, axis].min()
-            lengths[axis] = points[:, axis].max() + 2.0 * reach + 1.0
-        return points, lengths
+        i, j, r = self._search.near(q)
+        if self._remembers:
+            order = np.argsort(i * self.n + j)
+            return i[order], j[order], r[order]
+        return i, j, r
 
     def after(self, q: Array) -> tuple[Indices, Indices]:
         """Linked pairs after agents that had the links of `pairs` moved to ``q``, shape (N, m)."""
@@ -158,7 +141,9 @@ class Neighbours:
         enter, leave = self._enter[agents][:, None], self._leave[agents][:, None]
         k, j = np.nonzero(r < leave * (1.0 + slack))
         r, enter, leave = r[k, j], enter[k, 0], leave[k, 0]
-        linked = (r < enter * (1.0 + slack)) | self.remembered(agents[k], j)
+        linked = r < enter * (1.0 + slack)
+        if self._remembers:
+            linked |= self.remembered(agents[k], j)
         certain = (np.abs(r - enter) > slack * enter) & (np.abs(r - leave) > slack * leave)
         return k[linked], j[linked], certain[linked]
 
