@@ -29,6 +29,7 @@ GIVEN = {
         "weights", "discrete_step", "discrete_motion", "scatter", "sufficient_condition", "pair_invariant",
         "final_distance", "final_speed", "delay_limits",
     ),
+    "vicsek-1995": ("mean_directions", "deviations", "order_series", "random_order", "binder_cumulant"),
 }  # fmt: skip
 
 

@@ -53,6 +53,31 @@ start = { draw = "ball", n = 9, radius = 3.0, speed = 3.0, seed = 4 }
 """
 
 
+HEADINGS = """
+format = 1
+t_end = 20.0
+frames = 21
+graph = { kind = "proximity", radius = 1.0 }
+terms = [{ kind = "velocity_average" }]
+agents = { kind = "heading", speed = 0.03, noise = 2.0, seed = 5 }
+control = { kind = "held", period = 1.0 }
+space = { kind = "periodic", lengths = [5.0, 5.0] }
+start = { draw = "box", n = 100, side = 5.0, speed = 0.03, velocities = "sphere", seed = 5 }
+"""
+
+
+def test_headings_from_a_file_and_in_fifteen_lines(tmp_path) -> None:
+    path = tmp_path / "headings.toml"
+    path.write_text(HEADINGS)
+    law = fk.Law(fk.Proximity(1.0), fk.VelocityAverage())
+    start = fk.start.box(100, side=5.0, speed=0.03, velocities="sphere", seed=5)
+    world = {"agents": fk.Heading(0.03, noise=2.0, seed=5), "control": fk.Held(1.0), "space": fk.Periodic([5.0, 5.0])}
+    written = fk.simulate(fk.Scenario(law, start, t_end=20.0, frames=21, **world), progress=False)
+    packaged = fk.papers.vicsek_1995.system.group(100, 5.0, 2.0, seed=5, duration=20)
+    for scenario in (fk.read_scenario(path), packaged):
+        assert fk.first_difference(fk.simulate(scenario, progress=False), written) is None
+
+
 def test_algorithm_2_from_a_file(tmp_path) -> None:
     path = tmp_path / "second.toml"
     path.write_text(SECOND_ALGORITHM)

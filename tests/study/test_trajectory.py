@@ -52,3 +52,16 @@ def test_samples_refute_a_connected_graph_but_do_not_show_one(sampled):
     exact = fk.audit(run)["connected"]
     assert exact.verdict in (Verdict.HOLDS, Verdict.FAILS)
     assert found.verdict == (Verdict.FAILS if exact.verdict == Verdict.FAILS else Verdict.NOT_RESOLVED)
+
+
+def test_samples_of_periodic_space_close_their_ledger():
+    """Links, forces and approaches of samples are those of the nearest images."""
+    law = fk.Law(fk.Proximity(1.5), [fk.Gradient(fk.Potential("(r - 1)**2")), fk.Consensus(0.3)])
+    start = fk.start.box(12, side=4.0, speed=0.6, seed=2)
+    scenario = fk.Scenario(law, start, t_end=4.0, frames=2001, space=fk.Periodic([4.0, 4.0]))
+    run = fk.simulate(scenario, progress=False)
+    found = run_from_samples(scenario, run.t, run.q, run.p)
+    assert (found.links == run.links).all()
+    assert fk.audit(found)["ledger"].verdict == "holds"
+    assert found.closest_linked.distance == pytest.approx(run.closest_linked.distance, rel=1e-3)
+    assert found.closest_unlinked.distance == pytest.approx(run.closest_unlinked.distance, rel=1e-3)

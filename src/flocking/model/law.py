@@ -276,7 +276,7 @@ class Scenario:
         object.__setattr__(self, "frames", checked_frames(self.frames, self.start.t, self.t_end))
         for part in (self.agents, self.information, self.control):
             part.check_count(self.start.n)
-        self.agents.check_control(self.control)
+        self.agents.check_scenario(self.control, self.start.q, self.start.p)
         object.__setattr__(self, "start", self._with_all_columns())
         self.law.check_count(self.start.n, self.start.dimension)
         check_space(self.space, self.law.graphs, self.law.body_terms, self.start.dimension)

@@ -238,7 +238,7 @@ def coarse_step(declared: Scenario, step: float) -> Run:
     masses = np.broadcast_to(np.asarray(agents.masses, dtype=np.float64), declared.start.n)[:, None]
     damping = np.broadcast_to(np.asarray(agents.damping, dtype=np.float64), declared.start.n)[:, None]
     q, p, t = np.array(declared.start.q), np.array(declared.start.p), declared.start.t
-    links = declared.law.graph.initial(q)
+    links = declared.law.graph.links_in(declared.space, q, declared.agents.headings)
     times: list[float] = [t]
     places: list[Array] = [q]
     speeds: list[Array] = [p]
@@ -246,7 +246,7 @@ def coarse_step(declared: Scenario, step: float) -> Run:
         u = control(declared.law, State(q, p, t, links), agents=agents)
         q, p = q + step * p, p + step * (u - damping * p) / masses
         t += step
-        links = declared.law.graph.update(q, links)
+        links = declared.law.graph.update(q, links, declared.space)
         times.append(t)
         places.append(q)
         speeds.append(p)

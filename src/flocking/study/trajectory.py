@@ -8,15 +8,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Links, Reals
+from flocking.arrays import Links, Reals, Records
 from flocking.engine.reference.control import evaluate
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
-from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run
+from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run, ledger_of
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import Reading
 from flocking.model.checks import Array, array
 from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.law import Law, Scenario
+from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Gradient
 
@@ -63,15 +64,35 @@ def run_from_samples(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
 
 
 def _run_of(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
-    law, graph = scenario.law, scenario.law.graph
-    links = [graph.initial(q[0])]
+    graph, space = scenario.law.graph, scenario.space
+    links = [graph.links_in(space, q[0], scenario.agents.headings)]
     for place in q[1:]:
-        links.append(graph.update(place, links[-1]))
+        links.append(graph.update(place, links[-1], space))
+    linked, free = closest_of(t, q, links, space)
+    declared = scenario.with_(
+        start=State(q[0], p[0], float(t[0])), t_end=float(t[-1]), frames=tuple(float(s) for s in t)
+    )
+    # In discrete time velocities jump: no powers are integrated, and there is nothing between two updates.
+    trace, rule = (ledger_of([]), LedgerRule()) if scenario.agents.discrete else _ledger(scenario, t, q, p, links)
+    gap = largest_gap(t, p)
+    account = Fidelity(SAMPLES, sampled=True, approaches=Approaches("all", gap), ledger=rule)
+    about: dict[str, object] = {"engine": SAMPLES, "gap": gap}
+    if rule.kind == "estimate":
+        about |= {"ledger_error": rule.size, "switch_error": rule.switch_error}
+    none = np.zeros(0, dtype=SWITCH_FIELDS)
+    return Run(declared, t, q, p, np.array(links), none, trace, linked, free, "finished", about, fidelity=account)
+
+
+def _ledger(scenario: Scenario, t: Array, q: Reals, p: Reals, links: list[Links]) -> tuple[Records, LedgerRule]:
+    """The ledger of samples by the powers of the declared law, and how far it is known."""
     with Reading():
         found = [
-            evaluate(law, State(q[k], p[k], float(t[k]), links[k]), agents=scenario.agents, energy=scenario.energy)
+            evaluate(
+                scenario.law, State(q[k], p[k], float(t[k]), links[k]), agents=scenario.agents,
+                energy=scenario.energy, space=scenario.space,
+            )
             for k in range(len(t))
-        ]
+        ]  # fmt: skip
     n = q.shape[1]
     unlinked = np.array([0.5 * (n * (n - 1) - int(x.sum())) for x in links]) * scenario.energy.unlinked
     energy = np.array([e.storage + e.kinetic for e in found]) + unlinked
@@ -89,18 +110,7 @@ def _run_of(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
     trace["time"], trace["energy"], trace["kinetic"] = t, energy, [e.kinetic for e in found]
     trace["work"], trace["dissipated"], trace["supplied"] = integrals
     trace["jumped"] = jumped
-    declared = scenario.with_(
-        start=State(q[0], p[0], float(t[0])), t_end=float(t[-1]), frames=tuple(float(s) for s in t)
-    )
-    rule = LedgerRule("estimate", float(errors[1] + errors[2]), float(switching[1] + switching[2]))
-    account = Fidelity(SAMPLES, sampled=True, approaches=Approaches("all", largest_gap(t, p)), ledger=rule)
-    about: dict[str, object] = {
-        "engine": SAMPLES, "ledger_error": rule.size, "switch_error": rule.switch_error,
-        "gap": account.approaches.error,
-    }  # fmt: skip
-    linked, free = closest_of(t, q, links)
-    none = np.zeros(0, dtype=SWITCH_FIELDS)
-    return Run(declared, t, q, p, np.array(links), none, trace, linked, free, "finished", about, fidelity=account)
+    return trace, LedgerRule("estimate", float(errors[1] + errors[2]), float(switching[1] + switching[2]))
 
 
 def _integrate(t: Array, power: Array, switched: NDArray[np.bool_]) -> tuple[Array, float, float]:
@@ -157,7 +167,7 @@ def largest_gap(t: Array, p: Reals) -> float:
     return float((np.diff(t) * np.maximum(spread[1:], spread[:-1])).max()) if len(t) > 1 else math.inf
 
 
-def closest_of(t: Array, q: Reals, links: list[Links] | None) -> tuple[Closest, Closest]:
+def closest_of(t: Array, q: Reals, links: list[Links] | None, space: Space = OPEN) -> tuple[Closest, Closest]:
     """Closest approach of linked agents, and of others, at the samples.
 
     Parameters
@@ -168,10 +178,12 @@ def closest_of(t: Array, q: Reals, links: list[Links] | None) -> tuple[Closest, 
         Positions, shape (F, N, m).
     links
         Link matrices, F of shape (N, N); None where nobody is linked.
+    space
+        Where the agents live.
     """
     best = [Closest(), Closest()]
     for k, place in enumerate(q):
-        distance = pair_distances(place)
+        distance = pair_distances(place, space)
         either = np.zeros(distance.shape, dtype=bool) if links is None else links[k] | links[k].T
         for number, mask in enumerate((either, ~either)):
             masked = np.where(mask, distance, np.inf)

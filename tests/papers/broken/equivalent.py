@@ -38,6 +38,14 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ),
     ("cucker_smale_2007.closed_forms.discrete_step", "index: 0 for 1 in axis", "the matrix of weights is symmetric"),
     ("cucker_smale_2007.closed_forms.sufficient_condition", "1.05 times np.inf", "infinity times a number is infinite"),
+    ("vicsek_1995.closed_forms.deviations", "other sign in turned + np.pi", "both angles differ by a full turn"),
+    ("vicsek_1995.system._of", "Div in duration * STEP", "the unit of time is one update"),
+    ("order_curves.order_series", "Div in (k + 1) * system.STEP", "the unit of time is one update"),
+    *(
+        ("order_curves.order_series", text, "the motion does not depend on how many frames are kept")
+        for text in ("frames", "frames = 1")
+    ),
+    ("Heading._unit_vectors", "2 for 1 in dimension + 1", "more draws than axes are cut off"),
     *(
         ("olfati_saber_2006.closed_forms.pair_potential", text, "the integral has ten digits whatever the rule is told")
         for text in ("points = kink", "ALPHA_ONSET", "epsabs", "epsrel", "limit")

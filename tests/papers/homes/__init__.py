@@ -21,6 +21,7 @@ from tests.papers.homes import (
     states,
     structure,
     terms,
+    vicsek,
 )
 
 _WHOLE: dict[str, Callable[[], None]] = {
@@ -28,6 +29,7 @@ _WHOLE: dict[str, Callable[[], None]] = {
     **papers.HOMES, **shi.HOMES, **measures.HOMES, **claims.HOMES, **shapes.HOMES, **motion.HOMES,
     **cucker_smale.HOMES,
     **olfati_saber_2006.HOMES,
+    **vicsek.HOMES,
 }  # fmt: skip
 
 

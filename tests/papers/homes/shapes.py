@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import itertools
 import math
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -219,6 +220,8 @@ def first_disconnected():
         assert first_disconnected_of(few) == seen
     for sampled, words in ((True, "between$"), (False, "between; engine='exact' locates every switch$")):
         few = SimpleNamespace(seen_disconnected=math.inf, switches_known=False, sampled=sampled, looks=7)
+        few.run = SimpleNamespace(scenario=SimpleNamespace(agents=SimpleNamespace(discrete=False)))
+        few._locating = partial(inspect.getattr_static(Evidence, "_locating"), few)
         with pytest.raises(NotResolvable, match=f"each of 7 frames, nothing is known {words}"):
             first_disconnected_of(few)
 

@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from flocking.papers import ALL_KEYS, paper
+from flocking.papers import ALL_KEYS, STANDARD_KEYS, paper
 from flocking.papers.equation_table import Row
 from tests.papers.homes import HOMES
 
@@ -15,7 +15,9 @@ ROWS = [row for key in ALL_KEYS for row in paper(key).equations()]
 
 
 def check_of(row: Row):
-    checks = importlib.import_module(f"tests.papers.transcriptions.checks_{row.paper.replace('-', '_')}").CHECKS
+    folder = "standard_laws." if row.paper in STANDARD_KEYS else ""
+    module = f"tests.papers.transcriptions.{folder}checks_{row.paper.replace('-', '_')}"
+    checks = importlib.import_module(module).CHECKS
     return checks[row.number]
 
 

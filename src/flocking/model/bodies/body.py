@@ -246,8 +246,15 @@ class Body(ABC):
         """Whether rates are also the same for all observers who move uniformly."""
         return False
 
-    def check_control(self, control: Control) -> None:
-        """Check that agents can act when ``control`` says; most can.
+    def check_scenario(self, control: Control, q: Array, p: Array) -> None:
+        """Check that agents can act when ``control`` says, and begin where and how they do; most can.
+
+        Parameters
+        ----------
+        control
+            When they act.
+        q, p
+            Positions and velocities at the start, shape (N, m).
 
         Raises
         ------

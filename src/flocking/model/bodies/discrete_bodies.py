@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -79,8 +79,13 @@ class DiscreteBody(Body):
         """The kind of body."""
         return (type(self).__module__, type(self).__qualname__)
 
-    def check_control(self, control: Control) -> None:
+    def check_scenario(self, control: Control, q: Array, p: Array) -> None:
         """Refuse control that has no ticks, or whose forces act later.
+
+        Parameters
+        ----------
+        control, q, p
+            As for `flocking.model.bodies.body.Body.check_scenario`.
 
         Raises
         ------
@@ -164,21 +169,20 @@ class Heading(DiscreteBody):
         most = float(np.max(self.noise))
         return f"headings set at ticks, with {self.noise_kind} noise {most:g}" if most else "headings set at ticks"
 
-    def missing_columns(self, given: Mapping[str, Array], q: Array, p: Array) -> dict[str, Array]:
-        """None; the start is checked.
+    def check_scenario(self, control: Control, q: Array, p: Array) -> None:
+        """Refuse control without ticks, velocities of another speed, and angles without a plane.
 
         Parameters
         ----------
-        given
-            Columns of the state by name.
-        q, p
-            Its positions and velocities, shape (N, m).
+        control, q, p
+            As for `flocking.model.bodies.body.Body.check_scenario`.
 
         Raises
         ------
         InvalidInput
-            When a velocity has another length than the speed, or angles have no plane to turn in.
+            When it is so.
         """
+        DiscreteBody.check_scenario(self, control, q, p)
         if self.noise_kind == "angular" and np.max(self.noise) > 0.0 and q.shape[1] != PLANE:
             raise InvalidInput(
                 "Heading", "noise_kind", f"must be 'vectorial' for noise in {q.shape[1]} dimensions", self.noise_kind,
@@ -190,10 +194,9 @@ class Heading(DiscreteBody):
         if wrong.any():
             agent = int(np.argmax(wrong))
             raise InvalidInput(
-                "Scenario", "start", f"must have velocities of the speed of Heading, {speed[agent]:g}",
-                f"{found[agent]:g} of agent {agent}", "Draw them with velocities='sphere', or scale them.",
+                "Scenario", "start", f"must have velocities of the speed of Heading, {speed[agent]:.10g}",
+                f"{found[agent]:.10g} of agent {agent}", "Draw them with velocities='sphere', or scale them.",
             )  # fmt: skip
-        return super().missing_columns(given, q, p)
 
     def updated(self, p: Array, u: Array, period: Array, agents: Indices, tick: Indices) -> Array:
         """Velocities of the new headings.

@@ -1,0 +1,47 @@
+"""Vicsek et al.: Novel Type of Phase Transition in a System of Self-Driven Particles (PRL 75, 1995).
+
+As it is commonly cited, with what later work found of its transition.
+"""
+
+from __future__ import annotations
+
+from flocking.papers.description import Paper
+from flocking.papers.vicsek_1995.closed_forms import binder_cumulant, deviations, mean_directions, random_order
+from flocking.papers.vicsek_1995.order_curves import order_series
+from flocking.papers.vicsek_1995.pictures import figures
+from flocking.papers.vicsek_1995.system import KEY, scenario, scenarios
+from flocking.papers.vicsek_1995.theorems import claims
+
+PAPER = Paper(
+    key=KEY,
+    title="Novel Type of Phase Transition in a System of Self-Driven Particles",
+    authors="T. Vicsek, A. Czirok, E. Ben-Jacob, I. Cohen, O. Shochet",
+    year=1995,
+    venue="Physical Review Letters 75(6)",
+    scenario=scenario,
+    scenarios=scenarios,
+    claims=claims,
+    figures=figures,
+)
+TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
+equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure
+
+__all__ = [
+    "AUTHORS",
+    "KEY",
+    "PAPER",
+    "TITLE",
+    "YEAR",
+    "binder_cumulant",
+    "claims",
+    "deviations",
+    "equations",
+    "errata",
+    "figure",
+    "figures",
+    "mean_directions",
+    "order_series",
+    "random_order",
+    "scenario",
+    "scenarios",
+]

@@ -1,0 +1,144 @@
+"""The system of Vicsek et al.: headings that follow the neighbours' with noise, on a torus, in discrete time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flocking.model import starts
+from flocking.model.bodies.discrete_bodies import Heading
+from flocking.model.checks import integer, number, one_of
+from flocking.model.graphs.distance_graphs import Proximity
+from flocking.model.law import Law, Scenario
+from flocking.model.space import Periodic
+from flocking.model.state import State
+from flocking.model.terms.alignment import VelocityAverage
+from flocking.model.world.control import Held
+
+KEY = "vicsek-1995"
+GATHERING, ORDERED, SMALL = f"{KEY}-gathering", f"{KEY}-ordered", f"{KEY}-small"
+NOISELESS, RANDOM, VECTORIAL = f"{KEY}-noiseless", f"{KEY}-random", f"{KEY}-vectorial"
+
+FIGURES = {1: KEY, 2: SMALL}
+"""Scenario of each figure; the first of those that it shows."""
+
+RADIUS = 1.0
+"""Distance up to which others are neighbours: the unit of length."""
+STEP = 1.0
+"""Time between two updates: the unit of time."""
+SPEED = 0.03
+"""Distance an agent moves between two updates (as commonly cited)."""
+
+AGENTS = 300
+"""Agents of Fig. 1 (as commonly cited)."""
+FIGURE_1: dict[str, tuple[float, float]] = {KEY: (7.0, 2.0), GATHERING: (25.0, 0.1), ORDERED: (5.0, 0.1)}
+"""Side L and noise eta of the panels of Fig. 1: (a) and (c), (b), (d) (as commonly cited)."""
+DURATION = 400
+"""Updates of their runs; the figure shows none of more than a few hundred."""
+
+FIGURE_2 = ((40, 3.1), (100, 5.0), (400, 10.0), (4000, 31.6), (10000, 50.0))
+"""Agents and side of the curves of Fig. 2a (as commonly cited): about four agents in a unit of area."""
+
+LATER_SPEED, LATER_DENSITY = 0.5, 2.0
+"""Speed and density of later work on the transition (Gregoire, Chate 2004)."""
+
+
+def law() -> Law:
+    """Each agent takes the average velocity of those closer than the radius, itself among them."""
+    return Law(Proximity(RADIUS), (VelocityAverage(1.0 / STEP),))
+
+
+def group(
+    agents: int, side: float, noise: float, *, seed: int = 0, duration: int = DURATION, speed: float = SPEED,
+    noise_kind: str = "angular", update: str = "backward", name: str = "",
+) -> Scenario:  # fmt: skip
+    """Agents at random places of a torus, with random headings; every update is a frame.
+
+    Parameters
+    ----------
+    agents, side
+        Number N, and the length L after which both axes repeat.
+    noise
+        eta: width of the interval of random angles, or size of the random vector.
+    seed
+        Seed of the start and of the noise.
+    duration
+        Number of updates.
+    speed
+        v.
+    noise_kind, update
+        As of `flocking.model.bodies.discrete_bodies.Heading`.
+    name
+        Name of the scenario.
+    """
+    side = number("group", "side", side, above=0.0)
+    duration = integer("group", "duration", duration, least=1)
+    begin = starts.box(agents, side=side, speed=speed, velocities="sphere", seed=seed)
+    return _of(begin, side, Heading(speed, noise, noise_kind, update, seed), duration, name, seed)
+
+
+def _of(begin: State, side: float, body: Heading, duration: int, name: str, seed: int) -> Scenario:
+    return Scenario(
+        law(), begin, t_end=duration * STEP, agents=body, frames=duration + 1, name=name, seed=seed,
+        space=Periodic((side, side)), control=Held(STEP),
+    )  # fmt: skip
+
+
+def within_half_a_turn(agents: int, side: float, *, seed: int = 0, name: str = "") -> Scenario:
+    """A group without noise whose headings lie within less than half a turn at the start.
+
+    Parameters
+    ----------
+    agents, side, seed, name
+        As for `group`.
+    """
+    rng = np.random.default_rng(seed)
+    angles = rng.uniform(-0.49 * np.pi, 0.49 * np.pi, agents)
+    begin = starts.box(agents, side=side, seed=seed)
+    p = SPEED * np.column_stack([np.cos(angles), np.sin(angles)])
+    return _of(State(begin.q, p), side, Heading(SPEED, seed=seed), DURATION, name, seed)
+
+
+def scenarios() -> dict[str, Callable[[int], Scenario]]:
+    """Scenarios by name, each a function of the seed."""
+
+    def panel(name: str) -> Callable[[int], Scenario]:
+        side, noise = FIGURE_1[name]
+        return lambda seed: group(AGENTS, side, noise, seed=seed, name=name)
+
+    few, narrow = FIGURE_2[0]
+    wide = float(np.sqrt(AGENTS / LATER_DENSITY))
+    return {
+        **{name: panel(name) for name in FIGURE_1},
+        SMALL: lambda seed: group(few, narrow, 1.0, seed=seed, duration=1000, name=SMALL),
+        NOISELESS: lambda seed: within_half_a_turn(few, narrow, seed=seed, name=NOISELESS),
+        RANDOM: lambda seed: group(few, narrow, 2.0 * np.pi, seed=seed, duration=4000, name=RANDOM),
+        VECTORIAL: lambda seed: group(
+            AGENTS, wide, 0.4, seed=seed, speed=LATER_SPEED, noise_kind="vectorial", update="forward", name=VECTORIAL
+        ),
+    }  # fmt: skip
+
+
+def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY) -> Scenario:
+    """A scenario by its name, or that of a figure.
+
+    Parameters
+    ----------
+    figure
+        1 or 2.
+    seed
+        Seed of the start and of the noise.
+    name
+        Name of the scenario, if no figure is given.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such figure or scenario.
+    """
+    if figure is not None:
+        one_of("scenario", "figure", figure, FIGURES, "must be 1 or 2")
+        name = FIGURES[figure]
+    one_of("scenario", "name", name, scenarios(), f"must be one of {', '.join(scenarios())}")
+    return scenarios()[name](seed)

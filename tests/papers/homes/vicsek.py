@@ -1,0 +1,286 @@
+"""The objects of the package of Vicsek et al., whole."""
+
+from __future__ import annotations
+
+import math
+from inspect import signature
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import flocking as fk
+from flocking.model.observables import order
+from flocking.model.world.random_numbers import Purpose, normal_pairs
+from flocking.papers.vicsek_1995 import closed_forms, order_curves, system, theorems
+from tests.papers.homes.stated_claims import agree_on
+from tests.papers.transcriptions.standard_laws import vicsek as by_hand
+
+RNG = np.random.default_rng(11)
+SIDE = 4.0
+Q = RNG.random((12, 2)) * SIDE
+ANGLES = RNG.uniform(-np.pi, np.pi, 12)
+P = 0.5 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+TORUS = fk.Periodic([SIDE, SIDE])
+
+
+def run_of(body, period=1.0, t_end=3.0, gain=1.0):
+    law = fk.Law(fk.Proximity(1.0), [fk.VelocityAverage(gain)])
+    made = fk.Scenario(
+        law, fk.State(Q, P), t_end=t_end, frames=int(t_end / period) + 1, agents=body, space=TORUS,
+        control=fk.Held(period),
+    )  # fmt: skip
+    return fk.simulate(made, progress=False)
+
+
+def body():
+    run = run_of(fk.Heading(0.5, 0.7, seed=3))
+    q, p = Q, P
+    for k in range(4):
+        assert_allclose(run.q[k], q, atol=1e-12)
+        assert_allclose(run.p[k], p, atol=1e-12)
+        q, p = by_hand.updated(q, p, SIDE, 0.7, 0.5, k, seed=3)
+    forward = run_of(fk.Heading(0.5, 0.7, update="forward", seed=3))
+    assert_allclose(forward.q[1], Q + by_hand.updated(Q, P, SIDE, 0.7, 0.5, 0, seed=3)[1], atol=1e-12)
+    noisy = run_of(fk.Heading(0.5, 0.6, "vectorial", seed=5))
+    assert_allclose(noisy.p[1], by_hand.with_vectorial_noise(Q, P, SIDE, 0.6, 0.5, 0, seed=5), atol=1e-12)
+    # Half a period, half the way to the average; masses divide the force.
+    halved, heavy = run_of(fk.Heading(0.5), 0.5, 1.0), run_of(fk.Heading(0.5, masses=2.0), 1.0, 1.0)
+    for run in (halved, heavy):
+        for i in range(12):
+            near = by_hand.neighbours(Q, i, SIDE)
+            w = P[i] + 0.5 * (sum(P[j] for j in near) / len(near) - P[i])
+            assert_allclose(run.p[1, i], 0.5 * w / math.hypot(*w), atol=1e-12)
+    alone = fk.Heading(1.0)
+    assert (alone.noise, alone.noise_kind, alone.update, alone.seed, alone.masses, alone.order) == (
+        0.0, "angular", "backward", 0, 1.0, 2)  # fmt: skip
+    assert (alone.summary, fk.Heading(1.0, 0.5, "vectorial").summary) == (
+        "headings set at ticks", "headings set at ticks, with vectorial noise 0.5")  # fmt: skip
+    # Where neighbours cancel an agent, it keeps its heading.
+    law = fk.Law(fk.Proximity(1.0), [fk.VelocityAverage()])
+    opposite = fk.State([[0.0, 0.0], [0.1, 0.0]], [[0.6, 0.8], [-0.6, -0.8]])
+    kept = fk.simulate(fk.Scenario(law, opposite, t_end=1.0, frames=2, agents=alone, control=fk.Held(1.0)))
+    assert_allclose(kept.p[1], opposite.p, atol=1e-15)
+    for wrong, word in (
+        ({"speed": 0.0}, "speed"), ({"noise": -0.1}, "noise"), ({"noise_kind": "white"}, "noise_kind"),
+        ({"update": "none"}, "update"), ({"masses": 0.0}, "masses"),
+    ):  # fmt: skip
+        with pytest.raises(fk.InvalidInput, match=f"Heading: {word}"):
+            fk.Heading(**{"speed": 1.0, **wrong})
+    plane = fk.State(Q, P)
+    deep = fk.State(np.column_stack([Q, Q[:, :1]]), np.column_stack([P, 0 * P[:, :1]]))
+    for start, agents, control, word in (
+        (plane, fk.Heading(0.4), fk.Held(1.0), "start must have velocities of the speed"),
+        (plane, fk.Heading(0.5), fk.Continuous(), "control must be Held"),
+        (plane, fk.Heading(0.5), fk.Held(1.0, latency=0.1), "latency must be 0"),
+        (deep, fk.Heading(0.5, 0.1), fk.Held(1.0), "noise_kind must be 'vectorial'"),
+    ):
+        with pytest.raises(fk.InvalidInput, match=word):
+            fk.Scenario(law, start, t_end=1.0, agents=agents, control=control)
+    fk.Scenario(law, deep, t_end=1.0, agents=fk.Heading(0.5), control=fk.Held(1.0))
+    for off, refused in ((0.98e-9, False), (1.02e-9, True)):
+        start, world = fk.State(Q, P * (1.0 + off)), {"agents": fk.Heading(0.5), "control": fk.Held(1.0)}
+        if refused:
+            with pytest.raises(fk.InvalidInput, match="velocities of the speed"):
+                fk.Scenario(law, start, t_end=1.0, **world)
+        else:
+            fk.Scenario(law, start, t_end=1.0, **world)
+    flying = fk.Heading(0.5, 0.6, "vectorial", seed=5)
+    alone_in_space = fk.Scenario(
+        fk.Law(fk.Proximity(1e-3), [fk.VelocityAverage()]), deep, t_end=1.0, frames=2, agents=flying,
+        control=fk.Held(1.0),
+    )  # fmt: skip
+    first = normal_pairs(5, Purpose.HEADING, np.arange(12), 0, 0)
+    x = np.column_stack([*first, normal_pairs(5, Purpose.HEADING, np.arange(12), 1, 0)[0]])
+    w = deep.p / 0.5 + 0.6 * x / np.linalg.norm(x, axis=1)[:, None]
+    expected = 0.5 * w / np.linalg.norm(w, axis=1)[:, None]
+    assert_allclose(fk.simulate(alone_in_space, progress=False).p[1], expected, atol=1e-12)
+
+
+def average():
+    for gain in (0.7, RNG.random(12)):
+        law = fk.Law(fk.Proximity(1.3), [fk.VelocityAverage(gain)])
+        found = fk.control(law, fk.State(Q, P), space=TORUS)
+        for i in range(12):
+            near = by_hand.neighbours(Q, i, SIDE, 1.3)
+            expected = np.broadcast_to(gain, 12)[i] * (sum(P[j] for j in near) / len(near) - P[i])
+            assert_allclose(found[i], expected, atol=1e-12)
+            seen = [fk.Agent(Q[j], P[j], j) for j in near if j != i]
+            one = fk.control_of(law, fk.Agent(Q[i], P[i], i), seen, space=TORUS)
+            assert_allclose(one, expected, atol=1e-12)
+    law = fk.Law(fk.Proximity(1.3), [fk.VelocityAverage(0.7)])
+    lost = sum(
+        0.35 * ((P[j] - P[i]) ** 2).sum() / len(by_hand.neighbours(Q, i, SIDE, 1.3))
+        for i in range(12) for j in by_hand.neighbours(Q, i, SIDE, 1.3)
+    )  # fmt: skip
+    found = fk.evaluate(law, fk.State(Q, P), space=TORUS)
+    assert_allclose(found.dissipation, lost, rtol=1e-12)
+    # Nothing is stored: what the forces do is lost, or supplied where pairs do not pull alike.
+    assert_allclose(found.supply - found.dissipation, (found.u * P).sum(), atol=1e-12)
+    assert law.distributed
+    part = fk.VelocityAverage()
+    assert (part.gain, part.over) == (1.0, None)
+    assert part.symmetries == {"rotation", "relabelling", "galilean", "locality"}
+    assert "relabelling" not in fk.VelocityAverage(np.ones(3)).symmetries
+    for wrong, word in (({"gain": -1.0}, "gain"), ({"over": 3}, "over")):
+        with pytest.raises(fk.InvalidInput, match=f"VelocityAverage: {word}"):
+            fk.VelocityAverage(**wrong)
+    both = fk.Law(fk.Fixed.complete(12), [part, fk.Consensus(1.0, functional=True)])
+    with pytest.raises(fk.InvalidInput, match="must not average over a graph whose functional another term uses"):
+        fk.control(both, fk.State(Q, P))
+
+
+def directions():
+    found = closed_forms.mean_directions(Q, P, TORUS)
+    assert_allclose(found, [by_hand.mean_direction(Q, P, i, SIDE) for i in range(12)], atol=1e-12)
+    wide = closed_forms.mean_directions(Q, P, TORUS, 1.7)
+    assert_allclose(wide, [by_hand.mean_direction(Q, P, i, SIDE, 1.7) for i in range(12)], atol=1e-12)
+    assert_allclose(closed_forms.mean_directions(Q, P, radius=0.01), ANGLES, atol=1e-12)
+    assert np.abs(closed_forms.mean_directions(Q, P) - found).max() > 0.1
+
+
+def turns():
+    after = RNG.normal(size=(12, 2))
+    for space, radius in ((TORUS, 1.0), (TORUS, 1.7)):
+        expected = [
+            by_hand.turn(math.atan2(after[i, 1], after[i, 0]) - by_hand.mean_direction(Q, P, i, SIDE, radius))
+            for i in range(12)
+        ]
+        assert_allclose(closed_forms.deviations(Q, P, after, space, radius), expected, atol=1e-12)
+    assert_allclose(closed_forms.deviations(Q, P, P, radius=0.01), 0.0, atol=1e-12)
+    two, apart = P[:2], np.array([[0.0, 0.0], [1.02, 0.0]])
+    assert_allclose(closed_forms.deviations(apart, two, two), 0.0, atol=1e-12)
+    assert np.abs(closed_forms.deviations(apart * 0.95, two, two)).min() > 0.01
+    assert_allclose(closed_forms.mean_directions(apart, two), ANGLES[:2], atol=1e-12)
+
+
+def polarisation():
+    assert_allclose(order(fk.State(Q, P)), math.hypot(*P.sum(axis=0)) / (12 * 0.5), rtol=1e-12)
+    uneven = P * RNG.uniform(0.5, 2.0, (12, 1))
+    assert_allclose(order(fk.State(Q, uneven)), order(fk.State(Q, P)), rtol=1e-12)
+
+
+def random():
+    for n in (1, 7):
+        assert_allclose(closed_forms.random_order(n), (math.sqrt(math.pi / (4 * n)), 1 / n, (n - 1) / n**3), rtol=1e-12)
+    for wrong in (0, 1.5):
+        with pytest.raises(fk.InvalidInput, match="random_order: agents"):
+            closed_forms.random_order(wrong)
+
+
+def cumulant():
+    for series in ([0.1, 0.9], RNG.random(9)):
+        second, fourth = (np.mean(np.asarray(series) ** k) for k in (2, 4))
+        assert_allclose(closed_forms.binder_cumulant(series), 1 - fourth / (3 * second**2), rtol=1e-12)
+    assert_allclose(closed_forms.binder_cumulant([0.3, 0.3]), 2 / 3, rtol=1e-12)
+    for wrong in ([], [0.5], [0.0, 0.0], [[1.0, 2.0]]):
+        with pytest.raises(fk.InvalidInput, match="binder_cumulant: order"):
+            closed_forms.binder_cumulant(wrong)
+
+
+def groups():
+    found = system.group(9, 3.5, 0.8, seed=4, duration=6, speed=0.2, noise_kind="vectorial", update="forward", name="x")
+    assert (found.t_end, found.name, found.seed, found.start.n) == (6.0, "x", 4, 9)
+    assert_allclose(found.frame_times, np.arange(7))
+    assert found.space == fk.Periodic([3.5, 3.5])
+    assert (found.control.period, found.control.phase, found.control.latency) == (1.0, 0.0, 0.0)
+    agents = found.agents
+    assert (agents.speed, agents.noise, agents.noise_kind, agents.update, agents.seed) == (
+        0.2, 0.8, "vectorial", "forward", 4)  # fmt: skip
+    assert found.law == fk.Law(fk.Proximity(1.0), [fk.VelocityAverage(1.0)])
+    assert_allclose(np.linalg.norm(found.start.p, axis=1), 0.2, rtol=1e-12)
+    assert found.start.q.min() >= 0.0
+    assert 2.0 < found.start.q.max() < 3.5
+    usual = signature(system.group).parameters
+    assert [usual[k].default for k in ("seed", "duration", "speed", "noise_kind", "update", "name")] == [
+        0, 400, 0.03, "angular", "backward", ""]  # fmt: skip
+    for wrong, word in (((9, 0.0, 1.0), "side"), ((0, 3.0, 1.0), "n"), ((9, 3.0, -1.0), "noise")):
+        with pytest.raises(fk.InvalidInput, match=word):
+            system.group(*wrong)
+    with pytest.raises(fk.InvalidInput, match="duration"):
+        system.group(9, 3.0, 1.0, duration=0)
+
+
+SETTINGS = {
+    "": (300, 7.0, 2.0, 0.03, 400), "-gathering": (300, 25.0, 0.1, 0.03, 400), "-ordered": (300, 5.0, 0.1, 0.03, 400),
+    "-small": (40, 3.1, 1.0, 0.03, 1000), "-noiseless": (40, 3.1, 0.0, 0.03, 400),
+    "-random": (40, 3.1, 2 * math.pi, 0.03, 4000), "-vectorial": (300, math.sqrt(150), 0.4, 0.5, 400),
+}  # fmt: skip
+
+
+def scenarios():
+    assert set(system.scenarios()) == {f"{system.KEY}{end}" for end in SETTINGS}
+    for end, (n, side, noise, speed, duration) in SETTINGS.items():
+        for seed in (0, 6):
+            found = system.scenario(name=f"{system.KEY}{end}", seed=seed)
+            assert (found.start.n, found.t_end, found.seed, found.name) == (n, duration, seed, f"{system.KEY}{end}")
+            assert_allclose((*found.space.lengths, found.agents.noise, found.agents.speed), (side, side, noise, speed))
+            assert found.agents.seed == seed
+            vectorial = end == "-vectorial"
+            assert found.agents.noise_kind == ("vectorial" if vectorial else "angular")
+            assert found.agents.update == ("forward" if vectorial else "backward")
+    still = system.scenario(name=f"{system.KEY}-noiseless")
+    angles = np.arctan2(still.start.p[:, 1], still.start.p[:, 0])
+    assert 1.2 < np.abs(angles).max() < 0.49 * math.pi
+    assert [system.scenario(figure).name for figure in (1, 2)] == ["vicsek-1995", "vicsek-1995-small"]
+    assert (system.scenario().name, system.scenario().seed) == ("vicsek-1995", 0)
+    for wrong, word in (({"figure": 3}, "figure"), ({"name": "vicsek"}, "name")):
+        with pytest.raises(fk.InvalidInput, match=f"scenario: {word}"):
+            system.scenario(**wrong)
+
+
+def series():
+    made = system.group(30, 2.7, 1.5, seed=2, duration=3)
+    q, p, values = made.start.q, made.start.p, []
+    for k in range(25):
+        q, p = by_hand.updated(q, p, 2.7, 1.5, 0.03, k, seed=2)
+        values.append(math.hypot(*p.sum(axis=0)) / 0.9)
+    assert_allclose(order_curves.order_series(made, 25), values, rtol=1e-9)
+    with pytest.raises(fk.InvalidInput, match="order_series: updates"):
+        order_curves.order_series(made, 0)
+    found = order_curves.mean_order.__wrapped__(12, 2.5, 3.0)
+    assert_allclose(found, order_curves.order_series(system.group(12, 2.5, 3.0), 600)[200:].mean(), rtol=1e-12)
+
+
+RULE, NOT = "the rule, as commonly cited", "not stated"
+SPEED = ("speed", RULE, "PAPER", "HOLDS", False, "speeds_kept", "granted")
+OLD = ("old-velocity", RULE, "PAPER", "HOLDS", False, "moved_as_they_headed", "granted")
+WITHIN = ("noise-within", RULE, "PAPER", "HOLDS", False, "turns_within_noise", "granted")
+EVEN = ("noise-even", RULE, "PAPER", "HOLDS", False, "turns_are_even", "granted")
+MOTION = [SPEED, OLD, WITHIN, EVEN, ("ordered", "Figs. 1 and 2", "PAPER", "HOLDS", True, "ordered", "granted")]
+STATED = {
+    "": MOTION, "-gathering": MOTION, "-ordered": MOTION, "-small": MOTION,
+    "-noiseless": [
+        SPEED, OLD, WITHIN,
+        ("sector", NOT, "OWN", "HOLDS", False, "sector_never_widens", "within_a_half_plane"),
+        ("velocities-agree", NOT, "OWN", "HOLDS", True, "velocities_agree", "within_a_half_plane"),
+    ],
+    "-random": [SPEED, OLD, EVEN, ("independent", NOT, "OWN", "HOLDS", False, "headings_independent", "granted")],
+    "-vectorial": [SPEED, ("ordered", NOT, "OWN", "HOLDS", True, "ordered", "granted")],
+}  # fmt: skip
+
+
+def claims():
+    agree_on(theorems, system, STATED)
+    with pytest.raises(fk.InvalidInput, match="claims: scenario"):
+        theorems.claims("vicsek-1996")
+    assert {k: g.basis.name for k, g in theorems.grounds().items()} == {
+        "speed": "PROOF", "old-velocity": "PROOF", "noise-within": "PROOF", "noise-even": "PROOF",
+        "independent": "PROOF", "sector": "PROOF", "velocities-agree": "OBSERVATION", "ordered": "OBSERVATION",
+    }  # fmt: skip
+
+
+PAPER = "flocking.papers.vicsek_1995"
+HOMES = {
+    "flocking.model.bodies.discrete_bodies.Heading": body,
+    "flocking.model.terms.alignment.VelocityAverage": average,
+    "flocking.model.observables.order": polarisation,
+    f"{PAPER}.closed_forms.mean_directions": directions,
+    f"{PAPER}.closed_forms.deviations": turns,
+    f"{PAPER}.closed_forms.random_order": random,
+    f"{PAPER}.closed_forms.binder_cumulant": cumulant,
+    f"{PAPER}.system.group": groups,
+    f"{PAPER}.system.scenario": scenarios,
+    f"{PAPER}.order_curves.order_series": series,
+    f"{PAPER}.theorems.claims": claims,
+}
