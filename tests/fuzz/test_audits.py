@@ -48,7 +48,7 @@ def runs() -> tuple[fk.Run, ...]:
     scenario = fk.Scenario(LAWS[0], fk.start.box(3, side=1.5, speed=0.4, seed=3), t_end=4.0, frames=61)
     found.append(fk.simulate(scenario, engine="tiles", step=0.01, progress=False))
     found.append(fk.simulate(scenario, engine="tiles", step=0.01, observe=True, keep_frames=False, progress=False))
-    found.append(fk.simulate(paper("vicsek-1995").scenario().with_(t_end=8.0, frames=9), progress=False))
+    found.append(fk.simulate(fk.papers.vicsek_1995.system.group(6, 2.5, 1.0, duration=30), progress=False))
     return tuple(found)
 
 

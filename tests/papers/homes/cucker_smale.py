@@ -119,6 +119,21 @@ def delayed_group():
     assert system.delayed_group().information == fk.Delayed(2.0, self_delayed=False)
 
 
+def discrete_group():
+    found = system.discrete_group(seed=3, step=0.7, name="x")
+    like = system.group(0.4, gain=4.0, seed=3)
+    assert (found.name, found.seed, len(found.frame_times)) == ("x", 3, 44)
+    assert_allclose(found.t_end, 43 * 0.7)
+    assert found.law == like.law
+    assert (found.start.q == like.start.q).all()
+    assert (found.start.p == like.start.p).all()
+    assert found.agents.parameters == {}
+    assert (found.agents.update, found.agents.masses, found.agents.damping) == ("backward", 1.0, 0.0)
+    assert (found.control.period, found.control.phase, found.control.latency) == (0.7, 0.0, 0.0)
+    usual = system.discrete_group()
+    assert (usual.control.period, usual.seed, usual.name, len(usual.frame_times)) == (0.2, 0, "", 151)
+
+
 def integral():
     for gain, exponent, scale, mass in ((10.0, 1.0, 1.0, 1.0), (4.0, 0.4, 2.0, 0.5), (9.0, 0.7, 0.5, 3.0)):
         terms = (fk.CuckerSmale(gain, exponent, scale), fk.Consensus(0.25))
@@ -160,6 +175,10 @@ STATED = {
     ],
     "-sharp": [*GROUP, ("agree-if-held", HA, "OWN", "HOLDS", True, "velocities_agree", "held_together"), *BOUNDS],
     "-pair": [INVARIANT, ("final-distance", NOT, "OWN", "HOLDS", True, "distance_as_predicted", "held_together")],
+    "-discrete": [
+        ("discrete-rule", f"the system, {CITED}", "PAPER", "HOLDS", False, "steps_as_stated", "granted"),
+        ("agree-discrete", f"main theorem, {CITED}", "PAPER", "HOLDS", True, "velocities_agree", "short_steps"),
+    ],
     "-parting": [
         INVARIANT,
         ("final-speed", NOT, "OWN", "HOLDS", True, "speed_as_predicted", "granted"),
@@ -198,6 +217,7 @@ HOMES = {
     f"{PAPER}.closed_forms.delay_limits": limits,
     f"{PAPER}.system.late_pair": late_pair,
     f"{PAPER}.system.delayed_group": delayed_group,
+    f"{PAPER}.system.discrete_group": discrete_group,
     f"{PAPER}.theorems.claims": claims,
     "flocking.study.certificates.alignment_certificates.Alignment.integral": integral,
 }

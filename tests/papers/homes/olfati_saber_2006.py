@@ -119,6 +119,11 @@ def metrics():
         assert_allclose(found["deviation energy"][k], sum((r - 7) ** 2 for r in lengths) / (len(lengths) + 1) / 49)
         assert_allclose(found["velocity mismatch"][k], sum(((v - p.mean(axis=0)) ** 2).sum() for v in p) / 14)
 
+    law = fk.Law(fk.Proximity(8.0), [fk.Consensus(1.0)])
+    ends = fk.State([[0.5, 1.0], [38.5, 1.0]])
+    around = fk.Scenario(law, ends, t_end=0.0, frames=1, space=fk.Periodic([40.0, 40.0]))
+    images = closed_forms.metrics(fk.simulate(around, progress=False))
+    assert_allclose(images["deviation energy"], (2.0 - 7.0) ** 2 / 2 / 49)
     far = np.array([[0.0, 0.0], [5.0, 0.0], [50.0, 0.0], [90.0, 0.0]])
     for n, connectivity in ((1, 1.0), (2, 1.0), (3, 0.5), (4, 1 / 3)):
         few = fk.simulate(scenario.with_(start=fk.State(far[:n]), t_end=0.0, frames=1), progress=False)

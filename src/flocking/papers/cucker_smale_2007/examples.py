@@ -103,3 +103,11 @@ def neighbours_late_of(scale: float) -> Array:
     scenario = system.delayed_group(delay=0.5 * scale)
     run = simulate(scenario.with_(t_end=1.5, frames=(0.0, 1.5), name=""), progress=False)
     return np.asarray(run.p[-1])
+
+
+def discrete_motion_of(scale: float) -> tuple[Array, Array]:
+    """Positions and velocities of a group in discrete time after ten steps, the step scaled."""
+    scenario = system.discrete_group(step=system.STEP * scale)
+    end = 10.0 * system.STEP * scale
+    run = simulate(scenario.with_(t_end=end, frames=(0.0, end), name=""), progress=False)
+    return run.q[-1], run.p[-1]

@@ -7,17 +7,20 @@ from collections.abc import Callable
 import numpy as np
 
 from flocking.model import starts
+from flocking.model.bodies.discrete_bodies import Impulsive
 from flocking.model.checks import number, one_of
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.terms.alignment import CuckerSmale
+from flocking.model.world.control import Held
 from flocking.model.world.information import Delayed
 
 KEY = "cucker-smale-2007"
 CRITICAL, SHARP = f"{KEY}-critical", f"{KEY}-sharp"
 PAIR, PARTING = f"{KEY}-pair", f"{KEY}-parting"
 DELAYED, REACTION, MONOTONE, UNSTABLE = (f"{KEY}-{x}" for x in ("delayed", "reaction", "monotone", "unstable"))
+DISCRETE = f"{KEY}-discrete"
 
 FIGURES = {"A": SHARP, "B": PAIR, "C": MONOTONE}
 """Scenario of each figure of this package; the first of those that it shows."""
@@ -34,6 +37,9 @@ PARTING_DURATION = 20000.0
 
 MEETING, LEAVING = 1.2, 1.7
 """Relative speeds of two agents that start at one place: below and above K times the integral of psi, pi/2."""
+
+STEP = 0.2
+"""Step of the system in discrete time; h times the largest sum of weights is below 1."""
 
 DELAY = 2.0
 """Delay of the neighbours' states; agents know their own."""
@@ -174,6 +180,23 @@ def delayed_group(*, seed: int = 0, delay: float = DELAY, name: str = "") -> Sce
     return begin.with_(information=Delayed(delay), t_end=4.0 * DURATION)
 
 
+def discrete_group(*, seed: int = 0, step: float = STEP, name: str = "") -> Scenario:
+    """The authors' system in discrete time: x(t + h) = x + h v, v(t + h) = v + h sum a_ij (v_j - v_i), by old values.
+
+    Parameters
+    ----------
+    seed
+        Seed of the start.
+    step
+        The step h; every step is a frame.
+    name
+        Name of the scenario.
+    """
+    begin = group(0.4, gain=4.0, seed=seed, name=name)
+    frames = 1 + round(DURATION / step)
+    return begin.with_(agents=Impulsive(), control=Held(step), frames=frames, t_end=(frames - 1) * step)
+
+
 def scenarios() -> dict[str, Callable[[int], Scenario]]:
     """Scenarios by name, each a function of the seed."""
     return {
@@ -185,6 +208,7 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         DELAYED: lambda seed: delayed_group(seed=seed, name=DELAYED),
         REACTION: lambda seed: late_pair(drawn(seed, LATE, 0.5, 1.5), name=REACTION).with_(seed=seed),
         MONOTONE: lambda seed: late_pair(drawn(seed, MONOTONE_LATE, 0.1, 0.36), name=MONOTONE).with_(seed=seed),
+        DISCRETE: lambda seed: discrete_group(seed=seed, name=DISCRETE),
         UNSTABLE: lambda seed: late_pair(
             drawn(seed, TOO_LATE, 1.65, 2.5), duration=2.0 * DURATION, name=UNSTABLE
         ).with_(seed=seed),

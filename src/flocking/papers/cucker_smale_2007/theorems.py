@@ -8,12 +8,23 @@ from functools import lru_cache
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.model.bodies.discrete_bodies import Impulsive
+from flocking.model.checks import NO_LESS
+from flocking.model.graphs.all_pairs import Complete
 from flocking.model.law import Scenario
 from flocking.model.observables import diameters
+from flocking.model.state import State
 from flocking.model.terms.alignment import CuckerSmale
+from flocking.model.world.control import Held
 from flocking.model.world.information import Delayed
 from flocking.papers.cucker_smale_2007 import system
-from flocking.papers.cucker_smale_2007.closed_forms import delay_limits, final_distance, final_speed, pair_invariant
+from flocking.papers.cucker_smale_2007.closed_forms import (
+    delay_limits,
+    discrete_step,
+    final_distance,
+    final_speed,
+    pair_invariant,
+)
 from flocking.papers.grounds import OBSERVED, Ground, grounded, proved, refuted
 from flocking.study.certificates.alignment_certificates import Alignment
 from flocking.study.claims import general_claims as general
@@ -27,6 +38,9 @@ CLOSE = 1e-6
 
 DOWN_TO = 1e-3
 """Share of the first difference of velocities down to which its decay is compared with the bound."""
+
+CRITICAL_EXPONENT = 0.5
+"""Largest beta for which the weights are not summable over the distance."""
 
 SHARE = 3
 """The first and the last of so many parts of a run are compared."""
@@ -157,6 +171,47 @@ def differences_shrink(e: Evidence) -> Measure:
     return below(float(last / first), 1.0, f"largest difference {last:.3g} in the last third, {first:.3g} in the first")
 
 
+def _discrete(e: Evidence) -> tuple[CuckerSmale, float]:
+    """The term and the step of a run of the system in discrete time."""
+    world, terms = e.run.scenario, e.law.terms
+    if not isinstance(world.agents, Impulsive) or world.agents.parameters or world.agents.update != "backward":
+        raise NotMeasurable("velocities are not set at steps, without limits")
+    unit = np.all(np.asarray(world.agents.masses) == 1.0) and not np.any(np.asarray(world.agents.damping))
+    if not unit or len(terms) != 1 or not isinstance(terms[0], CuckerSmale):
+        raise NotMeasurable("the law is not one alignment of undamped unit masses")
+    control = world.control
+    if not isinstance(e.law.graph, Complete) or terms[0].over is not None or not world.space.is_open:
+        raise NotMeasurable("not all pairs align in open space")
+    if not isinstance(control, Held) or np.ndim(control.period) or np.any(control.phase):
+        raise NotMeasurable("agents do not step together from the start on")
+    return terms[0], float(control.period)
+
+
+@about(Subject.SPREAD, lasting=True)
+def steps_as_stated(e: Evidence) -> Measure:
+    """Largest difference of a frame from the step of the system from the frame before, by the largest velocity."""
+    term, step = _discrete(e)
+    if len(e.t) < 2 or np.abs(np.diff(e.t) - step).max() > CLOSE * step or e.t[0] != e.run.scenario.start.t:
+        raise NotMeasurable("the frames are not those of every step")
+    e.need_few()
+    worst, size = 0.0, max(float(e.speeds.max()), NO_LESS)
+    for k in range(len(e.t) - 1):
+        after = discrete_step(State(e.q[k], e.p[k]), step, term.gain, term.exponent, term.scale)
+        off = max(float(np.abs(after.p - e.p[k + 1]).max()), float(np.abs(after.q - e.q[k + 1]).max()) / step)
+        worst = max(worst, off)
+    rounding = 1e-12 * float(np.abs(e.q).max()) / (step * size)
+    return below(worst / size, CLOSE * 1e-3 + rounding, f"steps differ by at most {worst / size:.1e} of the speed")
+
+
+def short_steps(e: Evidence) -> Measure:
+    """The step times the largest possible sum of an agent's weights, against 1."""
+    term, step = _discrete(e)
+    most = step * (e.run.n - 1) * term.gain / term.scale ** (2.0 * term.exponent)
+    if term.exponent > CRITICAL_EXPONENT:
+        return Measure(CRITICAL_EXPONENT - term.exponent, 0.0, f"beta = {term.exponent:.4g}", everywhere=False)
+    return Measure(1.0 - most, 0.0, f"h times the sum of the weights is at most {most:.4g}", everywhere=False)
+
+
 def stable_delay(e: Evidence) -> Measure:
     """The delay against pi/(2 lambda)."""
     return _delay_below(e, 1)
@@ -201,6 +256,12 @@ def grounds() -> Mapping[str, Ground]:
         "diameter-bound": proved(diameters),
         "exponential": proved(diameters),
         "all-apart": OBSERVED,
+        "discrete-rule": proved("by the definition of the system"),
+        "agree-discrete": proved(
+            "I - h L is stochastic with entries of at least a = h phi(D_x) off the diagonal and b = 1 - h sum > 0 on "
+            "it: D_v falls by the factor 1 - (N - 2) a - 2 min(a, b) (Dobrushin 1956), and the sum of a over the steps "
+            "is infinite for beta <= 1/2"
+        ),
         "invariant": proved(line),
         "final-distance": proved(line),
         "final-speed": proved(line),
@@ -244,6 +305,15 @@ def _stated(name: str) -> Sequence[Claim]:
             Claim("agree-late-neighbours", "Rodriguez Cartabia 2020",
                   "With neighbours known late and beta <= 1/2 all velocities become the same, whatever the delay.",
                   general.velocities_agree, origin=own),
+        )  # fmt: skip
+    if name == system.DISCRETE:
+        return (
+            Claim("discrete-rule", f"the system, {cited}",
+                  "Every step is x + h v and v + h sum a_ij (v_j - v_i), both with the values before it.",
+                  steps_as_stated, dynamic=False),
+            Claim("agree-discrete", f"main theorem, {cited}",
+                  "In discrete time too all velocities become the same for beta <= 1/2, if h times the sum of the "
+                  "weights of an agent is below 1.", general.velocities_agree, short_steps),
         )  # fmt: skip
     if name in (system.REACTION, system.MONOTONE, system.UNSTABLE):
         return _late(name, own)

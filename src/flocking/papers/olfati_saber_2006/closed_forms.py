@@ -133,7 +133,7 @@ def metrics(run: Run) -> Mapping[str, Array]:
         # The rank of a Laplacian is the number of agents less that of its components.
         found["connectivity"].append((run.n - flocks(links)) / (run.n - 1) if run.n > 1 else 1.0)
         found["cohesion radius"].append(float(np.linalg.norm(q - q.mean(axis=0), axis=1).max()))
-        deviations = np.linalg.norm(q[i] - q[j], axis=1) - DISTANCE
+        deviations = np.linalg.norm(run.scenario.space.displacement(q[j] - q[i]), axis=1) - DISTANCE
         found["deviation energy"].append(float((deviations**2).sum() / (len(i) + 1) / DISTANCE**2))
         found["velocity mismatch"].append(float(0.5 * ((p - p.mean(axis=0)) ** 2).sum() / run.n))
     return {name: np.array(values) for name, values in found.items()}

@@ -95,6 +95,7 @@ def one_flock(e: Evidence) -> Measure:
 @about(Subject.NET)
 def quasi_lattice(e: Evidence) -> Measure:
     """Deviation energy at the end."""
+    e.frame_links  # noqa: B018  raises where frames hold no links
     value = float(metrics(e.checked)["deviation energy"][-1])
     measured = below(value, QUASI, f"deviation energy {value:.2g} d^2 at the end")
     return Measure(measured.margin, 0.0, measured.note, everywhere=False)

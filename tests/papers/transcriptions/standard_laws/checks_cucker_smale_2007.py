@@ -97,7 +97,17 @@ def late_neighbours(found):
     near(found, neighbours_late(), 2e-4)
 
 
+def discrete_runs(found):
+    begin = fk.papers.cucker_smale_2007.scenario(name="cucker-smale-2007-discrete").start
+    q, p = begin.q, begin.p
+    for _ in range(10):
+        q, p = q + 0.2 * p, p + 0.2 * by_hand.pull(q, p, 0.2, 0.4, 1.0)
+    near(found[0], q, 1e-8)
+    near(found[1], p, 1e-8)
+
+
 CHECKS = {
+    "discrete runs": discrete_runs,
     "weights": weights,
     "continuous system": control,
     "discrete system": step,
