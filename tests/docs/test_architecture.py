@@ -21,6 +21,8 @@ HOMES = {
     "change what beta- and gamma-agents do": "class Avoid(",
     "add a body": "class PointMass(",
     "change how robots on wheels follow the law": "class Unicycle(",
+    "change how a safety filter changes forces": "class ForceFilter:",
+    "add a guarantee of a safety filter": "def safety_certificates(",
     "change how headings are set at ticks": "class Heading(",
     "change how neighbours are found in discrete time": "class CellPairs:",
     "add an actuator or a limit": "class Limited(",

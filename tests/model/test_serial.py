@@ -52,6 +52,7 @@ PARTS: list[Any] = [
     fk.Smooth(3.0, 0.5, sigma_norm=0.2),
     fk.CuckerSmale(0.5, 1 / 3, 2.0),
     fk.VelocityAverage([0.5, 1 / 3]),
+    fk.SafetyFilter(1 / 3, 0.1, 0.02, distance=0.7, acceleration=[1 / 3, 2.0], form="continuous", gain=0.3),
     fk.Heading([0.1, 1 / 3], noise=0.2, noise_kind="vectorial", update="forward", seed=7),
     fk.Impulsive([0.1, 1 / 3], 0.2, force=3.0, update="forward"),
     fk.Gradient(fk.Potential("a/r + 1e-17*r", a=0.1), "force", fk.Proximity(1 / 3, closed=True)),

@@ -68,3 +68,4 @@ from flocking.model.world.losses import Loss as Loss
 from flocking.model.world.noises import Noise as Noise
 from flocking.model.world.noises import OrnsteinUhlenbeck as OrnsteinUhlenbeck
 from flocking.model.world.noises import WhiteNoise as WhiteNoise
+from flocking.model.world.safety_filters import SafetyFilter as SafetyFilter

@@ -98,6 +98,7 @@ SCENARIOS = {
         start=fk.State(START.q, np.full(START.q.shape, 0.5**0.5)),
         agents=fk.Heading(1.0, noise=np.arange(5) / 7, seed=3),
     ),
+    "safety filter": scenario(control=fk.SafetyFilter(0.1, distance=0.2, acceleration=np.arange(1, 6) / 3, gain=0.3)),
     "impulses": scenario(agents=fk.Impulsive(speed=np.arange(1, 6) / 3, update="forward"), control=fk.Held(0.1)),
     "unicycles": scenario(agents=fk.Unicycle(0.1)),
     "single integrators": scenario(agents=fk.SingleIntegrator(headings=np.arange(5) * 0.1)),

@@ -33,6 +33,9 @@ def packed_memory(memory: SampledMemory) -> Packed:
     }  # fmt: skip
     if knowledge.errors is not None:
         arrays["noise"] = knowledge.errors
+    if (found := memory.filter) is not None:
+        arrays["filter_normals"] = found.normals
+        arrays["filter_counts"] = np.array([found.changed, found.relaxed, found.first_relaxed], dtype=np.int64)
     return dict(memory.truth.numbers), arrays
 
 
@@ -65,3 +68,6 @@ def unpacked_memory(fresh: SampledMemory, packed: Packed, scenario: Scenario) ->
     knowledge.links, knowledge.newest, knowledge.taken = arrays["known_links"], arrays["newest"], arrays["taken"]
     knowledge.samples.rows, knowledge.samples.distances = arrays["sample_rows"], arrays["sample_distances"]
     knowledge.errors = arrays.get("noise")
+    if fresh.filter is not None:
+        fresh.filter.normals = arrays["filter_normals"]
+        fresh.filter.changed, fresh.filter.relaxed, fresh.filter.first_relaxed = arrays["filter_counts"].tolist()

@@ -99,6 +99,11 @@ def _forms(n: int, m: int, graphs: int, fresh: SampledMemory) -> Names:
         return Table("f8", shape, least=-LARGEST, most=LARGEST)
 
     noise = {"noise": vectors(n, 2 * m)} if fresh.knowledge.draws_errors else {}
+    if fresh.filter is not None:
+        noise |= {
+            "filter_normals": Table("f8", (n, n, m), -1.0 - NEAR, 1.0 + NEAR),
+            "filter_counts": Table("i8", (3,), -1, MOST_COUNT),
+        }
     return Names({
         "ticked": count, "applied": count, "taken": count, "begin": count, "links": links, "known_links": links,
         "coefficients": vectors(fresh.motion.degree + 1, n, m), "force": vectors(n, m),

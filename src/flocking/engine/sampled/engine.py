@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
@@ -13,6 +15,7 @@ from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
 from flocking.model.world.information import Instant, Messages
+from flocking.model.world.safety_filters import SafetyFilter
 
 LONGEST_RUN = 2e9
 """Longest run: its nanoseconds, and those of a period and a delay beyond it, stay within 64 bits."""
@@ -41,6 +44,10 @@ class SampledEngine(Engine):
                 "Scenario", "t_end", f"must be at most {LONGEST_RUN:g} after the start under held control",
                 scenario.t_end, "Times are counted in whole nanoseconds. Use another unit of time.",
             )  # fmt: skip
+        if isinstance(scenario.control, SafetyFilter) and (
+            scenario.agents.order == 1 or np.any(np.asarray(scenario.agents.damping))
+        ):
+            raise UnsupportedLaw("SafetyFilter is for undamped point masses, which brake by their force alone.")
         check_law(self.name, scenario, plant)
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:

@@ -15,9 +15,11 @@ from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.motion import Motion
+from flocking.engine.sampled.safety import ForceFilter
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
+from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND, Instants, PeriodicTimes
 
 NEVER = np.iinfo(np.int64).max
@@ -53,6 +55,10 @@ class SampledSession(ImperfectSession):
         self.motion = Motion(start.q, start.p, scenario.agents)
         self.knowledge = Knowledge(scenario.information, start.q, start.p, self.links, scenario.space)
         self._sampled_law = SampledLaw(scenario, self.knowledge.degree)
+        control = scenario.control
+        self.filter: ForceFilter | None = None
+        if isinstance(control, SafetyFilter):
+            self.filter = ForceFilter(control, np.asarray(scenario.agents.masses), start.q, scenario.space)
         self._instant = 0
         self.begin()
         self._watch_pieces(0, np.ones(self.n, dtype=bool))
@@ -109,6 +115,8 @@ class SampledSession(ImperfectSession):
             knowledge.relink(known, self._rules)
             force = self._law.forces(self._base + seconds, known, knowledge)
             self._check_forces(force, seconds, acting)
+            if self.filter is not None:
+                force = self.filter.filtered(instant, known, force)
             self.ticked[acting] += 1
             self.steps += 1
             self.waiting.append((instant + self._latency, acting, force))
@@ -149,7 +157,19 @@ class SampledSession(ImperfectSession):
     @property
     def _memory(self) -> SampledMemory:
         """What the session goes on from."""
-        return SampledMemory(self.truth, self.motion, self.knowledge, self.ticked, self.applied, self.waiting)
+        memory = None if self.filter is None else self.filter.memory
+        return SampledMemory(self.truth, self.motion, self.knowledge, self.ticked, self.applied, self.waiting, memory)
+
+    @property
+    def about(self) -> dict[str, object]:
+        """Provenance of the records, with what a safety filter did."""
+        found = super().about
+        if self.filter is not None:
+            memory = self.filter.memory
+            found |= {"forces changed by the safety filter": memory.changed, "its conditions relaxed": memory.relaxed}
+            if memory.relaxed:
+                found["first relaxed at"] = self._base + memory.first_relaxed * NANOSECOND
+        return found
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""

@@ -8,6 +8,7 @@ from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.memory import ImperfectMemory
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.motion import Motion
+from flocking.engine.sampled.safety import FilterMemory
 from flocking.model.world.times import Instants
 
 
@@ -25,6 +26,8 @@ class SampledMemory:
         How often each agent has acted, and how often its force has changed, shape (N,).
     waiting
         Forces that do not act yet: when they will, in nanoseconds, whose they are, and the forces.
+    filter
+        What a safety filter goes on from; None where there is none.
     """
 
     truth: ImperfectMemory
@@ -33,3 +36,4 @@ class SampledMemory:
     ticked: Instants
     applied: Instants
     waiting: list[tuple[int, Indices, Array]]
+    filter: FilterMemory | None = None

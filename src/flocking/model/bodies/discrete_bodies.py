@@ -98,6 +98,11 @@ class DiscreteBody(Body):
                 "Scenario", "control", f"must be Held for {owner} agents, which set their velocity at ticks",
                 type(control).__name__, "Give control=Held(period).",
             )  # fmt: skip
+        if type(control) is not Held:
+            raise InvalidInput(
+                "Scenario", "control", f"must be Held alone for {owner} agents", type(control).__name__,
+                "Other kinds of held control change forces of point masses.",
+            )  # fmt: skip
         if control.latency_in_nanoseconds:
             raise InvalidInput(
                 "Held", "latency", f"must be 0 for {owner} agents", control.latency,

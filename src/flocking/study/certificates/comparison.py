@@ -198,6 +198,7 @@ def _energy_error(run: Run, frames: Indices) -> float:
 _OBSERVED: dict[str, Callable[[Run, Certificate], tuple[float, float] | None]] = {
     "largest_energy": _energy,
     "closest_approach": _closest,
+    "safe_distance": _closest,
     "longest_link": _link_lengths,
     "group_diameter": _diameter,
     "alignment_diameter": _diameter,

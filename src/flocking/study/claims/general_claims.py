@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from flocking.study.claims.claim import Claim
-from flocking.study.claims.conclusions.approach import all_apart, linked_apart
+from flocking.study.claims.conclusions.approach import (
+    all_apart,
+    linked_apart,
+    needs_filter,
+    safe_distance_kept,
+)
 from flocking.study.claims.conclusions.energy import (
     at_most,
     energy_continuous,
@@ -53,6 +58,8 @@ GENERAL: tuple[Claim, ...] = (
           obstacle=needs_switching),
     Claim("linked-apart", "any law", "Linked agents never collide.", linked_apart),
     Claim("all-apart", "any law", "No two agents ever collide.", all_apart),
+    Claim("safe-distance", "any law", "No two agents come closer than the safety filter's distance.",
+          safe_distance_kept, obstacle=needs_filter),
     Claim("forces-vanish", "any law", "The potential forces balance at the end.", forces_vanish, obstacle=needs_free),
     Claim("potential-minimal", "any law", "The total potential ends in a local minimum.", potential_is_minimal,
           obstacle=needs_total_potential),

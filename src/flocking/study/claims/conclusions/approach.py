@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine.runs.run import Closest
+from flocking.model.world.safety_filters import SafetyFilter
 from flocking.study.claims.claim import Measure, above
 from flocking.study.claims.subjects import Subject, Witness, about
-from flocking.study.evidence import Evidence
+from flocking.study.evidence import Evidence, NotMeasurable
+
+FILTER_ROUNDING = 1e-9
+"""Share of the distance of a safety filter that rounding may cost."""
 
 
 def _closest_linked(e: Evidence) -> Witness:
@@ -36,6 +40,24 @@ def all_apart(e: Evidence) -> Measure:
     if e.coincidences:
         return _at_one_point(*e.coincidences[0])
     return _apart(e, e.closest)
+
+
+@about(Subject.CLOSEST, _closest, lasting=True)
+def safe_distance_kept(e: Evidence) -> Measure:
+    """Closest approach ever of any two agents against the distance of the safety filter, up to its rounding."""
+    control = e.run.scenario.control
+    if not isinstance(control, SafetyFilter):
+        raise NotMeasurable("no safety filter is declared")
+    c = e.closest
+    note = f"closest {c.distance:.9g}, the filter keeps {control.distance:.9g}"
+    # At every tick the filter begins anew with the states as they were computed: earlier errors do not add up.
+    error = c.error if np.isfinite(c.error) else e.error_of(c)
+    return above(c.distance, control.distance * (1.0 - FILTER_ROUNDING), note, error)
+
+
+def needs_filter(e: Evidence) -> str:
+    """Why no distance is to be kept: there is no safety filter."""
+    return "" if isinstance(e.run.scenario.control, SafetyFilter) else "no safety filter is declared"
 
 
 def _apart(e: Evidence, c: Closest) -> Measure:

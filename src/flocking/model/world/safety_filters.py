@@ -1,0 +1,100 @@
+"""Held control behind a safety filter, which changes a force where agents could come too close."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flocking.model.checks import Array, check_each, number, one_of, scalar_or_each
+from flocking.model.parts import values
+from flocking.model.parts.registration import register_part
+from flocking.model.world.control import Held
+
+FORMS = ("sampled", "continuous")
+"""Conditions of the filter: for forces that are held for a period, and for forces that change at every moment."""
+
+
+@register_part("safety_filter")
+@dataclass(frozen=True, eq=False)
+class SafetyFilter(Held):
+    """Held control whose forces keep agents apart, by pairwise barriers of double integrators with bounded force.
+
+    At a tick agent i exerts, instead of the force that the law wants, the nearest one that is no larger than
+    m_i a_i and satisfies a condition for every other agent it knows of. Two agents at a distance r that close in at
+    the speed w can brake before the distance D if w^2 <= 2 (a_i + a_j) (r - D). Each takes the share a_i/(a_i + a_j)
+    of the acceleration that this asks of both, so that nobody needs to know the other's force.
+
+    ``form="continuous"`` is the condition of Borrmann, Wang, Ames and Egerstedt (2015): h' >= -gain h^3 for
+    h = sqrt(2 (a_i + a_j)(r - D)) + (relative position . relative velocity)/r. It is one of continuous time: where its
+    forces are held for a period it may be broken. ``form="sampled"`` asks instead that after a period, whose force is
+    held, the two can still brake, along the line between them or that of the tick before: two agents that know each
+    other's present state, and can brake at the start, then never come closer than D. Of more agents the conditions may
+    contradict each other; then all are relaxed by the least common amount, which is counted.
+
+    Parameters
+    ----------
+    period, phase, latency
+        As for `Held`.
+    distance
+        The distance D; positive.
+    acceleration
+        Largest acceleration a, one for all agents or one for each; positive.
+    form
+        ``"sampled"`` or ``"continuous"``.
+    gain
+        Gain of the continuous form; positive.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is out of range.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> fk.SafetyFilter(0.1, distance=0.7, acceleration=10.0).summary
+    'control held for 0.1 behind a safety filter'
+    """
+
+    distance: float = field(kw_only=True)
+    acceleration: float | Array = field(kw_only=True)
+    form: Annotated[str, values.choice(*FORMS)] = field(default="sampled", kw_only=True)
+    gain: float = field(default=1.0, kw_only=True)
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(
+            self, period: float | ArrayLike, phase: float | ArrayLike = 0.0, latency: float = 0.0, *,
+            distance: float, acceleration: float | ArrayLike, form: str = "sampled", gain: float = 1.0,
+        ) -> None: ...  # fmt: skip
+
+    def __post_init__(self) -> None:
+        Held.__post_init__(self)
+        object.__setattr__(self, "distance", number("SafetyFilter", "distance", self.distance, above=0.0))
+        found = scalar_or_each("SafetyFilter", "acceleration", self.acceleration, above=0.0)
+        object.__setattr__(self, "acceleration", found)
+        one_of("SafetyFilter", "form", self.form, FORMS, "must be 'sampled' or 'continuous'")
+        object.__setattr__(self, "gain", number("SafetyFilter", "gain", self.gain, above=0.0))
+
+    def check_count(self, n: int) -> None:
+        """Check that values given for each agent are ``n``.
+
+        Raises
+        ------
+        InvalidInput
+            When they are another number.
+        """
+        Held.check_count(self, n)
+        check_each("SafetyFilter", "acceleration", self.acceleration, n)
+
+    @property
+    def summary(self) -> str:
+        """``control held for`` its longest period ``behind a safety filter``."""
+        return f"{Held.summary.__get__(self)} behind a safety filter"
+
+    def accelerations(self, n: int) -> Array:
+        """Largest acceleration of each of ``n`` agents, shape (N,)."""
+        return np.broadcast_to(np.asarray(self.acceleration, dtype=np.float64), n)
