@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from flocking.engine.reference.control import control as control
     from flocking.engine.reference.control import control_of as control_of
     from flocking.engine.reference.control import evaluate as evaluate
+    from flocking.engine.reference.controller import Controller as Controller
     from flocking.engine.runs.compare import first_difference as first_difference
     from flocking.engine.runs.run import Run as Run
     from flocking.engine.storage.export_formats import export_run as export_run
@@ -60,6 +61,7 @@ _HOMES = {
     "SimulationError": "errors", "StorageError": "errors", "agent_energies": "study.potentials.state_energy",
     "animate": "show.animate", "audit": "papers.auditing", "certify": "study.certificates.certify",
     "check_potential": "papers.potential_definitions",
+    "Controller": "engine.reference.controller",
     "control": "engine.reference.control", "control_of": "engine.reference.control",
     "evaluate": "engine.reference.control", "export_run": "engine.storage.export_formats",
     "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "margins": "papers.margins",

@@ -44,6 +44,7 @@ HOMES = {
     "change the companion solution that estimates the integration error": "class Companion",
     "add a field to the checkpoint of the exact engine": "def pack_exact(",
     "add a column to the ledger of a run": "TRACE_FIELDS =",
+    "change how the controller of one agent is called": "class Controller:",
     "change the automatic time step": "def largest_step(",
     "add an integrator with a fixed step": "class Verlet(",
     "change the skin rule": "def best_skin(",

@@ -1,0 +1,397 @@
+"""The control of one agent, call by call, as a robot's own loop needs it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flocking.arrays import Indices
+from flocking.engine.kernels.codegen import compiled_kernels
+from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.obstacle_distances import ObstacleDistances
+from flocking.engine.kernels.pieces import free_pieces
+from flocking.errors import InvalidInput
+from flocking.formula.native.functions import native
+from flocking.model.checks import Array, integer, number, truth
+from flocking.model.energy import Energy
+from flocking.model.graph_functional import averages
+from flocking.model.graphs.weights import MatrixWeights
+from flocking.model.law import Law
+from flocking.model.potentials.poles import poles
+from flocking.model.space import OPEN, Space
+from flocking.model.state import Agents
+from flocking.model.terms.pair_terms import Gradient
+from flocking.model.terms.schedules import Schedule
+
+MOST_NEIGHBOURS = 1024
+"""Number of agents that may be heard of where none is given."""
+
+NOT_FINITE, NO_AGENT, TWICE = 1, 2, 3
+"""Faults of what is known of the others: a number that is not finite, an agent that is not, one given twice."""
+
+CLOSED, FIXED = 1.0, 2.0
+"""Kinds of graphs in the native rules: links of a start at the radius itself, and links that never change."""
+
+
+@native
+def _prepare(  # type: ignore[no-untyped-def]
+    call, relative, started, own, moving, who, places, speeds, lengths, rules, links, after, marks, Q, V, r, sensed,
+    offsets,
+):  # fmt: skip
+    """Copy and check what is known, and find the linked agents of every graph; returns a fault, 0 for none."""
+    m, k, n = own.shape[0], who.shape[0], marks.shape[0]
+    for c in range(m):
+        if own[c] - own[c] != 0.0 or moving[c] - moving[c] != 0.0:
+            return 1
+        Q[0, c] = own[c]
+        V[0, c] = moving[c]
+    for e in range(k):
+        j = who[e]
+        if j < 0 or j >= n:
+            return 2
+        if marks[j] == call:
+            return 3
+        marks[j] = call
+        square = 0.0
+        for c in range(m):
+            x = places[e, c] + (own[c] if relative else 0.0)
+            v = speeds[e, c] + (moving[c] if relative else 0.0)
+            if x - x != 0.0 or v - v != 0.0:
+                return 1
+            Q[e + 1, c] = x
+            V[e + 1, c] = v
+            d = x - own[c]
+            if lengths[c] > 0.0:
+                turns = math.floor(abs(d) / lengths[c] + 0.5)
+                d = d - lengths[c] * (turns if d >= 0.0 else -turns)
+            square += d * d
+        r[e] = math.sqrt(square)
+    total = 0
+    for g in range(rules.shape[0]):
+        offsets[g] = total
+        for j in range(n):
+            after[g, j] = links[g, j] and rules[g, 2] == 2.0
+        for e in range(k):
+            old = links[g, who[e]]
+            if rules[g, 2] == 2.0:
+                linked = old
+            elif started:
+                linked = r[e] < (rules[g, 1] if old else rules[g, 0])
+            else:
+                linked = r[e] < rules[g, 1] or (rules[g, 2] == 1.0 and r[e] == rules[g, 1])
+            if linked:
+                sensed[total] = e + 1
+                total += 1
+                after[g, who[e]] = True
+    offsets[rules.shape[0]] = total
+    return 0
+
+
+class Controller:
+    """The control law of one agent, with its link memory, for a loop of hundreds of calls a second.
+
+    A call takes what the agent knows now and gives the force of the law, as `flocking.control_of` does for given
+    neighbours; here the graph decides whom of those it hears of are neighbours, by its memory. At the first call links
+    are those of a start, afterwards they appear and break at the distances of the graph. Whoever a call does not name
+    is forgotten, and its link must appear anew.
+
+    Parameters
+    ----------
+    law
+        The control law; it must be distributed, its graphs must link by distances, and leaders must have a closed form.
+    agent
+        Number of the agent, which selects its own parameters where they are given for each.
+    agents
+        Number of agents that may be heard of; identifiers are below it.
+    mass, damping
+        Of the agent.
+    limit
+        Largest force; longer ones are scaled back. None for no limit.
+    expires
+        Age from which what is known of a neighbour is not used; None where ages are not given.
+    relative
+        Whether positions and velocities of the others are given relative to the agent's own.
+    space
+        Where the agents live.
+    dimension
+        Number of axes.
+
+    Attributes
+    ----------
+    time
+        Time of the last call; minus infinity before the first.
+    links
+        Which agents are linked, shape (graphs, agents).
+    saturated
+        Whether the last force was scaled back.
+
+    Raises
+    ------
+    InvalidInput
+        When the law is not such a one, or a value is out of range.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> law = fk.Law(fk.Hysteresis(4, 0.5), [fk.Gradient(fk.Potential("(r - 2)**2/2")), fk.Consensus()])
+    >>> controller = fk.Controller(law, agents=3)
+    >>> controller(0.0, [0, 0], [0, 0], ids=[1, 2], q=[[3, 0], [9, 0]], p=[[0, 0], [0, 0]])
+    array([1., 0.])
+    """
+
+    def __init__(
+        self, law: Law, agent: int = 0, *, agents: int = MOST_NEIGHBOURS, mass: float = 1.0, damping: float = 0.0,
+        limit: float | None = None, expires: float | None = None, relative: bool = False, space: Space = OPEN,
+        dimension: int = 2,
+    ) -> None:  # fmt: skip
+        if not isinstance(law, Law):
+            raise InvalidInput("Controller", "law", "must be a Law", law)
+        if not isinstance(space, Space):
+            raise InvalidInput("Controller", "space", "must be a space, such as Open", space)
+        self.law, self.space = law, space
+        self.m = integer("Controller", "dimension", dimension, least=1)
+        self.count = integer("Controller", "agents", agents, least=1)
+        self.agent = integer("Controller", "agent", agent, least=0)
+        if self.agent >= self.count:
+            raise InvalidInput("Controller", "agent", f"must be below the number of agents, {self.count}", agent)
+        self.limit = None if limit is None else number("Controller", "limit", limit, above=0.0)
+        self.expires = None if expires is None else number("Controller", "expires", expires, above=0.0)
+        self.relative = truth("Controller", "relative", relative)
+        masses, dampings = np.ones(self.count), np.zeros(self.count)
+        masses[self.agent] = number("Controller", "mass", mass, above=0.0)
+        dampings[self.agent] = number("Controller", "damping", damping, least=0.0)
+        self._bodies = Agents(masses, dampings)
+        self._check_law()
+        law.check_count(self.count, self.m)
+        self._layout = Layout(law, Energy(), space=space)
+        self._kernels = LawKernels(compiled_kernels(self._layout, self.m), 2)
+        self._obstacles = ObstacleDistances(law)
+        self._changes = sorted({s for term in law.body_terms for s in term.switch_times(-np.inf, np.inf)})
+        rules = []
+        for graph in law.graphs:
+            kind = FIXED if not graph.moves else CLOSED if bool(getattr(graph, "closed", False)) else 0.0
+            radii = (
+                np.broadcast_to(np.asarray(x, np.float64), self.count)
+                for x in (graph.appear_radius, graph.break_radius)
+            )
+            rules.append([*(float(x[self.agent]) for x in radii), kind])
+        self._rules = np.array(rules)
+        self._lengths = np.zeros(self.m)
+        for axis, length in enumerate(space.lengths):
+            self._lengths[axis] = length if np.isfinite(length) else 0.0
+        self._averages = [averages(law, k) for k in range(len(law.graphs))]
+        self._counts = any(self._averages)
+        self._nearest_pole = [self._pole(k) for k in range(len(law.graphs))]
+        self._has_pole = any(np.isfinite(self._nearest_pole))
+        self._groups = [level for level in self._obstacles.levels if level.kind == "obstacle"]
+        self._rates = np.empty(3)
+        self._rows: dict[int, Array] = {}
+        size = self.count + 1
+        self._Q, self._V, self._r = np.empty((size, self.m)), np.empty((size, self.m)), np.empty(size)
+        self._sensed = np.empty(size * len(law.graphs), dtype=np.int64)
+        self._marks, self._calls = np.zeros(self.count, dtype=np.int64), 0
+        self._pieces, self._ones = free_pieces(size * len(law.graphs)), np.ones((1, size))
+        self._senders = np.zeros(size * (len(law.graphs) + 1) + MOST_NEIGHBOURS, dtype=np.int64)
+        self._no_weights = np.zeros((0, 1, 1))
+        self.reset()
+
+    def _check_law(self) -> None:
+        if not self.law.distributed:
+            raise InvalidInput(
+                "Controller", "law", "must be distributed",
+                f"a law that needs the {', '.join(self.law.beyond_neighbours)}", "No agent knows these.",
+            )  # fmt: skip
+        for graph in self.law.graphs:
+            if graph.sees_headings or (graph.moves and not graph.follows_radii):
+                raise InvalidInput("Controller", "law", "must link by distances", type(graph).__name__)
+        if Layout(self.law, Energy(), space=self.space).places:
+            raise InvalidInput("Controller", "law", "must have leaders whose position has a closed form", "another")
+        per_pair = [
+            value
+            for term in self.law.terms
+            for given in term.parameters.values()
+            if isinstance(value := given.at(0.0) if isinstance(given, Schedule) else given, MatrixWeights | np.ndarray)
+        ]
+        for value in per_pair:
+            found = len(value.values if isinstance(value, MatrixWeights) else value)
+            if found != self.count:
+                raise InvalidInput(
+                    "Controller", "agents", f"must be {found}, for which the law has parameters", self.count
+                )
+
+    def _pole(self, number: int) -> float:
+        """Nearest pole of a potential over a graph beyond which no link appears; infinite for none."""
+        appears = float(np.max(np.asarray(self.law.graphs[number].appear_radius)))
+        found = [
+            pole
+            for term in self.law.pair_terms
+            if isinstance(term, Gradient) and self.law.graph_number(term) == number
+            for pole in poles(term.potential)
+            if appears <= pole
+        ]
+        return min(found, default=np.inf)
+
+    def reset(self) -> None:
+        """Forget all links and times, as before the first call."""
+        self.time, self.saturated = -np.inf, False
+        fixed = [np.zeros(self.count, dtype=bool) if g.moves else g.initial(np.zeros((self.count, 1)))[self.agent]
+                 for g in self.law.graphs]  # fmt: skip
+        self.links, self._after = np.array(fixed), np.array(fixed)
+        self._started = False
+        self._since = np.nan
+
+    def _take_parameters(self, t: float) -> None:
+        """Take the gains that are in force."""
+        since = max((s for s in self._changes if s <= t), default=-np.inf)
+        if since != self._since:
+            self._since = since
+            P, A, W = self._layout.values(self._bodies, self.count, t)
+            self._P, self._W = P, W[:, self.agent] if len(W) else W[:, 0]
+            self._column, self._rows = A[:, [self.agent]], {}
+
+    def __call__(
+        self, t: float, own_q: ArrayLike, own_p: ArrayLike, *, ids: ArrayLike, q: ArrayLike, p: ArrayLike,
+        stamps: ArrayLike | None = None,
+    ) -> Array:  # fmt: skip
+        """The force of the law now, shape (m,).
+
+        Parameters
+        ----------
+        t
+            Now; not before the last call.
+        own_q, own_p
+            Position and velocity of the agent, shape (m,).
+        ids
+            Numbers of the other agents that it knows of, shape (k,).
+        q, p
+            Their positions and velocities, shape (k, m); relative to the agent's where that was declared.
+        stamps
+            When these were measured, shape (k,); needed where they expire.
+
+        Raises
+        ------
+        InvalidInput
+            When an argument is malformed or not finite, the time is before that of the last call, or the law has no
+            force: at the place of a neighbour, or beyond a pole of a potential. Links are then those of the last call.
+        """
+        own, moving = np.ascontiguousarray(own_q, dtype=np.float64), np.ascontiguousarray(own_p, dtype=np.float64)
+        who = np.asarray(ids)
+        places, speeds = np.ascontiguousarray(q, dtype=np.float64), np.ascontiguousarray(p, dtype=np.float64)
+        if who.size:
+            integers = who.dtype.kind in "iu"
+        else:
+            places, speeds, integers = self._Q[:0], self._V[:0], True
+        who = np.ascontiguousarray(who, dtype=np.int64)
+        axes, shape = (self.m,), (len(who), self.m)
+        known = places.shape == shape and speeds.shape == shape and who.ndim == 1 and integers
+        if not (t >= self.time and known and own.shape == axes and moving.shape == axes):
+            self._refuse(t, own, moving, who, places, speeds, integers=integers)
+        if self.expires is not None:
+            who, places, speeds = self._fresh(t, who, places, speeds, stamps)
+        if self._changes or not self._started:
+            self._take_parameters(t)
+        k, graphs = len(who), len(self._rules)
+        self._calls += 1
+        self._marks[self.agent] = self._calls
+        offsets = np.empty(graphs + 1 + len(self._groups), dtype=np.int64)
+        Q, V = self._Q[: k + 1], self._V[: k + 1]
+        fault = _prepare(
+            self._calls, self.relative, self._started, own, moving, who, places,
+            speeds, self._lengths, self._rules, self.links, self._after, self._marks, Q, V, self._r,
+            self._sensed, offsets,
+        )  # fmt: skip
+        if fault:
+            self._refuse_known(int(fault), who)
+        sensed = self._sensed
+        for place, level in enumerate(self._groups):
+            near = np.flatnonzero(self._obstacles.within(level, Q[:1], t)[0])
+            total = int(offsets[graphs + place])
+            sensed = np.concatenate([sensed[:total], near])
+            offsets[graphs + place + 1] = total + len(near)
+        u = self._force(t, Q, V, who, sensed[: int(offsets[-1])], offsets)
+        size = math.hypot(*u.tolist())
+        if self._has_pole or not size < np.inf:
+            self._refuse_no_force(u, who, offsets)
+        # Links of agents that this call did not name are forgotten.
+        self.links, self._after = self._after, self.links
+        self._started, self.time = True, float(t)
+        self.saturated = self.limit is not None and size > self.limit
+        return u * (self.limit / size) if self.saturated and self.limit is not None else u
+
+    def _force(self, t: float, Q: Array, V: Array, who: Indices, sensed: Indices, offsets: Indices) -> Array:
+        """Force of the law by the compiled kernels."""
+        n, count, graphs = len(Q), len(sensed), len(self._rules)
+        # The formulas of a pair read the numbers of the agent that senses alone.
+        rows, W = self._rows.get(n), self._no_weights
+        if rows is None:
+            rows = self._rows[n] = np.repeat(self._column, n, axis=1)
+        if len(self._W):
+            W = np.zeros((len(self._W), n, n))
+            W[:, 0, 1:] = self._W[:, who]
+        means = self._ones[:, :n] if graphs == 1 and not self._counts else np.ones((graphs, n))
+        for g, average in enumerate(self._averages if self._counts else ()):
+            if average:
+                means[g, 0] = 1.0 / (1.0 + float(offsets[g + 1] - offsets[g]))
+        rows_of, spans = self._pieces if count <= len(self._pieces[0]) else free_pieces(count)
+        senders = self._senders[:count] if count <= len(self._senders) else np.zeros(count, dtype=np.int64)
+        pairs = Pairs(senders, sensed, offsets, rows_of[:count], spans)
+        u = np.zeros((n, self.m))
+        self._kernels.control(t, Q, V, pairs, Slots(self._P, rows, W), means, u, self._rates)
+        found: Array = u[0]
+        return found
+
+    def _refuse(
+        self, t: float, own: Array, moving: Array, who: Indices, places: Array, speeds: Array, *, integers: bool
+    ) -> None:
+        """Say what is wrong with the arguments, where something is."""
+        if own.shape != (self.m,) or moving.shape != (self.m,):
+            raise InvalidInput("Controller", "own_q", f"must have {self.m} components, as own_p", own.tolist())
+        if who.ndim != 1 or (who.size and not integers):
+            raise InvalidInput("Controller", "ids", "must be a list of whole numbers", who.tolist())
+        if places.shape != (len(who), self.m) or speeds.shape != places.shape:
+            raise InvalidInput(
+                "Controller", "q", f"must be {self.m} numbers for each of ids, as p", f"{places.shape}, {speeds.shape}"
+            )
+        if not t >= self.time:
+            raise InvalidInput(
+                "Controller", "t", f"must not be before the last call, {self.time:g}", t, "Call reset() to begin anew."
+            )
+
+    def _refuse_known(self, fault: int, who: Indices) -> None:
+        """Say what is wrong with what is known of the others."""
+        if fault == NOT_FINITE:
+            raise InvalidInput("Controller", "q", "must be finite, as p, own_q and own_p", "a number that is not")
+        if fault == NO_AGENT:
+            raise InvalidInput("Controller", "ids", f"must be from 0 to {self.count - 1}", who.tolist())
+        raise InvalidInput("Controller", "ids", f"must differ from each other and from {self.agent}", who.tolist())
+
+    def _fresh(
+        self, t: float, who: Indices, places: Array, speeds: Array, stamps: ArrayLike | None
+    ) -> tuple[Indices, Array, Array]:
+        """Those whose state is not too old."""
+        given = np.asarray(np.nan if stamps is None else stamps, dtype=np.float64)
+        if given.shape != who.shape or not (given <= t).all():
+            raise InvalidInput(
+                "Controller", "stamps", "must be one for each of ids and not lie in the future, since states expire",
+                stamps,
+            )  # fmt: skip
+        assert self.expires is not None
+        fresh = t - given < self.expires
+        return who[fresh], places[fresh], speeds[fresh]
+
+    def _refuse_no_force(self, u: Array, who: Indices, offsets: Indices) -> None:
+        """Refuse neighbours where the law has no force."""
+        for g, pole in enumerate(self._nearest_pole):
+            for place in self._sensed[int(offsets[g]) : int(offsets[g + 1])]:
+                if self._r[place - 1] >= pole:
+                    raise InvalidInput(
+                        "Controller", "q", f"must be nearer than the pole of the potential, {pole:.9g}",
+                        f"agent {who[place - 1]} at distance {self._r[place - 1]:.9g}",
+                    )  # fmt: skip
+        if not np.isfinite(u).all():
+            near = int(np.argmin(self._r[: len(who)])) if len(who) else -1
+            place_of = f"agent {who[near]} at distance {self._r[near]:.9g}" if near >= 0 else "no neighbour"
+            raise InvalidInput("Controller", "q", "must be where the force of the law is finite", place_of)

@@ -1,0 +1,190 @@
+"""The controller of one agent: the force of `control_of`, the memory of its graph, and what it refuses."""
+
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flocking as fk
+from flocking.errors import InvalidInput
+from tests.contracts.strategies import STRUCTURES, case_of
+
+PSI = fk.Potential("1/r + 1/(R - r)", R=4.0)
+LAW = fk.Law(fk.Hysteresis(4.0, 0.5), [fk.Gradient(PSI), fk.Consensus(0.7)])
+TRIO = fk.Fixed.complete(3)
+CALM = {"own_p": [0.0, 0.0], "p": [[0.0, 0.0]]}
+
+
+def distributed(name):
+    case = case_of(STRUCTURES[name], 5, 2, 1)
+    return case.law.distributed and all(not g.moves or g.follows_radii for g in case.law.graphs)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(sorted(n for n in STRUCTURES if distributed(n))), st.integers(0, 10**6), st.booleans())
+def test_the_force_is_that_of_the_law(name, seed, relative):
+    """Every agent alone finds the force that the whole group has at a start."""
+    case = case_of(STRUCTURES[name], 6, 2, seed)
+    start = fk.State(case.state.q, case.state.p, case.state.t)
+    u = fk.control(case.law, start, agents=case.agents)
+    for i in range(6):
+        others = [j for j in range(6) if j != i]
+        controller = fk.Controller(
+            case.law, i, agents=6, mass=float(case.agents.masses[i]), damping=float(case.agents.damping[i]),
+            relative=relative,
+        )  # fmt: skip
+        own = start.q[i] * relative, start.p[i] * relative
+        q, p = start.q[others] - own[0], start.p[others] - own[1]
+        found = controller(start.t, start.q[i], start.p[i], ids=others, q=q, p=p)
+        size = 1.0 + np.abs(u).max() + np.abs(start.q).max()
+        assert found == pytest.approx(u[i], abs=1e-10 * size)
+
+
+def test_links_follow_the_graph_call_by_call():
+    """The links of a controller are the agent's row of the links of the group, over a run with hysteresis."""
+    run = fk.simulate(
+        fk.Scenario(LAW, fk.start.box(9, side=7, speed=3, seed=2, connected_under=LAW.graph), t_end=4.0, frames=400)
+    )
+    controller = fk.Controller(LAW, 3, agents=9)
+    others = [j for j in range(9) if j != 3]
+    links, switched = LAW.graph.initial(run.q[0]), 0
+    for t, q, p in zip(run.t, run.q, run.p, strict=True):
+        before, links = links, LAW.graph.update(q, links)
+        switched += int((before != links)[3].sum())
+        found = controller(float(t), q[3], p[3], ids=others, q=q[others], p=p[others])
+        assert (controller.links[0] == links[3]).all()
+        expected = fk.control(LAW, fk.State(q, p, float(t), links))[3]
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert switched > 3
+
+
+def test_who_is_not_named_is_forgotten_and_must_appear_anew():
+    controller = fk.Controller(LAW, agents=2)
+
+    def linked(t, distance=None):
+        if distance is None:
+            controller(t, [0.0, 0.0], [0.0, 0.0], ids=[], q=[], p=[])
+        else:
+            controller(t, [0.0, 0.0], ids=[1], q=[[distance, 0.0]], **CALM)
+        return bool(controller.links[0, 1])
+
+    # Between the distances at which links appear, 3.5, and break, 4.
+    assert [linked(0.0, 3.8), linked(1.0, 3.9), linked(2.0), linked(3.0, 3.8), linked(4.0, 3.4), linked(5.0, 3.8)] == [
+        True, True, False, False, True, True]  # fmt: skip
+    controller.reset()
+    assert linked(0.0, 3.8)
+
+
+def test_old_states_are_not_used():
+    controller = fk.Controller(LAW, agents=3, expires=0.5)
+    known = {"ids": [1, 2], "q": [[2.0, 0.0], [0.0, 3.0]], "p": [[0.0, 0.0]] * 2, "own_p": [0.0, 0.0]}
+    both = controller(1.0, [0.0, 0.0], stamps=[1.0, 0.6], **known)
+    assert controller.links[0].tolist() == [False, True, True]
+    one = controller(1.1, [0.0, 0.0], stamps=[1.1, 0.6], **known)
+    assert controller.links[0].tolist() == [False, True, False]
+    assert both[1] != 0.0 == one[1]
+    for stamps in (None, [1.0], [9.0, 1.0], [np.nan, 1.0]):
+        with pytest.raises(InvalidInput, match="Controller: stamps"):
+            controller(1.2, [0.0, 0.0], stamps=stamps, **known)
+
+
+def test_forces_are_limited_by_length():
+    free, limited = fk.Controller(LAW, agents=2), fk.Controller(LAW, agents=2, limit=0.5)
+    u = free(0.0, [0.0, 0.0], ids=[1], q=[[0.4, 0.3]], **CALM)
+    scaled = limited(0.0, [0.0, 0.0], ids=[1], q=[[0.4, 0.3]], **CALM)
+    assert np.linalg.norm(u) > 0.5
+    assert scaled == pytest.approx(u * 0.5 / np.linalg.norm(u))
+    assert (free.saturated, limited.saturated) == (False, True)
+    limited(1.0, [0.0, 0.0], ids=[1], q=[[2.0, 0.0]], **CALM)
+    assert not limited.saturated
+
+
+def test_space_averages_schedules_and_fixed_graphs():
+    torus = fk.Periodic([10.0, 10.0])
+    near = fk.Controller(LAW, agents=2, space=torus)(0.0, [0.5, 0.0], ids=[1], q=[[29.0, 0.0]], **CALM)
+    assert near == pytest.approx([-(-1 / 1.5**2 + 1 / 2.5**2), 0.0])
+    mean = fk.Law(fk.Proximity(2.0), [fk.VelocityAverage(3.0)])
+    found = fk.Controller(mean, agents=9)(
+        0.0, [0.0, 0.0], [1.0, 0.0], ids=[4, 7, 8], q=[[1.0, 0.0], [0.0, 1.0], [9.0, 0.0]], p=[[0.0, 0.0]] * 3
+    )
+    assert found == pytest.approx([-2.0, 0.0])
+    track = fk.Track(fk.Velocity([0.0, 0.0]), fk.Schedule([1.0], [1.0, 4.0]), 0.0)
+    controller = fk.Controller(fk.Law(fk.Proximity(1.0), [track]), agents=1)
+    for t, gain in ((0.0, 1.0), (0.999, 1.0), (1.0, 4.0), (2.0, 4.0)):
+        assert controller(t, [1.0, 0.0], [0.0, 0.0], ids=[], q=[], p=[]) == pytest.approx([-gain, 0.0])
+    fixed = fk.Controller(fk.Law(fk.Fixed(3, [(0, 2)]), [fk.Consensus(1.0)]), agents=3)
+    for t in (0.0, 1.0, 2.0):
+        known = {"ids": [1, 2], "q": [[1.0, 0.0], [99.0, 0.0]], "p": [[5.0, 0.0], [1.0, 2.0]]}
+        assert fixed(t, [0.0, 0.0], [0.0, 0.0], **known) == pytest.approx([1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"own_q": [0.0]}, "own_q must have 2"), ({"q": [[1.0, 0.0, 0.0]]}, "q must be 2 numbers for each of ids"),
+        ({"ids": [1, 2]}, "q must be 2 numbers"), ({"ids": [5]}, "ids must be from 0 to 2"),
+        ({"ids": [0]}, "ids must differ"), ({"ids": [1.5]}, "ids must be a list of whole numbers"),
+        ({"ids": [[1]]}, "ids must be a list"), ({"own_p": [0.0]}, "own_q must have 2"),
+        ({"p": [[0.0]]}, "q must be 2 numbers"),
+        ({"ids": [2, 2], "q": [[2.0, 0.0]] * 2, "p": [[0.0, 0.0]] * 2}, "ids must differ"),
+        ({"ids": [-1]}, "ids must be from 0"), ({"t": -1.0}, "t must not be before"),
+        ({"t": np.nan}, "t must not be before"), ({"q": [[np.nan, 0.0]]}, "must be finite"),
+        ({"own_p": [np.inf, 0.0]}, "must be finite"), ({"q": [[0.0, 0.0]]}, "where the force of the law is finite"),
+    ],
+)  # fmt: skip
+def test_malformed_calls_are_refused_and_change_nothing(arguments, said):
+    controller = fk.Controller(LAW, agents=3)
+    usual = {"t": 0.0, "own_q": [0.0, 0.0], "ids": [1], "q": [[2.0, 0.0]], **CALM}
+    before = controller(**usual)
+    with pytest.raises(InvalidInput, match=f"Controller: .*{said}"):
+        controller(**{**usual, **arguments})
+    assert controller.links[0].tolist() == [False, True, False]
+    assert controller.time == 0.0
+    assert (controller(**{**usual, "t": 1.0}) == before).all()
+
+
+def test_a_neighbour_beyond_a_pole_is_named():
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("1/(4 - r)"))])
+    with pytest.raises(InvalidInput, match="nearer than the pole of the potential, 4; got 'agent 1 at distance 5'"):
+        fk.Controller(law, agents=2)(0.0, [0.0, 0.0], ids=[1], q=[[3.0, 4.0]], **CALM)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: fk.Controller(fk.Law(TRIO, [fk.Consensus(functional=True)]), agents=3), "distributed"),
+        (lambda: fk.Controller(3), "law must be a Law"),
+        (lambda: fk.Controller(LAW, 5, agents=5), "agent must be below"),
+        (lambda: fk.Controller(LAW, limit=0.0), "limit"), (lambda: fk.Controller(LAW, expires=-1.0), "expires"),
+        (lambda: fk.Controller(LAW, mass=0.0), "mass"), (lambda: fk.Controller(LAW, space=2), "space"),
+        (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus()])), "must link by distances"),
+        (lambda: fk.Controller(fk.Law(fk.Proximity(1.0), [fk.Consensus([1.0, 2.0])])), "agents must be 2"),
+        (lambda: fk.Controller(fk.Law(fk.Proximity(1.0), [fk.Track(fk.Sink([0.0, 0.0]), shared=True)])), "distributed"),
+    ],
+)  # fmt: skip
+def test_wrong_controllers_are_refused(make, said):
+    with pytest.raises(InvalidInput, match=said):
+        make()
+
+
+def test_a_call_takes_a_small_part_of_the_general_function():
+    """Ten neighbours, the best of several runs of each, side by side."""
+    rng = np.random.default_rng(0)
+    q, p = rng.normal(size=(11, 2)) * 1.2, rng.normal(size=(11, 2))
+    controller = fk.Controller(LAW, agents=11)
+    known = {"ids": np.arange(1, 11), "q": q[1:].copy(), "p": p[1:].copy()}
+    agents = [fk.Agent(q[j], p[j], j) for j in range(11)]
+    near = [agents[j] for j in range(1, 11) if np.linalg.norm(q[j] - q[0]) < 4.0]
+    fast, slow = [], []
+    for _ in range(7):
+        begin = time.perf_counter()
+        for _ in range(200):
+            controller(0.0, q[0], p[0], **known)
+        fast.append((time.perf_counter() - begin) / 200)
+        begin = time.perf_counter()
+        for _ in range(5):
+            fk.control_of(LAW, agents[0], near)
+        slow.append((time.perf_counter() - begin) / 5)
+    assert min(fast) < min(slow) / 10
