@@ -149,7 +149,7 @@ class Heading(DiscreteBody):
     'headings set at ticks, with angular noise 2'
     """
 
-    speed: float | Array
+    speed: Annotated[float | Array, values.hidden(values.NUMBER_OR_NUMBERS)]
     noise: float | Array = 0.0
     noise_kind: Annotated[str, values.choice(*NOISES)] = "angular"
     update: Annotated[str, values.choice(*UPDATES)] = "backward"
