@@ -170,7 +170,7 @@ def test_the_command_line_finds_it_in_an_installed_package(tmp_path: Path) -> No
     assert "Did you mean step?" in wrong.stderr
     other = command({**found, "PYTHONPATH": str(ROOT / "src")}, *words)
     assert other.returncode == 2
-    assert f"must be one of auto, exact, tiles, sampled, delayed, lammps; got '{NAME}'" in other.stderr
+    assert f"must be one of auto, exact, tiles, sampled, delayed, discrete, lammps; got '{NAME}'" in other.stderr
 
 
 def test_a_run_whose_engine_is_missing_is_read_and_says_what_to_install(
@@ -237,7 +237,7 @@ def test_a_wrong_option_names_the_nearest_and_the_engine_that_has_it() -> None:
     with pytest.raises(InvalidInput, match="fine is for runs of"):
         run(fine=True)
     with pytest.raises(
-        InvalidInput, match=r"one of auto, exact, tiles, sampled, delayed, lammps, plain-v.*mean plain-verlet"
+        InvalidInput, match=r"one of auto, exact, tiles, sampled, delayed, discrete, lammps, plain-v.*mean plain-verlet"
     ):
         fk.simulate(scenario(), engine="plain-verlt", progress=False)
     first_order = scenario().with_(agents=fk.Agents(order=1))
