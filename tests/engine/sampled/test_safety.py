@@ -159,6 +159,35 @@ def test_the_condition_of_continuous_time_is_that_of_the_barrier():
         assert slope == pytest.approx(-0.4 * barrier(0.0) ** 3, rel=1e-5, abs=1e-6)
 
 
+def test_agents_that_are_too_close_already_do_not_switch_off_the_filter():
+    """One that is too close and leaves asks for nothing; another one that closes in is braked for all the same."""
+    q = [[0.0, 0.0], [-0.5, 0.0], [2.0, 0.0]]
+    p = [[0.0, 0.0], [-3.0, 0.0], [-2.0, 0.0]]
+    law = fk.Law(fk.Fixed.complete(3), [fk.Consensus(0.0)])
+    run = fk.simulate(
+        fk.Scenario(
+            law, fk.State(q, p), t_end=3.0, frames=61, control=fk.SafetyFilter(0.1, distance=0.7, acceleration=4.0)
+        ),
+        progress=False,
+    )
+    away = np.linalg.norm(run.q[:, 0] - run.q[:, 2], axis=1)
+    assert away.min() >= 0.7 * (1 - 1e-9)
+    assert away.min() < 1.9
+
+
+@pytest.mark.parametrize("form", ["sampled", "continuous"])
+def test_agents_at_the_distance_and_at_one_point_are_pushed_apart(form):
+    for gap in (0.0, 0.3, 0.7):
+        start = fk.State([[0.0, 0.0], [gap, 0.0]], [[1.0, 0.0], [-1.0, 0.0]])
+        law = fk.Law(fk.Fixed.complete(2), [fk.Consensus(0.0)])
+        session = fk.start(fk.Scenario(law, start, t_end=1.0, frames=3, control=filtered(0.05, form)))
+        session.advance(0.01)
+        found = session.accelerations()
+        assert np.isfinite(found).all()
+        if gap:
+            assert found[:, 0] == pytest.approx([-10.0, 10.0], rel=1e-5)
+
+
 def test_forces_stay_within_their_bound():
     session = fk.start(crossing(fk.SafetyFilter(0.05, distance=0.7, acceleration=[1.0, 2.0, 3.0])))
     for t in np.arange(0.01, 4.0, 0.05):

@@ -10,12 +10,19 @@ from flocking.arrays import Array, Links
 from flocking.engine.sampled.knowledge import Known
 from flocking.model.space import Space
 from flocking.model.world.safety_filters import SafetyFilter
+from flocking.model.world.times import NANOSECOND
 
 ROUNDING = 1e-12
 """Relative rounding with which a condition counts as satisfied."""
 
+ROUNDED = 1e-9
+"""Relaxation, by the largest acceleration, that rounding explains."""
+
 FOUND = 1e-6
 """The same for conditions that a solver has satisfied."""
+
+ASKED = 1e6
+"""Largest acceleration that is asked for, by what both agents can brake: two that are too close would ask for more."""
 
 HALVINGS = 60
 """Halvings of an interval in which a bound on the acceleration or a relaxation is sought."""
@@ -67,7 +74,7 @@ def sampled_bound(r: Array, closing: Array, braking: Array, distance: Array, per
     with np.errstate(divide="ignore", invalid="ignore"):
         turning = np.where(closing > 0.0, closing**2 / (2.0 * room), -np.inf)
     bound = np.where(gap >= 0.0, going_on, turning)
-    return np.where(np.isnan(bound), braking, bound)
+    return np.clip(np.where(np.isnan(bound), braking, bound), -ASKED * braking, ASKED * braking)
 
 
 def continuous_bound(dp: Array, dv: Array, braking: Array, distance: float, gain: float) -> Array:
@@ -90,7 +97,7 @@ def continuous_bound(dp: Array, dv: Array, braking: Array, distance: float, gain
         root = np.sqrt(2.0 * braking * (r - distance))
         across = ((dv**2).sum(axis=1) - opening**2) / r
         bound = -(gain * (root + opening) ** 3 + across + braking * opening / root)
-    return np.where(np.isfinite(bound), bound, braking)
+    return np.clip(np.where(np.isfinite(bound), bound, braking), -ASKED * braking, ASKED * braking)
 
 
 def nearest(wanted: Array, normals: Array, bounds: Array, most: float) -> tuple[Array, bool]:
@@ -118,12 +125,12 @@ def nearest(wanted: Array, normals: Array, bounds: Array, most: float) -> tuple[
         low, high = (low, middle) if found is not None else (middle, high)
     found = _within_ball(wanted, normals, bounds - high, most)
     assert found is not None
-    return found, False
+    return found, high <= ROUNDED * most
 
 
 def _within_ball(wanted: Array, normals: Array, bounds: Array, most: float) -> Array | None:
     """The nearest acceleration that satisfies all, or None."""
-    slack = ROUNDING * max(most, float(np.abs(bounds).max(initial=0.0)))
+    slack = ROUNDING * max(most, float(np.linalg.norm(wanted)))
     found = _projected(wanted, normals, bounds, slack)
     if found is None or float(np.linalg.norm(found)) <= most * (1.0 + ROUNDING):
         return found
@@ -210,7 +217,8 @@ class ForceFilter:
         n, m = q.shape
         self.masses = np.broadcast_to(np.asarray(masses, dtype=np.float64), n)
         self.most = control.accelerations(n)
-        self.period = np.broadcast_to(np.asarray(control.period, dtype=np.float64), n)
+        # As it is, in whole nanoseconds, not as it was written.
+        self.period: Array = np.asarray(control.schedule(n).period * NANOSECOND, dtype=np.float64)
         self.memory = FilterMemory(np.zeros((n, n, m)))
 
     def filtered(self, time: int, known: Known, force: Array) -> Array:
@@ -255,11 +263,11 @@ class ForceFilter:
         apart = r > 0.0
         line = np.where(apart[:, None], dp / np.where(apart, r, 1.0)[:, None], held)
         if control.form == "continuous":
-            return line, own / braking * continuous_bound(dp, dv, braking, control.distance, control.gain)
+            return line, own / braking * continuous_bound(dp, dv, braking, control.kept, control.gain)
         choices = []
         for normal in (line, held):
             along, closing = (normal * dp).sum(axis=1), -(normal * dv).sum(axis=1)
-            left = along - control.distance - np.maximum(closing, 0.0) ** 2 / (2.0 * braking)
+            left = along - control.kept - np.maximum(closing, 0.0) ** 2 / (2.0 * braking)
             known = (normal**2).sum(axis=1) > 0.5
             choices.append((np.where(known, left, -np.inf), along, closing))
         better = choices[1][0] > choices[0][0]
@@ -267,6 +275,6 @@ class ForceFilter:
         left, along, closing = (np.where(better, b, a) for a, b in zip(*choices, strict=True))
         self.memory.normals[i, others] = normals
         period = float(self.period[i])
-        kept = control.distance + np.maximum(left, 0.0) * np.exp(-control.gain * period)
+        kept = control.kept + np.maximum(left, 0.0) * np.exp(-control.gain * period)
         bound = sampled_bound(along, closing, braking, kept, period)
         return normals, own / braking * bound

@@ -13,6 +13,9 @@ from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
 from flocking.model.world.control import Held
 
+MARGIN = 1e-6
+"""Share of the distance by which the filter keeps agents farther apart, so that rounding never leads below it."""
+
 FORMS = ("sampled", "continuous")
 """Conditions of the filter: for forces that are held for a period, and for forces that change at every moment."""
 
@@ -94,6 +97,11 @@ class SafetyFilter(Held):
     def summary(self) -> str:
         """``control held for`` its longest period ``behind a safety filter``."""
         return f"{Held.summary.__get__(self)} behind a safety filter"
+
+    @property
+    def kept(self) -> float:
+        """The distance that the conditions keep, a millionth larger than `distance`."""
+        return self.distance * (1.0 + MARGIN)
 
     def accelerations(self, n: int) -> Array:
         """Largest acceleration of each of ``n`` agents, shape (N,)."""

@@ -7,7 +7,7 @@ import numpy as np
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
 from flocking.model.world.information import Instant
-from flocking.model.world.safety_filters import SafetyFilter
+from flocking.model.world.safety_filters import MARGIN, SafetyFilter
 from flocking.study.certificates.certificate import (
     Certificate,
     Enclosure,
@@ -65,7 +65,7 @@ def safety_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     def able() -> Hypothesis:
         left = _reserve(scenario, filter_)
         return Hypothesis(
-            "both can brake before the distance at the start", left > ROUNDING * filter_.distance,
+            "both can brake before the distance at the start", left > MARGIN * filter_.distance,
             f"{left:.4g} is left",
         )  # fmt: skip
 
@@ -84,4 +84,4 @@ def _reserve(scenario: Scenario, control: SafetyFilter) -> float:
     apart = float(np.linalg.norm(r - q))
     closing = -float((r - q) @ (v - p)) / apart if apart else np.inf
     braking = float(control.accelerations(PAIR).sum())
-    return apart - control.distance - max(closing, 0.0) ** 2 / (2.0 * braking)
+    return apart - control.kept - max(closing, 0.0) ** 2 / (2.0 * braking)
