@@ -158,6 +158,17 @@ def test_a_force_without_a_value_names_the_agent():
     assert error.value.time == 1.0
 
 
+def test_a_motion_without_bound_ends_by_name():
+    """An explicit step three times too long: positions grow until they are no numbers, before the velocities do."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Track(fk.Sink([0.0, 0.0]), 1e6, 0.0)])
+    start = fk.State([[1.0, 0.0]], [[0.0, 0.0]])
+    session = fk.start(fk.Scenario(law, start, t_end=1e4, frames=2, agents=fk.Impulsive(), control=fk.Held(10.0)))
+    with pytest.raises(SimulationError, match="is infinite or NaN") as error:
+        session.advance(1e4)
+    assert error.value.agents == (0,)
+    assert np.isfinite(session.state.q).all()
+
+
 def test_scheduled_gains_change_at_the_nearest_nanosecond():
     track = fk.Track(fk.Velocity([1.0], start_time=3.0), fk.Schedule([3.3], [0.0, 2.0]), 0.5)
     law = fk.Law(fk.Proximity(1.0), [track])

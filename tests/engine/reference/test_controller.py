@@ -151,6 +151,18 @@ def test_a_neighbour_beyond_a_pole_is_named():
         fk.Controller(law, agents=2)(0.0, [0.0, 0.0], ids=[1], q=[[3.0, 4.0]], **CALM)
 
 
+def test_poles_within_the_reach_of_links_are_watched():
+    """A link from before a pole may be carried past it; the slope of a logarithm goes on where it has no value."""
+    for formula in ("1/(3.7 - r)", "-log(3.7 - r)"):
+        controller = fk.Controller(fk.Law(fk.Hysteresis(4.0, 0.5), [fk.Gradient(fk.Potential(formula))]), agents=2)
+        controller(0.0, [0.0, 0.0], ids=[1], q=[[3.4, 0.0]], **CALM)
+        with pytest.raises(InvalidInput, match=r"nearer than the pole of the potential, 3\.7"):
+            controller(1.0, [0.0, 0.0], ids=[1], q=[[3.9, 0.0]], **CALM)
+    inside = fk.Law(fk.Proximity(4.0), [fk.Gradient(fk.Potential("1/(3 - r)"))])
+    with pytest.raises(InvalidInput, match="must be finite wherever agents are neighbours"):
+        fk.Controller(inside, agents=2)
+
+
 @pytest.mark.parametrize(
     ("make", "said"),
     [

@@ -290,7 +290,7 @@ def test_wrong_arrays_of_the_discrete_engine(name: str, change: Any, said: str) 
     ("key", "value", "said"),
     [
         ("time", 0.4, "time must fit the clocks"), ("time", 0.1, "time must fit the clocks"),
-        ("instant", 10**8, "ticked must be as often"), ("taken", 1, "taken must be True or False"),
+        ("instant", 10**8, "ticked must be as often"), ("taken", True, "must not hold 'taken'"),
         ("steps", -1, "steps must lie between"), ("worst", float("nan"), "worst must be finite"),
     ],
 )  # fmt: skip

@@ -45,7 +45,6 @@ RULES: tuple[tuple[str, str, str], ...] = (
         ("order_curves.order_series", text, "the motion does not depend on how many frames are kept")
         for text in ("frames", "frames = 1")
     ),
-    ("Heading._unit_vectors", "2 for 1 in dimension + 1", "more draws than axes are cut off"),
     *(
         ("olfati_saber_2006.closed_forms.pair_potential", text, "the integral has ten digits whatever the rule is told")
         for text in ("points = kink", "ALPHA_ONSET", "epsabs", "epsrel", "limit")

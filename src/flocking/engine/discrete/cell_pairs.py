@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from flocking.arrays import Array, Indices
+from flocking.engine.kernels.displacements import nearest_difference
 from flocking.formula.native.functions import native
 from flocking.model.space import Space
 
@@ -82,8 +83,7 @@ def _search(points, lengths, shape, cell, start, order, reach, senders, sensed, 
                         for k in range(3):
                             d = points[at, k] - points[place, k]
                             if lengths[k] > 0.0:
-                                turns = math.floor(abs(d) / lengths[k] + 0.5)
-                                d = d - lengths[k] * (turns if d >= 0.0 else -turns)
+                                d = nearest_difference(d, lengths[k])
                             square += d * d
                         r = math.sqrt(square)
                         if at != place and r <= reach:

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.engine.archives.archive import Arrays
-from flocking.engine.archives.data_checks import Flag, Integer, MalformedError, Names, Real, Table, squarable
+from flocking.engine.archives.data_checks import Integer, Names, Real, Table
 from flocking.engine.fixed_step.law_gaps import LawGaps
+from flocking.engine.imperfect.checkpoint_form import LARGEST, MOST_COUNT, must
 from flocking.engine.protocol.session import Packed
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND, Instants
-
-LARGEST = squarable("f8")
-"""Bound on positions and velocities."""
-
-MOST = 2**61
-"""Largest count or nanosecond, so that sums of two stay within 64 bits."""
 
 SAME = 1e-6
 """Difference of the time from the nanoseconds of the last instant that rounding explains, in nanoseconds."""
@@ -40,8 +35,6 @@ class DiscreteMemory:
         How often each agent has ticked, shape (N,).
     instant
         The last instant, in nanoseconds from the start.
-    taken
-        Whether velocities due at that instant have been taken.
     """
 
     q: Array
@@ -49,7 +42,6 @@ class DiscreteMemory:
     waiting: Array
     ticked: Instants
     instant: int = 0
-    taken: bool = field(default=True)
 
 
 class Read(NamedTuple):
@@ -88,7 +80,7 @@ def packed_memory(
         table = np.array(found, dtype=np.int64).reshape(2, -1)
         arrays[f"pairs{k}"] = np.ascontiguousarray(table[:, np.argsort(table[0] * len(memory.q) + table[1])])
     numbers: dict[str, object] = {
-        "time": time, "steps": steps, "instant": memory.instant, "taken": memory.taken,
+        "time": time, "steps": steps, "instant": memory.instant,
         "checks": gaps.checks, "gap": gaps.gap, "allowed": gaps.allowed, "worst": gaps.worst,
     }  # fmt: skip
     return numbers, arrays
@@ -114,14 +106,14 @@ def unpacked_memory(fresh: DiscreteMemory, packed: Packed, scenario: Scenario) -
     data, arrays = packed
     start, graphs = scenario.start, scenario.law.graphs
     n, m = start.q.shape
-    free = Real(0.0)
+    free, count = Real(0.0), Integer(0, MOST_COUNT)
     Names({
-        "time": Real(start.t, max(scenario.t_end, start.t)), "steps": Integer(0, MOST), "instant": Integer(0, MOST),
-        "taken": Flag(), "checks": Integer(0, MOST), "gap": free, "allowed": free, "worst": free,
+        "time": Real(start.t, max(scenario.t_end, start.t)), "steps": count, "instant": count,
+        "checks": count, "gap": free, "allowed": free, "worst": free,
     }).check(data, "")  # fmt: skip
     motion = Table("f8", (n, m), -LARGEST, LARGEST)
     Names({
-        "q": motion, "p": motion, "waiting": motion, "ticked": Table("i8", (n,), 0, MOST),
+        "q": motion, "p": motion, "waiting": motion, "ticked": Table("i8", (n,), 0, MOST_COUNT),
         **{f"pairs{k}": Table("i8", (2, None), 0, n - 1) for k in range(len(graphs))},
     }).check(arrays, "")  # fmt: skip
     numbers = cast(dict[str, float], data)
@@ -130,23 +122,18 @@ def unpacked_memory(fresh: DiscreteMemory, packed: Packed, scenario: Scenario) -
     ticks = scenario.control.schedule(n)
     done, ticked = ticks.count_until(instant), arrays["ticked"]
     last = ticks.at(np.arange(n), ticked)
-    _must((ticked <= done).all() and (last >= instant).all(), "ticked", "be as often as the clocks say")
+    must((ticked <= done).all() and (last >= instant).all(), "ticked", "be as often as the clocks say")
     passed = (time - start.t) / NANOSECOND
-    _must(instant <= passed * (1.0 + 1e-12) + SAME and passed <= float(last.min()) + 1.0, "time", "fit the clocks")
+    must(instant <= passed * (1.0 + 1e-12) + SAME and passed <= float(last.min()) + 1.0, "time", "fit the clocks")
     found = []
     for k, graph in enumerate(graphs):
         i, j = arrays[f"pairs{k}"]
         codes = i * n + j
-        _must((np.diff(codes) > 0).all() and (i != j).all(), f"pairs{k}", "be sorted pairs of different agents")
+        must((np.diff(codes) > 0).all() and (i != j).all(), f"pairs{k}", "be sorted pairs of different agents")
         both = np.array_equal(np.sort(j * n + i), codes)
-        _must(graph.directed or both, f"pairs{k}", f"be links of a {type(graph).__name__} graph")
+        must(graph.directed or both, f"pairs{k}", f"be links of a {type(graph).__name__} graph")
         found.append((i.copy(), j.copy()))
     fresh.q, fresh.p, fresh.waiting = arrays["q"], arrays["p"], arrays["waiting"]
-    fresh.ticked, fresh.instant, fresh.taken = ticked, instant, bool(numbers["taken"])
+    fresh.ticked, fresh.instant = ticked, instant
     gaps = LawGaps(int(numbers["checks"]), float(numbers["gap"]), float(numbers["allowed"]), float(numbers["worst"]))
     return Read(time, int(numbers["steps"]), found, gaps)
-
-
-def _must(fits: object, name: str, rule: str) -> None:
-    if not fits:
-        raise MalformedError(f"{name} must {rule}")

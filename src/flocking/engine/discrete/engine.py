@@ -8,13 +8,11 @@ from flocking.engine.discrete.session import DiscreteOptions, DiscreteSession
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
-from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.engine.protocol.world import check_nanoseconds
+from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
-
-LONGEST_RUN = 2e9
-"""Longest run: its nanoseconds, and those of a period beyond it, stay within 64 bits."""
 
 
 class DiscreteEngine(Engine):
@@ -29,12 +27,7 @@ class DiscreteEngine(Engine):
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Refuse what this engine does not know."""
-        self.check_bodies(scenario)
-        if scenario.t_end - scenario.start.t > LONGEST_RUN:
-            raise InvalidInput(
-                "Scenario", "t_end", f"must be at most {LONGEST_RUN:g} after the start in discrete time",
-                scenario.t_end, "Times are counted in whole nanoseconds. Use another unit of time.",
-            )  # fmt: skip
+        check_nanoseconds(scenario)
         if plant is not None:
             raise UnsupportedLaw("engine='discrete' runs no plant: it has no ledger that would show another law.")
         for graph in scenario.law.graphs:

@@ -7,12 +7,11 @@ import numpy as np
 from flocking.arrays import Array, Indices
 from flocking.engine.discrete.neighbours import Neighbours
 from flocking.engine.fixed_step.declared_law import Declared, Group, LinkedPairs
-from flocking.engine.fixed_step.law_gaps import LawGaps
+from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.kernels.codegen import compiled_kernels
-from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
+from flocking.engine.kernels.law_kernels import LawKernels, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
-from flocking.engine.kernels.pieces import free_pieces
 from flocking.errors import LawNotObeyed
 from flocking.model.graph_functional import averages, graph_functional, uses_functional
 from flocking.model.law import Scenario
@@ -24,15 +23,11 @@ CHECKED = 64
 MOST_COMPARED = 4_000_000
 """Largest number of distances that such a comparison looks at."""
 
-SPREAD = 0.6180339887498949
-"""Golden section: successive checks begin at evenly spread agents."""
+LARGEST = 1e18
+"""Numbers up to which forces are compared: rounding is measured in single precision, which holds their squares."""
 
 UNIT = float(np.finfo(np.float64).eps)
 """Rounding unit of the state."""
-
-EDGE = 64.0
-"""Pairs within this number of rounding units of a radius may be linked or not."""
-
 
 Judged = tuple[Indices, list[LinkedPairs]]
 """Agents whose forces are compared with the law, and their linked pairs under each graph."""
@@ -56,6 +51,9 @@ class DiscreteLaw:
         begin = scenario.start.t
         # Times of ticks are whole nanoseconds: gains change at those nearest to the times of their schedule.
         self._changes = sorted({s for term in self.law.body_terms for s in term.switch_times(begin, np.inf)})
+        used = [k for k in range(len(self.law.graphs)) if uses_functional(self.law, k)]
+        self._averaging = [k for k in used if averages(self.law, k)]
+        self._others = [k for k in used if k not in self._averaging]
         self._rates = np.empty(3)
         self._declared: Declared | None = None
         self._take_parameters(scenario.start.t)
@@ -88,14 +86,7 @@ class DiscreteLaw:
         """
         if self._last_change(t) != self._since:
             self._take_parameters(t)
-        found = [each.pairs for each in neighbours]
-        for level in self._obstacles.levels:
-            if level.kind == "obstacle":
-                i, o = np.nonzero(self._obstacles.within(level, q, t))
-                found.append((i.astype(np.int64), o.astype(np.int64)))
-        offsets = np.cumsum([0, *(len(i) for i, _ in found)])
-        senders, sensed = (np.concatenate([pair[k] for pair in found]) for k in (0, 1))
-        pairs = Pairs(senders, sensed, offsets, *free_pieces(len(senders)))
+        pairs = free_pairs([*(each.pairs for each in neighbours), *self._obstacles.met(q, t)])
         u = np.zeros((self.n, self.m))
         self._kernels.control(t, q, p, pairs, self._slots, self._functionals(neighbours), u, self._rates)
         return u
@@ -103,13 +94,11 @@ class DiscreteLaw:
     def _functionals(self, neighbours: list[Neighbours]) -> Array:
         """Functionals of the graphs, shape (graphs, N)."""
         found = np.ones((len(neighbours), self.n))
-        for number, each in enumerate(neighbours):
-            if not uses_functional(self.law, number):
-                continue
-            if averages(self.law, number):
-                found[number] = 1.0 / (1.0 + np.bincount(each.pairs[0], minlength=self.n))
-            else:
-                found[number] = graph_functional(self.law, number, each.matrix(each.pairs))
+        for number in self._averaging:
+            found[number] = 1.0 / (1.0 + np.bincount(neighbours[number].pairs[0], minlength=self.n))
+        for number in self._others:
+            each = neighbours[number]
+            found[number] = graph_functional(self.law, number, each.matrix(each.pairs))
         return found
 
     def judged(self, step: int, neighbours: list[Neighbours], q: Array) -> Judged | None:
@@ -122,7 +111,7 @@ class DiscreteLaw:
         neighbours
             Linked pairs of each graph before agents came to ``q``, shape (N, m).
         """
-        if any(uses_functional(self.law, k) and not averages(self.law, k) for k in range(len(neighbours))):
+        if self._others:
             return None
         count = min(CHECKED, self.n, max(1, MOST_COMPARED // self.n))
         first = int(step * SPREAD * self.n) % self.n
@@ -130,7 +119,7 @@ class DiscreteLaw:
         return agents, [each.seen_by(agents, q, EDGE * UNIT) for each in neighbours]
 
     def compare(self, judged: Judged, t: float, state: tuple[Array, Array], u: Array, gaps: LawGaps) -> None:
-        """Compare forces of some agents with those of the declared law.
+        """Compare forces of some agents with those of the declared law, while no number is too large for it.
 
         Parameters
         ----------
@@ -151,6 +140,8 @@ class DiscreteLaw:
         if self._declared is None:
             self._declared = Declared(self.scenario, UNIT)
         (q, p), (agents, pairs) = state, judged
+        if max(float(np.abs(x).max()) for x in (q, p, u)) > LARGEST:
+            return
         masses = np.broadcast_to(np.asarray(self.scenario.agents.masses, dtype=np.float64), self.n)
         means = [masses @ x / masses.sum() for x in (q, p)]
         group = Group(q, p, np.arange(self.n), t, self._since, np.zeros(self.m), means[0], means[1])

@@ -111,7 +111,7 @@ class Neighbours:
         return found
 
     def seen_by(self, agents: Indices, q: Array, slack: float) -> tuple[Indices, Indices, Mask]:
-        """Links of some agents by a comparison with all others, for a check of the tree.
+        """Links of some agents by a comparison with all others, for a check of the cell list.
 
         Parameters
         ----------

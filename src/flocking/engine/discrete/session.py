@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Indices, Links
+from flocking.arrays import Array, Indices, Links, Mask
 from flocking.engine import interruption
 from flocking.engine.discrete.checkpoint import DiscreteMemory, packed_memory, unpacked_memory
 from flocking.engine.discrete.law_in_force import DiscreteLaw
@@ -23,7 +23,7 @@ from flocking.model.bodies.discrete_bodies import DiscreteBody
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.control import Held
-from flocking.model.world.times import NANOSECOND, Instants
+from flocking.model.world.times import NANOSECOND
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,6 @@ class DiscreteSession(Session):
     def _instant(self, t: float) -> int:
         return round((t - self._base) / NANOSECOND)
 
-    def _next_ticks(self) -> Instants:
-        return self._ticks.at(np.arange(self.n), self.memory.ticked)
-
     def _positions(self, t: float) -> Array:
         """Positions at a time of the scenario, from the last instant on, shape (N, m)."""
         memory = self.memory
@@ -101,16 +98,17 @@ class DiscreteSession(Session):
         try:
             while True:
                 interruption.check()
-                ticks = self._next_ticks()
+                ticks = self._ticks.at(np.arange(self.n), self.memory.ticked)
                 at = int(ticks.min())
                 if at > end:
                     break
                 self._record_frames(at - 1)
-                self._come_to(at)
+                ticking = ticks == at
+                self._come_to(at, ticking)
                 self._record_frames(at)
                 if at >= end:
                     break
-                self._tick(ticks == at)
+                self._tick(ticking)
                 if clock.monotonic() >= stop:
                     return
             self._record_frames(end)
@@ -119,19 +117,21 @@ class DiscreteSession(Session):
             error.run = self.run(str(error))
             raise
 
-    def _come_to(self, at: int) -> None:
+    def _come_to(self, at: int, ticking: Mask) -> None:
         """Move all agents to an instant, and let those that tick at it take the velocities they set before."""
         memory = self.memory
-        if memory.instant < at:
-            memory.q = memory.q + ((at - memory.instant) * NANOSECOND) * memory.p
-            memory.instant, memory.taken = at, False
-            self.time = self._base + at * NANOSECOND
-        if not memory.taken and self._body.update == "backward":
-            taking = (self._next_ticks() == at) & (memory.ticked > 0)
+        if memory.instant == at:
+            return
+        with np.errstate(all="ignore"):
+            q = memory.q + ((at - memory.instant) * NANOSECOND) * memory.p
+        self._check_finite("A position", q, np.arange(self.n))
+        if self._body.update == "backward":
+            taking = ticking & (memory.ticked > 0)
             memory.p = np.where(taking[:, None], memory.waiting, memory.p)
-        memory.taken = True
+        memory.q, memory.instant = q, at
+        self.time = self._base + at * NANOSECOND
 
-    def _tick(self, ticking: Links) -> None:
+    def _tick(self, ticking: Mask) -> None:
         """Let agents set their velocity at the present instant."""
         memory, t = self.memory, self.time
         agents = np.flatnonzero(ticking)
@@ -145,7 +145,8 @@ class DiscreteSession(Session):
         self._check_finite("A force", u, np.arange(self.n))
         if judged is not None:
             self._law.compare(judged, t, state, u, self.law_gaps)
-        found = self._body.updated(memory.p[agents], u[agents], self._period[agents], agents, memory.ticked[agents])
+        with np.errstate(all="ignore"):
+            found = self._body.updated(memory.p[agents], u[agents], self._period[agents], agents, memory.ticked[agents])
         self._check_finite("A velocity", found, agents)
         if self._body.update == "backward":
             memory.waiting[agents] = found

@@ -15,6 +15,13 @@ EVERY = 1024
 """Number of steps between two checks of the forces of a long run."""
 
 
+SPREAD = 0.6180339887498949
+"""Golden section: successive checks begin at evenly spread agents."""
+
+EDGE = 64.0
+"""Pairs within this number of rounding units of a radius may be linked or not."""
+
+
 def is_due(step: int) -> bool:
     """Whether the forces of a step are checked: the 1st, 4th, 16th, ... 1024th, and then every 1024th step.
 

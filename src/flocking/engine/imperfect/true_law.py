@@ -9,9 +9,8 @@ import numpy as np
 from flocking.arrays import Array, Links
 from flocking.engine.imperfect.powers import LawInForce, Powers, node_powers
 from flocking.engine.kernels.codegen import compiled_kernels
-from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
+from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
-from flocking.engine.kernels.pieces import free_pieces
 from flocking.model.law import Law, Scenario
 
 
@@ -54,10 +53,7 @@ class TrueLaw:
         links
             Links of each graph, shape (graphs, N, N).
         """
-        found = [np.nonzero(matrix) for matrix in links]
-        offsets = np.cumsum([0, *(len(i) for i, _ in found)])
-        i, j = (np.concatenate(x).astype(np.int64) for x in zip(*found, strict=True))
-        return Pairs(i, j, offsets, *free_pieces(len(i)))
+        return free_pairs([(i, j) for i, j in map(np.nonzero, links)])
 
     def energy(self, t: float, q: Array, p: Array, pairs: Pairs, linked: int) -> tuple[float, float]:
         """Energy and kinetic energy of the true state.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Indices
 from flocking.engine.kernels.codegen import ARGUMENTS, SLOPE_ARGUMENTS
+from flocking.engine.kernels.pieces import free_pieces
 from flocking.formula.native.functions import by_address, native_apart
 from flocking.model.checks import Array
 
@@ -39,6 +40,19 @@ class Pairs(NamedTuple):
     offsets: Indices
     pieces: NDArray[np.int32]
     spans: Array
+
+
+def free_pairs(found: Sequence[tuple[Indices, Indices]]) -> Pairs:
+    """Pairs of piecewise formulas whose pieces the distance itself selects.
+
+    Parameters
+    ----------
+    found
+        Sensing agents and what they sense, under each graph and then for each group of obstacles.
+    """
+    offsets = np.cumsum([0, *(len(i) for i, _ in found)])
+    senders, sensed = (np.concatenate(x).astype(np.int64) for x in zip(*found, strict=True))
+    return Pairs(senders, sensed, offsets, *free_pieces(len(senders)))
 
 
 class Slots(NamedTuple):

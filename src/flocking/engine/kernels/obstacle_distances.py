@@ -63,6 +63,11 @@ class ObstacleDistances:
         distance = self.distances(level.group, q, t)
         return np.asarray(distance <= level.distance if level.kind == "obstacle" else distance < level.distance)
 
+    def met(self, q: Array, t: float) -> list[tuple[Indices, Indices]]:
+        """Agents within range of an obstacle, and the obstacles, of every group."""
+        levels = (level for level in self.levels if level.kind == "obstacle")
+        return [(i, o) for i, o in (np.nonzero(self.within(level, q, t)) for level in levels)]
+
     def clearance(self, group: int, points: Array, t: Array, obstacle: Indices) -> Array:
         """Signed distances of points, shape (k, m), at times ``t`` from one obstacle of a group each; shape (k,)."""
         return self._distance[group](points, t, list(self._rows[group][:, obstacle]))

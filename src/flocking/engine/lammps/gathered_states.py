@@ -8,11 +8,10 @@ import numpy as np
 
 from flocking.arrays import Array, Forces, Indices
 from flocking.engine.kernels.codegen import compiled_kernels
-from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
+from flocking.engine.kernels.law_kernels import LawKernels, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.motion_source import RATES
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
-from flocking.engine.kernels.pieces import free_pieces
 from flocking.engine.lammps.neighbours import near_pairs
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -48,16 +47,10 @@ class LawOnStates:
             The pairs linked under each graph.
         """
         kernels = LawKernels(compiled_kernels(self._layout, state.dimension), self._scenario.agents.order)
-        met, n = list(pairs), state.n
-        for level in self._obstacle_distances.levels:
-            if level.kind == "obstacle":
-                near = np.argwhere(self._obstacle_distances.within(level, state.q, state.t))
-                met.append((near[:, 0], near[:, 1]))
-        offsets = np.cumsum([0, *(len(i) for i, _ in met)])
-        senders, sensed = (np.concatenate([pair[k] for pair in met]).astype(np.int64) for k in (0, 1))
+        n, acting = state.n, free_pairs([*pairs, *self._obstacle_distances.met(state.q, state.t)])
         functionals = np.zeros((len(self._scenario.law.graphs), n))
         motion = (state.t, np.ascontiguousarray(state.q), np.ascontiguousarray(state.p))
-        given = (*motion, Pairs(senders, sensed, offsets, *free_pieces(len(senders))), Slots(*self._slots), functionals)
+        given = (*motion, acting, Slots(*self._slots), functionals)
         u, powers = np.empty((n, state.dimension)), np.empty(len(RATES))
         kernels.control(*given, u, powers)
         return u, powers, kernels.energies(*given)

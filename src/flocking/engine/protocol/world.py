@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from flocking.errors import UnsupportedLaw
+from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.law import Scenario
 from flocking.model.world.world_part import WorldPart
+
+LONGEST_RUN = 2e9
+"""Longest run under held control: its nanoseconds, and those of a period and a delay beyond it, stay within 64 bits."""
 
 
 def left_out(scenario: Scenario, known: tuple[type, ...]) -> dict[str, WorldPart]:
@@ -33,3 +36,18 @@ def check_world(engine: str, scenario: Scenario, known: tuple[type, ...] = ()) -
             f"engine={engine!r} does not run {name}={type(part).__name__}(...): it would be left out. "
             "engine='auto' chooses one that does, where there is one."
         )
+
+
+def check_nanoseconds(scenario: Scenario) -> None:
+    """Refuse a run under held control whose times in whole nanoseconds would not fit.
+
+    Raises
+    ------
+    InvalidInput
+        When it is too long.
+    """
+    if scenario.t_end - scenario.start.t > LONGEST_RUN:
+        raise InvalidInput(
+            "Scenario", "t_end", f"must be at most {LONGEST_RUN:g} after the start under held control",
+            scenario.t_end, "Times are counted in whole nanoseconds. Use another unit of time.",
+        )  # fmt: skip

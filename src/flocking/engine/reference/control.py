@@ -185,15 +185,12 @@ def obstacles_met(
     from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 
     rows, found = layout.obstacle_rows(), []
-    distances = ObstacleDistances(law)
-    for level in distances.levels:
-        if level.kind == "obstacle":
-            i, o = np.nonzero(distances.within(level, q, given["t"]))
-            values = {k: v[i] if np.ndim(v) else v for k, v in given.items()}
-            values |= {f"O{k}": row[o] for k, row in enumerate(rows)}
-            with np.errstate(all="ignore"):
-                result = getattr(module, f"obstacles{level.group}")(P, values)
-            found.append((i, {k: v * np.ones(len(i)) for k, v in result.items()}))
+    for group, (i, o) in enumerate(ObstacleDistances(law).met(q, given["t"])):
+        values = {k: v[i] if np.ndim(v) else v for k, v in given.items()}
+        values |= {f"O{k}": row[o] for k, row in enumerate(rows)}
+        with np.errstate(all="ignore"):
+            result = getattr(module, f"obstacles{group}")(P, values)
+        found.append((i, {k: v * np.ones(len(i)) for k, v in result.items()}))
     return found
 
 

@@ -9,10 +9,12 @@ from numpy.typing import ArrayLike
 
 from flocking.arrays import Indices
 from flocking.engine.kernels.codegen import compiled_kernels
+from flocking.engine.kernels.displacements import nearest_difference
 from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import free_pieces
+from flocking.engine.reference.finite_forces import bounding_poles
 from flocking.errors import InvalidInput
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array, integer, number, truth
@@ -20,10 +22,9 @@ from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
 from flocking.model.graphs.weights import MatrixWeights
 from flocking.model.law import Law
-from flocking.model.potentials.poles import poles
 from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents
-from flocking.model.terms.pair_terms import Gradient
+from flocking.model.terms.potential_reach import check_reach
 from flocking.model.terms.schedules import Schedule
 
 MOST_NEIGHBOURS = 1024
@@ -65,8 +66,7 @@ def _prepare(  # type: ignore[no-untyped-def]
             V[e + 1, c] = v
             d = x - own[c]
             if lengths[c] > 0.0:
-                turns = math.floor(abs(d) / lengths[c] + 0.5)
-                d = d - lengths[c] * (turns if d >= 0.0 else -turns)
+                d = nearest_difference(d, lengths[c])
             square += d * d
         r[e] = math.sqrt(square)
     total = 0
@@ -184,9 +184,12 @@ class Controller:
             self._lengths[axis] = length if np.isfinite(length) else 0.0
         self._averages = [averages(law, k) for k in range(len(law.graphs))]
         self._counts = any(self._averages)
-        self._nearest_pole = [self._pole(k) for k in range(len(law.graphs))]
-        self._has_pole = any(np.isfinite(self._nearest_pole))
-        self._groups = [level for level in self._obstacles.levels if level.kind == "obstacle"]
+        self._poles = [min(bounding_poles(law, k), default=np.inf) for k in range(len(law.graphs))]
+        # A link breaks before it comes to a pole at the radius itself.
+        self._meets_poles = any(
+            pole <= leave if kind == CLOSED else pole < leave
+            for pole, (_, leave, kind) in zip(self._poles, rules, strict=True)
+        )
         self._rates = np.empty(3)
         self._rows: dict[int, Array] = {}
         size = self.count + 1
@@ -207,6 +210,7 @@ class Controller:
         for graph in self.law.graphs:
             if graph.sees_headings or (graph.moves and not graph.follows_radii):
                 raise InvalidInput("Controller", "law", "must link by distances", type(graph).__name__)
+        check_reach(self.law.pair_terms, self.law.graph)
         if Layout(self.law, Energy(), space=self.space).places:
             raise InvalidInput("Controller", "law", "must have leaders whose position has a closed form", "another")
         per_pair = [
@@ -221,18 +225,6 @@ class Controller:
                 raise InvalidInput(
                     "Controller", "agents", f"must be {found}, for which the law has parameters", self.count
                 )
-
-    def _pole(self, number: int) -> float:
-        """Nearest pole of a potential over a graph beyond which no link appears; infinite for none."""
-        appears = float(np.max(np.asarray(self.law.graphs[number].appear_radius)))
-        found = [
-            pole
-            for term in self.law.pair_terms
-            if isinstance(term, Gradient) and self.law.graph_number(term) == number
-            for pole in poles(term.potential)
-            if appears <= pole
-        ]
-        return min(found, default=np.inf)
 
     def reset(self) -> None:
         """Forget all links and times, as before the first call."""
@@ -296,7 +288,7 @@ class Controller:
         k, graphs = len(who), len(self._rules)
         self._calls += 1
         self._marks[self.agent] = self._calls
-        offsets = np.empty(graphs + 1 + len(self._groups), dtype=np.int64)
+        offsets = np.empty(graphs + 1 + len(self._obstacles.groups), dtype=np.int64)
         Q, V = self._Q[: k + 1], self._V[: k + 1]
         fault = _prepare(
             self._calls, self.relative, self._started, own, moving, who, places,
@@ -306,14 +298,13 @@ class Controller:
         if fault:
             self._refuse_known(int(fault), who)
         sensed = self._sensed
-        for place, level in enumerate(self._groups):
-            near = np.flatnonzero(self._obstacles.within(level, Q[:1], t)[0])
+        for place, (_, near) in enumerate(self._obstacles.met(Q[:1], t) if self._obstacles.groups else ()):
             total = int(offsets[graphs + place])
             sensed = np.concatenate([sensed[:total], near])
             offsets[graphs + place + 1] = total + len(near)
         u = self._force(t, Q, V, who, sensed[: int(offsets[-1])], offsets)
         size = math.hypot(*u.tolist())
-        if self._has_pole or not size < np.inf:
+        if self._meets_poles or not size < np.inf:
             self._refuse_no_force(u, who, offsets)
         # Links of agents that this call did not name are forgotten.
         self.links, self._after = self._after, self.links
@@ -384,7 +375,7 @@ class Controller:
 
     def _refuse_no_force(self, u: Array, who: Indices, offsets: Indices) -> None:
         """Refuse neighbours where the law has no force."""
-        for g, pole in enumerate(self._nearest_pole):
+        for g, pole in enumerate(self._poles):
             for place in self._sensed[int(offsets[g]) : int(offsets[g + 1])]:
                 if self._r[place - 1] >= pole:
                     raise InvalidInput(

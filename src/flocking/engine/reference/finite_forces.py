@@ -39,6 +39,24 @@ def check_finite(owner: str, offsets: Array, forces: Array, pairs: tuple[Indices
         raise _refused(owner, offsets[k], pairs, k, fix)
 
 
+def _potentials_over(law: Law, graph: int) -> list[Gradient]:
+    """Terms of potentials over a graph."""
+    return [term for term in law.pair_terms if isinstance(term, Gradient) and law.graph_number(term) == graph]
+
+
+def bounding_poles(law: Law, graph: int) -> list[float]:
+    """Poles of potentials beyond which no link of a graph appears, ascending: they bound the distances of neighbours.
+
+    Parameters
+    ----------
+    graph
+        Number of the graph.
+    """
+    appears = float(np.max(np.asarray(law.graphs[graph].appear_radius)))
+    found = (pole for term in _potentials_over(law, graph) for pole in poles(term.potential))
+    return sorted(pole for pole in found if appears <= pole)
+
+
 def check_neighbours(
     owner: str, law: Law, graph: int, offsets: Array, forces: Array, pairs: tuple[Indices, Indices]
 ) -> None:
@@ -61,15 +79,12 @@ def check_neighbours(
         When a pair is elsewhere; the error names both agents and their distance.
     """
     distance = np.sqrt((offsets**2).sum(axis=1))
-    appears = float(np.max(np.asarray(law.graphs[graph].appear_radius)))
-    for term in law.pair_terms:
-        if not isinstance(term, Gradient) or law.graph_number(term) != graph:
-            continue
-        for pole in poles(term.potential):
-            if appears <= pole and (distance >= pole).any():
-                k = int(np.argmax(distance >= pole))
-                fix = f"The potential is infinite at distance {pole:.9g}: a pair inside never comes past it."
-                raise _refused(owner, offsets[k], pairs, k, fix)
+    for pole in bounding_poles(law, graph):
+        if (distance >= pole).any():
+            k = int(np.argmax(distance >= pole))
+            fix = f"The potential is infinite at distance {pole:.9g}: a pair inside never comes past it."
+            raise _refused(owner, offsets[k], pairs, k, fix)
+    for term in _potentials_over(law, graph):
         # The slope of a logarithm goes on where the logarithm itself has no value.
         nowhere = ~np.isfinite(term.potential(distance)) & (distance > 0)
         if nowhere.any():

@@ -9,16 +9,14 @@ import numpy as np
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.sampled.session import SampledOptions, SampledSession
-from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
 from flocking.model.world.information import Instant, Messages
 from flocking.model.world.safety_filters import SafetyFilter
-
-LONGEST_RUN = 2e9
-"""Longest run: its nanoseconds, and those of a period and a delay beyond it, stay within 64 bits."""
 
 
 class SampledEngine(Engine):
@@ -39,11 +37,7 @@ class SampledEngine(Engine):
             )
         if not isinstance(scenario.information, Instant | Messages):
             raise UnsupportedLaw("engine='sampled' knows no information but Instant and Messages.")
-        if scenario.t_end - scenario.start.t > LONGEST_RUN:
-            raise InvalidInput(
-                "Scenario", "t_end", f"must be at most {LONGEST_RUN:g} after the start under held control",
-                scenario.t_end, "Times are counted in whole nanoseconds. Use another unit of time.",
-            )  # fmt: skip
+        check_nanoseconds(scenario)
         if isinstance(scenario.control, SafetyFilter) and (
             scenario.agents.order == 1 or np.any(np.asarray(scenario.agents.damping))
         ):

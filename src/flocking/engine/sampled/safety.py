@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +19,7 @@ ROUNDED = 1e-9
 """Relaxation, by the largest acceleration, that rounding explains."""
 
 FOUND = 1e-6
-"""The same for conditions that a solver has satisfied."""
+"""Relative rounding with which a condition counts as satisfied by an iterative solver."""
 
 ASKED = 1e6
 """Largest acceleration that is asked for, by what both agents can brake: two that are too close would ask for more."""
@@ -48,7 +48,7 @@ class FilterMemory:
     normals: Array
     changed: int = 0
     relaxed: int = 0
-    first_relaxed: int = field(default=-1)
+    first_relaxed: int = -1
 
 
 def sampled_bound(r: Array, closing: Array, braking: Array, distance: Array, period: float) -> Array:
@@ -130,41 +130,42 @@ def nearest(wanted: Array, normals: Array, bounds: Array, most: float) -> tuple[
 
 def _within_ball(wanted: Array, normals: Array, bounds: Array, most: float) -> Array | None:
     """The nearest acceleration that satisfies all, or None."""
-    slack = ROUNDING * max(most, float(np.linalg.norm(wanted)))
-    found = _projected(wanted, normals, bounds, slack)
+    size = max(most, float(np.linalg.norm(wanted)))
+    found = _projected(wanted, normals, bounds, size)
     if found is None or float(np.linalg.norm(found)) <= most * (1.0 + ROUNDING):
         return found
-    least = _projected(np.zeros_like(wanted), normals, bounds, slack)
+    least = _projected(np.zeros_like(wanted), normals, bounds, size)
     if least is None or float(np.linalg.norm(least)) > most * (1.0 + ROUNDING):
         return None
     # The projections of shares of the wanted acceleration are the nearest for each bound on the length.
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        found = _projected(middle * wanted, normals, bounds, slack)
+        found = _projected(middle * wanted, normals, bounds, size)
         fits = found is not None and float(np.linalg.norm(found)) <= most
         low, high = (middle, high) if fits else (low, middle)
-    found = _projected(low * wanted, normals, bounds, slack)
+    found = _projected(low * wanted, normals, bounds, size)
     return least if found is None else found
 
 
-def _projected(wanted: Array, normals: Array, bounds: Array, slack: float) -> Array | None:
-    """The point nearest to ``wanted`` with n_k . u >= b_k for all k, or None where there is none."""
+def _projected(wanted: Array, normals: Array, bounds: Array, size: float) -> Array | None:
+    """The point nearest to ``wanted`` with n_k . u >= b_k for all k, or None where there is none.
 
-    def satisfies(u: Array) -> bool:
-        return bool((normals @ u >= bounds - slack).all())
-
+    ``size`` is that of the numbers whose rounding counts as none.
+    """
+    slack = ROUNDING * size
     missing = bounds - normals @ wanted
     if (missing <= slack).all():
         return wanted
     candidates: list[Array] = [wanted + missing[k] * normals[k] for k in np.flatnonzero(missing > slack)]
-    fitting = [u for u in candidates if satisfies(u)]
+    fitting = [u for u in candidates if (normals @ u >= bounds - slack).all()]
     if fitting:
         away = [float(((u - wanted) ** 2).sum()) for u in fitting]
         return fitting[int(np.argmin(away))]
     if len(bounds) <= CLOSED_FORM:
         return _on_both(wanted, normals, missing) if len(bounds) == CLOSED_FORM else None
-    return _by_active_sets(wanted, normals, missing, satisfies_within=(bounds, slack))
+    found = _by_active_sets(wanted, normals, missing)
+    return found if found is not None and (normals @ found >= bounds - FOUND * size).all() else None
 
 
 def _on_both(wanted: Array, normals: Array, missing: Array) -> Array | None:
@@ -177,13 +178,10 @@ def _on_both(wanted: Array, normals: Array, missing: Array) -> Array | None:
     return np.asarray(wanted + weights @ normals)
 
 
-def _by_active_sets(
-    wanted: Array, normals: Array, missing: Array, *, satisfies_within: tuple[Array, float]
-) -> Array | None:
+def _by_active_sets(wanted: Array, normals: Array, missing: Array) -> Array | None:
     """The same of many conditions: least distance programming by non-negative least squares (Lawson, Hanson 1974)."""
     from scipy.optimize import nnls
 
-    bounds, slack = satisfies_within
     scale = max(float(np.abs(missing).max()), 1.0)
     system = np.vstack([normals.T, missing[None] / scale])
     target = np.zeros(len(wanted) + 1)
@@ -192,9 +190,7 @@ def _by_active_sets(
     residual = system @ weights - target
     if -residual[-1] <= ROUNDING:
         return None
-    found = wanted - scale * residual[:-1] / residual[-1]
-    satisfied = bool((normals @ found >= bounds - FOUND * slack / ROUNDING).all())
-    return np.asarray(found, dtype=np.float64) if satisfied else None
+    return np.asarray(wanted - scale * residual[:-1] / residual[-1], dtype=np.float64)
 
 
 class ForceFilter:
@@ -267,9 +263,8 @@ class ForceFilter:
         choices = []
         for normal in (line, held):
             along, closing = (normal * dp).sum(axis=1), -(normal * dv).sum(axis=1)
-            left = along - control.kept - np.maximum(closing, 0.0) ** 2 / (2.0 * braking)
             known = (normal**2).sum(axis=1) > 0.5
-            choices.append((np.where(known, left, -np.inf), along, closing))
+            choices.append((np.where(known, control.reserve(along, closing, braking), -np.inf), along, closing))
         better = choices[1][0] > choices[0][0]
         normals = np.where(better[:, None], held, line)
         left, along, closing = (np.where(better, b, a) for a, b in zip(*choices, strict=True))

@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices, Reals
 from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs
-from flocking.engine.fixed_step.law_gaps import LawGaps
+from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
@@ -17,12 +17,6 @@ from flocking.model.law import Scenario
 
 TILES = 4
 """Number of tiles that are checked."""
-
-SPREAD = 0.6180339887498949
-"""Golden section: successive checks start at evenly distributed tiles."""
-
-EDGE = 64.0
-"""Pairs within this number of rounding units of a radius may be linked or not."""
 
 
 @dataclass(frozen=True)

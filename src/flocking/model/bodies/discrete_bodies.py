@@ -16,7 +16,7 @@ from flocking.model.checks import Array, one_of, scalar_or_each
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
 from flocking.model.world.control import Control, Held
-from flocking.model.world.random_numbers import Purpose, normal_pairs, uniform
+from flocking.model.world.random_numbers import Purpose, normal_axes, uniform
 
 if TYPE_CHECKING:
     import sympy
@@ -32,9 +32,6 @@ PLANE = 2
 
 SPEED = 1e-9
 """Largest relative difference of a given speed from that of the body."""
-
-IN_A_PAIR = 2
-"""Normal numbers that one draw gives."""
 
 
 class DiscreteBody(Body):
@@ -73,11 +70,6 @@ class DiscreteBody(Body):
         import sympy
 
         return {"p": [sympy.Integer(0) for _ in x.p]}
-
-    @property
-    def structure(self) -> tuple[object, ...]:
-        """The kind of body."""
-        return (type(self).__module__, type(self).__qualname__)
 
     def check_scenario(self, control: Control, q: Array, p: Array) -> None:
         """Refuse control that has no ticks, or whose forces act later.
@@ -211,30 +203,23 @@ class Heading(DiscreteBody):
         p, u, period, agents, tick
             As for `DiscreteBody.updated`.
         """
-        speed, noise, mass = (
-            (np.asarray(x, dtype=np.float64) if np.ndim(x) == 0 else np.asarray(x)[agents])
-            for x in (self.speed, self.noise, self.masses)
-        )
-        column = {"speed": np.atleast_1d(speed)[:, None], "noise": np.atleast_1d(noise)[:, None]}
+        speed, noise, mass = (_of_agents(x, agents) for x in (self.speed, self.noise, self.masses))
         wanted = p + u * (period / mass)[:, None]
-        angular = self.noise_kind == "angular"
-        if not angular and np.max(noise) > 0.0:
-            wanted = wanted / column["speed"] + column["noise"] * self._unit_vectors(p.shape[1], agents, tick)
+        noisy = bool(np.max(noise) > 0.0)
+        if noisy and self.noise_kind == "vectorial":
+            wanted = wanted / speed[:, None] + noise[:, None] * self._unit_vectors(p.shape[1], agents, tick)
         length = np.linalg.norm(wanted, axis=1, keepdims=True)
         still = length == 0.0
-        found = np.where(still, p / column["speed"], wanted / np.where(still, 1.0, length))
-        if angular and np.max(noise) > 0.0:
+        found = np.where(still, p / speed[:, None], wanted / np.where(still, 1.0, length))
+        if noisy and self.noise_kind == "angular":
             angle = noise * (uniform(self.seed, Purpose.HEADING, agents, 0, tick) - 0.5)
             c, s = np.cos(angle), np.sin(angle)
             found = np.column_stack([c * found[:, 0] - s * found[:, 1], s * found[:, 0] + c * found[:, 1]])
-        return np.asarray(column["speed"] * found)
+        return np.asarray(speed[:, None] * found)
 
     def _unit_vectors(self, dimension: int, agents: Indices, tick: Indices) -> Array:
         """Unit vectors of random directions, shape (K, m)."""
-        normal: list[Array] = []
-        for pair in range((dimension + 1) // IN_A_PAIR):
-            normal += normal_pairs(self.seed, Purpose.HEADING, agents, pair, tick)
-        found = np.column_stack(normal[:dimension])
+        found = np.column_stack(normal_axes(self.seed, Purpose.HEADING, agents, tick, dimension))
         return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
 
 
@@ -306,19 +291,22 @@ class Impulsive(DiscreteBody):
         p, u, period, agents, tick
             As for `DiscreteBody.updated`.
         """
-        mass, damping = (
-            np.broadcast_to(np.asarray(x, dtype=np.float64) if np.ndim(x) == 0 else np.asarray(x)[agents], len(p))
-            for x in (self.masses, self.damping)
-        )
+        mass, damping = (_of_agents(x, agents) for x in (self.masses, self.damping))
         applied = _within(u, self.force, agents)
         return _within(p + (applied - damping[:, None] * p) * (period / mass)[:, None], self.speed, agents)
+
+
+def _of_agents(value: float | Array, agents: Indices) -> Array:
+    """Numbers of ``agents``, shape (K,), from one for all or one for each."""
+    found = np.asarray(value, dtype=np.float64)
+    return found[agents] if found.ndim else np.broadcast_to(found, len(agents))
 
 
 def _within(vectors: Array, limit: float | Array | None, agents: Indices) -> Array:
     """Vectors, shape (K, m), those longer than a limit scaled back to it."""
     if limit is None:
         return vectors
-    most = np.asarray(limit, dtype=np.float64) if np.ndim(limit) == 0 else np.asarray(limit)[agents]
+    most = _of_agents(limit, agents)
     length = np.linalg.norm(vectors, axis=1)
     share = np.where(length > most, most / np.where(length > 0.0, length, 1.0), 1.0)
     return np.asarray(vectors * share[:, None])

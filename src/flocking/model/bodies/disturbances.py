@@ -13,14 +13,11 @@ from flocking.model.bodies.wrapped import WrappedBody
 from flocking.model.checks import Array, number, scalar_or_each
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
-from flocking.model.world.random_numbers import Purpose, normal_pairs
+from flocking.model.world.random_numbers import Purpose, normal_axes
 from flocking.model.world.times import PER_SECOND, nanoseconds
 
 if TYPE_CHECKING:
     import sympy
-
-IN_A_PAIR = 2
-"""Normal numbers that one draw gives: axes 0 and 1 share the first draw, axis 2 has the second."""
 
 
 @register_part("disturbed")
@@ -104,11 +101,8 @@ class Disturbed(WrappedBody):
         n, dimension
             Numbers of agents and axes.
         """
-        agents = np.arange(n)
-        found: list[Array] = []
-        for pair in range((dimension + 1) // IN_A_PAIR):
-            found += normal_pairs(self.seed, Purpose.GUST, agents, pair, self._gust(elapsed))
-        gusts = (x / self._seconds**0.5 for x in found[:dimension])
+        found = normal_axes(self.seed, Purpose.GUST, np.arange(n), self._gust(elapsed), dimension)
+        gusts = (x / self._seconds**0.5 for x in found)
         return dict(zip(self.own_held(dimension), gusts, strict=True))
 
     def drawn_until(self, elapsed: float) -> float:

@@ -32,6 +32,9 @@ WORD = np.uint64(0xFFFFFFFF)
 PURPOSE_SHIFT = 24
 """Place of the purpose in the second word of the counter; the bits below it continue the index of the sample."""
 
+IN_A_PAIR = 2
+"""Normal numbers that one draw gives."""
+
 LARGEST_SAMPLE = 1 << 56
 """Number of different sample indices: 32 bits of the first word and 24 of the second."""
 
@@ -111,6 +114,24 @@ def uniform(seed: int, purpose: Purpose, sender: object, receiver: object, sampl
     """
     a, b, _, _ = words(seed, purpose, sender, receiver, sample)
     return _open_unit(a, b)
+
+
+def normal_axes(seed: int, purpose: Purpose, agents: object, sample: object, dimension: int) -> list[Array]:
+    """Independent standard normal numbers along each axis; axes 0 and 1 share the first draw, axis 2 has the second.
+
+    Parameters
+    ----------
+    seed, purpose, sample
+        As for `words`.
+    agents
+        The agents.
+    dimension
+        Number of axes.
+    """
+    found: list[Array] = []
+    for pair in range((dimension + 1) // IN_A_PAIR):
+        found += normal_pairs(seed, purpose, agents, pair, sample)
+    return found[:dimension]
 
 
 def normal_pairs(seed: int, purpose: Purpose, sender: object, receiver: object, sample: object) -> tuple[Array, Array]:

@@ -16,6 +16,9 @@ from flocking.model.world.control import Held
 MARGIN = 1e-6
 """Share of the distance by which the filter keeps agents farther apart, so that rounding never leads below it."""
 
+ROUNDING = 1e-9
+"""Share of the distance below it within which an approach counts as rounding."""
+
 FORMS = ("sampled", "continuous")
 """Conditions of the filter: for forces that are held for a period, and for forces that change at every moment."""
 
@@ -102,6 +105,18 @@ class SafetyFilter(Held):
     def kept(self) -> float:
         """The distance that the conditions keep, a millionth larger than `distance`."""
         return self.distance * (1.0 + MARGIN)
+
+    def reserve(self, along: Array, closing: Array, braking: Array) -> Array:
+        """Distance that two agents have left when both brake along a line from now on.
+
+        Parameters
+        ----------
+        along, closing
+            Distance along the line, and speed at which it shrinks.
+        braking
+            Sum of the largest accelerations of both.
+        """
+        return np.asarray(along - self.kept - np.maximum(closing, 0.0) ** 2 / (2.0 * braking))
 
     def accelerations(self, n: int) -> Array:
         """Largest acceleration of each of ``n`` agents, shape (N,)."""

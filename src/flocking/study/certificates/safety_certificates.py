@@ -7,7 +7,7 @@ import numpy as np
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
 from flocking.model.world.information import Instant
-from flocking.model.world.safety_filters import MARGIN, SafetyFilter
+from flocking.model.world.safety_filters import MARGIN, ROUNDING, SafetyFilter
 from flocking.study.certificates.certificate import (
     Certificate,
     Enclosure,
@@ -20,9 +20,6 @@ from flocking.study.certificates.sources import sources
 
 PAIR = 2
 """Number of agents whose conditions never contradict each other."""
-
-ROUNDING = 1e-9
-"""Share of the distance that rounding of the filter's arithmetic may cost."""
 
 
 def safety_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
@@ -84,4 +81,4 @@ def _reserve(scenario: Scenario, control: SafetyFilter) -> float:
     apart = float(np.linalg.norm(r - q))
     closing = -float((r - q) @ (v - p)) / apart if apart else np.inf
     braking = float(control.accelerations(PAIR).sum())
-    return apart - control.kept - max(closing, 0.0) ** 2 / (2.0 * braking)
+    return float(control.reserve(np.asarray(apart), np.asarray(closing), np.asarray(braking)))

@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine.runs.run import Closest
-from flocking.model.world.safety_filters import SafetyFilter
+from flocking.model.world.safety_filters import ROUNDING, SafetyFilter
 from flocking.study.claims.claim import Measure, above
 from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence, NotMeasurable
-
-FILTER_ROUNDING = 1e-9
-"""Share of the distance of a safety filter that rounding may cost."""
 
 
 def _closest_linked(e: Evidence) -> Witness:
@@ -52,7 +49,7 @@ def safe_distance_kept(e: Evidence) -> Measure:
     note = f"closest {c.distance:.9g}, the filter keeps {control.distance:.9g}"
     # At every tick the filter begins anew with the states as they were computed: earlier errors do not add up.
     error = c.error if np.isfinite(c.error) else e.error_of(c)
-    return above(c.distance, control.distance * (1.0 - FILTER_ROUNDING), note, error)
+    return above(c.distance, control.distance * (1.0 - ROUNDING), note, error)
 
 
 def needs_filter(e: Evidence) -> str:
