@@ -8,7 +8,7 @@ import hashlib
 import importlib.util
 import time
 from collections.abc import Iterable, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from flocking.formula.grammar import Formula
@@ -16,6 +16,9 @@ from flocking.formula.grammar import Formula
 PACKAGE = Path(__file__).resolve().parent.parent
 FLOORS = ("formula", "model", "engine")
 """Folders of the modules that state formulas and print them."""
+
+MOST_PARSED = 64
+"""Most texts whose imports are remembered: the modules that generated code imports are about 20."""
 
 _OWN = tuple(f"flocking.{floor}." for floor in FLOORS)
 _BEGAN = time.time()
@@ -116,15 +119,17 @@ def runtime_digest(source: str) -> str:
     return digest.hexdigest()[:12] if seen else ""
 
 
-def _imported(source: str) -> set[str]:
+@lru_cache(maxsize=MOST_PARSED)
+def _imported(source: str) -> frozenset[str]:
+    """Names of the library's modules, and of what they hold, that a text imports."""
     try:
         tree = ast.parse(source)
     except SyntaxError:
-        return set()
-    found = set()
+        return frozenset()
+    found: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("flocking"):
             found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
         elif isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names if alias.name.startswith("flocking")}
-    return found
+    return frozenset(found)

@@ -49,6 +49,7 @@ def sessions(name: str, monkeypatch: pytest.MonkeyPatch) -> tuple[exact.ExactSes
     with monkeypatch.context() as patch:
         patch.setattr(LinkState, "__init__", lambda *_, **__: pytest.fail("links were built anew"))
         patch.setattr(exact, "Dynamics", lambda *_: pytest.fail("kernels were looked for anew"))
+        patch.setattr(fk.Scenario, "__post_init__", lambda *_: pytest.fail("a scenario was made and checked anew"))
         one.replace(law=after)
     return one, other
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,6 +44,24 @@ class Place:
     def at(self, t: float) -> float:
         """The coordinate at time ``t``."""
         return float(self.leader.at(t)[0][self.axis])
+
+
+class LawNumbers(NamedTuple):
+    """The run-time numbers of a law at one time, each kind in the order of its slots.
+
+    Parameters
+    ----------
+    single
+        One number for each slot ``P``.
+    each
+        Masses and damping, then the slots ``A``: each one number or shape (N,).
+    pairs
+        The pair weights, for each slot ``W``.
+    """
+
+    single: list[float]
+    each: list[float | Array]
+    pairs: list[PairWeights]
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +207,28 @@ class Layout:
         """Owner name of a term."""
         return f"term{next(k for k, t in enumerate(self.law.terms) if t is term)}"
 
+    def numbers(self, agents: Body, t: float) -> LawNumbers:
+        """All run-time numbers at time ``t`` but those per obstacle, each kind in the order of its slots.
+
+        Parameters
+        ----------
+        agents
+            Masses and damping.
+        """
+        found = LawNumbers([], [agents.masses, agents.damping], [])
+        for _, owned in self.owners():
+            for value in owned.values():
+                kind = _kind(value)
+                if isinstance(value, Schedule | Place):
+                    value = value.at(t)
+                if isinstance(value, PairWeights):
+                    found.pairs.append(value)
+                elif kind == "A":
+                    found.each.append(np.asarray(value, dtype=np.float64))
+                elif kind == "P":
+                    found.single.append(float(np.asarray(value)))
+        return found
+
     def values(self, agents: Body, n: int, t: float = 0.0) -> tuple[Array, Array, Array]:
         """Numbers for the slots at time ``t``.
 
@@ -198,24 +239,10 @@ class Layout:
         agents
             Masses, damping and headings.
         """
-        scalars: list[float] = []
-        rows: list[Array] = [np.broadcast_to(agents.masses, n), np.broadcast_to(agents.damping, n)]
-        matrices: list[Array] = []
-        for _, owned in self.owners():
-            for value in owned.values():
-                if isinstance(value, PerObstacle):
-                    continue
-                if isinstance(value, Schedule | Place):
-                    value = value.at(t)
-                if isinstance(value, PairWeights):
-                    matrices.append(value.of(agents.headings, n))
-                elif np.ndim(value):
-                    rows.append(np.asarray(value, dtype=np.float64))
-                else:
-                    scalars.append(float(value))
-        pairs = np.array(matrices) if matrices else np.zeros((0, 1, 1))
-        P = np.concatenate([np.array(scalars, dtype=np.float64), self.obstacle_rows().ravel()])
-        return P, np.array(rows, dtype=np.float64), pairs
+        single, each, weights = self.numbers(agents, t)
+        pairs = np.array([w.of(agents.headings, n) for w in weights]) if weights else np.zeros((0, 1, 1))
+        P = np.concatenate([np.array(single, dtype=np.float64), self.obstacle_rows().ravel()])
+        return P, np.array([np.broadcast_to(row, n) for row in each], dtype=np.float64), pairs
 
     def obstacle_rows(self) -> Array:
         """Numbers for the slots per obstacle, shape (rows, K): K is that of the largest group, the rest is NaN."""

@@ -85,8 +85,9 @@ def _set(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
 
 
 def _with_value(scenario: Scenario, path: Sequence[Step], value: object) -> Scenario:
-    """The scenario with one value changed; a number of the law leaves all else as it was checked before."""
-    if path[0] != "law" or type(value) not in (int, float) or scenario.energy.leader is not None:
+    """The scenario with one value changed; numbers of the law leave all else as it was checked before."""
+    number = type(value) in (int, float) or isinstance(value, np.ndarray)
+    if path[0] != "law" or not number or scenario.energy.leader is not None:
         return changed(scenario, path, value)
     return scenario.with_numbers(changed(scenario.law, path[1:], value), scenario.t_end)
 
@@ -94,7 +95,7 @@ def _with_value(scenario: Scenario, path: Sequence[Step], value: object) -> Scen
 def _scale(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
     factor = number("lab", "factor", event["value"], least=0.0)
     values = np.asarray(value_at(base, event["path"])) * factor
-    return Outcome(changed(scenario, event["path"], values), base)
+    return Outcome(_with_value(scenario, event["path"], values), base)
 
 
 def _move(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:

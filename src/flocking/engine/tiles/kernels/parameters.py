@@ -6,12 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array
-from flocking.engine.kernels.layout import Place
 from flocking.engine.tiles.kernels.spec import KernelSpec
-from flocking.model.graphs.weights import HashedWeights, MatrixWeights, PairWeights
+from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
-from flocking.model.terms.avoidance import PerObstacle
-from flocking.model.terms.schedules import Schedule
 
 KernelNumbers = tuple[Array, list[float | Array], NDArray[np.uint64], Array]
 """Single numbers, values per agent, hash seeds and matrices of pair weights, see `kernel_numbers`."""
@@ -31,24 +28,8 @@ def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> KernelNumb
         Single numbers (parameters, mass and damping where they are common, ranges of hashed weights); values per
         agent, first masses and damping, each one number or shape (N,); hash seeds; matrices of pair weights.
     """
-    n, agents = scenario.start.n, scenario.agents
-    numbers: list[float] = []
-    rows: list[float | Array] = [agents.masses, agents.damping]
-    pairs: list[HashedWeights | MatrixWeights] = []
-    for _, owned in spec.layout.owners():
-        for value in owned.values():
-            if isinstance(value, PerObstacle):
-                continue
-            if isinstance(value, Schedule):
-                value = value.at(t)
-            if isinstance(value, HashedWeights | MatrixWeights):
-                pairs.append(value)
-            elif isinstance(value, PairWeights | Place):
-                raise TypeError(f"tiles takes no {type(value).__name__}")
-            elif np.ndim(value):
-                rows.append(value)
-            else:
-                numbers.append(float(value))
+    n = scenario.start.n
+    numbers, rows, pairs = spec.layout.numbers(scenario.agents, t)
     numbers += [0.0 if np.ndim(value) else float(value) for value in rows[:2]]
     seeds = np.zeros(max(1, len(pairs)), np.uint64)
     matrices = np.zeros((1, 1))
@@ -58,7 +39,9 @@ def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> KernelNumb
         if isinstance(weights, HashedWeights):
             numbers += [weights.low, weights.high - weights.low]
             seeds[k] = weights.seed % 2**64
-        else:
+        elif isinstance(weights, MatrixWeights):
             numbers += [0.0, 0.0]
             matrices[k] = weights.values.ravel()
+        else:
+            raise TypeError(f"tiles takes no {type(weights).__name__}")
     return np.array(numbers, dtype=np.float64), rows, seeds, matrices
