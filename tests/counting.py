@@ -1,8 +1,9 @@
-"""How often the tests killed, damaged and fuzzed something: counted as it happens, shown as a table at the end."""
+"""What a run of the tests says at its end: how often it killed, damaged and fuzzed something, where its time went."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
@@ -29,11 +30,37 @@ def _counts_are_told(record_property: Any) -> Any:
         record_property("counted", dict(grown))
 
 
+LONG_RUN = 120.0
+"""Seconds of all tests together from which on a run says which files took longest: that of a single folder need not."""
+FILES_SHOWN = 15
+"""Files that are named; in most runs these take more than half of the time."""
+
+
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Show the table, where anything was counted."""
+    """Show the tables, each where it has something to say."""
+    reports = [r for found in terminalreporter.stats.values() for r in found if hasattr(r, "when")]
+    _show_counts(terminalreporter, reports)
+    seconds = seconds_of_files(reports)
+    if sum(seconds.values()) < LONG_RUN:
+        return
+    terminalreporter.section("slowest files (s of all workers together)")
+    for name, spent in seconds.most_common(FILES_SHOWN):
+        terminalreporter.write_line(f"{spent:8.1f} {name}")
+    terminalreporter.write_line(f"{sum(seconds.values()):8.1f} all {len(seconds)} files")
+
+
+def seconds_of_files(reports: Iterable[Any]) -> Counter[str]:
+    """Seconds of the tests of each file, fixtures included."""
+    seconds: Counter[str] = Counter()
+    for report in reports:
+        seconds[report.nodeid.partition("::")[0]] += report.duration
+    return seconds
+
+
+def _show_counts(terminalreporter: Any, reports: Iterable[Any]) -> None:
     total: Counter[str] = Counter()
-    for report in (r for reports in terminalreporter.stats.values() for r in reports):
-        if getattr(report, "when", None) == "teardown":
+    for report in reports:
+        if report.when == "teardown":
             total.update(dict(report.user_properties).get("counted", {}))
     if not total:
         return
