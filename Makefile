@@ -146,7 +146,7 @@ TIMED := tests/machines tests/apps/test_process.py tests/apps/test_cli.py tests/
 	tests/engine/tiles/test_cache.py tests/engine/tiles/test_pair_count_bound.py tests/engine/tiles/test_sessions.py \
 	tests/engine/tiles/test_periodic_space.py tests/engine/tiles/test_single_integrators.py \
 	tests/formula/test_cache.py tests/formula/test_grammar.py tests/formula/test_origins.py tests/formula/native \
-	tests/fuzz tests/model/graphs/test_coincident_starts.py tests/model/terms/test_balances.py \
+	tests/fuzz tests/papers/test_broken_homes.py tests/model/graphs/test_coincident_starts.py tests/model/terms/test_balances.py \
 	tests/model/leaders_and_obstacles/test_leaders.py tests/show/test_plane.py tests/study/potentials/test_potential_check.py \
 	tests/study/sweeps
 repeat: $(READY)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import math
 import os
+import signal
 import textwrap
+import time
 from contextlib import suppress
 
 import numpy as np
@@ -93,17 +95,48 @@ def test_a_test_that_is_stopped_has_noticed_nothing_unless_it_never_ends(monkeyp
     (row,) = running.rows_at(HOME)
     sound = row.build(1.0)
 
-    def endless(row: Row) -> None:
-        while not np.array_equal(row.build(1.0), sound):
-            pass
+    def stopped(row: Row) -> None:
+        # By the signal of the limit, at once: how long a test takes is for the machine to say.
+        if not np.array_equal(row.build(1.0), sound):
+            signal.raise_signal(signal.SIGPROF)
 
-    monkeypatch.setattr(running, "LEAST_SECONDS", 0.1)
     monkeypatch.setattr(running, "ENDLESS", math.inf)
-    slow = break_home(HOME, most=4, test=endless, check=lambda: None).survivors
+    slow = break_home(HOME, most=4, test=stopped, check=lambda: None).survivors
     assert len(slow) >= 2
     assert all(words.endswith("(a test was stopped)") for words in slow)
     monkeypatch.setattr(running, "ENDLESS", 0.0)
-    assert break_home(HOME, most=4, test=endless, check=lambda: None).survivors == ()
+    assert break_home(HOME, most=4, test=stopped, check=lambda: None).survivors == ()
+
+
+def test_a_row_that_is_stopped_while_its_home_raises_is_a_survivor(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(row: Row) -> None:
+        try:
+            row.build(1.0)
+        except RuntimeError:
+            signal.raise_signal(signal.SIGPROF)
+
+    monkeypatch.setattr(running, "ENDLESS", math.inf)
+    assert break_home(HOME, most=1, test=stopped).survivors == (
+        "olfati-saber-2003 (10): its test was stopped when its home raises",
+    )
+
+
+def test_work_that_never_ends_is_stopped() -> None:
+    def endless() -> None:
+        while True:
+            pass
+
+    assert running.in_child(HOME, endless, 0.05) == ("time", None)
+
+
+def test_the_limit_of_time_is_of_the_work_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    def forget(home: str, folder: str) -> None:
+        began = time.process_time()
+        while time.process_time() < began + 1.0:
+            pass
+
+    monkeypatch.setattr(running, "_forget", forget)
+    assert running.in_child(HOME, lambda: 3, 0.9) == ("done", 3)
 
 
 def test_runs_are_computed_anew_after_homes_were_broken() -> None:

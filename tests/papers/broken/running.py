@@ -179,11 +179,11 @@ def _interpret(module: str) -> None:
 # -- one fault ----------------------------------------------------------------------------------------------------
 
 
-def _in_child(home: str, work: Callable[[], Any], limit: float) -> tuple[str, Any]:
+def in_child(home: str, work: Callable[[], Any], limit: float) -> tuple[str, Any]:
     """Result of ``work`` in a forked process that forgot the home: ("done", result), ("raised", text), ("time", None),
     or ("died", None).
 
-    The limit is of processor time, so that a busy machine does not decide.
+    The limit is of processor time of the work alone, so that a busy machine does not decide.
     """
     out, into = os.pipe()
     # Made and removed here: a child that runs out of time removes nothing.
@@ -194,11 +194,11 @@ def _in_child(home: str, work: Callable[[], Any], limit: float) -> tuple[str, An
         status: tuple[str, Any]
         try:
             signal.signal(signal.SIGPROF, signal.SIG_DFL)
-            signal.setitimer(signal.ITIMER_PROF, limit)
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, 1)
             os.dup2(nowhere, 2)
             _forget(home, folder)
+            signal.setitimer(signal.ITIMER_PROF, limit)
             status = ("done", work())
         except BaseException as error:
             status = ("raised", "".join(traceback.format_exception_only(error))[:200])
@@ -227,7 +227,7 @@ def _sound(home: str, parts: list[Part], name: str, run: Callable[[], None]) -> 
             run()
         return places, time.process_time() - began
 
-    state, result = _in_child(home, look, 300.0)
+    state, result = in_child(home, look, 300.0)
     if state != "done":
         return f"{name or 'the check of the home'} fails on the sound home: {state} {str(result).strip()}"
     places, seconds = result
@@ -247,7 +247,7 @@ def _notices(home: str, test: Sound, faults: Sequence[Mutant]) -> bool | None:
         test.run()
 
     limit = max(LEAST_SECONDS, 5 * test.seconds)
-    state, _ = _in_child(home, work, limit)
+    state, _ = in_child(home, work, limit)
     if state == "time" and limit < ENDLESS * test.seconds:
         return None
     return state != "done"
@@ -323,8 +323,10 @@ def _broken(home: str, most: int | None, test: Test, check: Callable[[], None] |
         survivors.append("nothing to break in this home")
     for one in tests:
         raising = [m for m in mutants if m.what == "raises" and m.where.split(":")[0] in own]
-        if not _notices(home, one, raising):
-            survivors.append(f"{one.name}: its test passes when its home raises")
+        noticed = _notices(home, one, raising)
+        if not noticed:
+            how = "was stopped" if noticed is None else "passes"
+            survivors.append(f"{one.name}: its test {how} when its home raises")
     tried = chosen(mutants, MOST if most is None else most, home)
     equivalent, by_a_row = [], []
     tests.sort(key=lambda t: t.seconds)
