@@ -156,18 +156,17 @@ def papers(name: str) -> fk.Scenario:
         ("where(r <= sqrt(2), r**2, 2 + where(r < 3, 0, r - 3))", ""),
         ("where(r < 2, r**2, where(r < 3, 4, 5))", "at 3"),
         ("where(r < 1, cos(pi*r), where(r < 2, -1, -r/2))", ""), ("abs(r - 1)", ""),
-        ("where(r**2 < 2, r, 1)", "does not compare"),
+        ("where(r**2 < 2, r, 1)", "does not compare"), ("abs(r - 1)/(r - 1)", "at 1"), ("atan(1/(r - 2))", "near 2"),
+        ("1/r + atan(tan(3*r))", "near 0.523"), ("1/(1 + (r - 1)**2) + r/sqrt(r**2 + 1e-6)", ""), ("sin(r)/r", ""),
+        ("1/(2 - exp(-r)) + 1/(r - 5)", ""), ("tanh(1/(r - 4.999))", "near 4.999"), ("tan(r/10)", ""),
     ],
 )  # fmt: skip
 def test_jumps_of_pieces_are_found_exactly(formula, found):
     import sympy
 
     r = sympy.Symbol("r", positive=True)
-    assert (
-        (found in jump(fk.Potential(formula).expression(r), r))
-        if found
-        else not jump(fk.Potential(formula).expression(r), r)
-    )
+    text = jump(fk.Potential(formula).expression(r), r, 0.0, 5.0)
+    assert (found in text) if found else not text
 
 
 def test_new_links_count_under_hysteresis():
@@ -233,6 +232,22 @@ def test_forces_stay_below_their_bound():
             for k in range(0, len(run.t), 6):
                 u = fk.control(scenario.law, run.state(k), agents=scenario.agents)
                 assert np.linalg.norm(u, axis=1).max() <= bound.safe_bound
+
+
+@pytest.mark.parametrize(
+    ("velocity", "reason"),
+    [
+        ("where(t < 0.5, 0, 5)", "continuous at 0.5"), ("abs(t - 0.5)/(t - 0.5)", "at 0.5"),
+        ("where(t < 2, 1, 3)", ""), ("where(t < 0.5, 1, 2*t)", ""),
+    ],
+)  # fmt: skip
+def test_a_leader_whose_velocity_jumps_adds_energy(velocity, reason):
+    """Its acceleration is zero at all times but one, and no agent knows of that one."""
+    leader = fk.Path([velocity, "0"])
+    law = fk.Law(fk.Fixed.complete(2), [SPRING, fk.Track(leader, 0.0, 1.0, 1.0)])
+    found = certify(fk.Scenario(law, fk.State([[0.0, 0], [1, 0]]), t_end=1.0))["largest_energy"]
+    assert found.granted != bool(reason)
+    assert reason in found.reason
 
 
 def test_limits_that_never_act_leave_every_guarantee():

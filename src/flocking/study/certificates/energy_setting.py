@@ -26,7 +26,7 @@ from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
 from flocking.study.certificates.certificate import Hypothesis, ideal_world, until_failed
 from flocking.study.certificates.pair_energy import IntegratedEnergy, PairEnergy
-from flocking.study.certificates.pieces import jump
+from flocking.study.certificates.pieces import jump, leader_jump
 
 LARGEST_GROUP = 500
 """Agents up to which all pairs are looked at: 125,000 intervals, some seconds."""
@@ -162,7 +162,8 @@ class EnergySetting:
         import sympy
 
         r = sympy.Symbol("r", positive=True)
-        return jump(term.potential.expression(r), r)
+        last = float(np.asarray(self.graph.break_radius)) if self.graph.moves else np.inf
+        return jump(term.potential.expression(r), r, 0.0, last)
 
     def _body_terms(self) -> Hypothesis:
         statement = "a pursuit of the leader, if any, is linear, constant, and knows the leader's acceleration"
@@ -181,6 +182,9 @@ class EnergySetting:
             return Hypothesis(statement, False, "its gains change in time")
         if self.order == 1:
             return Hypothesis(statement, False, "agents are of order 1")
+        found = leader_jump(track.leader, self.scenario.start.t, self.scenario.t_end)
+        if found:
+            return Hypothesis(statement, False, f"the leader's velocity may jump: {found}")
         steady = self.leader_is_steady
         if not steady and not np.all(np.asarray(track.acceleration_gain) == 1.0):
             return Hypothesis(statement, False, "the leader accelerates and not every agent knows its acceleration")

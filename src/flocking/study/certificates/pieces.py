@@ -5,21 +5,42 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from flocking.arrays import Array
+from flocking.formula.interval_values import enclosed
+from flocking.formula.intervals import Interval
+
 if TYPE_CHECKING:
     import sympy
 
+    from flocking.model.leaders_and_obstacles.leaders import Leader
 
-def jump(expression: sympy.Expr, r: sympy.Symbol) -> str:
-    """Where a formula may jump, in a few words; empty where it is continuous for every r > 0 at which it is finite.
+NEAREST, FARTHEST = 1e-100, 1e100
+"""Distances of the first division from an end at zero, and from any number to an infinite end."""
 
-    Pieces may begin and end at numbers that are compared with r; their values there must be equal, exactly.
+BOXES, PARTS, ROUNDS = 256, 16, 11
+"""Intervals of the first division of a range, parts of each that is looked at again, and rounds: 16^11 is 2^44."""
+
+MOST_BOXES = 4096
+"""Intervals that a round looks at most at again; more of them mean a denominator that vanishes on a range."""
+
+
+def jump(expression: sympy.Expr, r: sympy.Symbol, first: float = 0.0, last: float = np.inf) -> str:
+    """Where a formula may jump, in a few words; empty where it is continuous between two numbers.
+
+    Pieces may begin and end at numbers that are compared with r; their values there must be equal, exactly. No
+    denominator may vanish, of a tangent neither: on the two sides of its zero a quotient may have different limits, as
+    abs(r - 1)/(r - 1) has.
 
     Parameters
     ----------
     expression
         The formula; all its numbers are known.
     r
-        Its variable, positive.
+        Its variable.
+    first, last
+        The numbers; neither is itself looked at.
     """
     import sympy
 
@@ -33,24 +54,116 @@ def jump(expression: sympy.Expr, r: sympy.Symbol) -> str:
                 if place is None:
                     return f"the condition {relation} does not compare r with a number"
                 places.add(place)
-    ordered = sorted((p for p in places if p.is_positive), key=lambda p: float(p))
-    edges = [sympy.Integer(0), *ordered]
-    middles = [*((a + b) / 2 for a, b in pairwise(edges)), edges[-1] + 1]
+    ordered = sorted((p for p in places if first < float(p) < last), key=lambda p: float(p))
+    inner = [(a + b) / 2 for a, b in pairwise(ordered)]
+    middles = [_before(ordered[0], first), *inner, _after(ordered[-1], last)] if ordered else []
     parts = pairwise([_at(expression, r, middle) for middle in middles])
     for place, (before, after) in zip(ordered, parts, strict=True):
         difference = before.subs(r, place) - after.subs(r, place)
         if difference != 0 and sympy.simplify(difference) != 0:
             return f"it is not known to be continuous at {float(place):.6g}"
+    for denominator in _denominators(expression):
+        place = vanishing(denominator, r, first, last)
+        if place is not None:
+            return f"a denominator, {denominator}, may vanish near {place:.6g}"
     return ""
+
+
+def leader_jump(leader: Leader, first: float, last: float) -> str:
+    """Where the velocity of a leader may jump between two times, as `jump`: its acceleration does not tell.
+
+    Parameters
+    ----------
+    leader
+        The leader.
+    first, last
+        The times.
+    """
+    import sympy
+
+    t = sympy.Symbol("t", real=True)
+    numbers = {name: sympy.Rational(value) for name, value in leader.parameters.items()}
+    velocity = leader.velocity(t, lambda name: numbers[name])
+    return next((text for v in velocity if (text := jump(sympy.sympify(v), t, first, last))), "")
+
+
+def _before(place: sympy.Expr, first: float) -> sympy.Expr:
+    """A number between an end and a place above it."""
+    import sympy
+
+    return place - 1 if np.isinf(first) else (sympy.Rational(first) + place) / 2
+
+
+def _after(place: sympy.Expr, last: float) -> sympy.Expr:
+    """A number between a place and an end above it."""
+    import sympy
+
+    return place + 1 if np.isinf(last) else (sympy.Rational(last) + place) / 2
+
+
+def _denominators(expression: sympy.Expr) -> list[sympy.Expr]:
+    """What a formula divides by; the cosine of what it takes the tangent of."""
+    import sympy
+
+    powers = [e.base for e in expression.atoms(sympy.Pow) if not e.exp.is_nonnegative]
+    return [*powers, *(sympy.cos(e.args[0]) for e in expression.atoms(sympy.tan))]
+
+
+def vanishing(expression: sympy.Expr, r: sympy.Symbol, first: float, last: float) -> float | None:
+    """A number between two near which a formula may be zero; None where it is proven to be zero nowhere between them.
+
+    Parameters
+    ----------
+    expression
+        The formula; all its numbers are known.
+    r
+        Its variable.
+    first, last
+        The numbers; the formula may vanish at either.
+    """
+    if expression.is_positive or (expression == r and first >= 0.0):
+        return None
+    edges = _division(first, last)
+    boxes = Interval(edges[:-1], edges[1:])
+    for _ in range(ROUNDS):
+        found = enclosed(expression, r, boxes)
+        near = ~((found.lo > 0.0) | (found.hi < 0.0))
+        if not near.any():
+            return None
+        low, high = boxes.lo[near], boxes.hi[near]
+        if len(low) > MOST_BOXES:
+            break
+        shares = np.linspace(0.0, 1.0, PARTS + 1)
+        inside = np.where(np.isfinite(high), high, np.maximum(2.0 * np.abs(low), 1.0))
+        places = low[:, None] + (inside - low)[:, None] * shares
+        places[:, -1] = high
+        boxes = Interval(places[:, :-1].ravel(), places[:, 1:].ravel())
+    return float(low[0])
+
+
+def _division(first: float, last: float) -> Array:
+    """Edges of a first division of the numbers between two; an end is left out by one unit of rounding."""
+    low, high = float(np.nextafter(first, np.inf)), float(np.nextafter(last, -np.inf))
+    if first == 0.0:
+        low = NEAREST
+    top = high if np.isfinite(last) else FARTHEST
+    even = np.linspace(low, top if np.isfinite(last) else low + 1.0, BOXES + 1)
+    spread = np.geomspace(max(abs(low), NEAREST), top, BOXES) if low >= 0.0 and top > low else np.empty(0)
+    edges = np.unique(np.concatenate([[low], even, spread[(spread > low) & (spread < top)], [top]]))
+    return np.asarray(edges if np.isfinite(last) else np.append(edges, np.inf))
 
 
 def _place(relation: sympy.Basic, r: sympy.Symbol) -> sympy.Expr | None:
     """The number that a relation compares r with; None for another relation."""
+    import sympy
+
     left, right = relation.args
-    for variable, number in ((left, right), (right, left)):
-        if variable == r and not number.free_symbols and number.is_real and number.is_finite:
-            return number
-    return None
+    difference = sympy.sympify(left - right)
+    if not difference.is_polynomial(r) or difference.free_symbols != {r}:
+        return None
+    polynomial = sympy.Poly(difference, r)
+    place = -polynomial.coeff_monomial(1) / polynomial.LC() if polynomial.degree() == 1 else None
+    return place if place is not None and place.is_real and place.is_finite else None
 
 
 def _at(expression: sympy.Expr, r: sympy.Symbol, place: sympy.Expr) -> sympy.Expr:
