@@ -6,8 +6,6 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 import flocking
 
 SOURCES = sorted(Path(flocking.__file__).parent.rglob("*.py"))
@@ -42,9 +40,10 @@ def unexplained(text: str) -> Iterator[str]:
             yield ast.unparse(target)
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(SOURCES[0].parent)))
-def test_numeric_constants_are_explained(path: Path) -> None:
-    assert list(unexplained(path.read_text())) == []
+def test_numeric_constants_are_explained() -> None:
+    assert len(SOURCES) > 400
+    found = {str(path): list(unexplained(path.read_text())) for path in SOURCES}
+    assert {path: names for path, names in found.items() if names} == {}
 
 
 def test_constants_without_a_sentence_are_found() -> None:
