@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from flocking.show.animate import animate as animate
     from flocking.show.plot import plot as plot
     from flocking.study.certificates.certify import certify as certify
+    from flocking.study.message_logs.departed import departed_causes as departed_causes
+    from flocking.study.message_logs.replay import replay as replay
     from flocking.study.potentials.state_energy import agent_energies as agent_energies
     from flocking.study.potentials.state_energy import total_energy as total_energy
     from flocking.study.scenario_files.scenario_file import read_scenario as read_scenario
@@ -63,12 +65,14 @@ _HOMES = {
     "check_potential": "papers.potential_definitions",
     "Controller": "engine.reference.controller",
     "control": "engine.reference.control", "control_of": "engine.reference.control",
+    "departed_causes": "study.message_logs.departed",
     "evaluate": "engine.reference.control", "export_run": "engine.storage.export_formats",
     "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "margins": "papers.margins",
     "plot": "show.plot",
     "read_run": "engine.storage.stored_runs", "read_scenario": "study.scenario_files.scenario_file",
     "read_start": "engine.storage.start_files", "read_sweep": "study.sweeps.sweep",
-    "register_engine": "engine.driver.registry", "resume": "engine.driver.resuming",
+    "register_engine": "engine.driver.registry", "replay": "study.message_logs.replay",
+    "resume": "engine.driver.resuming",
     "simulate": "engine.driver.simulate", "start": "engine.driver.starting",
     "sweep": "study.sweeps.sweep", "total_energy": "study.potentials.state_energy",
     "unregister_engine": "engine.driver.registry", "write_run": "engine.storage.stored_runs",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.show import density, group_series, phase, plane, series
+from flocking.show import density, departed, group_series, phase, plane, series
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import COLUMN, PAGE, figure_of, save, themed
 
@@ -25,6 +25,7 @@ _SINGLE: dict[str, Callable[..., Axes]] = {
     "connectivity": group_series.connectivity,
     "closest": group_series.closest,
     "links": group_series.links,
+    "departed": departed.departed,
 }
 
 _PER_AXIS: dict[str, Callable[..., Axes]] = {
@@ -49,8 +50,8 @@ def plot(
     kind
         ``"net"`` at one time, ``"density"`` of a large flock, ``"energy"`` (the ledger), ``"velocities"``,
         ``"positions"`` or ``"errors"`` (one panel per axis, or ``axis=``), ``"phase"`` of a pair, ``"spread"`` of
-        velocities, ``"connectivity"``, ``"closest"`` pair, ``"links"`` created and lost, or
-        ``"series"``: a sheet of the last four, the velocities and the ledger.
+        velocities, ``"connectivity"``, ``"closest"`` pair, ``"links"`` created and lost, ``"departed"`` energy by its
+        causes, or ``"series"``: a sheet of the last four, the velocities and the ledger.
     save_as
         Path without suffix for SVG and PNG files; nothing is written by default.
     theme

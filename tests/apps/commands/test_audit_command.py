@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -80,3 +81,23 @@ def test_wrong_input_is_one_sentence(place, capsys, monkeypatch, words, message)
     shown = capsys.readouterr().err
     assert message in shown
     assert shown.count("\n") == 1
+
+
+def test_what_agents_used_is_computed_again(tmp_path, capsys):
+    law = fk.Law(fk.Proximity(4.0), [fk.Consensus(1.0)])
+    begin = fk.start.box(4, side=1.0, speed=1.0, seed=1)
+    world = {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=0.05, loss=0.2)}
+    run = fk.simulate(fk.Scenario(law, begin, t_end=1.0, frames=3, **world), progress=False)
+    fk.write_run(run, tmp_path / "right")
+    code = main(["audit", str(tmp_path / "right")])
+    assert "acts" not in capsys.readouterr().out
+    assert main(["audit", str(tmp_path / "right"), "--replay"]) == code
+    assert "40 acts with 120 entries computed again: all as declared" in capsys.readouterr().out
+    uses = run.log.uses.copy()
+    uses[20, 2] += 1
+    wrong = dataclasses.replace(run, log=dataclasses.replace(run.log, uses=uses))
+    fk.write_run(wrong, tmp_path / "wrong")
+    assert main(["audit", str(tmp_path / "wrong"), "--json", "--replay"]) == 1
+    assert json.loads(capsys.readouterr().out)["replay"]["wrong"][0]["entry"] == 20
+    assert main(["audit", str(tmp_path / "data.csv"), "--replay"]) == 2
+    assert "Only saved runs have a log" in capsys.readouterr().err

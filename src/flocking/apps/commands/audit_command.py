@@ -28,6 +28,7 @@ def audit(
     column: Annotated[list[str] | None, Parameter(name=["--column", "-c"])] = None,
     radius: float | None = None,
     time_step: float | None = None,
+    replay: Annotated[bool, Parameter(negative="")] = False,
     as_json: Json = False,
 ) -> int:
     """Judge claims about a saved run, or about a motion of which samples are in a file.
@@ -48,6 +49,8 @@ def audit(
         Radius within which agents are neighbours, for samples without a law.
     time_step
         Time of one step, for GSD files of other programs.
+    replay
+        Compute again what the agents of a saved run used when they acted, and the forces that follow, from its log.
     as_json
         Print JSON.
     """
@@ -59,24 +62,34 @@ def audit(
                 raise InvalidInput(
                     "audit", name, "must be absent for a saved run", value, "It is for files of samples."
                 )
-        return _audit_run(source, as_json)
+        return _audit_run(source, as_json, replay)
+    if replay:
+        raise InvalidInput("audit", "--replay", "must be absent for samples", True, "Only saved runs have a log.")
     return _audit_samples(source, law, _named_columns(column or []), radius, time_step, as_json)
 
 
-def _audit_run(folder: Path, as_json: bool) -> int:
+def _audit_run(folder: Path, as_json: bool, replay: bool) -> int:
     from flocking.apps.commands.certify_command import certificate_rows, print_promises
     from flocking.engine.storage.stored_runs import read_run
     from flocking.papers.auditing import audit as audit_run
+    from flocking.study.message_logs.replay import replay as replay_run
 
-    report = audit_run(read_run(folder))
+    run = read_run(folder)
+    again = replay_run(run) if replay else None
+    report = audit_run(run)
     promised = certificate_rows(report.run)
     if as_json:
-        print_json(report.as_dict() | {"certificates": promised})
+        found = {} if again is None else {"replay": again.as_dict()}
+        print_json(report.as_dict() | {"certificates": promised} | found)
     else:
         _print_claims(report, report.run.scenario.name)
         print_promises(promised)
         outcome = "All decided claims have" if report.as_expected else "Some claims do not have"
         print(f"{outcome} the expected verdict.")
+        if again is not None:
+            print(again)
+    if again is not None and not again.agrees:
+        return DIFFERENT
     return FINE if report.as_expected and all(row["kept"] is not False for row in promised) else DIFFERENT
 
 

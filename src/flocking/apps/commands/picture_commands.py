@@ -36,8 +36,8 @@ def plot(
     source
         Folder of a run, a name that 'flocking list' shows, or a TOML file.
     kind
-        What to draw: net, density, energy, phase, spread, connectivity, closest, links, velocities, positions, errors
-        or series (a sheet of several); once for each picture. '--kind list' prints them.
+        What to draw: net, density, energy, phase, spread, connectivity, closest, links, departed, velocities,
+        positions, errors or series (a sheet of several); once for each picture. '--kind list' prints them.
     out
         The file, ending in .svg, .png or .pdf; SVG and PNG of that name without such an ending. Beside the run's
         folder when absent, or in the current folder for a scenario.

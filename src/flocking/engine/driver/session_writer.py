@@ -14,6 +14,7 @@ from flocking.engine.driver.checkpoint import write_checkpoint
 from flocking.engine.driver.registry import entry_named
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.columns import joined_columns
+from flocking.engine.runs.message_log import joined_logs
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import read_last
@@ -141,6 +142,7 @@ class SessionWriter:
             columns = joined_columns(self._session.scenario, new.columns)
             writer.append(new.t, new.q, new.p, new.links, new.errors, columns)
         writer.append_records(new.switches, new.trace, new.observed)
+        writer.append_log(new.log)
 
     def _commit(self, status: str, *, resumable: bool) -> None:
         session = self._session
@@ -191,4 +193,7 @@ def _joined(stored: Run, recent: Run) -> Run:
     if known is not None and stored.accuracy is not None:
         known = replace(known, frames=np.concatenate([stored.accuracy.frames, known.frames]))
     columns = {name: np.concatenate([stored.columns[name], recent.columns[name]]) for name in recent.columns}
-    return replace(recent, links=np.concatenate(links), accuracy=known, columns=columns or stored.columns, **complete)
+    return replace(
+        recent, links=np.concatenate(links), accuracy=known, columns=columns or stored.columns,
+        log=joined_logs(stored.log, recent.log), **complete,
+    )  # fmt: skip

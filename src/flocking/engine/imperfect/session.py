@@ -65,6 +65,8 @@ class ImperfectSession(Session):
 
     rule: ClassVar[Rule] = SEVEN
     """How powers of the ledger are integrated."""
+    keeps_log: ClassVar[bool] = False
+    """Whether it is recorded what agents use when they act."""
     rounding_alone: ClassVar[bool] = True
     """Whether positions have no error but rounding; otherwise that of closest approaches is not known."""
 
@@ -74,7 +76,7 @@ class ImperfectSession(Session):
         self.n, self.m = start.q.shape
         self._base = start.t
         self.time, self.steps = start.t, 0
-        self.records = Recorder(scenario)
+        self.records = Recorder(scenario, with_log=self.keeps_log)
         graphs = scenario.law.graphs
         self.links: Links = np.array([g.links_in(scenario.space, start.q, scenario.agents.headings) for g in graphs])
         if start.links is not None:
@@ -355,7 +357,7 @@ class ImperfectSession(Session):
                 setattr(self, name, float(memory.numbers[name]))
         self.steps = int(memory.numbers["steps"])
         self.relink()
-        self.records = Recorder(stored.scenario)
+        self.records = Recorder(stored.scenario, with_log=self.keeps_log)
         self.records.recall(stored.counts, stored.read)
 
     # What others ask.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Array, Records
+from flocking.engine.runs.message_log import TICK_PARTS, USE_PARTS
 from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS
 from flocking.model.law import Scenario
 
@@ -24,7 +25,7 @@ LARGEST_CHUNK = 2**25
 FRAME_PARTS = ("time", "position", "velocity", "links")
 """Arrays of a frame; all but the time have a checksum per frame, and that of positions includes the time."""
 
-GROWING = ("time", "step", "switch", "observation")
+GROWING = ("time", "step", "switch", "observation", "tick", "use")
 """Dimensions that grow while a run goes on."""
 
 KINDS = ("appear", "break", "kink", "obstacle")
@@ -49,6 +50,9 @@ ERRORS = ("position", "velocity")
 COLUMN = "column"
 """The array of further columns of the agents, beside positions and velocities, joined along the last axis."""
 
+LOG = ("tick", "tick_force", "use")
+"""Arrays of the log of what agents used when they acted."""
+
 ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, object]]] = {
     "time": (("time",), "f8", {"units": "unit of time", "long_name": "time of the frame"}),
     "position": (("time", "agent", "axis"), "f8", {"units": "unit of length", "long_name": "positions q"}),
@@ -65,6 +69,9 @@ ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, object]]] = {
         "long_name": "energy ledger at every step", "units": "unit of energy, but of time for the time",
     }),
     OBSERVED: (("observation", "measure"), "f8", {"long_name": "what was observed at the frame times"}),
+    "tick": (("tick", "tick_part"), "i8", {"long_name": "nanosecond, agent and number of entries of every act"}),
+    "tick_force": (("tick", "axis"), "f8", {"long_name": "force that an agent computed when it acted"}),
+    "use": (("use", "use_part"), "i8", {"long_name": "graph, sender and number of every sample used"}),
     **{name: (("switch",), kind, {"long_name": f"{name.partition('_')[2].replace('_', ' ')} of the switch"})
        for name, kind in SWITCHES.items()},
     "agent": (("agent",), "i8", {"long_name": "number of the agent"}),
@@ -95,6 +102,8 @@ class Dimensions:
         Whether errors of frames are known.
     components
         Names of the numbers that agents have beside positions and velocities.
+    with_log
+        Whether there is a log of what agents used when they acted.
     """
 
     n: int
@@ -104,6 +113,7 @@ class Dimensions:
     observed: bool = False
     with_errors: bool = False
     components: tuple[str, ...] = ()
+    with_log: bool = False
 
     def names(self) -> tuple[str, ...]:
         """Names of the arrays there are."""
@@ -112,6 +122,7 @@ class Dimensions:
             + (() if self.observed else (OBSERVED, "measure"))
             + (() if self.with_errors else (FRAME_ERROR, "error"))
             + (() if self.components else (COLUMN, "component"))
+            + (() if self.with_log else LOG)
         )
         return tuple(name for name in ARRAYS if name not in left_out)
 
@@ -131,7 +142,8 @@ class Dimensions:
         grows = dimensions[0] in GROWING
         sizes = {"agent": self.n, "neighbour": self.n, "axis": self.m, "quantity": len(QUANTITIES),
                  "measure": len(MEASURES), "error": len(ERRORS), "part": 3 if self.with_links else 2,
-                 "component": len(self.components)}  # fmt: skip
+                 "component": len(self.components), "tick_part": len(TICK_PARTS),
+                 "use_part": len(USE_PARTS)}  # fmt: skip
         shape = tuple(sizes.get(d, 0) for d in dimensions)
         row = int(np.prod(shape[1:])) * (1 if kind == "str" else np.dtype(kind).itemsize)
         first = max(1, min(LONGEST_CHUNK, CHUNK_BYTES // max(row, 1))) if grows else max(shape[0], 1)

@@ -93,6 +93,7 @@ def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | 
         yield _row_difference(one.observables, two.observables, "observation", tolerance)
     elif one.observables is not two.observables:
         yield Difference("whether observations are kept", one.observables is not None, two.observables is not None)
+    yield _log_difference(one, two, tolerance)
     if tolerance == 0 and _errors(one) != _errors(two):
         yield Difference("estimated errors", _errors(one)[0], _errors(two)[0])
     if len(one.t) != len(two.t):
@@ -110,6 +111,29 @@ def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | 
 def _errors(run: Run) -> tuple[object, bytes]:
     found = run.accuracy
     return (None, b"") if found is None else (accuracy_data(found), found.frames.tobytes())
+
+
+def _log_difference(one: Run, two: Run, tolerance: float) -> Difference | None:
+    if one.log is None or two.log is None:
+        return (
+            None
+            if one.log is two.log
+            else Difference("whether a log is kept", one.log is not None, two.log is not None)
+        )
+    base = one.scenario.start.t
+    for name, digits in (("ticks", 0.0), ("uses", 0.0), ("forces", tolerance)):
+        x, y = getattr(one.log, name), getattr(two.log, name)
+        count = min(len(x), len(y))
+        apart = _apart(x[:count], y[:count], digits).any(axis=1)
+        if apart.any() or len(x) != len(y):
+            row = int(np.argmax(apart)) if apart.any() else count
+            first, second = (v[row].tolist() if row < len(v) else None for v in (x, y))
+            act = row if name != "uses" else int(np.searchsorted(one.log.firsts, row, side="right")) - 1
+            instant, agent, _ = (
+                one.log.ticks[min(max(act, 0), len(one.log.ticks) - 1)].tolist() if len(one.log.ticks) else (0, 0, 0)
+            )
+            return Difference(f"log of messages, {name}", first, second, base + instant * 1e-9, agent)
+    return None
 
 
 def _apart(x: AnyArray, y: AnyArray, tolerance: float) -> Mask:

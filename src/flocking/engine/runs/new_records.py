@@ -9,6 +9,7 @@ from typing import NotRequired, TypedDict
 import numpy as np
 
 from flocking.arrays import Array, Links, Mask, Reals, Records, Times
+from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.runs.run import FineSamples
 
 
@@ -25,12 +26,15 @@ class RecordLayout(TypedDict, total=False):
         Whether there are observations.
     with_errors
         Whether errors of the frames are known.
+    with_log
+        Whether there is a log of what agents used when they acted.
     """
 
     with_links: bool
     precision: str
     observed: bool
     with_errors: bool
+    with_log: bool
 
 
 class RecordTables(TypedDict):
@@ -45,6 +49,7 @@ class RecordTables(TypedDict):
     observables: NotRequired[Records | None]
     fine: NotRequired[FineSamples | None]
     columns: NotRequired[Mapping[str, Array]]
+    log: NotRequired[MessageLog | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +68,8 @@ class NewRecords:
         Errors of positions and of velocities at the frames, shape (F, 2), or None where none are known.
     columns
         Further columns of the agents at the frames by name, shape (F, N, width) each.
+    log
+        What agents used when they acted, or None where no log is kept.
     """
 
     t: Times
@@ -74,6 +81,7 @@ class NewRecords:
     observed: Records | None
     errors: Array | None = None
     columns: Mapping[str, Array] = field(default_factory=dict)
+    log: MessageLog | None = None
 
 
 def stacked_columns(frames: Sequence[Mapping[str, Array]]) -> dict[str, Array]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from flocking.arrays import Array, Links, Reals
 from flocking.engine.runs.columns import GROWING
+from flocking.engine.runs.message_log import LogRecorder
 from flocking.engine.runs.new_records import NewRecords, RecordLayout, RecordTables, stacked_columns
 from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, Closest, Run, SwitchRow, ledger_of
 from flocking.errors import InvalidInput
@@ -58,6 +59,8 @@ class Recorder:
         Whether errors of frames are known.
     observe
         Whether there are observations.
+    with_log
+        Whether there is a log of what agents used when they acted.
     lets_go
         Whether records that are on disk leave memory.
     """
@@ -74,6 +77,7 @@ class Recorder:
         with_links: bool | None = None,
         with_errors: bool = False,
         observe: bool = False,
+        with_log: bool = False,
         lets_go: bool = True,
     ) -> None:
         self.frame_times = scenario.frame_times
@@ -92,6 +96,7 @@ class Recorder:
         self.switches: list[SwitchRow] = []
         self.trace: list[tuple[float, ...]] = []
         self.observed: list[tuple[float, ...]] = []
+        self.log = LogRecorder(self.m) if with_log else None
         self.closest_linked = Closest()
         self.closest_unlinked = Closest()
         self._skipped = 0
@@ -100,7 +105,7 @@ class Recorder:
         """An independent recorder. The rows are shared: none is changed after it was made."""
         other = copy.copy(self)
         for name, value in vars(self).items():
-            if isinstance(value, list | dict):
+            if isinstance(value, list | dict | LogRecorder):
                 setattr(other, name, copy.copy(value))
         return other
 
@@ -114,9 +119,14 @@ class Recorder:
         """Numbers of records of each kind, on disk and in memory."""
         now = {
             "time": len(self.t), "step": len(self.trace), "switch": len(self.switches),
-            "observation": len(self.observed),
+            "observation": len(self.observed), **self._logged,
         }  # fmt: skip
         return {name: self.stored[name] + now[name] for name in GROWING}
+
+    @property
+    def _logged(self) -> dict[str, int]:
+        log = self.log
+        return {"tick": 0 if log is None else len(log.ticks), "use": 0 if log is None else len(log.uses)}
 
     def due(self, t: float) -> bool:
         """Whether a frame is due at time ``t``, on or after its time."""
@@ -203,7 +213,7 @@ class Recorder:
         """How the records are stored on disk, as options of `flocking.engine.storage.run_writer.RunWriter.create`."""
         return {
             "with_links": self.with_links, "precision": self.precision, "observed": self.observe,
-            "with_errors": self.with_errors,
+            "with_errors": self.with_errors, "with_log": self.log is not None,
         }  # fmt: skip
 
     def since(self, counts: Mapping[str, int], *, complete: bool) -> NewRecords:
@@ -219,6 +229,7 @@ class Recorder:
             np.array(self.observed[first["observation"] :], dtype=OBSERVED_FIELDS) if self.observe else None,
             np.array(self.errors[frames]).reshape(-1, 2) if self.with_errors else None,
             stacked_columns(self.columns[frames]),
+            None if self.log is None else self.log.part(first["tick"], first["use"]),
         )  # fmt: skip
 
     def forget(self, counts: Mapping[str, int]) -> None:
@@ -230,6 +241,8 @@ class Recorder:
             (self.errors, "time"), (self.trace, "step"), (self.switches, "switch"), (self.observed, "observation"),
         ):  # fmt: skip
             del rows[: counts[kind] - self.stored[kind]]
+        if self.log is not None:
+            self.log.drop(counts["tick"] - self.stored["tick"], counts["use"] - self.stored["use"])
         self.stored = {name: counts[name] for name in GROWING}
 
     def recall(self, counts: Mapping[str, int], read: Callable[[], Run]) -> None:
@@ -273,6 +286,7 @@ class Recorder:
             "switches": np.array(self.switches, dtype=SWITCH_FIELDS),
             "trace": ledger_of(self.trace),
             "observables": np.array(self.observed, dtype=OBSERVED_FIELDS) if self.observe else None,
+            "log": None if self.log is None else self.log.part(0, 0),
         }  # fmt: skip
 
     def frame_errors(self) -> Array:

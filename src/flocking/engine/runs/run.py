@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Array, Reals, Records
 from flocking.engine.runs.fidelity import UNSTATED, Fidelity
+from flocking.engine.runs.message_log import MessageLog, nanosecond_of
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -234,6 +235,8 @@ class Run:
     columns
         Further columns of the agents at the frames by name, shape (F, N, width) each, see
         `flocking.model.bodies.body.Body.columns`.
+    log
+        What agents used when they acted, where control is held.
     """
 
     scenario: Scenario
@@ -253,6 +256,7 @@ class Run:
     fidelity: Fidelity = UNSTATED
     columns: Mapping[str, Array] = field(default_factory=dict)
     rank: int = 0
+    log: MessageLog | None = None
 
     @property
     def certain(self) -> NDArray[np.bool_]:
@@ -301,6 +305,7 @@ class Run:
             switches=self.switches[self.switches["time"] <= end],
             trace=self.trace[self.trace["time"] <= end],
             fine=self.fine.until(end) if self.fine is not None else None,
+            log=None if self.log is None else self.log.until(nanosecond_of(end - self.scenario.start.t)),
         )
 
     def state(self, frame: int) -> State:

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Array, Indices, Links
+from flocking.arrays import AnyArray, Array, Indices, Links
 from flocking.engine.imperfect.link_rules import LinkRules
+from flocking.engine.runs.message_log import AT_START, OWN, PRESENT
 from flocking.model.space import Space
 from flocking.model.world.information import Information, Messages
 from flocking.model.world.random_numbers import Purpose, uniform
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
 
-START = -1
+START = AT_START
 """Number of the sample that everyone has of everyone at the start."""
 
 FIRST_ROOM = 4
@@ -287,6 +288,25 @@ class Knowledge:
             sensed.append(other)
             offsets.append(offsets[-1] + len(row))
         return np.concatenate(senders), np.concatenate(sensed), np.array(offsets, dtype=np.int64)
+
+    def used(self, agents: Indices, pairs: tuple[Indices, Indices, Indices]) -> list[AnyArray]:
+        """Entries of the log: graph, sender and number of every sample that ``agents`` use, shape (entries, 3) each.
+
+        Parameters
+        ----------
+        pairs
+            Their neighbours, as `pairs` gives them.
+        """
+        receivers, senders, offsets = pairs
+        graphs = np.repeat(np.arange(len(self.links)), np.diff(offsets))
+        present = self.messages is None
+        numbers = np.full(len(senders), PRESENT) if present else self.newest[receivers, senders]
+        rows = np.stack([graphs, senders, numbers], axis=1)
+        found = [rows[receivers == agent] for agent in agents]
+        if self.messages is None or self.messages.self_known == "true":
+            return found
+        own = np.stack([np.full(len(agents), OWN), agents, self.taken[agents] - 1], axis=1)
+        return [np.concatenate([mine[None], others]) for mine, others in zip(own, found, strict=True)]
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.kernels.codegen import known_kernels
 from flocking.engine.kernels.pieces import free_pieces
-from flocking.engine.sampled.knowledge import Knowledge, Known
+from flocking.engine.sampled.knowledge import Known
 from flocking.model.law import Scenario
 
 
@@ -27,21 +27,21 @@ class SampledLaw(TrueLaw):
         super().__init__(scenario)
         self._known = known_kernels(self.layout, self.m, degree)
 
-    def forces(self, t: float, known: Known, knowledge: Knowledge) -> Array:
+    def forces(self, t: float, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
         """Forces of the agents that act now, from what each knows, shape (agents, m).
 
         Parameters
         ----------
         t
             The scenario's time.
-        known, knowledge
-            What they know, and their links.
+        known, pairs
+            What they know, and their neighbours, as `Knowledge.pairs` gives them.
         """
         q, p = np.zeros((self.n, self.m)), np.zeros((self.n, self.m))
         q[known.agents] = known.own[:, : self.m]
         if self.order == 2:
             p[known.agents] = known.own[:, self.m :]
-        senders, sensed, offsets = knowledge.pairs(known)
+        senders, sensed, offsets = pairs
         times, rows = known.polynomials(np.searchsorted(known.agents, senders), sensed, self.m)
         if self.order == 1:
             rows[:, :, self.m :] = 0.0

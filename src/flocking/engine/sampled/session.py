@@ -41,6 +41,7 @@ class SampledSession(ImperfectSession):
     """
 
     engine = "sampled"
+    keeps_log = True
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
@@ -113,10 +114,13 @@ class SampledSession(ImperfectSession):
             knowledge.hear(instant, acting)
             known = knowledge.known(instant, acting, *motion.at(seconds))
             knowledge.relink(known, self._rules)
-            force = self._law.forces(self._base + seconds, known, knowledge)
+            pairs = knowledge.pairs(known)
+            force = self._law.forces(self._base + seconds, known, pairs)
             self._check_forces(force, seconds, acting)
             if self.filter is not None:
                 force = self.filter.filtered(instant, known, force)
+            assert self.records.log is not None
+            self.records.log.act(instant, acting, force, knowledge.used(acting, pairs))
             self.ticked[acting] += 1
             self.steps += 1
             self.waiting.append((instant + self._latency, acting, force))

@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import AnyArray
+from flocking.engine.runs.columns import LOG
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, put, storage_errors
 from flocking.errors import InvalidInput, StorageError
@@ -126,9 +128,14 @@ def _write_npz(run: Run, path: Path) -> None:
     np.savez_compressed(
         file, allow_pickle=False, t=run.t, q=run.q, p=run.p, links=run.links, switches=run.switches, trace=run.trace,
         scenario=np.array(scenario), provenance=np.array(json.dumps(run.provenance, default=str)),
-        status=np.array(run.status), **columns,
+        status=np.array(run.status), **columns, **_log_arrays(run),
     )  # fmt: skip
     put(path, file.getvalue())
+
+
+def _log_arrays(run: Run) -> dict[str, AnyArray]:
+    """The log of what agents used when they acted, under the names that stored runs give it."""
+    return {} if run.log is None else dict(zip(LOG, (run.log.ticks, run.log.forces, run.log.uses), strict=True))
 
 
 def _write_xyz(run: Run, path: Path) -> None:

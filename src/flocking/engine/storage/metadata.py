@@ -10,6 +10,7 @@ import numpy as np
 
 from flocking.engine.archives.data_checks import And, Flag, Integer, MalformedError, Many, Maybe, Names, Row, Text
 from flocking.engine.runs.columns import ARRAYS, ERRORS, GROWING, LARGEST_CHUNK, MEASURES, QUANTITIES
+from flocking.engine.runs.message_log import TICK_PARTS, USE_PARTS
 from flocking.engine.runs.run import FIRST_QUANTITIES
 
 CODECS = ("bytes", "crc32c", "gzip", "vlen-utf8", "zstd")
@@ -109,7 +110,7 @@ def _sizes(dimensions: tuple[str, ...], record: Mapping[str, Any]) -> Iterator[i
     known = {
         "agent": record["n"], "neighbour": record["n"], "axis": record["dimension"], "quantity": len(QUANTITIES),
         "measure": len(MEASURES), "error": len(ERRORS), "part": 3 if record["links"] else 2,
-        "component": len(record.get("components", [])),
+        "component": len(record.get("components", [])), "tick_part": len(TICK_PARTS), "use_part": len(USE_PARTS),
     }  # fmt: skip
     for name in dimensions:
         yield known[name] if name in known else record["counts"].get(name, 0)

@@ -9,9 +9,13 @@ import numpy as np
 from flocking.arrays import AnyArray
 from flocking.engine.archives.data_checks import MalformedError, Table
 from flocking.engine.runs.columns import COLUMN, KINDS, SWITCHES, component_names
+from flocking.engine.runs.message_log import OWN, PRESENT, TICK_PARTS, MessageLog
 from flocking.errors import StorageError
 from flocking.model.law import Scenario
 from flocking.model.terms.avoidance import ObstacleTerm
+
+MOST_SAMPLES = 2**56
+"""Largest number of a sample: the random numbers are functions of 56 bits of it."""
 
 
 def check_records(
@@ -65,6 +69,20 @@ def _check(scenario: Scenario, parts: dict[str, AnyArray], tables: dict[str, Any
     for name, highest in most.items():
         if name in tables:
             Table(SWITCHES[name], (None,), least=0, most=highest).check(tables[name], name)
+    if "tick" in tables:
+        _check_log(scenario, tables)
     for name, values in {**parts, **tables}.items():
         if values.dtype.kind == "b" and np.ascontiguousarray(values).view(np.uint8).max(initial=0) > 1:
             raise MalformedError(f"{name} must contain boolean values")
+
+
+def _check_log(scenario: Scenario, tables: dict[str, AnyArray]) -> None:
+    """Check that a log names agents, graphs and samples that there may be."""
+    n, graphs = scenario.start.n, len(scenario.law.graphs)
+    ticks, uses = tables["tick"], tables["use"]
+    Table("f8", (len(ticks), scenario.start.dimension)).check(tables["tick_force"], "tick_force")
+    Table("i8", (None, len(TICK_PARTS)), least=0).check(ticks, "tick")
+    Table("i8", (None,), least=0, most=n - 1).check(ticks[:, 1].copy(), "tick")
+    for column, least, most in ((0, OWN, graphs - 1), (1, 0, n - 1), (2, PRESENT, MOST_SAMPLES)):
+        Table("i8", (None,), least=least, most=most).check(uses[:, column].copy(), "use")
+    MessageLog(ticks, tables["tick_force"], uses)

@@ -27,6 +27,7 @@ from flocking.engine.runs.columns import (
     switch_columns,
 )
 from flocking.engine.runs.fidelity import Fidelity
+from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.runs.run import Accuracy, Closest
 from flocking.engine.runs.run_errors import accuracy_data, json_number
 from flocking.engine.runs.stored_fidelity import fidelity_data
@@ -91,6 +92,7 @@ class RunWriter:
         precision: str = "float64",
         observed: bool = False,
         with_errors: bool = False,
+        with_log: bool = False,
         session: Mapping[str, object] | None = None,
     ) -> RunWriter:
         """Start a run in a new or empty folder; its first commit, without frames, is made at once.
@@ -111,6 +113,8 @@ class RunWriter:
             Whether there are observables.
         with_errors
             Whether errors of the frames are stored.
+        with_log
+            Whether there is a log of what agents used when they acted.
         session
             Engine and options, so that a run killed before its first commit can be started again.
 
@@ -123,7 +127,7 @@ class RunWriter:
         check_free(folder)
         components = component_names(scenario)
         start = scenario.start
-        size = Dimensions(start.n, start.dimension, with_links, precision, observed, with_errors, components)
+        size = Dimensions(start.n, start.dimension, with_links, precision, observed, with_errors, components, with_log)
         fresh = partial_folder(folder)
         # Zarr writes in a separate thread, which an interrupt of this one does not stop.
         with zarr_calls(), storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
@@ -253,6 +257,23 @@ class RunWriter:
             seen = {OBSERVED: number_rows(observed)}
             self._extend("observation", seen)
             self._sum(seen)
+
+    def append_log(self, log: MessageLog | None) -> None:
+        """Append to the ``log`` of what agents used, in a run that has one.
+
+        Raises
+        ------
+        StorageError
+            If the disk is full or missing; committed rows stay.
+        """
+        if log is None or not len(log.ticks) or "tick" not in self._arrays:
+            return
+        acts, entries = {"tick": log.ticks, "tick_force": log.forces}, {"use": log.uses}
+        self._extend("tick", acts)
+        self._sum(acts)
+        if len(log.uses):
+            self._extend("use", entries)
+            self._sum(entries)
 
     def _sum(self, columns: Mapping[str, AnyArray]) -> None:
         for name, values in columns.items():

@@ -24,6 +24,7 @@ from flocking.engine.runs.columns import (
     FRAME_ERROR,
     FRAME_PARTS,
     LEDGER,
+    LOG,
     OBSERVED,
     SWITCHES,
     frame_checksums,
@@ -33,6 +34,7 @@ from flocking.engine.runs.columns import (
     table_of,
 )
 from flocking.engine.runs.fidelity import Fidelity
+from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.runs.run import OBSERVED_FIELDS, TRACE_FIELDS, Closest, Run
 from flocking.engine.runs.run_errors import accuracy_of
 from flocking.engine.runs.stored_fidelity import fidelity_of
@@ -62,12 +64,13 @@ def write_run(run: Run, folder: str | Path) -> Path:
     precision = "float32" if run.q.dtype == np.float32 else "float64"
     with RunWriter.create(
         folder, run.scenario, with_links=links, precision=precision, observed=observed,
-        with_errors=run.accuracy is not None,
+        with_errors=run.accuracy is not None, with_log=run.log is not None,
     ) as writer:  # fmt: skip
         errors = None if run.accuracy is None else run.accuracy.frames
         columns = joined_columns(run.scenario, run.columns)
         writer.append(run.t, run.q, run.p, run.links, errors, columns)
         writer.append_records(run.switches, run.trace, run.observables)
+        writer.append_log(run.log)
         closest = (run.closest_linked, run.closest_unlinked)
         writer.commit(
             run.status, closest=closest, accuracy=run.accuracy, provenance=run.provenance, fidelity=run.fidelity
@@ -129,7 +132,8 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     _check_frames(folder, parts, first)
     rows = {name: record["counts"]["switch"] for name in SWITCHES if name in arrays}
     further = {LEDGER: "step", OBSERVED: "observation", FRAME_ERROR: "time", COLUMN: "time"}
-    rows |= {name: record["counts"][kind] for name, kind in further.items() if name in arrays}
+    further |= {"tick": "tick", "tick_force": "tick", "use": "use"}
+    rows |= {name: record["counts"].get(kind, 0) for name, kind in further.items() if name in arrays}
     tables = {name: _read(folder, arrays[name], name, length) for name, length in rows.items()}
     for name, values in tables.items():
         if len(values) and zlib.crc32(values.tobytes()) != record["checksums"].get(name):
@@ -147,6 +151,7 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
         accuracy=accuracy_of(record.get("accuracy"), errors if errors is None else errors[first:count]),
         fidelity=_fidelity(folder, record.get("fidelity"), provenance, scenario),
         columns=columns,
+        log=MessageLog(*(tables[name] for name in LOG)) if "tick" in tables else None,
     )  # fmt: skip
 
 

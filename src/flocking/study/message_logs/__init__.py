@@ -1,0 +1,1 @@
+"""What agents used when they acted, computed a second time from the log of a run."""

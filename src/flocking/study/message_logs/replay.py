@@ -1,0 +1,404 @@
+"""A second computation of what agents knew and of the forces that follow, which says which entry of a log is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.arrays import Array, Links
+from flocking.engine.reference.control import Agent, control_of
+from flocking.engine.runs.message_log import AT_START, OWN, PRESENT, MessageLog
+from flocking.engine.runs.run import Run
+from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.formula.compiled import Reading
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.law import Scenario
+from flocking.model.world.control import Held
+from flocking.model.world.information import Messages
+from flocking.model.world.safety_filters import SafetyFilter
+from flocking.model.world.times import NANOSECOND, PER_SECOND
+from flocking.study.message_logs.arrivals import NEVER, Arrivals, Sample
+from flocking.study.message_logs.forced_motion import ForcedMotion
+
+NEAR = 1e-9
+"""Distance from a radius, relative to 1 and to it, within which rounding leaves open whether a link switches, and by
+which stored positions may differ from those of the second computation, relative to 1 and to their size."""
+
+SAME_FORCE = 1e-7
+"""Difference of two computations of a force, relative to 1 and to it: steep potentials amplify the rounding of
+positions, 1e-16 of them, by up to their second derivative, for which this leaves 1e9."""
+
+MOST_FINDINGS = 20
+"""Findings that are listed."""
+
+Uses = dict[tuple[int, int], int]
+"""Number of the sample that is used, by graph and sender."""
+
+
+@dataclass(frozen=True)
+class WrongEntry:
+    """What is wrong in a log.
+
+    Parameters
+    ----------
+    time
+        When, in the scenario's time.
+    agent
+        Who acted.
+    entry
+        Number of the entry in ``run.log.uses``; None where an entry is missing, or the act itself is wrong.
+    what
+        What is wrong, in words.
+    """
+
+    time: float
+    agent: int
+    entry: int | None
+    what: str
+
+    def __str__(self) -> str:
+        where = "" if self.entry is None else f" (entry {self.entry})"
+        return f"t = {self.time:.9g}, agent {self.agent}{where}: {self.what}"
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What a second computation found in the log of a run.
+
+    Parameters
+    ----------
+    acts, entries
+        How many acts and entries were computed again.
+    undecided
+        Acts in which rounding leaves open what was to be used.
+    wrong
+        The first `MOST_FINDINGS` things that are wrong, in order of time.
+    """
+
+    acts: int
+    entries: int
+    undecided: int
+    wrong: tuple[WrongEntry, ...]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.wrong
+
+    def as_dict(self) -> dict[str, object]:
+        """What was found, as plain data for JSON."""
+        return {
+            "agrees": self.agrees, "acts": self.acts, "entries": self.entries, "undecided": self.undecided,
+            "wrong": [{"time": w.time, "agent": w.agent, "entry": w.entry, "what": w.what} for w in self.wrong],
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        size = f"{self.acts} acts with {self.entries} entries computed again"
+        open_ = f", {self.undecided} left open by rounding" if self.undecided else ""
+        if self.agrees:
+            return f"{size}{open_}: all as declared"
+        return "\n".join([f"{size}{open_}: not as declared", *map(str, self.wrong)])
+
+
+def replay(run: Run) -> Replay:
+    """Compute again what agents used when they acted, and the forces that follow from that.
+
+    The energy ledger proves that a run moves as it says, not that agents used what they could know. Here the motion is
+    computed from the logged forces, samples, arrivals, expiries and links from the declared world, and forces from the
+    entries of the log, by plain code that shares with the engine the declared parts and their random numbers alone.
+
+    Parameters
+    ----------
+    run
+        A run with held control, whole or up to some time; stored ones have the log.
+
+    Returns
+    -------
+    Replay
+        What was found.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no run, or one without a log.
+    UnsupportedLaw
+        When a safety filter changed the forces.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> law = fk.Law(fk.Proximity(4.0), [fk.Consensus(1.0)])
+    >>> start = fk.start.box(4, side=3, speed=1, seed=0)
+    >>> world = dict(control=fk.Held(0.1), information=fk.Messages(0.1, delay=0.03, loss=0.2))
+    >>> fk.replay(fk.simulate(fk.Scenario(law, start, t_end=2, **world))).agrees
+    True
+    """
+    scenario, log = logged(run)
+    with Reading():
+        return _Replaying(run, scenario, log).result()
+
+
+def logged(run: Run) -> tuple[Scenario, MessageLog]:
+    """The scenario and the log of a run.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none.
+    UnsupportedLaw
+        When a safety filter changed the forces.
+    """
+    if not isinstance(run, Run):
+        raise InvalidInput("replay", "run", "must be a Run", run, "Read it with fk.read_run(folder).")
+    scenario = run.scenario
+    if run.log is None or not isinstance(scenario.control, Held):
+        raise InvalidInput(
+            "replay", "run", "must have a log of what agents used", f"one of the engine {run.fidelity.engine!r}",
+            "The engine 'sampled' keeps one; runs stored by earlier versions have none.",
+        )  # fmt: skip
+    if isinstance(scenario.control, SafetyFilter):
+        raise UnsupportedLaw("replay computes the forces of the law again, not those that a SafetyFilter changed.")
+    return scenario, run.log
+
+
+class LoggedWorld:
+    """What the declared world says of a run whose forces are those of its log.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    log
+        Its log.
+    """
+
+    def __init__(self, scenario: Scenario, log: MessageLog) -> None:
+        self.scenario, self.log = scenario, log
+        self.base, self.space = scenario.start.t, scenario.space
+        self.motion = ForcedMotion(scenario, log)
+        self.n, self.m = self.motion.n, self.motion.m
+        self.messages = scenario.information if isinstance(scenario.information, Messages) else None
+        last = int(log.ticks[-1, 0]) if len(log.ticks) else 0
+        self.arrivals = Arrivals(scenario, self.motion, last) if self.messages is not None else None
+        self.graphs: list[Graph] = list(scenario.law.graphs)
+        self.first_links: list[Links] = [
+            g.links_in(self.space, scenario.start.q, scenario.agents.headings) for g in self.graphs
+        ]
+        if scenario.start.links is not None:
+            self.first_links[0] = np.asarray(scenario.start.links)
+        self._masses, self._damping = self.motion.masses, self.motion.damping
+        self._switches = sorted({s for term in scenario.law.body_terms for s in term.switch_times(self.base, np.inf)})
+
+    def sample(self, agent: int, k: int, instant: int) -> Sample:
+        """What is used of an agent by the number ``k`` at an ``instant``, see `Arrivals.sample`."""
+        if self.arrivals is not None:
+            return self.arrivals.sample(agent, k, instant)
+        q, p = self.motion.state(agent, instant * NANOSECOND, instant)
+        return Sample(q, p, q, p, instant, open=False)
+
+    def time(self, instant: int) -> float:
+        """The scenario's time of an instant; gains that change at it have changed."""
+        for at in self._switches:
+            if round((at - self.base) * PER_SECOND) == instant:
+                return at
+        return self.base + instant * NANOSECOND
+
+    def told(self, sample: Sample, instant: int) -> tuple[Array, Array]:
+        """Position and velocity that a receiver takes a sender to have at an ``instant``, from a ``sample`` of it."""
+        if self.messages is not None and self.messages.predict:
+            return sample.q + (instant - sample.instant) * NANOSECOND * sample.p, sample.p
+        return sample.q, sample.p
+
+    def force(
+        self, agent: int, own: tuple[Array, Array], others: Mapping[int, list[tuple[int, Array, Array]]], instant: int
+    ) -> Array:
+        """The law's force on an agent from what it takes itself and others to be, shape (m,).
+
+        Parameters
+        ----------
+        own
+            Its position and velocity.
+        others
+            Neighbours by the number of the graph: who, position and velocity.
+        instant
+            Now, in nanoseconds since the start.
+        """
+        still = self.motion.order == 1
+        none = np.zeros(self.m)
+
+        def seen(q: Array, p: Array, index: int) -> Agent:
+            return Agent(q, none if still else p, index)
+
+        lists = {
+            graph: [seen(q, p, j) for j, q, p in others.get(number, [])] for number, graph in enumerate(self.graphs)
+        }
+        return control_of(
+            self.scenario.law, seen(*own, agent), lists, self.time(instant), mass=float(self._masses[agent]),
+            damping=float(self._damping[agent]), space=self.space,
+        )  # fmt: skip
+
+
+class _Replaying:
+    """The second computation of one run."""
+
+    def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
+        self.run, self.log = run, log
+        self.world = LoggedWorld(scenario, log)
+        self.links = [links.copy() for links in self.world.first_links]
+        self.undecided = 0
+
+    def result(self) -> Replay:
+        wrong = sorted([*self._acts(), *self._ticks(), *self._frames()], key=lambda w: w.time)
+        return Replay(len(self.log.ticks), len(self.log.uses), self.undecided, tuple(wrong[:MOST_FINDINGS]))
+
+    def _finding(self, instant: float, agent: int, entry: int | None, what: str) -> WrongEntry:
+        return WrongEntry(self.world.base + instant * NANOSECOND, agent, entry, what)
+
+    def _frames(self) -> Iterator[WrongEntry]:
+        """Frames against the motion under the logged forces."""
+        run = self.run
+        for k, t in enumerate(run.t):
+            q, p = self.world.motion.states(float(t) - self.world.base)
+            pairs = [("position", q, run.q[k])] + ([] if self.world.motion.order == 1 else [("velocity", p, run.p[k])])
+            for name, again, stored in pairs:
+                off = np.abs(again - stored).max(axis=1)
+                bad = np.flatnonzero(~(off <= NEAR * (1.0 + np.abs(stored).max())))
+                if bad.size:
+                    agent = int(bad[0])
+                    yield WrongEntry(
+                        float(t),
+                        agent,
+                        None,
+                        f"its {name} in frame {k} is {off[agent]:.3g} from where the logged forces lead",
+                    )
+                    return
+
+    def _ticks(self) -> Iterator[WrongEntry]:
+        """Acts against the ticks of every agent's clock."""
+        held = self.world.scenario.control
+        assert isinstance(held, Held)
+        period, phase = (
+            np.broadcast_to(np.rint(np.asarray(x) * PER_SECOND), self.world.n).astype(np.int64)
+            for x in (held.period, held.phase)
+        )
+        until = (float(self.run.t[-1]) - self.world.base) * PER_SECOND - 0.5 if len(self.run.t) else 0.0
+        for agent in range(self.world.n):
+            mine = self.log.ticks[self.log.ticks[:, 1] == agent, 0]
+            due = phase[agent] + np.arange(len(mine)) * period[agent]
+            apart = np.flatnonzero(mine != due)
+            if apart.size:
+                k = int(apart[0])
+                what = f"its act {k} is logged at another time, {mine[k] * NANOSECOND:.9g}"
+                yield self._finding(float(due[k]), agent, None, what)
+            elif phase[agent] + len(mine) * period[agent] < until:
+                at = float(phase[agent] + len(mine) * period[agent])
+                yield self._finding(at, agent, None, "it was to act and did not")
+
+    def _acts(self) -> Iterator[WrongEntry]:
+        firsts = self.log.firsts
+        for row, (instant, agent, count) in enumerate(self.log.ticks.tolist()):
+            first = int(firsts[row])
+            entries = self.log.uses[first : first + count].tolist()
+            logged: Uses = {(graph, sender): k for graph, sender, k in entries}
+            numbers = {(graph, sender): first + e for e, (graph, sender, _) in enumerate(entries)}
+            expected, open_ = self._expected(instant, agent, logged)
+            known = True
+            for key in sorted({*logged, *expected}):
+                if logged.get(key) != expected.get(key):
+                    known = known and self._is_known(key, logged.get(key), instant)
+                    what = self._why(agent, key, logged.get(key), expected.get(key), instant)
+                    yield self._finding(instant, agent, numbers.get(key), what)
+            if len(logged) != len(entries):
+                yield self._finding(instant, agent, None, "two of its entries are of one sender under one graph")
+            if known:
+                yield from self._force(row, instant, agent, logged, open_=open_)
+
+    def _is_known(self, key: tuple[int, int], k: int | None, instant: int) -> bool:
+        """Whether an entry names a state that there was."""
+        if k is None or k == AT_START or (k == PRESENT and self.world.messages is None):
+            return True
+        arrivals = self.world.arrivals
+        return arrivals is not None and k >= 0 and arrivals.taken(key[1], k) <= instant
+
+    def _force(self, row: int, instant: int, agent: int, logged: Uses, *, open_: bool) -> Iterator[WrongEntry]:
+        """The force of an act against that of the law on the entries of the log."""
+        world, others = self.world, {}
+        own = world.sample(agent, logged.get((OWN, agent), PRESENT), instant)
+        samples = {key: world.sample(key[1], k, instant) for key, k in logged.items()}
+        open_ = open_ or own.open or any(x.open for x in samples.values())
+        for graph in range(len(world.graphs)):
+            told = [(key[1], *world.told(samples[key], instant)) for key in sorted(logged) if key[0] == graph]
+            others[graph] = told
+        again = world.force(agent, (own.q, own.p), others, instant)
+        stored = self.log.forces[row]
+        off = float(np.abs(again - stored).max())
+        if off <= SAME_FORCE * (1.0 + float(np.abs(again).max())):
+            self.undecided += open_
+        elif open_:
+            self.undecided += 1
+        else:
+            yield self._finding(
+                instant, agent, None,
+                f"its force is logged as {np.round(stored, 6).tolist()}; from the samples that the log names, the law "
+                f"gives {np.round(again, 6).tolist()}",
+            )  # fmt: skip
+
+    def _expected(self, instant: int, agent: int, logged: Uses) -> tuple[Uses, bool]:
+        """What an agent is to use, and whether rounding leaves some of it open; link memory goes on from it."""
+        world, found, undecided = self.world, {}, False
+        messages, arrivals = world.messages, world.arrivals
+        numbers = [PRESENT] * world.n
+        there = [True] * world.n
+        own = world.sample(agent, PRESENT, instant)
+        if messages is not None and arrivals is not None:
+            if messages.self_known == "measured":
+                found[OWN, agent] = arrivals.newest_taken(agent, instant)
+                own = world.sample(agent, found[OWN, agent], instant)
+            for j in range(world.n):
+                if j != agent:
+                    numbers[j] = arrivals.newest(agent, j, instant)
+                    age = instant - arrivals.taken(j, numbers[j])
+                    there[j] = messages.expires is None or age < max(1, round(messages.expires * PER_SECOND))
+        for number, graph in enumerate(world.graphs):
+            mine = self.links[number][agent]
+            for j in range(world.n):
+                if j == agent:
+                    continue
+                near = bool(mine[j])
+                if graph.moves:
+                    sample = world.sample(j, numbers[j], instant)
+                    place, _ = world.told(sample, instant)
+                    distance = float(np.linalg.norm(world.space.displacement(place - own.q)))
+                    radius = graph.break_radius if near else graph.appear_radius
+                    level = float(np.broadcast_to(np.asarray(radius), world.n)[agent])
+                    near = there[j] and distance < level
+                    doubtful = sample.open or own.open or abs(distance - level) <= NEAR * (1.0 + level)
+                    if there[j] and doubtful:
+                        near, undecided = (number, j) in logged, True
+                    mine[j] = near
+                if near and there[j]:
+                    found[number, j] = numbers[j]
+        return found, undecided
+
+    def _why(self, agent: int, key: tuple[int, int], logged: int | None, expected: int | None, instant: int) -> str:
+        """What is wrong with an entry, in words."""
+        graph, sender = key
+        if graph == OWN:
+            return f"it knew itself by its sample {logged}, where {expected} was its newest"
+        arrivals = self.world.arrivals
+        if logged is None:
+            return f"agent {sender} was its neighbour and nothing of it was used; sample {expected} was to be used"
+        found = f"sample {logged} of agent {sender} was used"
+        if arrivals is not None and logged >= 0:
+            times = arrivals.arrivals(agent, sender)
+            if logged >= len(times) or arrivals.taken(sender, logged) > instant:
+                return f"{found}, which was not taken yet"
+            if times[logged] == NEVER:
+                return f"{found}, which was lost"
+            if times[logged] > instant:
+                return f"{found}, which arrived only at {self.world.base + times[logged] * NANOSECOND:.9g}"
+        if expected is None:
+            return f"{found}, of which it knew nothing young enough, or which was no neighbour by what it knew"
+        return f"{found}, where sample {expected} was the newest that had arrived"
