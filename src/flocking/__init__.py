@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from flocking import papers as papers
     from flocking.apps.lab.server import lab as lab
+    from flocking.engine.driver.ensembles import simulate_many as simulate_many
     from flocking.engine.driver.registry import register_engine as register_engine
     from flocking.engine.driver.registry import unregister_engine as unregister_engine
     from flocking.engine.driver.resuming import resume as resume
@@ -73,7 +74,7 @@ _HOMES = {
     "read_start": "engine.storage.start_files", "read_sweep": "study.sweeps.sweep",
     "register_engine": "engine.driver.registry", "replay": "study.message_logs.replay",
     "resume": "engine.driver.resuming",
-    "simulate": "engine.driver.simulate", "start": "engine.driver.starting",
+    "simulate": "engine.driver.simulate", "simulate_many": "engine.driver.ensembles", "start": "engine.driver.starting",
     "sweep": "study.sweeps.sweep", "total_energy": "study.potentials.state_energy",
     "unregister_engine": "engine.driver.registry", "write_run": "engine.storage.stored_runs",
     "write_scenario": "study.scenario_files.scenario_file",

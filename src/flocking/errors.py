@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 LONGEST_VALUE = 120
@@ -145,6 +146,26 @@ class TooCrowded(SimulationError):
 
 class EngineFailed(SimulationError):
     """An engine failed with an error of its own, which is its cause; a saved run can go on from its last commit."""
+
+
+class RunsFailed(FlockingError):
+    """Some of many runs could not go on; the others are complete.
+
+    Parameters
+    ----------
+    runs
+        All runs in the order of their scenarios; of a failed one what was computed until then, None if that is nothing.
+    failures
+        The error of each failed run, by its number.
+    """
+
+    def __init__(self, runs: tuple[Any, ...], failures: Mapping[int, SimulationError]) -> None:
+        self.runs, self.failures = runs, dict(failures)
+        first = min(self.failures)
+        super().__init__(
+            f"{len(self.failures)} of {len(runs)} runs could not go on; the first is number {first}: "
+            f"{self.failures[first]} All runs, complete or not, are in `runs` of this error."
+        )
 
 
 class CacheError(FlockingError):

@@ -24,6 +24,7 @@ class DelayedEngine(Engine):
     name = "delayed"
     summary = "continuous control on delayed states, by steps of order 8 on the stored past; up to 2,000 agents"
     options = DelayedOptions
+    runs_in_threads = True
     spaces = (Open, Periodic)
     worlds = (Delayed,)
 

@@ -21,6 +21,7 @@ class DiscreteEngine(Engine):
     name = "discrete"
     summary = "bodies in discrete time, such as headings set at ticks; straight motion between"
     options = DiscreteOptions
+    runs_in_threads = True
     spaces = (Open, Periodic)
     worlds = (Held,)
     discrete_bodies = True

@@ -219,7 +219,7 @@ def _drive(session: Session, progress: bool, writer: SessionWriter | None) -> Ru
             # A saved run can be committed at every frame; otherwise it stops only by wall time.
             for t in [scenario.t_end] if writer is None else stops(scenario, session.time, often=True):
                 while not session.reached(t):
-                    _advance(session, t)
+                    advance_slice(session, t)
                     note = "" if session.shrunk is None else str(session.shrunk)
                     bar.show(session.time, (session.steps - begin) * scenario.start.n, note)
                     if writer is not None and not session.reached(scenario.t_end):
@@ -266,8 +266,14 @@ def _drive(session: Session, progress: bool, writer: SessionWriter | None) -> Ru
     return session.run(status) if writer is None else writer.run(status)
 
 
-def _advance(session: Session, to: float) -> None:
-    """Advance for a while; an exception that is not of this library becomes `EngineFailed`."""
+def advance_slice(session: Session, to: float) -> None:
+    """Advance a session for a while, at most to the time ``to``.
+
+    Raises
+    ------
+    EngineFailed
+        When the engine fails with an exception that is not of this library.
+    """
     before = session.time, session.steps
     try:
         session.advance(to, GLANCE_SECONDS)

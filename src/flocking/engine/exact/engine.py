@@ -27,6 +27,7 @@ class ExactEngine(Engine):
     name = "exact"
     summary = "locates every switch of a link; up to 20,000 agents"
     options = ExactOptions
+    runs_in_threads = True
     spaces = (Open, Periodic)
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:

@@ -79,6 +79,9 @@ class Engine(ABC):
                 "time. engine='auto' chooses one that does."
             )
 
+    runs_in_threads: bool = False
+    """Whether several of its sessions may advance at once, each in a thread of its own."""
+
     worlds: tuple[type, ...] = ()
     """Kinds of information and control that it runs beside the ideal ones."""
 

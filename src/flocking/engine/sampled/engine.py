@@ -25,6 +25,7 @@ class SampledEngine(Engine):
     name = "sampled"
     summary = "held control and messages, in closed form from event to event; up to 2,000 agents"
     options = SampledOptions
+    runs_in_threads = True
     spaces = (Open, Periodic)
     worlds = (Held, Messages)
 

@@ -128,7 +128,7 @@ def _run(
     cluster: str | None,
     show: bool,
 ) -> SweepTable:
-    from flocking.study.sweeps.progress import Progress
+    from flocking.engine.driver.run_progress import Progress
     from flocking.study.sweeps.scheduler import Scheduler
     from flocking.study.sweeps.worker_pool import pool
 

@@ -1,4 +1,4 @@
-"""Progress of a sweep on a terminal's error stream: runs done, failures and the time left."""
+"""Progress of many runs on a terminal's error stream: runs done, failures and the time left."""
 
 from __future__ import annotations
 
