@@ -56,6 +56,7 @@ HOMES = {
     "export runs to another format": "def export_run(",
     "change how often a running session is committed to disk": "COMMIT_SECONDS =",
     "change the progress lines": "LINE_SECONDS =",
+    "change how many scenarios run in the threads of a process": "def simulate_many(",
     "add a claim about links that any law can be asked": "def stays_connected(",
     "add a guarantee that follows from the energy": "def energy_certificates(",
     "change the verdict over several seeds": "class Judgement",
