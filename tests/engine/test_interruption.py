@@ -54,6 +54,17 @@ def test_a_late_signal_is_kept_and_the_old_handler_comes_back() -> None:
     interruption.check()
 
 
+def test_an_interrupt_is_not_lost_where_the_block_ends_with_an_error() -> None:
+    def fail() -> None:
+        with interruption.uninterrupted():
+            signal.raise_signal(signal.SIGINT)
+            raise OSError("the disk is full")
+
+    with pytest.raises(KeyboardInterrupt) as found:
+        fail()
+    assert isinstance(found.value.__context__, OSError)
+
+
 def test_a_signal_at_any_instruction_is_raised_or_kept_and_the_old_handler_comes_back() -> None:
     """One run for every instruction of the context: no signal is lost, and none leaves the context half entered."""
     before, instruction, met = signal.getsignal(signal.SIGINT), 0, True

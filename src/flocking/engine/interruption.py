@@ -133,12 +133,15 @@ def uninterrupted() -> Iterator[None]:
     Raises
     ------
     KeyboardInterrupt
-        At the end, when Ctrl-C was pressed meanwhile.
+        At the end, when Ctrl-C was pressed meanwhile, also where the context ends with an error.
     """
-    with Deferred() as deferred:
-        yield
-    if deferred.late:
-        raise KeyboardInterrupt
+    deferred = Deferred()
+    try:
+        with deferred:
+            yield
+    finally:
+        if deferred.late:
+            raise KeyboardInterrupt
 
 
 def _note(number: int, frame: FrameType | None) -> None:

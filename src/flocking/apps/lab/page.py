@@ -22,6 +22,7 @@ from flocking.apps.lab.panels.interventions import Interventions
 from flocking.apps.lab.panels.measurement_panel import MeasurementPanel
 from flocking.apps.lab.panels.playback import Transport
 from flocking.apps.lab.scene.scene import Scene
+from flocking.engine.interruption import uninterrupted
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.law import Scenario
 
@@ -108,11 +109,12 @@ class Page:
         return f"Page({self.address!r})"
 
     def close(self) -> None:
-        """End the page."""
-        self.clock.close()
-        self.scene.join()
-        self.measurement_panel.join()
-        self.server.stop()
+        """End the page; Ctrl-C waits until it has ended."""
+        with uninterrupted():
+            self.clock.close()
+            self.scene.join()
+            self.measurement_panel.join()
+            self.server.stop()
 
     def _first(self, scenario: Scenario | str | None) -> tuple[str, Experiment]:
         if isinstance(scenario, Scenario):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
-import threading
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,22 +68,41 @@ def lab(
 
     if folder is not None and not Path(folder).is_dir():
         raise InvalidInput("lab", "folder", "must be an existing folder", str(folder))
-    page = Page(opened(port), scenario, folder)
-    if wait:
-        print(f"The lab is open at {page.address}", flush=True)
-    if browser:
-        import webbrowser
+    page: Page | None = None
+    try:
+        # Ctrl-C waits: raised while this thread holds a lock of the server, it would leave it held.
+        with interruption.uninterrupted():
+            guarded = opened(port)
+            try:
+                page = Page(guarded, scenario, folder)
+            except BaseException:
+                guarded.server.stop()
+                raise
+        if wait:
+            print(f"The lab is open at {page.address}", flush=True)
+        if browser:
+            import webbrowser
 
-        webbrowser.open(page.address)
+            webbrowser.open(page.address)
+        if wait:
+            _wait()
+    except BaseException:
+        if page is not None:
+            page.close()
+        raise
     if wait:
-        try:
-            # A signal just before a wait does not end it, and a library may swallow the interrupt.
-            while not interruption.RAISED:
-                threading.Event().wait(LOOK)
-        except KeyboardInterrupt:
-            interruption.answered()
         page.close()
     return page
+
+
+def _wait() -> None:
+    """Wait until interrupted."""
+    try:
+        # A signal just before a wait does not end it, and a library may swallow the interrupt.
+        while not interruption.RAISED:
+            time.sleep(LOOK)
+    except KeyboardInterrupt:
+        interruption.answered()
 
 
 def opened(port: int | None) -> Guarded:

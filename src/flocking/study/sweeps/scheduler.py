@@ -120,9 +120,10 @@ class Scheduler:
     def _take(self, future: Future[list[Row]]) -> list[Task]:
         """Record the rows of a batch; returns its runs when they are lost."""
         tasks = self._running.pop(future)
-        error = future.exception()
+        error = self._pool.error(future)
         if error is None:
-            self._record(future.result())
+            rows = self._pool.result(future)
+            self._record(rows)
             return []
         if not self._pool.lost(error):
             raise error

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from contextlib import contextmanager, suppress
+from concurrent.futures import Executor, Future
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty
 from types import TracebackType
@@ -16,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from flocking.engine.interruption import uninterrupted
 from flocking.errors import InvalidInput, SweepError
 from flocking.study.sweeps import worker_watch
+from flocking.study.sweeps.pool_locks import first_of, release, without_interrupts
 from flocking.study.sweeps.worker_watch import WorkerWatch, processor_time
 
 if TYPE_CHECKING:
@@ -23,6 +22,10 @@ if TYPE_CHECKING:
 
 IDLE_SECONDS = 30
 """Processes without work end after this long, even if their parent died."""
+
+LEAVE_SECONDS = 10.0
+"""Seconds after which the thread that distributes tasks counts as stuck once its workers are dead: it needs some
+hundredths."""
 
 CONNECT_SECONDS = 20
 """Seconds to wait for a cluster before it counts as absent."""
@@ -83,7 +86,22 @@ class WorkerPool:
         """
         for future in [self.submit(function, *arguments) for arguments in calls]:
             self.first_ended([future])
-            yield future.result()
+            error = self.error(future)
+            if error is not None:
+                raise error
+            yield self.result(future)
+
+    @staticmethod
+    def error(future: Future[Result]) -> BaseException | None:
+        """What the call of a ``future`` that has ended raised; None where it gave a result."""
+        with uninterrupted():
+            return future.exception()
+
+    @staticmethod
+    def result(future: Future[Result]) -> Result:
+        """What the call of a ``future`` that has ended gave."""
+        with uninterrupted():
+            return future.result()
 
     def first_ended(
         self, futures: Iterable[Future[Result]], doing: Callable[[], dict[int, str]] = dict
@@ -103,13 +121,13 @@ class WorkerPool:
             If the workers do nothing for `flocking.study.sweeps.worker_watch.STALL_SECONDS`.
         """
         waiting = set(futures)
-        done, _ = wait(waiting, timeout=worker_watch.LOOK_SECONDS, return_when=FIRST_COMPLETED)
+        done = first_of(waiting, worker_watch.LOOK_SECONDS)
         if done:
             return done
         watch = self._watch()
         watch.begin()
         while not done:
-            done, _ = wait(waiting, timeout=worker_watch.LOOK_SECONDS, return_when=FIRST_COMPLETED)
+            done = first_of(waiting, worker_watch.LOOK_SECONDS)
             idle = 0.0 if done else watch.idle()
             if idle > worker_watch.STALL_SECONDS:
                 raise SweepError(
@@ -214,11 +232,19 @@ class LocalProcesses(WorkerPool):
         """Stop the processes."""
         if self._executor is None:
             return
-        with suppress(Empty, AttributeError):
-            # The thread that distributes tasks fails on those not yet distributed when the workers are killed.
-            while True:
-                self._executor._work_ids.get_nowait()
-        self._executor.shutdown(wait=True, kill_workers=True)
+        with uninterrupted():
+            with suppress(Empty, AttributeError):
+                # The thread that distributes tasks fails on those not yet distributed when the workers are killed.
+                while True:
+                    self._executor._work_ids.get_nowait()
+            distributor, results = self._executor._executor_manager_thread, self._executor._result_queue
+            workers = dict(self._executor._processes)
+            self._executor.shutdown(wait=False, kill_workers=True)
+            if distributor is not None:
+                distributor.join(LEAVE_SECONDS)
+                if distributor.is_alive():
+                    release(distributor, results, workers)
+        self._executor = None
 
 
 class Cluster(WorkerPool):
@@ -292,35 +318,9 @@ class Cluster(WorkerPool):
 
     def leave(self) -> None:
         """Cancel pending tasks, and close the connection."""
-        self._executor.shutdown(wait=False)
-        self._client.close()
-
-
-@contextmanager
-def without_interrupts() -> Iterator[None]:
-    """Start processes with Ctrl-C blocked, and delay it in this process until the end of the block.
-
-    A terminal sends it to workers too, which would print tracebacks while they start; the parent stops them.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        At the end, when Ctrl-C was pressed meanwhile.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    from joblib.externals.loky.backend.resource_tracker import ensure_running
-
-    # Started first, since it unblocks signals when it begins.
-    ensure_running()
-    with uninterrupted():
-        # New programs inherit blocked signals; this process receives them afterwards.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
-        try:
-            yield
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        with uninterrupted():
+            self._executor.shutdown(wait=False)
+            self._client.close()
 
 
 def memory_share(workers: int) -> int | None:

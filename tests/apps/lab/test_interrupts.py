@@ -1,0 +1,73 @@
+"""Ctrl-C while the lab opens, waits or closes: its parts are whole when it is raised, and its server ends."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import flocking as fk
+from flocking.apps.lab import page as pages
+from flocking.apps.lab import server
+
+
+@pytest.fixture
+def seen(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What happens to a page and its server, both without a socket."""
+    seen: list[str] = []
+
+    class Page:
+        address = "nowhere"
+
+        def __init__(self, *_: object) -> None:
+            signal.raise_signal(signal.SIGINT)
+            seen.append("whole")
+
+        def close(self) -> None:
+            seen.append("closed")
+
+    stopped = SimpleNamespace(server=SimpleNamespace(stop=lambda: seen.append("stopped")))
+    monkeypatch.setattr(server, "opened", lambda port: stopped)
+    monkeypatch.setattr(pages, "Page", Page)
+    return seen
+
+
+def test_an_interrupt_while_the_lab_opens_waits_until_it_is_open_and_closes_it(seen: list[str]) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        server.lab(browser=False)
+    assert seen == ["whole", "closed"]
+
+
+def test_an_interrupt_while_the_lab_waits_closes_it(seen: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pages.Page, "__init__", lambda *_: None)
+    monkeypatch.setattr(server.time, "sleep", lambda _: signal.raise_signal(signal.SIGINT))
+    server.lab(browser=False, wait=True)
+    assert seen == ["closed"]
+
+
+def test_the_server_of_a_scenario_that_is_refused_ends(seen: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any) -> None:
+        raise fk.InvalidInput("lab", "scenario", "must be known", "x")
+
+    monkeypatch.setattr(pages.Page, "__init__", refuse)
+    with pytest.raises(fk.InvalidInput):
+        server.lab("x", browser=False)
+    assert seen == ["stopped"]
+
+
+def test_an_interrupt_while_a_page_closes_waits_for_its_end() -> None:
+    closing = SimpleNamespace(
+        clock=SimpleNamespace(close=lambda: signal.raise_signal(signal.SIGINT)),
+        scene=threading.Thread(target=int), measurement_panel=threading.Thread(target=int),
+        server=SimpleNamespace(stop=lambda: stopped.append(True)),
+    )  # fmt: skip
+    stopped: list[bool] = []
+    closing.scene.start()
+    closing.measurement_panel.start()
+
+    with pytest.raises(KeyboardInterrupt):
+        pages.Page.close(closing)  # type: ignore[arg-type]
+    assert stopped
