@@ -66,6 +66,7 @@ HOMES = {
     "change what is logged when agents act": "class MessageLog",
     "change how the log of messages is computed again": "def replay(",
     "add a quantity whose margin is sought": "class Quantity:",
+    "change how Ctrl-C reaches a wait for workers": "def first_of(",
     "change when the runs of a dead worker are scheduled again": "class Scheduler",
     "add a guarantee of velocity alignment": "def alignment_certificates(",
     "change how velocities of samples are estimated": "def smoothed_velocities",
