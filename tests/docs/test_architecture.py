@@ -23,6 +23,7 @@ HOMES = {
     "change how robots on wheels follow the law": "class Unicycle(",
     "change how a safety filter changes forces": "class ForceFilter:",
     "add a guarantee of a safety filter": "def safety_certificates(",
+    "add a steering term": "class Separation(",
     "change how headings are set at ticks": "class Heading(",
     "change how neighbours are found in discrete time": "class CellPairs:",
     "add an actuator or a limit": "class Limited(",

@@ -99,7 +99,7 @@ def cucker_smale_2007(made):
     assert reaction[-100:].max() < 0.1 < 1 < unstable[-100:].max()
 
 
-def reynolds(made):
+def own_terms(made):
     start, law = made["begin"], made["law"]
     offset = start.q[None] - start.q[:, None]
     r = np.sqrt((offset**2).sum(axis=-1)) + np.eye(start.n)
@@ -122,6 +122,14 @@ def vicsek_1995(made):
     strong = [float(line.get_ydata()[-2]) for line in curves[:3]]
     assert strong == sorted(strong, reverse=True)
     assert 0.7 < (40 * made["order"] ** 2).mean() < 1.3
+
+
+def reynolds_1987(made):
+    assert set(made["verdicts"].values()) == {"holds"}
+    assert made["late"][0] != made["late"][1]
+    drawn = [a for a in made["groups"].axes if any(c.get_gid() == "velocity" for c in a.collections)]
+    assert len(drawn) == 5
+    assert made["apart"] > 0.3
 
 
 def olfati_saber_2006(made):
@@ -163,8 +171,8 @@ def cluster_obstacles(made):
 
 SHOWS = {check.__name__: check for check in (
     tanner_2003_fixed, tanner_2003_dynamic, zhou_2015, shi_2009, olfati_saber_2003, own_potential, space, field_of_view,
-    live_lab, moving_obstacles, figure_of_eight, cucker_smale_2007, reynolds, vicsek_1995, olfati_saber_2006,
-    obstacle_field, flock_from_noise, cluster_obstacles,
+    live_lab, moving_obstacles, figure_of_eight, cucker_smale_2007, own_terms, reynolds_1987, vicsek_1995,
+    olfati_saber_2006, obstacle_field, flock_from_noise, cluster_obstacles,
 )}  # fmt: skip
 
 
@@ -177,7 +185,10 @@ def study(made):
 
 SHOWS |= dict.fromkeys((name for name in SCRIPTS if name.startswith("study_")), study)
 
-SLOW = {"reynolds", "vicsek_1995", "space", "moving_obstacles", "olfati_saber_2003", "olfati_saber_2006", "live_lab"}
+SLOW = {
+    "own_terms", "reynolds_1987", "vicsek_1995", "space", "moving_obstacles", "olfati_saber_2003", "olfati_saber_2006",
+    "live_lab",
+}  # fmt: skip
 """Their kernels are their own and take long to compile the first time; the others are in the default tests."""
 
 ON_BLACK = {"obstacle_field", "flock_from_noise", "cluster_obstacles"}

@@ -22,12 +22,13 @@ from flocking.model.parts.description import Group, Nested, Unwritten, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.scenario_numbers import checked_end, checked_frames, checked_tolerance
 from flocking.model.space import OPEN, Space
-from flocking.model.space_checks import check_space
+from flocking.model.space_checks import check_space, check_steering
 from flocking.model.state import Agents, State
 from flocking.model.terms.balances import check_body_term, check_pair_term
 from flocking.model.terms.body_terms import BodyTerm
 from flocking.model.terms.pair_terms import Gradient, PairTerm, Term
 from flocking.model.terms.potential_reach import check_reach
+from flocking.model.terms.steering import Steering
 from flocking.model.world.control import CONTINUOUS, Control
 from flocking.model.world.information import INSTANT, Information
 
@@ -45,7 +46,7 @@ class Law:
     graph
         Graph of the pair terms that name no other.
     terms
-        Pair and body terms; their forces add up.
+        Pair, body and steering terms; their forces add up.
 
     Raises
     ------
@@ -69,9 +70,9 @@ class Law:
         given = self.terms if isinstance(self.terms, Sequence) and not isinstance(self.terms, str) else (self.terms,)
         terms = tuple(given)
         for term in terms:
-            if not isinstance(term, PairTerm | BodyTerm):
+            if not isinstance(term, PairTerm | BodyTerm | Steering):
                 raise InvalidInput(
-                    "Law", "terms", "must be pair or body terms", term, "Use Gradient, Consensus or Track."
+                    "Law", "terms", "must be pair, body or steering terms", term, "Use Gradient, Consensus or Track."
                 )
         if not terms:
             raise InvalidInput("Law", "terms", "must hold at least one term", terms)
@@ -88,6 +89,11 @@ class Law:
     def body_terms(self) -> tuple[BodyTerm, ...]:
         """The terms that act on one agent."""
         return tuple(t for t in self.terms if isinstance(t, BodyTerm))
+
+    @property
+    def steering_terms(self) -> tuple[Steering, ...]:
+        """The terms that an agent computes from all that it sees at once."""
+        return tuple(t for t in self.terms if isinstance(t, Steering))
 
     @property
     def graphs(self) -> tuple[Graph, ...]:
@@ -280,6 +286,7 @@ class Scenario:
         object.__setattr__(self, "start", self._with_all_columns())
         self.law.check_count(self.start.n, self.start.dimension)
         check_space(self.space, self.law.graphs, self.law.body_terms, self.start.dimension)
+        check_steering(self.space, self.law.steering_terms, self.agents)
         self._check_coincidence()
         check_reach(self.law.pair_terms, self.law.graph)
 
@@ -346,6 +353,7 @@ class Scenario:
         """
         law.check_count(self.start.n, self.start.dimension)
         check_space(self.space, law.graphs, law.body_terms, self.start.dimension)
+        check_steering(self.space, law.steering_terms, self.agents)
         check_reach(law.pair_terms, law.graph)
         found = copy(self)
         object.__setattr__(found, "law", law)

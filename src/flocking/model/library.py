@@ -54,6 +54,11 @@ from flocking.model.terms.pair_terms import Consensus as Consensus
 from flocking.model.terms.pair_terms import Gradient as Gradient
 from flocking.model.terms.pair_terms import PairTerm as PairTerm
 from flocking.model.terms.schedules import Schedule as Schedule
+from flocking.model.terms.steering import Alignment as Alignment
+from flocking.model.terms.steering import Cohesion as Cohesion
+from flocking.model.terms.steering import Separation as Separation
+from flocking.model.terms.steering import Steering as Steering
+from flocking.model.terms.steering import TurnBack as TurnBack
 from flocking.model.world.control import Continuous as Continuous
 from flocking.model.world.control import Control as Control
 from flocking.model.world.control import Held as Held

@@ -1,4 +1,4 @@
-"""Whether a law can act in space that repeats."""
+"""Whether a law can act in space that repeats, and its steering terms on the bodies at hand."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from collections.abc import Iterable
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.model.bodies.body import Body
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.space import Space
 from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.model.terms.body_terms import BodyTerm
+from flocking.model.terms.steering import Steering
 
 
 def check_space(space: Space, graphs: Iterable[Graph], terms: Iterable[BodyTerm], dimension: int) -> None:
@@ -53,6 +55,43 @@ def check_space(space: Space, graphs: Iterable[Graph], terms: Iterable[BodyTerm]
             raise InvalidInput(
                 "Scenario", "space", f"must be open for {name} with a force that depends on positions", owner,
                 "A pull towards a point has no meaning across images: set its position gain to 0, or use Open().",
+            )  # fmt: skip
+
+
+def check_steering(space: Space, terms: Iterable[Steering], bodies: Body) -> None:
+    """Check that steering terms can act on bodies in a space.
+
+    Parameters
+    ----------
+    space
+        Where the agents live.
+    terms
+        Steering terms of the law.
+    bodies
+        What the agents are.
+
+    Raises
+    ------
+    InvalidInput
+        When bodies are not in discrete time, or in space that repeats a term acts about a place, or sees half a length
+        far or farther.
+    """
+    for term in terms:
+        name = type(term).__name__
+        if not bodies.discrete:
+            raise InvalidInput(
+                "Scenario", "agents", f"must be in discrete time under {name}", type(bodies).__name__,
+                "Give agents=Impulsive(...) or Heading(...), and control=Held(period).",
+            )  # fmt: skip
+        if space.is_open:
+            continue
+        owner = type(space).__name__
+        if term.sees_places:
+            raise InvalidInput("Scenario", "space", f"must be open for {name}, which acts about a place", owner)
+        if not 2.0 * term.reach < min(space.lengths):
+            raise InvalidInput(
+                owner, "lengths", f"must be more than twice what {name} sees, {term.reach:g}, on axes that repeat",
+                min(space.lengths), "Enlarge the box: a neighbour must have one nearest image.",
             )  # fmt: skip
 
 

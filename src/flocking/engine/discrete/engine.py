@@ -10,6 +10,7 @@ from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.errors import UnsupportedLaw
+from flocking.model.bodies.discrete_bodies import DiscreteBody
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
@@ -29,6 +30,7 @@ class DiscreteEngine(Engine):
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Refuse what this engine does not know."""
         check_nanoseconds(scenario)
+        assert isinstance(scenario.agents, DiscreteBody)
         if plant is not None:
             raise UnsupportedLaw("engine='discrete' runs no plant: it has no ledger that would show another law.")
         for graph in scenario.law.graphs:
@@ -36,7 +38,12 @@ class DiscreteEngine(Engine):
                 raise UnsupportedLaw(
                     f"engine='discrete' links by distances; {type(graph).__name__} looks at headings at rest."
                 )
-        if Layout(scenario.law, scenario.energy, scenario.agents, scenario.space).places:
+        if scenario.agents.in_turn and (scenario.law.pair_terms or scenario.law.body_terms):
+            raise UnsupportedLaw(
+                f"engine='discrete' lets agents act one after another under steering terms alone, and "
+                f"update={scenario.agents.update!r} with other terms is not run. Use update='forward'."
+            )
+        if Layout(scenario.law, scenario.energy, scenario.agents, scenario.space, True).places:
             raise UnsupportedLaw("engine='discrete' needs leaders whose position has a closed form.")
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from flocking.arrays import Array, Indices
+from flocking.engine.discrete.cell_pairs import CellPairs
 from flocking.engine.discrete.neighbours import Neighbours
-from flocking.engine.fixed_step.declared_law import Declared, Group, LinkedPairs
+from flocking.engine.fixed_step.declared_law import POWERS, SAFETY, Declared, Group, LinkedPairs, Statement
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
+from flocking.engine.reference.steering import WIDER, farthest, seen_by, steering_forces
 from flocking.errors import LawNotObeyed
 from flocking.model.graph_functional import averages, graph_functional, uses_functional
 from flocking.model.law import Scenario
@@ -45,7 +49,9 @@ class DiscreteLaw:
     def __init__(self, scenario: Scenario) -> None:
         self.scenario, self.law = scenario, scenario.law
         self.n, self.m = scenario.start.q.shape
-        self.layout = Layout(self.law, scenario.energy, scenario.agents, scenario.space)
+        self.layout = Layout(self.law, scenario.energy, scenario.agents, scenario.space, steering=True)
+        self._reach = farthest(self.law.steering_terms)
+        self._search = CellPairs(scenario.space, self._reach * WIDER, self.n) if self._reach else None
         self._kernels = LawKernels(compiled_kernels(self.layout, self.m), 2)
         self._obstacles = ObstacleDistances(self.law)
         begin = scenario.start.t
@@ -89,7 +95,29 @@ class DiscreteLaw:
         pairs = free_pairs([*(each.pairs for each in neighbours), *self._obstacles.met(q, t)])
         u = np.zeros((self.n, self.m))
         self._kernels.control(t, q, p, pairs, self._slots, self._functionals(neighbours), u, self._rates)
-        return u
+        return np.asarray(u + self._steering(q, p)) if self.law.steering_terms else u
+
+    def _steering(self, q: Array, p: Array) -> Array:
+        """Forces of the steering terms, shape (N, m), on agents that a cell list finds."""
+        none = np.zeros(0, dtype=np.int64)
+        others = (none, none) if self._search is None else self._search.near(q)[:2]
+        seen = seen_by(np.arange(self.n), others, q, p, self.scenario.space)
+        found = np.zeros((self.n, self.m))
+        for term in self.law.steering_terms:
+            found += term.steer(seen)
+        return found
+
+    def forces_in_turn(self, q: Array, p: Array, agent: int) -> Array:
+        """Force that the steering terms want of one agent, shape (m,).
+
+        Parameters
+        ----------
+        q, p
+            Positions and velocities of all agents at its turn, shape (N, m).
+        agent
+            Its number.
+        """
+        return steering_forces(self.law, q, p, self.scenario.space, np.array([agent]))[0]
 
     def _functionals(self, neighbours: list[Neighbours]) -> Array:
         """Functionals of the graphs, shape (graphs, N)."""
@@ -146,13 +174,54 @@ class DiscreteLaw:
         means = [masses @ x / masses.sum() for x in (q, p)]
         group = Group(q, p, np.arange(self.n), t, self._since, np.zeros(self.m), means[0], means[1])
         declared = self._declared.state(group, agents, pairs)
+        if self.law.steering_terms:
+            # The functions of arrays are the same: what is compared is who sees whom, here by comparison with all.
+            steering = steering_forces(self.law, q, p, self.scenario.space, agents)
+            size = np.sqrt((steering**2).sum(axis=1))
+            declared = replace(
+                declared, force=declared.force + steering, size=declared.size + size,
+                force_error=declared.force_error + SAFETY * UNIT * size,
+            )  # fmt: skip
         damping = np.broadcast_to(np.asarray(self.scenario.agents.damping, dtype=np.float64), self.n)
         wrong = gaps.compare_forces(declared, u[agents] - damping[agents, None] * p[agents], np.zeros(len(agents)))
+        self._count(gaps, t, None if wrong is None else int(agents[wrong]))
+
+    def compare_in_turn(self, t: float, state: tuple[Array, Array], agent: int, u: Array, gaps: LawGaps) -> None:
+        """Compare the force of one agent at its turn with that of the law on what a cell list finds.
+
+        Parameters
+        ----------
+        t
+            The scenario's time.
+        state
+            Positions and velocities of all agents at its turn, shape (N, m) each.
+        agent
+            Its number.
+        u
+            Its force, shape (m,).
+        gaps
+            Takes the difference.
+
+        Raises
+        ------
+        LawNotObeyed
+            When it is not that of the law.
+        """
+        force = self._steering(*state)[agent]
+        size = float(np.sqrt((force**2).sum()))
+        none = np.zeros((1, len(POWERS)))
+        stated = Statement(force[None], np.array([SAFETY * UNIT * size]), np.array([size]), none, none)
+        wrong = gaps.compare_forces(stated, u[None], np.zeros(1))
+        self._count(gaps, t, None if wrong is None else agent)
+
+    @staticmethod
+    def _count(gaps: LawGaps, t: float, wrong: int | None) -> None:
+        """Count a comparison, and refuse to go on after a force that is not that of the law."""
         gaps.checks += 1
         if wrong is not None:
             raise LawNotObeyed(
                 f"The computed forces are not those of the declared law: the error is {100 * gaps.gap:.3g} % of the "
                 f"terms, and rounding explains {100 * gaps.allowed:.2g} %. This is an error of the engine; report "
                 "the law.",
-                time=t, agents=(int(agents[wrong]),),
+                time=t, agents=(wrong,),
             )  # fmt: skip

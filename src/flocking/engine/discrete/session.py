@@ -25,6 +25,9 @@ from flocking.model.state import State
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND
 
+COMPARED_IN_TURN = 16
+"""Number of agents whose forces are compared with the declared law at a tick, where they act one after another."""
+
 
 @dataclass(frozen=True)
 class DiscreteOptions:
@@ -36,7 +39,8 @@ class DiscreteSession(Session):
 
     At an instant at which agents tick, in this order: velocities set a period before are taken (``update="backward"``),
     frames that are due show the state, links follow the positions, and the agents that tick compute their force on the
-    present state and set their velocity. Agents that tick at one instant act on the same state.
+    present state and set their velocity. Agents that tick at one instant act on the same state, unless the body says
+    that they act one after another.
 
     Parameters
     ----------
@@ -141,6 +145,9 @@ class DiscreteSession(Session):
             # At the start links are those that a start has, which may differ at the radius itself.
             for each in self.neighbours:
                 each.move(memory.q)
+        if self._body.in_turn:
+            self._act_in_turn(judged is not None)
+            return
         u = self._law.forces(t, *state, self.neighbours)
         self._check_finite("A force", u, np.arange(self.n))
         if judged is not None:
@@ -154,6 +161,26 @@ class DiscreteSession(Session):
             memory.p = memory.p.copy()
             memory.p[agents] = found
         memory.ticked[agents] += 1
+        self.steps += 1
+
+    def _act_in_turn(self, judged: bool) -> None:
+        """Let all agents set their velocity one after another, each on the state that those before it leave."""
+        memory, body, period = self.memory, self._body, self._period
+        q, p = memory.q.copy(), memory.p.copy()
+        order = body.turns(self.n, int(memory.ticked[0]))
+        for turn, agent in enumerate(order):
+            one = order[turn : turn + 1]
+            u = self._law.forces_in_turn(q, p, int(agent))[None]
+            self._check_finite("A force", u, one)
+            if judged and turn < COMPARED_IN_TURN:
+                self._law.compare_in_turn(self.time, (q, p), int(agent), u[0], self.law_gaps)
+            with np.errstate(all="ignore"):
+                found = body.updated(p[one], u, period[one], one, memory.ticked[one])
+            self._check_finite("A velocity", found, one)
+            p[one] = found
+            q[one] += period[one][:, None] * found
+        memory.p = p
+        memory.ticked += 1
         self.steps += 1
 
     def _check_finite(self, what: str, values: Array, agents: Indices) -> None:

@@ -103,7 +103,8 @@ class Declared:
 
     def __init__(self, scenario: Scenario, rounding: float) -> None:
         self.scenario, self.rounding = scenario, rounding
-        self._layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space)
+        # Forces of steering terms are added by whoever compares: they have no formulas.
+        self._layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space, True)
         self._module = array_kernels(self._layout, scenario.start.dimension)
 
     def _slots(self, since: float) -> tuple[Array, list[float | Array], list[PairWeights]]:

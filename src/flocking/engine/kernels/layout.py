@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flocking.errors import UnsupportedLaw
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass
 from flocking.model.checks import Array
@@ -76,12 +77,27 @@ class Layout:
         What the agents are; their parameters get slots too.
     space
         Where they live; the lengths of axes that repeat get slots too.
+    steering
+        Whether whoever uses it adds the forces of steering terms, which have no formulas.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When the law has steering terms, and nobody adds their forces.
     """
 
     law: Law
     energy: Energy
     bodies: Body = field(default_factory=PointMass)
     space: Space = OPEN
+    steering: bool = False
+
+    def __post_init__(self) -> None:
+        if self.law.steering_terms and not self.steering:
+            name = type(self.law.steering_terms[0]).__name__
+            raise UnsupportedLaw(
+                f"{name} states no formulas: it acts in discrete time, by engine='discrete' and flocking.control alone."
+            )
 
     def leaders(self) -> tuple[Leader, ...]:
         """Leaders of the law, then the energy's if it is another one."""

@@ -14,6 +14,7 @@ from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.evaluation import Evaluation
 from flocking.engine.reference.finite_forces import check_finite, check_neighbours
 from flocking.engine.reference.motion import motion_of
+from flocking.engine.reference.steering import steering_forces
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body
 from flocking.model.checks import Array, array, listed
@@ -115,7 +116,7 @@ def _evaluated(
         state = replace(state, p=np.zeros_like(state.q))
     law.check_count(n, m)
     energy = energy or Energy()
-    layout = Layout(law, energy, agents, space)
+    layout = Layout(law, energy, agents, space, steering=True)
     module = array_kernels(layout, m)
     P, A, W = layout.values(agents, n, state.t)
     u = np.zeros((n, m))
@@ -144,7 +145,7 @@ def _evaluated(
         np.add.at(u, i, np.stack([values[f"force{k}"] for k in range(m)], axis=1))
         dissipation += float(values["dissipation"].sum())
         supply += float(values["supply"].sum())
-    u += np.stack([body[f"force{k}"] for k in range(m)], axis=1)
+    u += np.stack([body[f"force{k}"] for k in range(m)], axis=1) + steering_forces(law, state.q, state.p, space)
     storage += float(body["storage"].sum())
     moving = motion_of(layout, module, state, P, given, u, frame)
     if agents.order == 1:

@@ -12,7 +12,7 @@ import numpy as np
 from flocking.arrays import Indices
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body, MotionSymbols
-from flocking.model.checks import Array, one_of, scalar_or_each
+from flocking.model.checks import Array, integer, one_of, scalar_or_each
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
 from flocking.model.world.control import Control, Held
@@ -21,8 +21,13 @@ from flocking.model.world.random_numbers import Purpose, normal_axes, uniform
 if TYPE_CHECKING:
     import sympy
 
-UPDATES = ("backward", "forward")
-"""With which velocity a body moves after a tick: that before it, or that which it sets."""
+UPDATES = ("backward", "forward", "sequential", "shuffled")
+"""With which velocity a body moves after a tick, that before it or that which it sets, and on whose state it acts."""
+
+IN_TURN = ("sequential", "shuffled")
+"""Updates in which agents act one after another."""
+
+UPDATE_RULE = "must be 'backward', 'forward', 'sequential' or 'shuffled'"
 
 NOISES = ("angular", "vectorial")
 """What is random at a tick: the angle of a heading, or a vector added to the average of the neighbours."""
@@ -40,11 +45,34 @@ class DiscreteBody(Body):
     With ``update="backward"`` the velocity that is set at a tick is that of the next interval but one: the body moves
     on to its next tick with the velocity it has, q(t + T) = q(t) + T p(t), and takes the new one there. With
     ``"forward"`` it takes the new one at once, q(t + T) = q(t) + T p(t + T) (Baglietto and Albano 2009 compare both).
-    A subclass states `updated`.
+    In both all agents that tick at one instant act on the same state. With ``"sequential"`` agents take the new one at
+    once and act one after another, in the order of their numbers: each acts on the new velocities of those before it,
+    and sees them at the places where these velocities take them by the next tick. ``"shuffled"`` is the same in a new
+    random order at every tick (sequential random activation). A subclass states `updated`.
     """
 
     update: str = "backward"
+    seed: int = 0
     discrete = True
+
+    @property
+    def in_turn(self) -> bool:
+        """Whether agents that tick together act one after another."""
+        return self.update in IN_TURN
+
+    def turns(self, n: int, tick: int) -> Indices:
+        """The order in which ``n`` agents act one after another.
+
+        Parameters
+        ----------
+        n
+            Number of agents.
+        tick
+            How often they have ticked before.
+        """
+        if self.update != "shuffled":
+            return np.arange(n)
+        return np.argsort(uniform(self.seed, Purpose.TURN, np.arange(n), 0, tick), kind="stable")
 
     @abstractmethod
     def updated(self, p: Array, u: Array, period: Array, agents: Indices, tick: Indices) -> Array:
@@ -95,6 +123,11 @@ class DiscreteBody(Body):
                 "Scenario", "control", f"must be Held alone for {owner} agents", type(control).__name__,
                 "Other kinds of held control change forces of point masses.",
             )  # fmt: skip
+        if self.in_turn and (np.ptp(np.asarray(control.period)) or np.ptp(np.asarray(control.phase))):
+            raise InvalidInput(
+                "Held", "period", f"must be the same for all agents, and their phase, with update={self.update!r}",
+                "different ones", "Agents that act one after another do so at one tick.",
+            )  # fmt: skip
         if control.latency_in_nanoseconds:
             raise InvalidInput(
                 "Held", "latency", f"must be 0 for {owner} agents", control.latency,
@@ -123,7 +156,7 @@ class Heading(DiscreteBody):
     noise_kind
         ``"angular"`` or ``"vectorial"``.
     update
-        ``"backward"``, as in the paper, or ``"forward"``; see `DiscreteBody`.
+        ``"backward"``, as in the paper, ``"forward"``, ``"sequential"`` or ``"shuffled"``; see `DiscreteBody`.
     seed
         Seed of the draws.
     masses
@@ -152,7 +185,7 @@ class Heading(DiscreteBody):
         object.__setattr__(self, "speed", scalar_or_each("Heading", "speed", self.speed, above=0.0))
         object.__setattr__(self, "noise", scalar_or_each("Heading", "noise", self.noise, least=0.0))
         one_of("Heading", "noise_kind", self.noise_kind, NOISES, "must be 'angular' or 'vectorial'")
-        one_of("Heading", "update", self.update, UPDATES, "must be 'backward' or 'forward'")
+        one_of("Heading", "update", self.update, UPDATES, UPDATE_RULE)
         self.check_fields()
 
     @property
@@ -240,7 +273,9 @@ class Impulsive(DiscreteBody):
         Largest force and largest speed, one for all or one for each; longer vectors are scaled back. Infinite by
         default.
     update
-        ``"backward"`` or ``"forward"``; see `DiscreteBody`.
+        ``"backward"``, ``"forward"``, ``"sequential"`` or ``"shuffled"``; see `DiscreteBody`.
+    seed
+        Seed of the order of ``"shuffled"``.
 
     Raises
     ------
@@ -259,12 +294,14 @@ class Impulsive(DiscreteBody):
     force: float | Array | None = None
     speed: float | Array | None = None
     update: Annotated[str, values.choice(*UPDATES)] = "backward"
+    seed: Annotated[int, values.SEED] = 0
 
     def __post_init__(self) -> None:
         for name in ("force", "speed"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, scalar_or_each("Impulsive", name, getattr(self, name), above=0.0))
-        one_of("Impulsive", "update", self.update, UPDATES, "must be 'backward' or 'forward'")
+        one_of("Impulsive", "update", self.update, UPDATES, UPDATE_RULE)
+        object.__setattr__(self, "seed", integer("Impulsive", "seed", self.seed, least=0))
         self.check_fields()
 
     @property

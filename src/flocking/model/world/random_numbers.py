@@ -48,6 +48,7 @@ class Purpose(IntEnum):
     NOISE = 4
     GUST = 5
     HEADING = 6
+    TURN = 7
 
 
 def philox(counter: tuple[Words, Words, Words, Words], key: tuple[int, int]) -> tuple[Words, Words, Words, Words]:

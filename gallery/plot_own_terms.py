@@ -1,9 +1,10 @@
 """
-Reynolds' three rules
-=====================
+Own terms and several graphs
+============================
 
-Boids steer by separation, alignment and cohesion (SIGGRAPH 1987). Each rule is a pair term over its own graph: the
-library lets a law have several, and locates the switches of all of them. A fourth part keeps a cruising speed.
+Separation, alignment and cohesion as formulas: each rule is a pair term over its own graph. The library lets a law have
+several, and locates the switches of all of them. A fourth part, written here, keeps a cruising speed. The boids of Reynolds
+(1987), with cones of perception in discrete time, are a paper of their own: ``fk.papers.reynolds_1987``.
 """
 
 from dataclasses import dataclass
@@ -48,4 +49,4 @@ print(f"{len(run.switches)} switches of three graphs located; closest pair ever 
 
 panels = [panel(net, run, time=t, color="heading", links=False, title=f"$t = {t:g}$") for t in (0.0, 5.0, 15.0)]
 picture = sheet(panels, columns=3, ratio=1.0)
-picture.savefig("plot_reynolds.png", dpi=150)
+picture.savefig("plot_own_terms.png", dpi=150)

@@ -1,0 +1,48 @@
+"""Reynolds: Flocks, Herds, and Schools: A Distributed Behavioral Model (SIGGRAPH 1987).
+
+The paper describes rules in words. Parameters are those of its author's later open library, and of a public comparison
+of frameworks for agent-based models.
+"""
+
+from __future__ import annotations
+
+from flocking.papers.description import Paper
+from flocking.papers.reynolds_1987.observations import Observed, observed
+from flocking.papers.reynolds_1987.pictures import figures
+from flocking.papers.reynolds_1987.rules import bird_force, boid_force, next_state
+from flocking.papers.reynolds_1987.system import KEY, scenario, scenarios
+from flocking.papers.reynolds_1987.theorems import claims
+
+PAPER = Paper(
+    key=KEY,
+    title="Flocks, Herds, and Schools: A Distributed Behavioral Model",
+    authors="C. W. Reynolds",
+    year=1987,
+    venue="Computer Graphics 21(4) (SIGGRAPH '87)",
+    scenario=scenario,
+    scenarios=scenarios,
+    claims=claims,
+    figures=figures,
+)
+TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
+equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure
+
+__all__ = [
+    "AUTHORS",
+    "KEY",
+    "PAPER",
+    "TITLE",
+    "YEAR",
+    "Observed",
+    "bird_force",
+    "boid_force",
+    "claims",
+    "equations",
+    "errata",
+    "figure",
+    "figures",
+    "next_state",
+    "observed",
+    "scenario",
+    "scenarios",
+]

@@ -1,0 +1,93 @@
+"""Figures of boids: the flock with its headings, and what is observed of it over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.engine.runs.run import Run
+from flocking.papers.reynolds_1987 import system
+from flocking.papers.reynolds_1987.observations import measured, observed
+from flocking.show.declaration import Figure
+from flocking.show.sheet import panel, sheet
+from flocking.show.style import BLUE, GREEN, PAGE, VERMILION, axes_or_new, in_style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Picture
+
+PATH = 3
+"""Frames whose path is drawn behind a boid."""
+
+ARROW = 0.3
+"""Length of a velocity in the picture, in units of time."""
+
+SEEDS = range(8)
+"""Seeds of the intervals in the figure."""
+
+
+@in_style
+def _flock(run: Run, *, frame: int = -1, axes: Axes | None = None) -> Axes:
+    """Boids seen from above, with velocities, and the circle from which they turn back."""
+    axes = axes_or_new(axes)
+    frame = frame % len(run.t)
+    q, p = run.q[frame], ARROW * run.p[frame]
+    path = run.q[max(frame - PATH, 0) : frame + 1]
+    for k in range(run.n if run.scenario.space.is_open else 0):
+        axes.plot(path[:, k, 0], path[:, k, 1], color=GREEN, lw=0.4, gid="path", zorder=1)
+    q = run.scenario.space.wrapped(q)
+    axes.quiver(q[:, 0], q[:, 1], p[:, 0], p[:, 1], color=BLUE, angles="xy", scale_units="xy", scale=1.0, width=0.004,
+                gid="velocity", zorder=2)  # fmt: skip
+    if run.scenario.space.is_open:
+        angle = np.linspace(0.0, 2.0 * np.pi, 200)
+        axes.plot(system.WORLD * np.cos(angle), system.WORLD * np.sin(angle), color=VERMILION, lw=0.7, gid="boundary")
+    axes.set_title(f"$N = {run.n}$, $t = {run.t[frame]:g}$")
+    axes.set_aspect("equal")
+    axes.set_xlabel("$x$")
+    axes.set_ylabel("$y$")
+    return axes
+
+
+def _flocks(run: Run, small: Run, large: Run) -> Picture:
+    middle = len(run.t) // 2
+    return sheet(
+        [panel(_flock, run, frame=0), panel(_flock, run, frame=middle), panel(_flock, run), panel(_flock, small),
+         panel(_flock, large)],
+        columns=3, width=PAGE, ratio=1.0,
+    )  # fmt: skip
+
+
+@in_style
+def _series(run: Run, *, quantity: int, label: str, axes: Axes | None = None) -> Axes:
+    """One quantity over time: of the run, and the mean over seeds with its interval at the end."""
+    axes = axes_or_new(axes)
+    found = observed(system.KEY, SEEDS)
+    name = ("polarisation", "nearest", "fragments")[quantity]
+    rows = np.asarray(getattr(found, name))
+    for row in rows:
+        axes.plot(found.t, row, color=GREEN, lw=0.5, gid="seed")
+    axes.plot(run.t, measured(run)[quantity], color=BLUE, lw=1.0, gid="run")
+    interval = found.at_end(name)
+    axes.plot([found.t[-1]] * 2, [interval.low, interval.high], color=VERMILION, lw=3.0, gid="interval")
+    axes.set_xlabel("$t$")
+    axes.set_ylabel(label)
+    axes.set_ylim(bottom=0.0)
+    return axes
+
+
+def _observations(run: Run) -> Picture:
+    labels = ("polarisation", "nearest distance", "groups")
+    return sheet([panel(_series, run, quantity=k, label=label) for k, label in enumerate(labels)], columns=3,
+                 width=PAGE, ratio=0.9)  # fmt: skip
+
+
+def figures() -> dict[int, Figure]:
+    """Figures by number; the paper's are pictures of an animation."""
+    return {
+        1: Figure("1", "Boids from above at the start, later and at the end, with velocities and the circle from which "
+                  "they turn back; the birds of the two settings of the comparison at the end.", _flocks,
+                  system.FIGURES[1], (system.SMALL, system.LARGE)),
+        2: Figure("2", "Polarisation, nearest distance and number of groups over time, of one run (blue) and of eight "
+                  "seeds (green); the 95 % interval of the mean at the end.", _observations, system.FIGURES[2]),
+    }  # fmt: skip
