@@ -30,6 +30,7 @@ GIVEN = {
         "final_distance", "final_speed", "delay_limits",
     ),
     "vicsek-1995": ("mean_directions", "deviations", "order_series", "random_order", "binder_cumulant"),
+    "reynolds-1987": ("boid_force", "bird_force", "next_state", "observed"),
 }  # fmt: skip
 
 

@@ -117,7 +117,7 @@ class DiscreteLaw:
         agent
             Its number.
         """
-        return steering_forces(self.law, q, p, self.scenario.space, np.array([agent]))[0]
+        return np.asarray(steering_forces(self.law, q, p, self.scenario.space, np.array([agent]))[0])
 
     def _functionals(self, neighbours: list[Neighbours]) -> Array:
         """Functionals of the graphs, shape (graphs, N)."""

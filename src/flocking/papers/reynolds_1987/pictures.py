@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 PATH = 3
 """Frames whose path is drawn behind a boid."""
 
-ARROW = 0.3
-"""Length of a velocity in the picture, in units of time."""
+ARROW = 0.04
+"""Length of a heading in the picture, by its width."""
 
 SEEDS = range(8)
 """Seeds of the intervals in the figure."""
@@ -29,10 +29,12 @@ SEEDS = range(8)
 
 @in_style
 def _flock(run: Run, *, frame: int = -1, axes: Axes | None = None) -> Axes:
-    """Boids seen from above, with velocities, and the circle from which they turn back."""
+    """Boids seen from above, with headings, and the circle from which they turn back."""
     axes = axes_or_new(axes)
     frame = frame % len(run.t)
-    q, p = run.q[frame], ARROW * run.p[frame]
+    side = 2.0 * system.WORLD if run.scenario.space.is_open else run.scenario.space.lengths[0]
+    speeds = np.linalg.norm(run.p[frame], axis=1)[:, None]
+    q, p = run.q[frame], ARROW * side * run.p[frame] / np.where(speeds > 0.0, speeds, 1.0)
     path = run.q[max(frame - PATH, 0) : frame + 1]
     for k in range(run.n if run.scenario.space.is_open else 0):
         axes.plot(path[:, k, 0], path[:, k, 1], color=GREEN, lw=0.4, gid="path", zorder=1)
@@ -85,7 +87,7 @@ def _observations(run: Run) -> Picture:
 def figures() -> dict[int, Figure]:
     """Figures by number; the paper's are pictures of an animation."""
     return {
-        1: Figure("1", "Boids from above at the start, later and at the end, with velocities and the circle from which "
+        1: Figure("1", "Boids from above at the start, later and at the end, with headings and the circle from which "
                   "they turn back; the birds of the two settings of the comparison at the end.", _flocks,
                   system.FIGURES[1], (system.SMALL, system.LARGE)),
         2: Figure("2", "Polarisation, nearest distance and number of groups over time, of one run (blue) and of eight "
