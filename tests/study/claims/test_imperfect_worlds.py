@@ -1,8 +1,11 @@
 """Verdicts on runs in which other forces act than those of the law on the present state."""
 
+import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.study.claims.general_claims import GENERAL
+from flocking.study.margins.computed_runs import Conclusions
 
 LAW = fk.Law(fk.Fixed.complete(4), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(0.5)])
 
@@ -37,3 +40,33 @@ def test_in_the_ideal_world_they_are_judged():
 def test_theorems_of_papers_assume_the_ideal_world():
     for result in verdicts("zhou-2015", control=fk.Held(0.1)).values():
         assert str(result.verdict) in ("hypothesis not met", "not applicable")
+
+
+@pytest.mark.parametrize(
+    "world", [{"control": fk.Held(0.1)}, {"information": fk.Delayed(0.05)}, {"information": fk.Delayed(0.0)}]
+)
+def test_errors_that_nobody_estimated_are_unknown_and_not_zero(world):
+    """Where agents flock for certain, so that an error of zero would let the verdict be that velocities agree."""
+    start = fk.start.box(4, side=2, speed=1, seed=1)
+    run = fk.simulate(fk.Scenario(LAW, start, t_end=60, frames=121, **world), progress=False)
+    found = {result.claim.key: result for result in fk.audit(run).results}
+    ideal = run.fidelity.engine == "exact"
+    for key in ("velocities-agree", "distances-settle", "forces-vanish", "potential-minimal"):
+        result = found[key]
+        if ideal:
+            assert str(result.verdict) == "holds"
+            continue
+        assert str(result.verdict) == "not resolved", key
+        assert not result.error < np.inf
+        assert result.as_dict()["error"] is None
+        assert result.margin > 0
+    assert ("the error of the motion is not estimated" in found["velocities-agree"].note) != ideal
+
+
+def test_margins_take_runs_as_computed():
+    """A share over many computed runs says so; it is not left open for errors that nobody estimated."""
+    start = fk.start.box(4, side=2, speed=1, seed=1)
+    made = fk.Scenario(LAW, start, t_end=30, frames=61, control=fk.Held(0.1))
+    run = fk.simulate(made, progress=False)
+    claims = [claim for claim in GENERAL if claim.key == "velocities-agree"]
+    assert str(Conclusions(tuple(claims))(run).results[0].verdict) == "holds"

@@ -1,6 +1,7 @@
 """Margins: closed forms found by the search, islands, intervals, resumption, and refusals."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +10,13 @@ from scipy.stats import binomtest
 import flocking as fk
 from flocking.apps.cli import main
 from flocking.model.world.losses import Bernoulli
+from flocking.show.contents import contents
+from flocking.show.margin_pictures import margins_figure
 from flocking.study.claims.claim import Claim, Measure
 from flocking.study.claims.conclusions.limits import positions_agree, velocities_agree
-from flocking.study.margins.brackets import Bracket, Count, between, bracket, islands
-from flocking.study.margins.margin_table import margins_from
+from flocking.study.evidence import NotResolvable
+from flocking.study.margins.brackets import Bracket, Count, between, bracket, islands, open_everywhere
+from flocking.study.margins.margin_table import Margins, Varied, margins_from
 from flocking.study.margins.quantities import Quantity, register_quantity
 
 AGREE = Claim("agree", "here", "All positions become the same.", positions_agree)
@@ -108,6 +112,49 @@ def test_intervals_are_those_of_clopper_and_pearson(held, total):
     theirs = binomtest(held, total).proportion_ci(0.95, method="exact")
     ours = Count(held, 0, total - held).interval(0.95)
     assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), rel=1e-9)
+
+
+def open_beyond_ideal(e):
+    """Shown in the ideal world, and left open wherever control is held."""
+    if getattr(e.run.scenario.control, "period", 0.0):
+        raise NotResolvable("nobody knows")
+    return Measure(1.0)
+
+
+def test_a_conclusion_that_is_open_at_every_level_is_no_failure_and_costs_no_bisection():
+    claim = Claim("unknown", "here", "Nobody knows.", open_beyond_ideal)
+    levels = {"period": [0.1, 0.2]}
+    table = found(consensus(t_end=4), "period", (claim, AGREE), levels=levels, most_runs=3)
+    assert table.status == "finished"
+    assert table.runs == 3  # the ideal world and the two levels: neither conclusion asks for more
+    (row,) = [cells for cells in table.cells if cells[1] == "unknown"]
+    assert row[2:] == ("not known", "", "", "open at all tried", "2 open", "")
+    (data,) = [one for one in table.as_dict()["margins"] if one["conclusion"] == "unknown"]
+    assert (data["open"], data["shown_to"], data["not_at"]) == (True, None, None)
+    assert not open_everywhere({0.1: Count(0, 0, 2), 0.2: Count(0, 1, 1)})
+    assert not open_everywhere({0.1: Count(1, 0, 2)})
+
+
+def test_margins_are_drawn(tmp_path):
+    counts = {
+        "agree": {0.1: Count(4), 0.2: Count(4), 0.4: Count(0, 4), 0.8: Count(0, 0, 4), 1.6: Count(4)},
+        "unknown": {0.1: Count(0, 0, 4), 1.6: Count(0, 0, 4)},
+        "never": {0.1: Count(0, 4)},
+    }  # fmt: skip
+    one = Varied("period", "how long", "held", counts)
+    ideal = {"agree": Count(1), "unknown": Count(1), "never": Count(0, 1)}
+    table = Margins("four", dict.fromkeys(counts, "."), ideal, (one, replace(one, name="delay")), {}, 1.0, 0.1, 0.95,
+                    (0, 1, 2, 3), 20, "finished")  # fmt: skip
+    first, second = contents(margins_figure(table))
+    assert (first.horizontal, second.horizontal) == ("period", "delay")
+    (bar,) = first.of("bar agree")
+    assert bar.points.tolist() == [[0.0, 0.0], [2.0, 0.0]]
+    places = {state: [x for mark in first.of(f"{state} agree") for x in mark.points[:, 0]] for state in
+              ("shown", "refuted", "open")}  # fmt: skip
+    assert places == {"shown": [1.0, 2.0, 5.0], "refuted": [3.0], "open": [4.0]}
+    assert [mark.points[:, 0].tolist() for mark in first.of("open unknown")] == [[1.0, 5.0]]
+    assert first.of("shown unknown") == first.of("bar never") == []
+    assert margins_figure(replace(table, ideal={"never": Count(0, 1)})) is None
 
 
 class Interrupted:
@@ -217,5 +264,6 @@ def test_the_command_prints_a_table_and_writes_its_data(tmp_path, monkeypatch, c
     stored = (tmp_path / "out" / "margins" / "four" / "margins.json").read_bytes()
     assert main([*words, "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == json.loads(stored)
+    assert (tmp_path / "out" / "margins" / "four" / "margins.svg").stat().st_size > 1000
     assert main(["margins", "four.toml", "--levels", "period"]) == 2
     assert "name=value,value" in capsys.readouterr().err

@@ -53,7 +53,7 @@ def margins(
     most_runs
         Largest number of runs; 4,000 by default.
     out
-        Folder for margins.json and the runs; out/margins/NAME when absent.
+        Folder for margins.json, a picture and the runs; out/margins/NAME when absent.
     workers
         Local processes; as many as cores when absent.
     cluster
@@ -66,6 +66,8 @@ def margins(
     from flocking.engine.storage.atomic_files import write_file
     from flocking.papers.margins import SEEDS, VARIED
     from flocking.papers.margins import margins as find_margins
+    from flocking.show.margin_pictures import margins_figure
+    from flocking.show.style import save
     from flocking.study.margins.search import MOST_RUNS
 
     find_scenario(scenario, None, None)
@@ -85,6 +87,8 @@ def margins(
         return INTERRUPTED
     data = json.dumps(found.as_dict(), indent=2, allow_nan=False, ensure_ascii=False)
     write_file(folder / "margins.json", f"{data}\n".encode(), "write the margins")
+    picture = margins_figure(found)
+    files = [] if picture is None else save(picture, folder / "margins")
     if as_json:
         print(data)
         return FINE
@@ -94,6 +98,8 @@ def margins(
         print()
     for note in found.notes:
         print(note)
+    for file in files:
+        print(file)
     return FINE
 
 

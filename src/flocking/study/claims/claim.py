@@ -13,6 +13,10 @@ from flocking.model.law import Scenario
 from flocking.study.claims.subjects import About, Finder, Subject, about_of
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
+MEASURED_AT_FRAMES = frozenset({Subject.SPREAD, Subject.LEADER, Subject.VELOCITIES, Subject.NET})
+"""Subjects whose measures read positions and velocities as they were computed. Those of links, closest approaches and
+the ledger have errors of their own, or say that they are not known."""
+
 UNCOMPUTED = "could not be computed"
 """How the note of a claim begins whose computation failed for the numbers of a run."""
 
@@ -104,6 +108,13 @@ def above(value: float, bound: float, note: str, error: float = 0.0) -> Measure:
 def happens(measured: Measure) -> Measure:
     """The measure of a statement about some time of the run, from what was ``measured`` at that time."""
     return replace(measured, everywhere=False, somewhere=True)
+
+
+def _with_errors_of_motion(measured: Measure, e: Evidence) -> Measure:
+    """What was ``measured``, with an unknown error where that of the motion is unknown."""
+    if not e.motion_unstated or math.isinf(measured.margin):
+        return measured
+    return replace(measured, error=math.nan, note=f"{measured.note}; the error of the motion is not estimated")
 
 
 def granted(_: Evidence) -> Measure:
@@ -224,6 +235,8 @@ class Claim:
         measured = self.conclusion(evidence)
         if not explained:
             return Result(self, Verdict.NOT_RESOLVED, measured.margin, math.inf, evidence.ledger_note)
+        if self.dynamic and self.about.subject in MEASURED_AT_FRAMES:
+            measured = _with_errors_of_motion(measured, evidence)
         verdict, doubt = self._verdict(evidence, measured, hypothesis.unsettled or measured.unsettled)
         return Result(self, verdict, measured.margin, measured.error, _joined(measured.note, doubt))
 

@@ -96,6 +96,15 @@ class RunEvidence:
         return float(found)
 
     @property
+    def motion_unstated(self) -> bool:
+        """Whether nothing is known of the errors of computed positions and velocities but that each step had few.
+
+        Engines of imperfect worlds bound the error of their ledger, not by how much rounding and the errors of steps
+        were amplified along the motion.
+        """
+        return self.run.accuracy is None and not self.sampled and self.fidelity.ledger.kind == "estimate"
+
+    @property
     def is_running(self) -> bool:
         """Whether the run is a part of one that is still running."""
         return self.run.status == "running"

@@ -43,6 +43,17 @@ class Count:
         return share_interval(self.held, self.total, level)
 
 
+def open_everywhere(counts: Mapping[float, Count]) -> bool:
+    """Whether runs at no level show or refute a conclusion: nothing is known of where it ceases to hold.
+
+    Parameters
+    ----------
+    counts
+        Counts by level.
+    """
+    return not any(count.held or count.failed for count in counts.values())
+
+
 @dataclass(frozen=True)
 class Bracket:
     """Where a conclusion is first not shown, on the levels that were tried.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from flocking.study.margins.brackets import Bracket, Count, bracket, islands
+from flocking.study.margins.brackets import Bracket, Count, bracket, islands, open_everywhere
 
 
 @dataclass(frozen=True)
@@ -167,6 +167,9 @@ class Margins:
         return [self._cells(row) for row in self.rows]
 
     def _cells(self, row: Margin) -> tuple[str, ...]:
+        if open_everywhere(row.counts):
+            runs = sum(count.total for count in row.counts.values())
+            return (row.quantity, row.conclusion, "not known", "", "", "open at all tried", f"{runs} open", "")
         lower, upper = row.bracket.lower, row.bracket.upper
         at_lower = self.ideal[row.conclusion] if lower is None else row.counts[lower]
         interval = at_lower.interval(self.confidence)
@@ -208,8 +211,9 @@ class Margins:
             ],
             "margins": [
                 {
-                    "quantity": row.quantity, "conclusion": row.conclusion, "shown_to": row.bracket.lower,
-                    "not_at": row.bracket.upper, "again": [list(span) for span in row.islands],
+                    "quantity": row.quantity, "conclusion": row.conclusion, "open": open_everywhere(row.counts),
+                    "shown_to": row.bracket.lower, "again": [list(span) for span in row.islands],
+                    "not_at": None if open_everywhere(row.counts) else row.bracket.upper,
                 }
                 for row in self.rows
             ],

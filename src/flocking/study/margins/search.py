@@ -17,7 +17,7 @@ from flocking.model.world.control import CONTINUOUS
 from flocking.model.world.information import INSTANT, Messages
 from flocking.study.claims.claim import Claim
 from flocking.study.confidence_intervals import check_level
-from flocking.study.margins.brackets import Count, between, bracket
+from flocking.study.margins.brackets import Count, between, bracket, open_everywhere
 from flocking.study.margins.computed_runs import HYPOTHESIS, Conclusions
 from flocking.study.margins.margin_table import Margins, Varied, counts_of
 from flocking.study.margins.quantities import Quantity, base_period, quantity_named
@@ -157,7 +157,11 @@ class Search:
             for key, count in self.ideal.items():
                 if not count.shown(self._share):
                     continue
-                where = bracket(self.counts(name)[key], self._share, falling=quantity.falling)
+                counts = self.counts(name)[key]
+                where = bracket(counts, self._share, falling=quantity.falling)
+                # Runs between levels that leave it open would leave it open too.
+                if open_everywhere(counts):
+                    continue
                 if where.width > self._width:
                     level = between(where, falling=quantity.falling)
                     if level is not None and level not in self.levels[name]:
