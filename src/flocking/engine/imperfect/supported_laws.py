@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.bodies.actuators import Limited
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.law import Law, Scenario
 
@@ -11,7 +12,7 @@ MOST_AGENTS = 2000
 """Largest group of these engines, which hold several numbers for every pair."""
 
 
-def check_law(engine: str, scenario: Scenario, plant: Law | None) -> None:
+def check_law(engine: str, scenario: Scenario, plant: Law | None, *, limits: bool = False) -> None:
     """Refuse what these engines do not know.
 
     Parameters
@@ -20,6 +21,8 @@ def check_law(engine: str, scenario: Scenario, plant: Law | None) -> None:
         Name of the engine, for messages.
     plant
         The law that agents follow, if it is another.
+    limits
+        Whether forces may be limited.
 
     Raises
     ------
@@ -34,9 +37,10 @@ def check_law(engine: str, scenario: Scenario, plant: Law | None) -> None:
             "start", "engine", f"must be another one for more than {MOST_AGENTS} agents", f"{engine!r} for {n}",
             "It keeps what everybody knows of everybody.",
         )  # fmt: skip
-    if bodies.structure not in (PointMass().structure, SingleIntegrator().structure):
+    points = bodies.body if limits and isinstance(bodies, Limited) else bodies
+    if points.structure not in (PointMass().structure, SingleIntegrator().structure):
         raise UnsupportedLaw(
-            f"engine={engine!r} moves point masses and single integrators, not {type(bodies).__name__}."
+            f"engine={engine!r} moves point masses and single integrators, not {type(points).__name__}."
         )
     if plant is not None:
         raise UnsupportedLaw(
@@ -58,7 +62,7 @@ def check_law(engine: str, scenario: Scenario, plant: Law | None) -> None:
     for term in law.body_terms:
         if getattr(term, "groups", ()):
             raise UnsupportedLaw(f"engine={engine!r} knows no obstacles yet. Leave Avoid out.")
-    layout = Layout(law, scenario.energy, bodies, scenario.space)
+    layout = Layout(law, scenario.energy, points, scenario.space)
     if layout.places:
         raise UnsupportedLaw(
             f"engine={engine!r} needs leaders whose position has a closed form, that of the energy included."

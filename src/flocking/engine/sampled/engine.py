@@ -10,6 +10,7 @@ from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
+from flocking.engine.sampled.actuation import check_limits
 from flocking.engine.sampled.session import SampledOptions, SampledSession
 from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
@@ -40,10 +41,11 @@ class SampledEngine(Engine):
             raise UnsupportedLaw("engine='sampled' knows no information but Instant and Messages.")
         check_nanoseconds(scenario)
         if isinstance(scenario.control, SafetyFilter) and (
-            scenario.agents.order == 1 or np.any(np.asarray(scenario.agents.damping))
+            scenario.agents.order == 1 or np.any(np.asarray(scenario.agents.damping)) or not scenario.agents.ideal
         ):
             raise UnsupportedLaw("SafetyFilter is for undamped point masses, which brake by their force alone.")
-        check_law(self.name, scenario, plant)
+        check_law(self.name, scenario, plant, limits=True)
+        check_limits(self.name, scenario.agents)
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
         """Start a session."""

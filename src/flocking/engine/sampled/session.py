@@ -11,6 +11,7 @@ from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.powers import Powers
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.protocol.session import Packed, Stored
+from flocking.engine.sampled.actuation import Actuation, without_limits
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.law_in_force import SampledLaw
@@ -53,9 +54,10 @@ class SampledSession(ImperfectSession):
         self.ticked = np.zeros(self.n, dtype=np.int64)
         self.applied = np.zeros(self.n, dtype=np.int64)
         self.waiting: list[tuple[int, Indices, Array]] = []
+        self.actuation = Actuation(scenario.agents, self.n)
         self.motion = Motion(start.q, start.p, scenario.agents)
         self.knowledge = Knowledge(scenario.information, start.q, start.p, self.links, scenario.space)
-        self._sampled_law = SampledLaw(scenario, self.knowledge.degree)
+        self._sampled_law = SampledLaw(without_limits(scenario), self.knowledge.degree)
         control = scenario.control
         self.filter: ForceFilter | None = None
         if isinstance(control, SafetyFilter):
@@ -134,7 +136,7 @@ class SampledSession(ImperfectSession):
         motion.exert(instant, renewed)
         changed[renewed] = True
         for agents, force in begun:
-            motion.exert(instant, agents, force)
+            motion.exert(instant, agents, self.actuation.exerted(agents, force))
             self.applied[agents] += 1
             changed[agents] = True
         self._record_row(seconds)

@@ -97,12 +97,13 @@ class RunEvidence:
 
     @property
     def motion_unstated(self) -> bool:
-        """Whether nothing is known of the errors of computed positions and velocities but that each step had few.
+        """Whether nothing is known of the errors of computed positions and velocities.
 
-        Engines of imperfect worlds bound the error of their ledger, not by how much rounding and the errors of steps
-        were amplified along the motion.
+        Engines of imperfect worlds bound the error of their ledger, but not by how much rounding and the errors of
+        steps were amplified along the motion. Engines with fixed steps state the step itself.
         """
-        return self.run.accuracy is None and not self.sampled and self.fidelity.ledger.kind == "estimate"
+        estimates = self.fidelity.ledger.kind in ("estimate", "tolerance")
+        return self.run.accuracy is None and not self.sampled and estimates
 
     @property
     def is_running(self) -> bool:

@@ -44,9 +44,10 @@ def departed_causes(run: Run) -> Departed:
 
     At every act the law is computed again on what the agent used without errors (``noise``, resolution included),
     then as if no message had been lost (``loss``), then on the true present states (``delay``), and then over the
-    true links (``links``, which hold what was forgotten). Each difference works along the motion until the next force
-    acts. What is left is the difference between the law at the tick and the law now: ``hold``, latency
-    included. The order matters: another one would share out what two imperfections do together in another way.
+    true links (``links``, which hold what was forgotten); what a limit took from a force is ``limits``. Each difference
+    works along the motion until the next force acts. What is left is the difference between the law at the tick and the
+    law now: ``hold``, latency included. The order matters: another one would share out what two imperfections do
+    together in another way.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def _frame_position(run: Run, world: LoggedWorld, t: float, place: Array) -> Arr
 def _differences(run: Run, world: LoggedWorld) -> dict[str, Array]:
     """By cause and act, by how much it changed the force, shape (acts, m) each."""
     log, m = world.log, world.m
-    found = {name: np.zeros((len(log.ticks), m)) for name in ("noise", "loss", "delay", "links")}
+    found = {name: np.zeros((len(log.ticks), m)) for name in ("noise", "loss", "delay", "links", "limits")}
     firsts, messages, arrivals = log.firsts, world.messages, world.arrivals
     noisy, lossy = _imperfect(messages)
     links = _TrueLinks(run, world)
@@ -139,6 +140,7 @@ def _differences(run: Run, world: LoggedWorld) -> dict[str, Array]:
 
         # Not the logged force: equal arguments then give equal bits, and a difference that is exactly zero.
         before = law(mine, told(used))
+        found["limits"][row] = world.motion.exerted(agent, log.forces[row]) - log.forces[row]
         if noisy:
             now = law(own, exact(used))
             found["noise"][row], before = before - now, now

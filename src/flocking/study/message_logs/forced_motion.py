@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 
 import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.runs.message_log import MessageLog
+from flocking.model.bodies.actuators import Limited
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND
@@ -29,6 +31,7 @@ class ForcedMotion:
         bodies, start = scenario.agents, scenario.start
         self.n, self.m = start.q.shape
         self.order = bodies.order
+        self._body = bodies
         self.masses = np.broadcast_to(np.asarray(bodies.masses, dtype=np.float64), self.n)
         self.damping = np.broadcast_to(np.asarray(bodies.damping, dtype=np.float64), self.n)
         latency = scenario.control.latency_in_nanoseconds
@@ -45,7 +48,19 @@ class ForcedMotion:
             q, p = self.state(agent, at * NANOSECOND, at)
             self.begins[agent].append(at)
             self.rows[agent].append(row)
-            self._pieces[agent].append((q, p, log.forces[row]))
+            self._pieces[agent].append((q, p, self.exerted(agent, log.forces[row])))
+
+    def exerted(self, agent: int, force: Array) -> Array:
+        """What an ``agent`` exerts of a ``force`` that it computed, shape (m,): a limit acts on what is held."""
+        body = self._body
+        if not isinstance(body, Limited):
+            return force
+        most = body.speed if self.order == 1 else body.force
+        limit = float(np.broadcast_to(np.asarray(most, dtype=np.float64), self.n)[agent])
+        if self.order == 2 and body.shape == "box":
+            return np.array([min(max(float(x), -limit), limit) for x in force])
+        length = math.hypot(*force)
+        return force if length <= limit else force / length * limit
 
     def piece(self, agent: int, instant: float) -> int:
         """Which piece of an agent's motion it is on until an ``instant``, that nanosecond included."""
