@@ -8,13 +8,19 @@ import pytest
 
 from flocking.papers import KEYS, STANDARD_KEYS, paper
 from flocking.papers.equation_table import KINDS, Demonstration, Fault, Row
-from tests.papers.transcriptions.rows import ROWS, examine, identity
+from tests.papers.transcriptions.rows import ROWS, examine, identity, statement
 
 
 @pytest.mark.parametrize("row", ROWS, ids=identity)
 def test_row(row: Row) -> None:
-    """It passes for the paper's number, and goes red when that is off by one per cent."""
+    """It passes for the paper's number, and goes red when that is off by one per cent; see `statement`."""
     examine(row)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("row", ROWS, ids=identity)
+def test_rows_that_judge_whole_runs_go_red(row: Row) -> None:
+    statement(row, thorough=True)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=identity)

@@ -9,6 +9,8 @@ import pytest
 
 from flocking.papers import ALL_KEYS, STANDARD_KEYS, paper
 from flocking.papers.equation_table import Row
+from flocking.study.claims.audit import Report
+from flocking.study.claims.judgement import Judgement
 from tests.papers.homes import HOMES
 
 ROWS = [row for key in ALL_KEYS for row in paper(key).equations()]
@@ -25,12 +27,27 @@ def identity(row: Row) -> str:
     return f"{row.paper} {row.number}"
 
 
-def statement(row: Row) -> None:
-    """The row's own check: it passes for the paper's number, and goes red when that is off by one per cent."""
+def judges_runs(found: object) -> bool:
+    """Whether an object is the judgements of claims over several runs, or the audit of one."""
+    several = isinstance(found, dict) and any(isinstance(value, Judgement) for value in found.values())
+    return several or isinstance(found, Report)
+
+
+def statement(row: Row, *, thorough: bool = False) -> None:
+    """The row's own check: it passes for the paper's number, and goes red when that is off by one per cent.
+
+    Parameters
+    ----------
+    thorough
+        Whether those that judge whole runs are also made to go red, which takes as long again: the slow tests do. By
+        default the claims of these papers meet wrong laws in `tests/papers/test_claims.py` and in the mutants.
+    """
     check = check_of(row)
-    check(row.build(1.0))
-    with pytest.raises(AssertionError):
-        check(row.build(1.01))
+    found = row.build(1.0)
+    check(found)
+    if thorough or not judges_runs(found):
+        with pytest.raises(AssertionError):
+            check(row.build(1.01))
 
 
 @cache
