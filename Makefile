@@ -37,8 +37,10 @@ reproduce: $(READY)
 reproduce-all: $(READY)
 	$(BIN)/flocking reproduce --all --seeds $(SEEDS) --out $(OUT)
 
+# Each process begins with one stretch of the tests and takes from the others when it has no more: laws and fixtures of a
+# file are made once, and a test that waits holds up none behind it.
 test: $(READY)
-	$(BIN)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(PYTEST_ARGS)
 
 # Types, and the tests that compile few laws: what another version of Python, or of a library, breaks first.
 QUICK := tests/test_floors.py tests/formula tests/model tests/contracts tests/study tests/fuzz tests/engine/exact/test_closed_forms.py \

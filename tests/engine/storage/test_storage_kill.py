@@ -251,8 +251,8 @@ def held() -> Run:
 
 def test_killed_runs_of_held_control_go_on(start: Start, held: Run, tmp_path: Path) -> None:
     assert len(held.switches) > 20
-    found = kill_while_a_session_runs(start, tmp_path, 3, 17, "sampled", held)
-    assert min(found) < 31
+    found = kill_while_a_session_runs(start, tmp_path, 2, 17, "sampled", held)
+    assert min(found) < 16
 
 
 @pytest.mark.slow
@@ -293,8 +293,8 @@ def late() -> Run:
 
 def test_killed_runs_of_delayed_knowledge_go_on(start: Start, late: Run, tmp_path: Path) -> None:
     assert len(late.switches) > 10
-    found = kill_while_a_session_runs(start, tmp_path, 3, 19, "delayed", late)
-    assert min(found) < 31
+    found = kill_while_a_session_runs(start, tmp_path, 2, 19, "delayed", late)
+    assert min(found) < 16
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from flocking.engine.discrete.session import DiscreteSession
+from flocking.engine.driver.simulate import start
 from flocking.model.checks import Array, integer
 from flocking.model.law import Scenario
 from flocking.papers.vicsek_1995 import system
@@ -32,11 +32,11 @@ def order_series(scenario: Scenario, updates: int) -> Array:
         Number of updates; the scenario may end before.
     """
     count = integer("order_series", "updates", updates, least=1)
-    session = DiscreteSession(scenario.with_(frames=1))
+    session = start(scenario.with_(frames=1), engine="discrete")
     found = np.empty(count)
     for k in range(count):
         session.advance(scenario.start.t + (k + 1) * system.STEP)
-        p = session.memory.p
+        p = session.state.p
         found[k] = np.linalg.norm(p.sum(axis=0)) / np.linalg.norm(p, axis=1).sum()
     return found
 
