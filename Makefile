@@ -12,11 +12,12 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 MPI_READY := $(VENV)/.mpi-ready
 CLUSTER_READY := $(VENV)/.cluster-ready
+EMULATOR_READY := $(VENV)/.emulator-ready
 LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-mpi test-cluster test-browser bench bench-mpi validate fuzz robustness repeat lint docs clean
+.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-mpi test-cluster test-emulator test-browser bench bench-mpi validate fuzz robustness repeat lint docs clean
 
 setup: $(READY)
 
@@ -64,6 +65,18 @@ test-mpi: $(MPI_READY)
 
 $(MPI_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[mpi]'
+	@touch $@
+
+# Exported C on an emulated Cortex-M4F: Zig's C compiler and the emulator are packages; gcc, cmake and cppcheck are Debian's,
+# installed where they are missing.
+test-emulator: $(EMULATOR_READY)
+	@{ command -v gcc && command -v cmake && command -v cppcheck; } >/dev/null || \
+		{ apt-get update -qq && apt-get install -y -qq gcc libc6-dev make cmake cppcheck; } || \
+		{ echo "make test-emulator needs gcc, cmake and cppcheck: install them and run this again."; exit 1; }
+	$(BIN)/python -m pytest -m emulator -p no:xdist tests/engine/c_export $(PYTEST_ARGS)
+
+$(EMULATOR_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[emulator]'
 	@touch $@
 
 # Sweeps on two Dask workers over TCP on this machine, workers killed among them.

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from flocking import papers as papers
     from flocking.apps.lab.server import lab as lab
     from flocking.engine.driver.ensembles import simulate_many as simulate_many
+    from flocking.engine.driver.law_export import export_c as export_c
     from flocking.engine.driver.registry import register_engine as register_engine
     from flocking.engine.driver.registry import unregister_engine as unregister_engine
     from flocking.engine.driver.resuming import resume as resume
@@ -67,7 +68,8 @@ _HOMES = {
     "Controller": "engine.reference.controller",
     "control": "engine.reference.control", "control_of": "engine.reference.control",
     "departed_causes": "study.message_logs.departed",
-    "evaluate": "engine.reference.control", "export_run": "engine.storage.export_formats",
+    "evaluate": "engine.reference.control", "export_c": "engine.driver.law_export",
+    "export_run": "engine.storage.export_formats",
     "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "margins": "papers.margins",
     "plot": "show.plot",
     "read_run": "engine.storage.stored_runs", "read_scenario": "study.scenario_files.scenario_file",

@@ -19,6 +19,7 @@ LEFT_OUT = {
     "tests/contracts/test_own_bodies.py": "runs a program to its end, without limit",
     "tests/contracts/test_own_parts.py": "runs a program to its end, without limit",
     "tests/docs/test_pages.py": "runs a command to its end; the limit of 50 minutes is for one that hangs",
+    "tests/engine/c_export": "runs compilers to their end, without limit",
     "tests/engine/storage/storage_victim.py": "no tests: part of test_storage_kill.py",
     "tests/mpi": "make test-mpi",
     "tests/packaging": "builds the package, without limit",

@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError, Parameter
 from flocking.apps.commands.audit_command import audit
 from flocking.apps.commands.cache_command import cache
 from flocking.apps.commands.certify_command import certify
+from flocking.apps.commands.export_c_command import export_c
 from flocking.apps.commands.margin_command import margins
 from flocking.apps.commands.picture_commands import animate, plot
 from flocking.apps.commands.run_commands import resume, run
@@ -54,6 +55,7 @@ def command_line() -> App:
         info,
         diff,
         export,
+        export_c,
         plot,
         animate,
         reproduce,

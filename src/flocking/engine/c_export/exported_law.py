@@ -1,0 +1,211 @@
+"""What is exported of a scenario: formulas, numbers, radii and the receiver's side of its messages; else a refusal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.arrays import Array, Links
+from flocking.engine.kernels.expressions import LawFormulas, law_formulas
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.reference.finite_forces import bounding_poles
+from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.bodies.point_bodies import PointMass
+from flocking.model.checks import integer, number
+from flocking.model.energy import Energy
+from flocking.model.graph_functional import averages
+from flocking.model.law import Law, Scenario
+from flocking.model.state import Agents
+from flocking.model.terms.avoidance import ObstacleTerm
+from flocking.model.terms.potential_reach import check_reach
+from flocking.model.world.information import Messages
+from flocking.model.world.safety_filters import SafetyFilter
+from flocking.model.world.times import PER_SECOND
+
+MOST_NEIGHBOURS = 255
+"""Largest number of neighbours whose states are kept: loops of a flight computer are bounded, and slots have a byte."""
+
+MOST_AGENTS = 65535
+"""Largest number of agents: their identifiers have sixteen bits."""
+
+MOST_NUMBERS = 1 << 20
+"""Largest number of parameters in tables: beyond, no flight computer has the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedGraph:
+    """How links of one graph appear and break.
+
+    Parameters
+    ----------
+    radii
+        Distances at which links appear and break, of each agent, shape (N, 2).
+    closed
+        Whether agents at the distance itself are linked at a start.
+    fixed
+        Links that never change, shape (N, N); None where they follow distances.
+    pole
+        Distance of the first pole that bounds the distances of neighbours; infinite where there is none.
+    averages
+        Whether terms average over an agent and its neighbours.
+    """
+
+    radii: Array
+    closed: bool
+    fixed: Links | None
+    pole: float
+    averages: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedLaw:
+    """A law with its numbers.
+
+    Parameters
+    ----------
+    scenario
+        Where it comes from.
+    formulas
+        Its formulas.
+    layout
+        Slots of its parameters.
+    changes
+        Times from the start at which parameters change, in nanoseconds, ascending.
+    P, A
+        Single numbers and numbers of each agent, after each change: shapes (changes + 1, count) and
+        (changes + 1, rows, N).
+    W
+        Numbers of each pair, shape (matrices, N, N).
+    rows
+        Numbers of each obstacle, shape (rows, K).
+    graphs
+        One entry for each graph.
+    ranges
+        Range of each group of obstacles, and the number of its obstacles.
+    neighbours
+        Largest number of neighbours whose states are kept.
+    expires
+        Nanoseconds after which a state is not used any more; None for never.
+    predict
+        Whether states are moved on with the velocity they tell.
+    limit
+        Largest force; None for no limit.
+    """
+
+    scenario: Scenario
+    formulas: LawFormulas
+    layout: Layout
+    changes: tuple[int, ...]
+    P: Array
+    A: Array
+    W: Array
+    rows: Array
+    graphs: tuple[ExportedGraph, ...]
+    ranges: tuple[tuple[float, int], ...]
+    neighbours: int
+    expires: int | None
+    predict: bool
+    limit: float | None
+
+    @property
+    def n(self) -> int:
+        """Number of agents."""
+        return self.scenario.start.n
+
+    @property
+    def m(self) -> int:
+        """Number of axes."""
+        return self.scenario.start.dimension
+
+
+def _check(scenario: Scenario) -> None:
+    law: Law | None = scenario.law
+    if law is None:
+        raise UnsupportedLaw("export_c needs a scenario with a law; this one has none.")
+    if not law.distributed:
+        raise UnsupportedLaw(
+            f"export_c cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent knows. Leave the "
+            "terms out that need them."
+        )
+    if scenario.agents.order != PointMass().order or scenario.agents.discrete:
+        raise UnsupportedLaw(
+            f"export_c writes the force of agents of order 2 in continuous time, not the rule of "
+            f"{type(scenario.agents).__name__}."
+        )
+    for graph in law.graphs:
+        if graph.sees_headings or (graph.moves and not graph.follows_radii):
+            raise UnsupportedLaw(
+                f"export_c follows links by two distances; {type(graph).__name__} has another rule. "
+                "Use a graph such as Hysteresis."
+            )
+    for term in law.pair_terms:
+        if getattr(term, "functional", False) and not averages(law, law.graph_number(term)):
+            raise UnsupportedLaw(f"export_c does not count links of the group, as {type(term).__name__} needs.")
+    if isinstance(scenario.control, SafetyFilter):
+        raise UnsupportedLaw(
+            "export_c writes no safety filter. Use control=Held(...) with a limit, or fk.Controller on the robot."
+        )
+    if Layout(law, Energy(), space=scenario.space).places:
+        raise UnsupportedLaw("export_c needs leaders whose position has a closed form in time.")
+
+
+def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: float | None = None) -> ExportedLaw:
+    """What is exported of a scenario.
+
+    Parameters
+    ----------
+    neighbours
+        Largest number of neighbours whose states are kept; all others of the group when absent.
+    limit
+        Largest force; None for no limit.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When the law is not distributed, or has a part that is not exported; the message names it.
+    InvalidInput
+        When a number is out of range, or the group too large.
+    """
+    if not isinstance(scenario, Scenario):
+        raise InvalidInput("export_c", "scenario", "must be a Scenario", scenario)
+    _check(scenario)
+    law, n, m = scenario.law, scenario.start.n, scenario.start.dimension
+    check_reach(law.pair_terms, law.graph)
+    if n > MOST_AGENTS:
+        raise InvalidInput("export_c", "scenario", f"must have at most {MOST_AGENTS} agents", n)
+    kept = max(n - 1, 1) if neighbours is None else integer("export_c", "neighbours", neighbours, least=1)
+    if kept > MOST_NEIGHBOURS:
+        raise InvalidInput(
+            "export_c", "neighbours", f"must be at most {MOST_NEIGHBOURS}", kept,
+            "Give the largest number of neighbours that an agent may have, as in --neighbours 16.",
+        )  # fmt: skip
+    layout = Layout(law, Energy(), space=scenario.space)
+    formulas = law_formulas(layout, m, integrals=False)
+    start = scenario.start.t
+    times = sorted({s for term in law.body_terms for s in term.switch_times(start, np.inf)})
+    bodies = Agents(scenario.agents.masses, scenario.agents.damping)
+    values = [layout.values(bodies, n, t) for t in (start, *times)]
+    W = values[0][2] if any(slot[0] == "W" for slot in layout.slots.values()) else np.zeros((0, n, n))
+    rows, (scalars, _) = layout.obstacle_rows(), layout.counts
+    P = np.array([P[:scalars] for P, _, _ in values])
+    A = np.array([A for _, A, _ in values])
+    if A.size + W.size + rows.size > MOST_NUMBERS:
+        raise InvalidInput(
+            "export_c", "scenario", f"must have at most {MOST_NUMBERS} numbers in tables", A.size + W.size
+        )
+    ranges = tuple((t.range, len(g.obstacles)) for t in law.body_terms if isinstance(t, ObstacleTerm) for g in t.groups)
+    graphs = []
+    for k, graph in enumerate(law.graphs):
+        radii = [np.broadcast_to(np.asarray(x, float), n) for x in (graph.appear_radius, graph.break_radius)]
+        fixed = None if graph.moves else np.asarray(graph.initial(scenario.start.q), dtype=bool)
+        pole = min(bounding_poles(law, k), default=np.inf)
+        closed = bool(getattr(graph, "closed", False))
+        graphs.append(ExportedGraph(np.stack(radii, axis=1), closed, fixed, pole, averages(law, k)))
+    messages = scenario.information if isinstance(scenario.information, Messages) else None
+    return ExportedLaw(
+        scenario, formulas, layout, tuple(round((t - start) * PER_SECOND) for t in times), P, A, W, rows,
+        tuple(graphs), ranges, kept, None if messages is None else messages.expires_in_nanoseconds,
+        messages is not None and messages.predict,
+        None if limit is None else number("export_c", "limit", limit, above=0.0),
+    )  # fmt: skip

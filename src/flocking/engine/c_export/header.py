@@ -1,0 +1,102 @@
+"""The header of an exported law: its types, its functions, and what they promise."""
+
+from __future__ import annotations
+
+from flocking.engine.c_export.exported_law import ExportedLaw
+
+STATUS = (
+    ("OK", "the force is valid"),
+    ("OLD", "the message is not newer than what is known of its sender, and is not used"),
+    ("NO_AGENT", "no such agent, or the agent itself"),
+    ("NOT_FINITE", "an argument is not finite"),
+    ("FULL", "no slot is free for another neighbour; the message is not used"),
+    ("TIME", "the time is before that of the last call, or before that of a message"),
+    ("COINCIDENT", "a neighbour is at the agent's own place, where the law has no force"),
+    ("POLE", "a neighbour is at or beyond a pole of a potential"),
+    ("NO_FORCE", "the force is not finite, or an angle too large to be reduced"),
+)
+"""Codes that functions return, from 0 on, with what they mean."""
+
+
+def words(slots: int) -> int:
+    """Number of words of 32 bits for one bit each of some slots."""
+    return (slots + 31) // 32
+
+
+def header(law: ExportedLaw, name: str, *, single: bool) -> str:
+    """Text of the header.
+
+    Parameters
+    ----------
+    law
+        The law.
+    name
+        Begin of all names, and name of the file.
+    single
+        Whether numbers are of single precision.
+    """
+    x, X = f"{name}_", f"{name.upper()}_"
+    codes = "\n".join(
+        f"    {X}{code} = {k}{',' if k + 1 < len(STATUS) else ''} /* {meaning} */"
+        for k, (code, meaning) in enumerate(STATUS)
+    )
+    return f"""\
+#ifndef {X}H
+#define {X}H
+
+#include <stdint.h>
+
+/* Axes, agents of the group, neighbours whose states are kept, and graphs. */
+#define {X}DIMENSION {law.m}
+#define {X}AGENTS {law.n}
+#define {X}NEIGHBOURS {law.neighbours}
+#define {X}GRAPHS {len(law.graphs)}
+#define {X}WORDS {words(law.neighbours)}
+
+typedef {"float" if single else "double"} {x}real;
+
+enum
+{{
+{codes}
+}};
+
+/* What one agent measured of itself: its number among that agent's samples, and when, in nanoseconds from the start. */
+typedef struct
+{{
+    int64_t stamp;
+    int32_t number;
+    uint16_t sender;
+    {x}real q[{X}DIMENSION];
+    {x}real p[{X}DIMENSION];
+}} {x}message;
+
+/* All that an agent keeps between calls. */
+typedef struct
+{{
+    {x}message known[{X}NEIGHBOURS];
+    int64_t time;
+    uint32_t links[{X}GRAPHS][{X}WORDS]; /* a bit for each slot of known */
+    uint32_t used[{X}WORDS];
+    uint16_t order[{X}NEIGHBOURS]; /* slots in use, by sender */
+    uint16_t count;
+    uint16_t agent;
+    uint8_t begun;
+    uint8_t saturated; /* whether the last force was scaled back to the limit */
+}} {x}memory;
+
+/* Begin as agent number agent, below {X}AGENTS. */
+int32_t {x}begin({x}memory *memory, uint16_t agent);
+
+/* Take a message that has arrived. The newest sample of a sender counts, whatever the order of arrival. */
+int32_t {x}receive({x}memory *memory, int64_t now, const {x}message *message);
+
+/* Link with those that are known now by the rule of a start; without this call the first one of {x}control does. */
+int32_t {x}start({x}memory *memory, int64_t now, const {x}real q[{X}DIMENSION]);
+
+/* The force of the law now, in nanoseconds from the start. q and p are the agent's own. Where the code is not {X}OK
+   the force is zero and the links stay as they were. */
+int32_t {x}control({x}memory *memory, int64_t now, const {x}real q[{X}DIMENSION],
+                   const {x}real p[{X}DIMENSION], {x}real u[{X}DIMENSION]);
+
+#endif
+"""

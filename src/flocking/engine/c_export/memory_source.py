@@ -1,0 +1,252 @@
+"""Source of the memory of an exported law: what is known of neighbours, and links as bits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.arrays import Array
+from flocking.engine.c_export.exported_law import ExportedGraph, ExportedLaw
+from flocking.formula.c_source import CSource
+from flocking.model.world.times import NANOSECOND
+
+
+def memory_source(law: ExportedLaw, name: str, c: CSource) -> str:
+    """Source of ``begin`` and ``receive`` and of what they and ``control`` share.
+
+    Parameters
+    ----------
+    law, name
+        As for `flocking.engine.c_export.header.header`.
+    c
+        Writes numbers.
+    """
+    x, X, real = f"{name}_", f"{name.upper()}_", f"{name}_real"
+    parts = [
+        _seconds(c, x, real) if law.predict or _reads_time(law) else "",
+        _bits(x, X, real),
+        _linked(law, c, x, X, real),
+    ]
+    parts += [_removal(law, x, X) if law.expires is not None else "", _interface(law, x, X)]
+    return "\n".join(part for part in parts if part)
+
+
+def _reads_time(law: ExportedLaw) -> bool:
+    f = law.formulas
+    stages = [e for group in f.obstacles for stage in group.stages() for e in stage.values()]
+    return any(str(s) == "t" for e in [*f.body.force, *stages] for s in e.free_symbols)
+
+
+def _seconds(c: CSource, x: str, real: str) -> str:
+    if not c.single:
+        whole = "    return (double)time * " + repr(NANOSECOND) + ";\n"
+    else:
+        # Processors without 64-bit conversions convert each half.
+        whole = (
+            "    const uint64_t size = (time < 0) ? (0u - (uint64_t)time) : (uint64_t)time;\n"
+            f"    const {real} high = ({real})(uint32_t)(size >> 32) * {c.literal(2.0**32)};\n"
+            f"    const {real} found = (high + ({real})(uint32_t)(size & 0xFFFFFFFFu)) * {c.literal(NANOSECOND)};\n"
+            "    return (time < 0) ? (-found) : found;\n"
+        )
+    return f"/* Nanoseconds as seconds. */\nstatic {real} {x}seconds(int64_t time)\n{{\n{whole}}}\n"
+
+
+def _bits(x: str, X: str, real: str) -> str:
+    return f"""\
+static uint32_t {x}finite({real} a)
+{{
+    return ((a >= -{X}LARGEST) && (a <= {X}LARGEST)) ? 1u : 0u;
+}}
+
+static uint32_t {x}bit(const uint32_t words[{X}WORDS], uint16_t slot)
+{{
+    return (words[slot / 32u] >> (slot % 32u)) & 1u;
+}}
+"""
+
+
+def _radii_table(law: ExportedLaw, number: int, c: CSource, x: str, real: str) -> tuple[str, str]:
+    """A table of radii, if agents have their own, and the source that reads it."""
+    radii: Array = np.where(np.isfinite(law.graphs[number].radii), law.graphs[number].radii, -1.0)
+    if (radii == radii[0]).all():
+        return "", ""
+    rows = ", ".join("{ " + ", ".join(c.literal(float(v)) for v in row) + " }" for row in radii)
+    return f"static const {real} {x}radii{number}[{law.n}][2] = {{ {rows} }};\n\n", f"{x}radii{number}[memory->agent]"
+
+
+def _linked(law: ExportedLaw, c: CSource, x: str, X: str, real: str) -> str:
+    """Source of the link rules."""
+    tables, cases = "", []
+    for number, graph in enumerate(law.graphs):
+        if graph.fixed is not None:
+            table, lines = _fixed(graph, number, law.n, x)
+        else:
+            table, place = _radii_table(law, number, c, x, real)
+            near, far = (f"{place}[0]", f"{place}[1]") if place else (c.literal(float(v)) for v in graph.radii[0])
+            first = "<=" if graph.closed else "<"
+            linked = f"{x}bit(memory->links[{number}], slot) != 0u"
+            alike = bool((graph.radii[:, 0] == graph.radii[:, 1]).all())
+            lines = [f"const {real} leave = {far};"]
+            lines += [] if alike else [f"const {real} appear = {near};"]
+            rule = "distance < leave" if alike else f"distance < (({linked}) ? leave : appear)"
+            lines += (
+                [f"found = ({rule}) ? 1u : 0u;"]
+                if alike and not graph.closed
+                else ["if (memory->begun == 0u)", "{", f"    found = (distance {first} leave) ? 1u : 0u;", "}",
+                      "else", "{", f"    found = ({rule}) ? 1u : 0u;", "}"]
+            )  # fmt: skip
+        tables += table
+        body = "".join(f"        {line}\n" for line in lines)
+        cases.append(f"    {'else ' if number else ''}if (g == {number}u)\n    {{\n{body}    }}\n")
+    text = "".join(cases)
+    reads = (("memory", "memory->"), ("slot", "slot"), ("distance", "distance"))
+    unused = "".join(f"    (void){argument};\n" for argument, used in reads if used not in text)
+    return (
+        f"{tables}/* Whether a neighbour is linked now, by its distance and the memory of the graph. */\n"
+        f"static uint32_t {x}linked(const {x}memory *memory, uint32_t g, uint16_t slot, {real} distance)\n{{\n"
+        f"    uint32_t found = 0u;\n{unused}{text}"
+        "    else\n    {\n        /* There is no such graph. */\n    }\n    return found;\n}\n"
+    )
+
+
+def _fixed(graph: ExportedGraph, number: int, n: int, x: str) -> tuple[str, list[str]]:
+    assert graph.fixed is not None
+    if (graph.fixed | np.eye(n, dtype=bool)).all():
+        return "", ["found = 1u;"]
+    packed = np.packbits(graph.fixed, axis=1, bitorder="little")
+    rows = ", ".join("{ " + ", ".join(f"{byte}u" for byte in row) + " }" for row in packed.tolist())
+    table = f"static const uint8_t {x}fixed{number}[{n}][{packed.shape[1]}] = {{ {rows} }};\n\n"
+    return table, [
+        "const uint16_t sender = memory->known[slot].sender;",
+        f"found = ((uint32_t){x}fixed{number}[memory->agent][sender / 8u] >> (sender % 8u)) & 1u;",
+    ]
+
+
+def _removal(law: ExportedLaw, x: str, X: str) -> str:
+    return f"""\
+/* Forget whoever has not been heard of for {law.expires} nanoseconds, and the links with it. */
+static void {x}forget({x}memory *memory, int64_t now)
+{{
+    uint16_t kept = 0u;
+    uint16_t k;
+    for (k = 0u; k < memory->count; k++)
+    {{
+        const uint16_t slot = memory->order[k];
+        if ((now - memory->known[slot].stamp) < INT64_C({law.expires}))
+        {{
+            memory->order[kept] = slot;
+            kept++;
+        }}
+        else
+        {{
+            uint32_t g;
+            const uint32_t mask = ~((uint32_t)1u << (slot % 32u));
+            memory->used[slot / 32u] &= mask;
+            for (g = 0u; g < {X}GRAPHS; g++)
+            {{
+                memory->links[g][slot / 32u] &= mask;
+            }}
+        }}
+    }}
+    memory->count = kept;
+}}
+"""
+
+
+def _interface(law: ExportedLaw, x: str, X: str) -> str:
+    # What has expired makes room for others, before a control forgets it.
+    room = (
+        f"    if ((known == 0u) && (memory->count >= {X}NEIGHBOURS))\n    {{\n"
+        f"        {x}forget(memory, now);\n        place = {x}place(memory, message->sender);\n    }}\n"
+        if law.expires is not None
+        else "    (void)now;\n"
+    )
+    below = f"(agent < {X}AGENTS)" if law.n < 65536 else "(1 == 1)"
+    return f"""\
+/* The first place in the order whose sender is not below another. */
+static uint16_t {x}place(const {x}memory *memory, uint16_t sender)
+{{
+    uint16_t k = 0u;
+    while ((k < memory->count) && (memory->known[memory->order[k]].sender < sender))
+    {{
+        k++;
+    }}
+    return k;
+}}
+
+int32_t {x}begin({x}memory *memory, uint16_t agent)
+{{
+    uint32_t k;
+    uint32_t g;
+    if (!{below})
+    {{
+        return {X}NO_AGENT;
+    }}
+    for (k = 0u; k < {X}WORDS; k++)
+    {{
+        memory->used[k] = 0u;
+        for (g = 0u; g < {X}GRAPHS; g++)
+        {{
+            memory->links[g][k] = 0u;
+        }}
+    }}
+    memory->agent = agent;
+    memory->count = 0u;
+    memory->begun = 0u;
+    memory->saturated = 0u;
+    memory->time = INT64_MIN;
+    return {X}OK;
+}}
+
+int32_t {x}receive({x}memory *memory, int64_t now, const {x}message *message)
+{{
+    uint16_t place = {x}place(memory, message->sender);
+    uint32_t known = 0u;
+    uint16_t slot = 0u;
+    uint16_t k;
+    if ((message->sender >= {X}AGENTS) || (message->sender == memory->agent))
+    {{
+        return {X}NO_AGENT;
+    }}
+    for (k = 0u; k < {X}DIMENSION; k++)
+    {{
+        if (({x}finite(message->q[k]) == 0u) || ({x}finite(message->p[k]) == 0u))
+        {{
+            return {X}NOT_FINITE;
+        }}
+    }}
+    if (message->stamp > now)
+    {{
+        return {X}TIME;
+    }}
+    if ((place < memory->count) && (memory->known[memory->order[place]].sender == message->sender))
+    {{
+        slot = memory->order[place];
+        known = 1u;
+        if (message->number <= memory->known[slot].number)
+        {{
+            return {X}OLD;
+        }}
+    }}
+{room}\
+    if (known == 0u)
+    {{
+        if (memory->count >= {X}NEIGHBOURS)
+        {{
+            return {X}FULL;
+        }}
+        while ({x}bit(memory->used, slot) != 0u)
+        {{
+            slot++;
+        }}
+        memory->used[slot / 32u] |= (uint32_t)1u << (slot % 32u);
+        for (k = memory->count; k > place; k--)
+        {{
+            memory->order[k] = memory->order[k - 1u];
+        }}
+        memory->order[place] = slot;
+        memory->count++;
+    }}
+    memory->known[slot] = *message;
+    return {X}OK;
+}}
+"""

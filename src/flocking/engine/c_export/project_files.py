@@ -1,0 +1,182 @@
+"""The files beside an exported law: an example, a CMake file, and a README with the formulas and their provenance."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING
+
+from flocking.engine.c_export.elementary_functions import BOUNDS
+from flocking.engine.c_export.exported_law import ExportedLaw
+from flocking.engine.c_export.header import STATUS
+from flocking.engine.runs.provenance import provenance
+
+if TYPE_CHECKING:
+    import sympy
+
+FLAGS = "-std=c99 -ffp-contract=off -Wall -Wextra -Werror"
+"""Flags of the compiler: contracted products would change bits, and what a warning says is an error."""
+
+
+def example(law: ExportedLaw, name: str) -> str:
+    """A program that hears one neighbour and prints the force.
+
+    Parameters
+    ----------
+    law, name
+        As for `flocking.engine.c_export.header.header`.
+    """
+    x, X = f"{name}_", f"{name.upper()}_"
+    start = law.scenario.start
+    one, other = 0, min(1, law.n - 1)
+
+    def numbers(values: object) -> str:
+        suffix = f"({x}real)"
+        return ", ".join(f"{suffix}{float(v)!r}" for v in values)  # type: ignore[attr-defined]
+
+    return f"""\
+/* Agent {one} hears of agent {other} where the scenario starts, and prints its force. */
+#include "{name}.h"
+
+#include <stdio.h>
+
+int main(void)
+{{
+    static {x}memory memory;
+    const {x}real q[{X}DIMENSION] = {{ {numbers(start.q[one])} }};
+    const {x}real p[{X}DIMENSION] = {{ {numbers(start.p[one])} }};
+    const {x}message heard = {{ 0, 0, {other}u, {{ {numbers(start.q[other])} }}, {{ {numbers(start.p[other])} }} }};
+    int32_t code = {x}begin(&memory, {one}u);
+    if (code == {X}OK)
+    {{
+        {x}real u[{X}DIMENSION];
+        uint32_t k;
+        /* An agent does not hear of itself: that is {X}NO_AGENT in a group of one. */
+        (void){x}receive(&memory, 0, &heard);
+        code = {x}control(&memory, 0, q, p, u);
+        (void)printf("code %d\\n", (int)code);
+        for (k = 0u; k < {X}DIMENSION; k++)
+        {{
+            (void)printf("u[%u] = %.17g\\n", (unsigned int)k, (double)u[k]);
+        }}
+    }}
+    return (code == {X}OK) ? 0 : 1;
+}}
+"""
+
+
+def cmake(name: str) -> str:
+    """The CMake file.
+
+    Parameters
+    ----------
+    name
+        Name of the source file.
+    """
+    return f"""\
+cmake_minimum_required(VERSION 3.13)
+project({name} C)
+set(CMAKE_C_STANDARD 99)
+set(CMAKE_C_EXTENSIONS OFF)
+add_library({name} STATIC {name}.c)
+target_include_directories({name} PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}})
+target_compile_options({name} PRIVATE -ffp-contract=off -Wall -Wextra -Werror)
+add_executable({name}_example main.c)
+target_link_libraries({name}_example {name})
+"""
+
+
+def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str], *, single: bool) -> str:
+    """The README.
+
+    Parameters
+    ----------
+    law, name, single
+        As for `flocking.engine.c_export.header.header`.
+    used
+        Elementary functions that the source brings along.
+    sources
+        Texts of the files that the digest covers.
+    """
+    scenario, X = law.scenario, name.upper()
+    digest = hashlib.sha256("".join(sources[k] for k in sorted(sources)).encode()).hexdigest()
+    facts = provenance("export_c", scenario) | {"seed": scenario.seed}
+    terms = ", ".join(type(t).__name__ for t in scenario.law.terms)
+    graphs = ", ".join(type(g).__name__ for g in scenario.law.graphs)
+    codes = "\n".join(f"| `{X}_{code}` | {k} | {meaning} |" for k, (code, meaning) in enumerate(STATUS))
+    bounds = "\n".join(f"| `{f}` | {BOUNDS[f][0]:g} {BOUNDS[f][1]} |" for f in sorted(used & set(BOUNDS)))
+    receiver = f"forgotten after {law.expires} ns" if law.expires is not None else "never forgotten"
+    receiver += ", and moved on with the velocity they tell" if law.predict else ", and held as they were sent"
+    limit = "none" if law.limit is None else f"{law.limit:g}; longer forces are scaled back"
+    return f"""\
+# The control law of `{scenario.name or "a flock"}` in C99
+
+Written by flocking. Terms: {terms}. Graphs: {graphs}. {law.n} agents, {law.m} axes,
+at most {law.neighbours} neighbours. Numbers are of {"single" if single else "double"} precision.
+States of neighbours are {receiver}. Largest force: {limit}.
+
+Build it with `{FLAGS}`, without `-ffast-math`: the results are then the same bits on every processor that follows
+IEEE 754. There is no heap, no library of mathematics, and every loop ends after at most {law.neighbours} neighbours,
+{sum(count for _, count in law.ranges)} obstacles or eight corrections of a root.
+
+## Calls
+
+`{name}_begin` once; `{name}_receive` for every message that arrives; `{name}_control` at every tick, for the force.
+Times are nanoseconds from the start of the scenario. Within single precision a leader's time has 24 bits.
+
+| code | value | meaning |
+| --- | --- | --- |
+{codes}
+
+## The law
+
+{formulas(law)}
+
+## Elementary functions
+
+| function | largest error |
+| --- | --- |
+{bounds}
+
+Sines of angles beyond a thousand (single) or a million (double) are NaN, which is the code `{X}_NO_FORCE`.
+
+## Where it comes from
+
+{chr(10).join(f"- {key}: {value}" for key, value in facts.items())}
+- SHA-256 of `{name}.h` and `{name}.c`: `{digest}`
+"""
+
+
+def formulas(law: ExportedLaw) -> str:
+    """The formulas of the law as LaTeX, with the values of their parameters."""
+    import sympy
+
+    names: dict[sympy.Symbol, str] = {}
+
+    def latex(expression: sympy.Expr) -> str:
+        for s in expression.free_symbols:
+            names.setdefault(s, str(s)[0] + "_{" + str(s)[1:] + "}" if str(s)[1:].isdigit() else rf"\mathrm{{{s}}}")
+            if str(s) in ("r", "t"):
+                names[s] = str(s)
+        return str(sympy.latex(expression, symbol_names=names))
+
+    lines = [r"$$u_i = \sum_{j \in N_i} \left( a(r_{ij})\, n_{ij} + b_{ij}\, (p_j - p_i) \right) + f_i$$", ""]
+    for k, pair in enumerate(law.formulas.pairs):
+        lines += [f"Graph {k}:", "", f"$$a = {latex(pair.along)}, \\qquad b = {latex(pair.drag)}$$", ""]
+    for k, force in enumerate(law.formulas.body.force):
+        lines += [f"$$f_{k} = {latex(force)}$$", ""]
+    for number, group in enumerate(law.formulas.obstacles):
+        lines += [f"Obstacles {number}, within the range {law.ranges[number][0]:g} of their surface:", ""]
+        lines += [f"$$\\mathrm{{{name}}} = {latex(e)}$$\n" for stage in group.stages() for name, e in stage.items()
+                  if name not in ("dissipation", "supply")]  # fmt: skip
+    kinds = {"P": law.P[0], "A": None, "W": None, "O": None}
+    rows = []
+    for (owner, what), slot in law.layout.slots.items():
+        values = kinds[slot[0]]
+        said = repr(float(values[int(slot[1:])])) if values is not None else "see the table in the source"
+        rows.append(f"| ${slot[0]}_{{{slot[1:]}}}$ | {owner} {what} | {said} |")
+    table = [
+        "| symbol | parameter | value |",
+        "| --- | --- | --- |",
+        "| $A_0$, $A_1$ | mass, damping | see the source |",
+    ]
+    return "\n".join([*lines, *table, *rows])

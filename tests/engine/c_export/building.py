@@ -1,0 +1,92 @@
+"""Exported laws, compiled and called on this machine."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from flocking.engine.c_export.export import c_files
+from flocking.engine.c_export.header import STATUS, words
+
+COMPILER = shutil.which("gcc") or shutil.which("cc")
+FLAGS = [
+    "-std=c99", "-O1", "-ffp-contract=off", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion",
+    "-Wdouble-promotion", "-shared", "-fPIC",
+]  # fmt: skip
+CODES = {name: k for k, (name, _) in enumerate(STATUS)}
+
+needs_compiler = pytest.mark.compiler
+
+
+def shared_object(folder, sources):
+    """A shared object of C sources, with every warning an error."""
+    for name, text in sources.items():
+        (folder / name).write_text(text)
+    c = [str(folder / name) for name in sources if name.endswith(".c") and name != "main.c"]
+    subprocess.run([COMPILER, *FLAGS, "-o", str(folder / "law.so"), *c], check=True, cwd=folder)
+    return ctypes.CDLL(str(folder / "law.so"))
+
+
+def structures(n, m, slots, graphs, real):
+    """The structures of the header."""
+
+    class Message(ctypes.Structure):
+        _fields_ = [("stamp", ctypes.c_int64), ("number", ctypes.c_int32), ("sender", ctypes.c_uint16),
+                    ("q", real * m), ("p", real * m)]  # fmt: skip
+
+    class Memory(ctypes.Structure):
+        _fields_ = [("known", Message * slots), ("time", ctypes.c_int64),
+                    ("links", (ctypes.c_uint32 * words(slots)) * graphs), ("used", ctypes.c_uint32 * words(slots)),
+                    ("order", ctypes.c_uint16 * slots), ("count", ctypes.c_uint16), ("agent", ctypes.c_uint16),
+                    ("begun", ctypes.c_uint8), ("saturated", ctypes.c_uint8)]  # fmt: skip
+
+    return Message, Memory
+
+
+class CompiledLaw:
+    """An exported law on this machine."""
+
+    def __init__(self, folder, scenario, *, float32=False, neighbours=None, limit=None):
+        self.files = c_files(scenario, float32=float32, neighbours=neighbours, limit=limit)
+        self.library = shared_object(folder, self.files)
+        self.n, self.m = scenario.start.n, scenario.start.dimension
+        self.real = ctypes.c_float if float32 else ctypes.c_double
+        self.kind = np.float32 if float32 else np.float64
+        self.slots = max(self.n - 1, 1) if neighbours is None else neighbours
+        self.Message, self.Memory = structures(self.n, self.m, self.slots, len(scenario.law.graphs), self.real)
+        self.vector = self.real * self.m
+
+    def begin(self, agent):
+        memory = self.Memory()
+        assert self.library.law_begin(ctypes.byref(memory), ctypes.c_uint16(agent)) == CODES["OK"]
+        return memory
+
+    def receive(self, memory, sender, q, p, *, number=0, stamp=0, now=None):
+        message = self.Message(stamp, number, sender, self.vector(*q), self.vector(*p))
+        now = ctypes.c_int64(stamp if now is None else now)
+        return self.library.law_receive(ctypes.byref(memory), now, ctypes.byref(message))
+
+    def start(self, memory, q, now=0):
+        return self.library.law_start(ctypes.byref(memory), ctypes.c_int64(now), self.vector(*q))
+
+    def control(self, memory, q, p, now=0):
+        u = self.vector()
+        code = self.library.law_control(ctypes.byref(memory), ctypes.c_int64(now), self.vector(*q), self.vector(*p), u)
+        return code, np.array(u[:], dtype=self.kind)
+
+    def links(self, memory, graph=0):
+        """Agents that are linked."""
+        slots = memory.order[: memory.count]
+        return [memory.known[s].sender for s in slots if memory.links[graph][s // 32] >> (s % 32) & 1]
+
+    def force(self, agent, q, p, others, now=0):
+        """Force at a start, from what is known of others."""
+        memory = self.begin(agent)
+        for j, (x, v) in others.items():
+            assert self.receive(memory, j, x, v, stamp=now) == CODES["OK"]
+        code, u = self.control(memory, q, p, now)
+        return code, u, memory

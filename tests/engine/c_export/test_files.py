@@ -1,0 +1,84 @@
+"""The exported files, what is refused by name, and the command."""
+
+import subprocess
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.apps.cli import main
+from flocking.engine.c_export.export import c_files
+from flocking.errors import InvalidInput, StorageError, UnsupportedLaw
+from tests.engine.c_export.building import COMPILER, needs_compiler
+
+LAW = fk.Law(fk.Hysteresis(4.0, 0.5), [fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=4.0)), fk.Consensus(0.7)])
+START = fk.State([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0]], np.zeros((3, 2)))
+
+
+def scenario(law=LAW, **parts):
+    return fk.Scenario(law, START, 1.0, **parts)
+
+
+def law_of(*terms, graph=None):
+    return fk.Law(graph or fk.Proximity(2.0), list(terms))
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (lambda: scenario(law_of(fk.Track(fk.Sink([0, 0]), 1.0, 1.0, shared=True))), "cannot compute the"),
+        (lambda: scenario(law_of(fk.Gradient(fk.Potential("tanh(r)")))), "cannot write math.tanh"),
+        (lambda: scenario(control=fk.SafetyFilter(0.1, distance=0.5, acceleration=1.0)), "writes no safety filter"),
+        (lambda: scenario(bodies=fk.SingleIntegrator()), "not the rule of SingleIntegrator"),
+        (lambda: fk.papers.vicsek_1995.scenario(seed=0), "not the rule of Heading"),
+    ],
+)  # fmt: skip
+def test_what_is_not_exported_is_refused_by_name(given, said):
+    with pytest.raises(UnsupportedLaw, match=said):
+        c_files(given())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"name": "Law"}, "name must be of lower-case"), ({"name": "main"}, "name must be"),
+        ({"neighbours": 0}, "neighbours must be at least 1"), ({"neighbours": 256}, "neighbours must be at most 255"),
+        ({"limit": 0.0}, "limit must be"), ({"float32": "yes"}, "float32 must be"),
+    ],
+)  # fmt: skip
+def test_values_out_of_range_are_refused(options, said):
+    with pytest.raises(InvalidInput, match=f"export_c: {said}"):
+        c_files(scenario(), **options)
+
+
+def test_numbers_too_large_for_single_precision_are_refused():
+    law = law_of(fk.Consensus(1e39))
+    assert c_files(scenario(law))
+    with pytest.raises(UnsupportedLaw, match="1e\\+39, which is not finite"):
+        c_files(scenario(law), float32=True)
+
+
+@needs_compiler
+def test_the_command_writes_a_folder_whose_example_runs(tmp_path, capsys):
+    folder = tmp_path / "law"
+    assert (
+        main(["export-c", "zhou-2015-leader", "--out", str(folder), "--float32", "--neighbours", "4", "--name", "wing"])
+        == 0
+    )
+    assert capsys.readouterr().out.strip() == str(folder / "wing.c")
+    assert sorted(x.name for x in folder.iterdir()) == ["CMakeLists.txt", "README.md", "main.c", "wing.c", "wing.h"]
+    text = (folder / "README.md").read_text()
+    assert r"\frac{1}{\left(P_{0} - r\right)^{2}}" in text
+    assert "| $P_{0}$ | term0 R | 4.0 |" in text
+    flags = ["-std=c99", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+    sources = [str(folder / name) for name in ("wing.c", "main.c")]
+    subprocess.run([COMPILER, *flags, "-o", str(folder / "example"), *sources], check=True)
+    said = subprocess.run([folder / "example"], capture_output=True, text=True, check=True).stdout
+    u = [float(line.split(" = ")[1]) for line in said.splitlines()[1:]]
+    found = next(m for k, m in fk.papers.paper("zhou-2015").scenarios().items() if k == "zhou-2015-leader")(0)
+    controller = fk.Controller(found.law, agents=found.start.n)
+    start = found.start
+    expected = controller(0.0, start.q[0], start.p[0], ids=[1], q=start.q[[1]], p=start.p[[1]])
+    assert u == pytest.approx(expected, rel=1e-5, abs=1e-5)
+    with pytest.raises(StorageError, match="not an empty folder"):
+        fk.export_c(found, folder)
