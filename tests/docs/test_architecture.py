@@ -80,6 +80,10 @@ HOMES = {
     "give an array type a name": "PairIndices =",
     "add an option to `flocking run`": "def run(",
     "change the layout of the report": "def write_report(",
+    "change the page about one run": "def write_run_page",
+    "set another command of LaTeX": "ACCENTS = ",
+    "change how a law is written in symbols": "def law_latex",
+    "change which names in sentences are variables": "ARTICLES = ",
     "change the colour of a verdict beside the measures in the lab": "class ShownVerdict",
     "change which requests the lab refuses": "class AccessCheck",
 }

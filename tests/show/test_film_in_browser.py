@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import flocking as fk
-from flocking.apps.reproduction.report_claims import card, embedded
+from flocking.apps.reproduction.report_page import card, embedded
 
 PLAYED = """async () => {
   const film = document.querySelector("video");

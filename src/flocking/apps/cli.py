@@ -187,7 +187,10 @@ def list_scenarios(*, as_json: Json = False) -> int:
     from flocking.papers.olfati_saber_2003.system import KEY as LARGE_KEY
     from flocking.papers.showcases.files import TITLES
 
-    rows = [{"scenario": name, "paper": key, "title": paper(key).title} for name, (key, _) in paper_scenarios().items()]
+    rows = [
+        {"scenario": name, "paper": key, "title": paper(key).title_of(name)}
+        for name, (key, _) in paper_scenarios().items()
+    ]
     rows += [{"scenario": name, "paper": LARGE_KEY, "title": f"Large: {title}"} for name, title in TITLES.items()]
     if as_json:
         print_json(rows)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol
@@ -54,6 +54,8 @@ class Paper:
         Dotted name of its package, if it is not part of the library.
     potential_definition
         Its definition of a potential, if it has one.
+    titles
+        Titles of scenarios by their names, such as ``"Fig. 9: a hundred agents gather around a sink"``.
     """
 
     key: str
@@ -68,6 +70,11 @@ class Paper:
     studies: tuple[str, ...] = ()
     home: str = ""
     potential_definition: Definition | None = None
+    titles: Mapping[str, str] = field(default_factory=dict)
+
+    def title_of(self, scenario: str) -> str:
+        """Title of the scenario of this name; its name where it has none."""
+        return self.titles.get(scenario, scenario)
 
     @property
     def citation(self) -> str:

@@ -11,8 +11,8 @@ import pytest
 
 import flocking as fk
 from flocking.apps.reproduction.claim_pictures import CAPTIONS, picture_of
-from flocking.apps.reproduction.report_formulas import formulas
 from flocking.apps.reproduction.reproduce import reproduce
+from flocking.formula.markup.text_formulas import set_text
 from flocking.papers import ALL_KEYS, paper
 from flocking.show.animate import ffmpeg
 from flocking.study.claims.subjects import Subject
@@ -43,7 +43,7 @@ class Tags(HTMLParser):
         if found.get("class") == "beside":
             self.shown = ""
         elif tag == "img":
-            self.shown = found["src"]
+            self.shown = found.get("src", "")
         elif tag == "article":
             self.beside[found["id"]] = self.shown
 
@@ -58,18 +58,14 @@ def read(path):
     return text, tags
 
 
-def escaped(text):
-    return text.replace("'", "&#x27;").replace('"', "&quot;").replace(">", "&gt;")
-
-
 def test_certificates_stand_beside_what_the_runs_show(folder):
     out, found = folder
     text, _ = read(out / "report.html")
     for run in found.runs.values():
         for each in fk.certify(run.scenario).granted:
-            assert escaped(each.statement) in text
-    assert "<td>yes</td>" in text
-    assert "<td>no</td>" not in text
+            assert set_text(each.statement) in text
+    assert "<td data-name='kept'>yes</td>" in text
+    assert "<td data-name='kept'>no</td>" not in text
 
 
 def test_every_claim_and_erratum_is_in_the_report(folder):
@@ -79,12 +75,13 @@ def test_every_claim_and_erratum_is_in_the_report(folder):
     assert found.as_expected
     assert len(claims) == sum(len(j) for j in found.judgements.values()) > 15
     for row in claims:
-        assert escaped(row["statement"]) in text
+        assert set_text(row["statement"]) in text
         assert row["seeds"]["tried"] == 5
         assert row["paper"] == "tanner-2003-fixed"
         assert row["scenario"].startswith(row["paper"])
     for row in json.loads((out / "errata.json").read_text(encoding="utf-8"))["tanner-2003-fixed"]:
-        assert row["number"] in text
+        assert set_text(row["number"], letters=False) in text
+        assert set_text(row["title"]) in text
         assert row["verdict"] in ("false statement", "misprint", "ambiguity or missing value")
 
 
@@ -142,22 +139,44 @@ def test_every_subject_has_a_picture_and_a_claim():
     assert set(CAPTIONS) == set(Subject) == spoken_of
 
 
-def test_formulas_are_drawn_with_all_their_pieces_and_spoken_as_latex():
-    text = formulas(fk.Potential("1/r**2 + log(r**2)").capped(2.0))
-    psi, slope = re.findall(r"<svg .*?</svg>", text)
-    for shown, pieces in ((psi, 2), (slope, 2)):
-        assert shown.count("<path") == 2 * pieces + 2  # values and conditions, the name and the brace
-        assert 'fill="currentColor"' in shown
-        assert "<text" not in shown
-    assert r"\psi(r) = \begin{cases}" in psi
-    one = formulas(fk.Potential("1/r"))
-    assert one.count("<path") == 4
-    assert r'aria-label="\psi(r) = \frac{1}{r}"' in one
-    width, height = (float(x) for x in re.search(r'width="(\d+)" height="(\d+)"', one).groups())
-    numbers = [float(x) for x in re.findall(r"-?\d+\.\d+", re.search(r' d="([^"]+)"', one).group(1))]
-    assert 10 < width < 200
-    assert 10 < height < 80
-    assert max(map(abs, numbers)) < width
+def test_laws_are_typeset_with_start_potential_and_all_values(folder):
+    from flocking.model.typesetting.law_formulas import law_latex
+    from flocking.model.typesetting.law_html import formula_html, start_words
+
+    out, found = folder
+    text, tags = read(out / "report.html")
+    module = paper("tanner-2003-fixed")
+    for name, run in found.runs.items():
+        section = text.split(f'id="scenario-{name}"')[1].split('<details class="folds"')[0]
+        assert formula_html(law_latex(run.scenario.law)) in section
+        assert start_words(run.scenario) in section
+        assert section.count("<math display") >= 4, "law, potential, slope and the motion of the agents"
+        assert section.split("<h3>")[1].startswith(module.title_of(name))
+        assert f"#scenario-{name}" in tags.links, "the contents lead to it"
+    bare = re.sub(r"<annotation.*?</annotation>|<(style|script).*?</\1>|data:[^\"]+", "", text, flags=re.DOTALL)
+    assert not re.search(r"[A-Za-z]\^|_\{", bare)
+
+
+def test_errata_of_each_kind_are_counted_apart(folder):
+    from collections import Counter
+
+    out, found = folder
+    text, _ = read(out / "report.html")
+    kinds = Counter(row["verdict"] for row in found.errata["tanner-2003-fixed"])
+    shown = dict(re.findall(r'<td class="count" data-name="([^"]+)">(\d+)</td>', text))
+    assert shown["false statements"] == str(kinds["false statement"])
+    assert shown["misprints"] == str(kinds["misprint"])
+    assert shown["ambiguous or missing"] == str(kinds["ambiguity or missing value"])
+
+
+def test_provenance_names_software_seeds_and_every_drawn_run(folder):
+    out, found = folder
+    text, _ = read(out / "report.html")
+    told = text.split('id="provenance"')[1]
+    for words in ("numpy", "sympy", "matplotlib", "python", "system", "written", "--seeds 5 --first-seed 0"):
+        assert words in told
+    for run in found.runs.values():
+        assert f"<td class='count'>{run.provenance['steps']}</td>" in told
 
 
 def test_figures_are_written_as_svg_and_png_with_a_film(folder):
@@ -200,11 +219,11 @@ def test_what_is_not_as_expected_is_framed_and_what_fails_is_listed_first(folder
     right, _ = read(out / "report.html")
     assert 'unexpected" id=' not in right
     assert "Every claim has the verdict that follows from its proof or counter-example" in right
-    top = right.split("<h2")[0]
+    top = right.split("Contents</h2>")[0]
     failing = [j.claim.statement for j in judged if j.verdict == Verdict.FAILS]
     assert failing
-    assert all(escaped(statement) in top for statement in failing)
-    assert escaped(judged[0].claim.statement) not in top
+    assert all(set_text(statement) in top for statement in failing)
+    assert set_text(judged[0].claim.statement) not in top
 
 
 def test_too_few_seeds_are_named_as_the_reason(folder, tmp_path):

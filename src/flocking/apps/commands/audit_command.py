@@ -29,6 +29,7 @@ def audit(
     radius: float | None = None,
     time_step: float | None = None,
     replay: Annotated[bool, Parameter(negative="")] = False,
+    html: Path | None = None,
     as_json: Json = False,
 ) -> int:
     """Judge claims about a saved run, or about a motion of which samples are in a file.
@@ -51,6 +52,9 @@ def audit(
         Time of one step, for GSD files of other programs.
     replay
         Compute again what the agents of a saved run used when they acted, and the forces that follow, from its log.
+    html
+        Write a page too, one file: the law in symbols and words, each claim beside a picture of its evidence, what was
+        guaranteed, and where the run comes from.
     as_json
         Print JSON.
     """
@@ -62,14 +66,15 @@ def audit(
                 raise InvalidInput(
                     "audit", name, "must be absent for a saved run", value, "It is for files of samples."
                 )
-        return _audit_run(source, as_json, replay)
+        return _audit_run(source, html, as_json, replay)
     if replay:
         raise InvalidInput("audit", "--replay", "must be absent for samples", True, "Only saved runs have a log.")
-    return _audit_samples(source, law, _named_columns(column or []), radius, time_step, as_json)
+    return _audit_samples(source, law, _named_columns(column or []), radius, time_step, html, as_json)
 
 
-def _audit_run(folder: Path, as_json: bool, replay: bool) -> int:
+def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> int:
     from flocking.apps.commands.certify_command import certificate_rows, print_promises
+    from flocking.apps.reproduction.run_page import write_run_page
     from flocking.engine.storage.stored_runs import read_run
     from flocking.papers.auditing import audit as audit_run
     from flocking.study.message_logs.replay import replay as replay_run
@@ -78,6 +83,8 @@ def _audit_run(folder: Path, as_json: bool, replay: bool) -> int:
     again = replay_run(run) if replay else None
     report = audit_run(run)
     promised = certificate_rows(report.run)
+    if html is not None:
+        write_run_page(report, html, told={"stored run": str(folder)}, source=folder.name)
     if as_json:
         found = {} if again is None else {"replay": again.as_dict()}
         print_json(report.as_dict() | {"certificates": promised} | found)
@@ -88,14 +95,16 @@ def _audit_run(folder: Path, as_json: bool, replay: bool) -> int:
         print(f"{outcome} the expected verdict.")
         if again is not None:
             print(again)
+        _tell_page(html)
     if again is not None and not again.agrees:
         return DIFFERENT
     return FINE if report.as_expected and all(row["kept"] is not False for row in promised) else DIFFERENT
 
 
 def _audit_samples(
-    path: Path, law: str | None, columns: dict[str, str], radius: float | None, time_step: float | None, as_json: bool
-) -> int:
+    path: Path, law: str | None, columns: dict[str, str], radius: float | None, time_step: float | None,
+    html: Path | None, as_json: bool,
+) -> int:  # fmt: skip
     from flocking.apps.tables import print_facts
     from flocking.errors import InvalidInput
     from flocking.papers.auditing import paper_claims
@@ -114,6 +123,12 @@ def _audit_samples(
     motion = motion_of(samples, scenario, radius=radius)
     claims = None if scenario is None else paper_claims(scenario.name)
     report = motion.audit() if claims is None else audit_claims(motion.run, claims)
+    if html is not None:
+        from flocking.apps.reproduction.run_page import write_run_page
+
+        write_run_page(
+            report, html, law_declared=law is not None, told=_facts(path, samples, motion, law), source=path.name
+        )
     if as_json:
         print_json({**report.as_dict(), **_facts(path, samples, motion, law)})
     else:
@@ -123,7 +138,13 @@ def _audit_samples(
         verdicts = [str(r.verdict) for r in report.results]
         counts = {name: verdicts.count(name) for name in dict.fromkeys(verdicts)}
         print("; ".join(f"{count} {name}" for name, count in counts.items()) + ".")
+        _tell_page(html)
     return DIFFERENT if any(r.verdict is Verdict.FAILS for r in report.results) else FINE
+
+
+def _tell_page(html: Path | None) -> None:
+    if html is not None:
+        print(f"The page: {html}")
 
 
 def _facts(path: Path, samples: Samples, motion: SampledMotion, law: str | None) -> dict[str, str]:

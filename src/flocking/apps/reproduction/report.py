@@ -9,17 +9,16 @@ from pathlib import Path
 
 from flocking.apps.reproduction.film import film_in
 from flocking.apps.reproduction.report_certificates import certificates_table
-from flocking.apps.reproduction.report_claims import card, cited, claims_beside_pictures, embedded, place_of
+from flocking.apps.reproduction.report_claims import cited, claims_beside_pictures, place_of, verdict_words
 from flocking.apps.reproduction.report_errata import equation_table, errata_tables
-from flocking.apps.reproduction.report_formulas import formulas
-from flocking.apps.reproduction.report_style import STYLE
+from flocking.apps.reproduction.report_page import boxes, card, contents, embedded, folding, page
+from flocking.apps.reproduction.report_provenance import runs_table, software_facts
+from flocking.apps.reproduction.report_scenarios import scenario_section
 from flocking.apps.reproduction.report_tables import head_row, table
 from flocking.apps.reproduction.results import Reproduction
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import write_file
-from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.potentials.potential import Potential
-from flocking.model.terms.pair_terms import Gradient, Term
+from flocking.formula.markup.text_formulas import set_text
 from flocking.papers.description import Paper
 from flocking.papers.equation_table import Fault
 from flocking.show.declaration import Figure
@@ -62,7 +61,8 @@ def write_report(found: Reproduction, papers: dict[str, Paper], out: Path) -> Pa
         The report.
     """
     sections = [_paper(key, article, found, out) for key, article in papers.items()]
-    text = _page(_summary(found, papers) + "".join(sections) + _provenance(found))
+    body = _summary(found, papers) + _contents(found, papers, out) + "".join(sections) + _provenance(found, papers)
+    text = page("Flocking control: papers, reproduced", body)
     return write_file(out / "report.html", text.encode(), "write the report")
 
 
@@ -95,13 +95,25 @@ def figures_of(article: Paper, name: str) -> dict[str, str]:
     return {str(k): f.caption for k, f in article.figures().items() if name in f.scenarios(first)}
 
 
-def _page(body: str) -> str:
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>Flocking control: five papers, reproduced</title>\n<style>{STYLE}</style>\n</head>\n"
-        f"<body>\n<main>\n{body}</main>\n</body>\n</html>\n"
-    )
+def anchor_of(scenario: str) -> str:
+    """Anchor of the section of a scenario, whose name may be the key of its paper."""
+    return f"scenario-{scenario}"
+
+
+def _contents(found: Reproduction, papers: dict[str, Paper], out: Path) -> str:
+    entries = []
+    for key, article in papers.items():
+        below = [(anchor_of(name), article.title_of(name)) for name in article.scenarios()]
+        below += [(f"{key}-figures", "Figures")]
+        below += [(f"{key}-film", "Film")] if _film_of(found, article, out / key) is not None else []
+        below += [(f"{key}-errata", "False statements, misprints, ambiguities, own questions; equation table")]
+        entries.append((key, _name(article), below))
+    entries.append(("provenance", "Provenance", []))
+    return f"<h2 id='contents'>Contents</h2>\n{contents(entries)}"
+
+
+def _film_of(found: Reproduction, article: Paper, folder: Path) -> Path | None:
+    return film_in(folder) if next(iter(article.scenarios())) in found.runs else None
 
 
 def _all(found: Reproduction) -> list[Judgement]:
@@ -119,23 +131,22 @@ def _summary(found: Reproduction, papers: dict[str, Paper]) -> str:
         (str(counts[Verdict.FAILS]), "fail"),
         (str(counts[Verdict.OBSERVED]), "observed, with a rate"),
         (str(len(judged) - sum(counts[v] for v in (Verdict.HOLDS, Verdict.FAILS, Verdict.OBSERVED))), "undecided"),
-        (str(origins[Origin.ASSUMPTION]), "of these assumed by a paper"),
-        (str(origins[Origin.OWN]), "of these our own questions"),
+        (str(origins[Origin.ASSUMPTION]), "claims that a paper assumes"),
+        (str(origins[Origin.OWN]), "claims that are our own questions"),
         (str(faults[Fault.FALSE]), "false statements"),
         (str(faults[Fault.MISPRINT]), "misprints"),
         (str(faults[Fault.READING]), "ambiguities or missing values"),
-        (str(faults[Fault.OWN]), "rows of our own"),
+        (str(faults[Fault.OWN]), "statements of our own, not printed"),
         (str(max((j.tried for j in judged), default=0)), "seeds a scenario"),
         (f"{found.seconds:.0f} s", "computing time"),
     ]
-    boxes = "".join(f"<div><b>{escape(value)}</b>{escape(name)}</div>" for value, name in numbers)
     rows = "".join(_paper_row(key, article, found) for key, article in papers.items())
     head = head_row("paper", *COUNTED)
     return (
         "<h1>Flocking control: the papers, reproduced</h1>\n"
         f'<p class="dim">What each theorem claims, whether it holds in the simulations, by what margin, and which '
-        f'printed statements are wrong.</p>\n<div class="numbers">{boxes}</div>\n<p>{escape(_outcome(judged))}</p>\n'
-        f"{table(head, rows)}{_failing(found)}"
+        f"printed statements are wrong.</p>\n{boxes(numbers)}<p>{escape(_outcome(judged))}</p>\n"
+        f"{table(head, rows, 'What was found in each paper')}{_failing(found, papers)}"
     )
 
 
@@ -173,12 +184,13 @@ FAILING = {
 """Headings over the claims that fail, by their origin: only the first contradict a paper."""
 
 
-def _failing(found: Reproduction) -> str:
+def _failing(found: Reproduction, papers: dict[str, Paper]) -> str:
     """The claims that fail by origin, each statement once, with links to its scenarios."""
-    return "".join(_failing_of(found, origin, heading) for origin, heading in FAILING.items())
+    titles = {name: article.title_of(name) for article in papers.values() for name in article.scenarios()}
+    return "".join(_failing_of(found, titles, origin, heading) for origin, heading in FAILING.items())
 
 
-def _failing_of(found: Reproduction, origin: Origin, heading: str) -> str:
+def _failing_of(found: Reproduction, titles: dict[str, str], origin: Origin, heading: str) -> str:
     places: dict[tuple[str, str], list[tuple[str, Judgement]]] = {}
     for name, judgements in found.judgements.items():
         for j in judgements:
@@ -188,9 +200,10 @@ def _failing_of(found: Reproduction, origin: Origin, heading: str) -> str:
         return ""
     items = []
     for (statement, source), where in places.items():
-        links = ", ".join(f'<a href="#{escape(place_of(n, j))}">{escape(n)}</a>' for n, j in where)
-        items.append(f'<li>{escape(statement)} <span class="dim">{escape(source)}</span>: {links}</li>')
-    return f"<h3>{escape(heading)}</h3>\n<ul>{''.join(items)}</ul>\n"
+        links = "; ".join(f'<a href="#{escape(place_of(n, j))}">{escape(titles[n])}</a>' for n, j in where)
+        shown = f'{set_text(statement)} <span class="dim">{set_text(source, letters=False)}</span>'
+        items.append(f"<li>{verdict_words(Verdict.FAILS)} {shown}: {links}</li>")
+    return f"<h2>{escape(heading)}</h2>\n<ul>{''.join(items)}</ul>\n"
 
 
 def _name(article: Paper) -> str:
@@ -200,7 +213,6 @@ def _name(article: Paper) -> str:
 def _paper(key: str, article: Paper, found: Reproduction, out: Path) -> str:
     about = escape(f"{article.authors}. {article.venue}, {article.year}")
     parts = [f'<h2 id="{escape(key)}">{escape(article.title)}</h2>\n<p class="dim">{about}</p>\n']
-    parts.append(_formulas(found, article))
     drawn = {p.stem.removeprefix("figure-"): p for p in found.figures if p.parent.name == key and p.suffix == ".svg"}
     captions = {str(k): f.caption + seeds_of(f, found.runs) for k, f in article.figures().items()}
     shown: set[str] = set()
@@ -211,69 +223,56 @@ def _paper(key: str, article: Paper, found: Reproduction, out: Path) -> str:
         shown |= cited(judgements, figures)
         beside = claims_beside_pictures(name, judgements, out / key / CLAIMS, figures, seed)
         certificates = certificates_table(found.runs[name]) if name in found.runs else ""
-        parts.append(f'<h3>{escape(name)}</h3>\n<div class="groups">\n{beside}</div>\n{certificates}')
-    filmed = next(iter(article.scenarios())) in found.runs
+        system = scenario_section(found.runs[name].scenario) if name in found.runs else ""
+        heading = f'{escape(article.title_of(name))} <span class="dim">{escape(_counts(judgements))}</span>'
+        parts.append(folding(anchor_of(name), heading, f"{system}<h4>Claims</h4>\n{beside}{certificates}"))
     rest = {n: path for n, path in drawn.items() if n not in shown}
-    parts.append(_figures(captions, rest, film_in(out / key) if filmed else None))
-    parts.append(errata_tables(found.errata.get(key, [])))
-    parts.append(equation_table(article))
+    parts.append(folding(f"{key}-figures", "Figures", _figures(captions, rest) or "<p>All are beside claims.</p>"))
+    film = _film_of(found, article, out / key)
+    if film is not None:
+        parts.append(folding(f"{key}-film", "Film", _film(film, article.title_of(next(iter(article.scenarios()))))))
+    errata = errata_tables(found.errata.get(key, [])) + equation_table(article)
+    parts.append(folding(f"{key}-errata", "How its statements are read", errata))
     return "".join(parts)
 
 
-def _formulas(found: Reproduction, article: Paper) -> str:
-    runs = [found.runs[name] for name in article.scenarios() if name in found.runs]
-    shown: dict[str, Potential] = {}
-    for run in runs:
-        for term in run.scenario.law.pair_terms:
-            if isinstance(term, Gradient):
-                shown.setdefault(term.potential.formula.structure, term.potential)
-    return "".join(f'<div class="formula">{formulas(psi)}</div>\n' for psi in shown.values())
+def _counts(judgements: list[Judgement]) -> str:
+    counts = Counter(str(j.verdict) for j in judgements)
+    return ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
 
 
-def _figures(captions: dict[str, str], drawn: dict[str, Path], film: Path | None) -> str:
-    """The paper's figures that are beside no claim, and the film."""
+def _figures(captions: dict[str, str], drawn: dict[str, Path]) -> str:
+    """The paper's figures that are beside no claim."""
     cards = [
         card(embedded(drawn[number], "image/svg+xml"), f"Fig. {number}. {caption}")
         for number, caption in captions.items()
         if number in drawn
     ]
-    if film is not None:
-        video = film.suffix == ".mp4"
-        shown = embedded(film, "video/mp4" if video else "image/gif")
-        cards.append(card(shown, "The first scenario in motion.", video=video))
-    return f'<h3>Figures</h3>\n<div class="figures">{"".join(cards)}</div>\n' if cards else ""
+    return f'<div class="figures">{"".join(cards)}</div>\n' if cards else ""
 
 
-def _provenance(found: Reproduction) -> str:
-    runs = list(found.runs.values())
-    if not runs:
-        return ""
-    facts = dict(runs[0].provenance)
-    for name in ("scenario", "seed", "steps", "tolerance"):
-        facts.pop(name, None)
-    shown = "".join(f"<dt>{escape(str(k))}</dt><dd>{escape(str(v))}</dd>" for k, v in facts.items())
-    rows = "".join(_scenario_row(name, run) for name, run in found.runs.items())
-    head = head_row("scenario", "agents", "until", "tolerance", "steps", "switches", "parameters")
+def _film(film: Path, title: str) -> str:
+    video = film.suffix == ".mp4"
+    shown = embedded(film, "video/mp4" if video else "image/gif")
+    return f'<div class="figures">{card(shown, f"{title}, in motion.", video=video)}</div>\n'
+
+
+def _provenance(found: Reproduction, papers: dict[str, Paper]) -> str:
+    tried = [j.tried for j in _all(found)] or [0]
+    told = {
+        "papers": ", ".join(papers),
+        "command": f"flocking reproduce {' '.join(papers)} --seeds {min(tried)} --first-seed {found.first_seed}",
+        "seeds": f"from {found.first_seed} on, {min(tried)} to {max(tried)} a scenario, and those of counter-examples",
+        "computing time": f"{found.seconds:.0f} s",
+    }
+    rows = {
+        anchor_of(name): (article.title_of(name), found.runs[name])
+        for article in papers.values()
+        for name in article.scenarios()
+        if name in found.runs
+    }
     return (
-        f'<h2 id="provenance">Provenance</h2>\n<dl>{shown}</dl>\n'
-        f"<p>Seeds are {found.first_seed}, {found.first_seed + 1} and so on; the table shows the run that is drawn. "
-        "The same call gives the same numbers.</p>\n"
-        f'<div class="scroll"><table><thead>{head}</thead><tbody>{rows}</tbody></table></div>\n'
+        f'<h2 id="provenance">Provenance</h2>\n{software_facts(told)}'
+        "<p>The table lists the runs that are drawn; their laws and parameters are in their sections. The same call "
+        "gives the same numbers.</p>\n" + (runs_table(rows) if rows else "")
     )
-
-
-def _scenario_row(name: str, run: Run) -> str:
-    law = run.scenario.law
-    values = [f"{type(law.graph).__name__} {_plain(law.graph)}"] + [
-        f"{type(t).__name__} {_plain(t)}" for t in law.terms
-    ]
-    return (
-        f"<tr><td>{escape(name)}</td><td class='count'>{run.n}</td><td class='count'>{run.scenario.t_end:g}</td>"
-        f"<td class='count'>{run.scenario.tolerance:g}</td><td class='count'>{run.provenance.get('steps', '')}</td>"
-        f"<td class='count'>{len(run.switches)}</td><td>{escape('; '.join(values))}</td></tr>"
-    )
-
-
-def _plain(part: Graph | Term) -> str:
-    values = dict(part.parameters) | {k: getattr(part, k) for k in ("radius", "gap") if hasattr(part, k)}
-    return ", ".join(f"{k}={v:g}" if isinstance(v, int | float) else f"{k}=..." for k, v in values.items())

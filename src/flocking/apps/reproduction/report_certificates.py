@@ -6,6 +6,7 @@ from html import escape
 
 from flocking.apps.reproduction.report_tables import head_row, table
 from flocking.engine.runs.run import Run
+from flocking.formula.markup.text_formulas import set_text
 from flocking.study.certificates.certify import certify
 from flocking.study.certificates.comparison import compare
 
@@ -32,8 +33,8 @@ def certificates_table(run: Run) -> str:
         kept = "" if row is None else KEPT[row.kept]
         promised = "" if each.safe_bound is None else f"{each.side} {each.safe_bound:.4g}"
         rows.append(
-            f"<tr><td>{escape(each.statement)}</td><td>{escape(each.source)}</td><td>{escape(promised)}</td>"
-            f"<td>{observed}</td><td>{kept}</td></tr>"
+            f"<tr><td>{set_text(each.statement)}</td><td>{set_text(each.source, letters=False)}</td>"
+            f"<td>{escape(promised)}</td><td>{observed}</td><td data-name='kept'>{kept}</td></tr>"
         )
     head = head_row("guaranteed before the run", "theorem", "promised", "observed", "kept")
-    return f"<h4>Certificates</h4>\n{table(head, rows)}"
+    return f"<h4>Certificates</h4>\n{table(head, rows, 'Certificates')}"

@@ -1,22 +1,49 @@
-"""Claims in the report, each beside the picture of its subject."""
+"""Claims in reports, each beside the picture of its subject."""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
 
 from flocking.apps.reproduction.claim_pictures import CAPTIONS, picture_of
+from flocking.apps.reproduction.report_page import card, embedded
 from flocking.apps.reproduction.results import rate_of
 from flocking.apps.tables import short
-from flocking.study.claims.claim import Origin, Verdict
-from flocking.study.claims.judgement import Judgement
+from flocking.formula.markup.text_formulas import set_text
+from flocking.study.claims.claim import Claim, Origin, Result, Verdict
+from flocking.study.claims.judgement import DECIDED, Judgement
+
+SHAPES: dict[str, str] = {
+    Verdict.HOLDS: "✓",
+    Verdict.FAILS: "✕",
+    Verdict.OBSERVED: "◆",
+    Verdict.NOT_YET: "…",
+    Verdict.NOT_RESOLVED: "?",
+    Verdict.UNTESTED: "○",
+    Verdict.HYPOTHESIS_NOT_MET: "△",
+    Verdict.NOT_APPLICABLE: "–",
+}
+"""Sign of each verdict, so that colour is not all that tells them apart."""
+
+Judged = Judgement | Result
+"""A claim judged over many seeds, or about one run."""
+
+
+def kind_of(verdict: Verdict) -> str:
+    """Class of the style sheet for a verdict."""
+    return str(verdict) if verdict in (Verdict.HOLDS, Verdict.FAILS) else "other"
+
+
+def verdict_words(verdict: Verdict) -> str:
+    """A verdict in words with its sign."""
+    shape = f'<span aria-hidden="true">{SHAPES[verdict]}</span>'
+    return f'<span class="verdict {kind_of(verdict)}">{shape} {escape(str(verdict))}</span>'
 
 
 def claims_beside_pictures(
     name: str,
-    judgements: Iterable[Judgement],
+    judgements: Iterable[Judged],
     pictures: Path,
     figures: Mapping[str, tuple[Path, str]],
     seed: str = "",
@@ -36,14 +63,15 @@ def claims_beside_pictures(
     seed
         Sentence for the captions of the others: whose run they show.
     """
-    groups: dict[str, list[Judgement]] = {}
+    groups: dict[str, list[Judged]] = {}
     for judgement in judgements:
         groups.setdefault(picture_of(judgement.claim, figures), []).append(judgement)
     parts = []
     for picture, group in groups.items():
         shown = _picture(name, picture, pictures, figures, seed)
-        parts.append(f'<div class="beside">{shown}<div>{"".join(_claim(name, j) for j in group)}</div></div>\n')
-    return "".join(parts)
+        cards = "".join(_judgement(name, j) if isinstance(j, Judgement) else _result(name, j) for j in group)
+        parts.append(f'<div class="beside">{shown}<div>{cards}</div></div>\n')
+    return f'<div class="groups">\n{"".join(parts)}</div>\n'
 
 
 def cited(judgements: Iterable[Judgement], numbers: Iterable[str]) -> set[str]:
@@ -60,15 +88,15 @@ def cited(judgements: Iterable[Judgement], numbers: Iterable[str]) -> set[str]:
     return {name.removeprefix("figure-") for j in judgements if (name := picture_of(j.claim, known))[:7] == "figure-"}
 
 
-def place_of(name: str, judgement: Judgement) -> str:
+def place_of(name: str, judged: Judged) -> str:
     """Anchor of a claim of a scenario.
 
     Parameters
     ----------
-    judgement
-        Judgement of the claim.
+    judged
+        The claim with its verdict.
     """
-    return f"{name}-claim-{judgement.claim.key}"
+    return f"{name}-claim-{judged.claim.key}"
 
 
 def _picture(name: str, picture: str, pictures: Path, figures: Mapping[str, tuple[Path, str]], seed: str) -> str:
@@ -80,60 +108,37 @@ def _picture(name: str, picture: str, pictures: Path, figures: Mapping[str, tupl
     return card(embedded(file, "image/svg+xml"), f"{CAPTIONS[picture]}{seed}") if file.exists() else "<div></div>"
 
 
-def _claim(name: str, j: Judgement) -> str:
-    verdict = str(j.verdict)
-    kind = verdict if verdict in ("holds", "fails") else "other"
+def _judgement(name: str, j: Judgement) -> str:
     rate = (
         f"; held in {rate_of(j)} of the decided seeds, with the 95 % interval" if j.verdict == Verdict.OBSERVED else ""
     )
-    origin = "" if j.claim.origin is Origin.PAPER else f"{j.claim.origin}; "
-    basis = j.claim.ground or str(j.claim.basis)
     decisive = "counter-example:" if j.counterexample is not None else "worst margin"
-    unexpected = "" if j.as_expected else " unexpected"
-    expected = "" if j.as_expected else f' <span class="dim">expected: {escape(j.claim.expectation)}</span>'
-    reason = f'<p class="dim">{escape(j.claim.reason)}</p>' if j.claim.reason else ""
-    measured = f"; {escape(j.worst.note)}" if j.worst.note else ""
     waiting = f", not yet {j.waiting}" if j.waiting else ""
     waiting += f", not resolved {j.unresolved}" if j.unresolved else ""
+    counts = f"held {j.held}{waiting}, met {j.met}, tried {j.tried}{escape(rate)}; {decisive} "
+    return _card(j.claim, place_of(name, j), j.verdict, j.as_expected, counts + _measured(j.worst))
+
+
+def _result(name: str, result: Result) -> str:
+    # A run that leaves a claim open contradicts nothing.
+    fine = result.as_expected or result.verdict not in (*DECIDED, Verdict.NOT_RESOLVED)
+    return _card(result.claim, place_of(name, result), result.verdict, fine, f"margin {_measured(result)}")
+
+
+def _measured(result: Result) -> str:
+    error = f" (error {short(result.error)})" if result.error > 0 else ""
+    return escape(f"{short(result.margin)}{error}{f'; {result.note}' if result.note else ''}")
+
+
+def _card(claim: Claim, place: str, verdict: Verdict, as_expected: bool, measured: str) -> str:
+    origin = "" if claim.origin is Origin.PAPER else f"{claim.origin}; "
+    unexpected = "" if as_expected else " unexpected"
+    expected = "" if as_expected else f' <span class="dim">expected: {escape(claim.expectation)}</span>'
+    reason = f'<p class="dim">{set_text(claim.reason)}</p>' if claim.reason else ""
     return (
-        f'<article class="claim {kind}{unexpected}" id="{escape(place_of(name, j))}">'
-        f'<p><span class="verdict {kind}">{escape(verdict)}</span>{expected} {escape(j.claim.statement)} '
-        f'<span class="dim">{escape(origin)}{escape(j.claim.source)}</span></p>{reason}'
-        f'<p class="dim small">Rests on: {escape(basis)}</p>'
-        f'<p class="small">held {j.held}{waiting}, met {j.met}, tried {j.tried}{escape(rate)}; {decisive} '
-        f"{escape(short(j.worst.margin))}{measured}</p></article>"
+        f'<article class="claim {kind_of(verdict)}{unexpected}" id="{escape(place)}">'
+        f"<p>{verdict_words(verdict)}{expected} {set_text(claim.statement)} "
+        f'<span class="dim">{escape(origin)}{set_text(claim.source, letters=False)}</span></p>{reason}'
+        f'<p class="dim small">Rests on: {set_text(claim.ground or str(claim.basis))}</p>'
+        f'<p class="small">{measured}</p></article>'
     )
-
-
-def embedded(path: Path, kind: str) -> str:
-    """A file as a data URL.
-
-    Parameters
-    ----------
-    path
-        The file.
-    kind
-        Its media type.
-    """
-    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
-
-
-def card(source: str, caption: str, *, video: bool = False) -> str:
-    """A picture or film with its caption.
-
-    Parameters
-    ----------
-    source
-        Address of the picture.
-    caption
-        What it shows.
-    video
-        Whether it is a video and not a picture.
-    """
-    text = escape(caption)
-    shown = (
-        f'<video src="{source}" controls loop muted playsinline></video>'
-        if video
-        else f'<img src="{source}" alt="{text}">'
-    )
-    return f"<figure>{shown}<figcaption>{text}</figcaption></figure>"

@@ -6,7 +6,9 @@ from collections import Counter
 from collections.abc import Sequence
 from html import escape
 
+from flocking.apps.reproduction.report_page import more
 from flocking.apps.reproduction.report_tables import head_row, table
+from flocking.formula.markup.text_formulas import set_text
 from flocking.papers.description import Paper
 from flocking.papers.equation_table import Fault, RowData
 
@@ -31,7 +33,7 @@ def errata_tables(rows: Sequence[RowData]) -> str:
     for fault, heading in HEADINGS.items():
         chosen = [row for row in rows if row["verdict"] == fault]
         if chosen:
-            parts.append(f"<h3>{escape(heading)} ({len(chosen)})</h3>\n" + _faults(fault, chosen))
+            parts.append(f"<h4>{escape(heading)} ({len(chosen)})</h4>\n" + _faults(fault, chosen))
     return "".join(parts)
 
 
@@ -39,21 +41,21 @@ def _faults(fault: Fault, rows: Sequence[RowData]) -> str:
     shown = any(row["demonstration"] for row in rows)
     items = [_fault(fault, row, shown) for row in rows]
     columns = ("where", "what", "printed", "true", "example") if shown else ("where", "what")
-    return table(head_row(*columns), items)
+    return table(head_row(*columns), items, HEADINGS[fault])
 
 
 def _fault(fault: Fault, row: RowData, shown: bool) -> str:
     colour = "wrong" if fault is Fault.FALSE else "other"
     text = (
-        f'<tr><td class="verdict {colour}">{escape(row["number"])}</td><td>{escape(row["title"])}'
-        f'<br><span class="dim">{escape(row["reason"] or row["note"])}</span></td>'
+        f'<tr><td class="verdict {colour}">{set_text(row["number"], letters=False)}</td>'
+        f'<td>{set_text(row["title"])}<br><span class="dim">{set_text(row["reason"] or row["note"])}</span></td>'
     )
     if shown:
         found = row["demonstration"] or {"printed": "", "true": "", "example": ""}
         text += "".join(
             f'<td class="count" data-name="{name}">{_number(found[name])}</td>' for name in ("printed", "true")
         )
-        text += f"<td>{escape(str(found['example']))}</td>"
+        text += f"<td>{set_text(str(found['example']))}</td>"
     return text + "</tr>"
 
 
@@ -73,16 +75,16 @@ def equation_table(article: Paper) -> str:
     counts = Counter(row["verdict"] for row in rows)
     body = "".join(map(_equation, rows))
     verdicts = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
-    return (
-        f"<details><summary>Equation table: {len(rows)} rows ({escape(verdicts)})</summary>"
-        f"<div class='scroll'><table><thead>{head_row('number', 'statement', 'verdict', 'home')}</thead>"
-        f"<tbody>{body}</tbody></table></div></details>\n"
+    head = head_row("number", "statement", "verdict", "home")
+    return more(
+        f"Equation table: {len(rows)} rows ({escape(verdicts)})", table(head, (body,), f"Equations of {article.title}")
     )
 
 
 def _equation(row: RowData) -> str:
-    note = f'<br><span class="dim">{escape(row["note"])}</span>' if row["note"] else ""
+    note = f'<br><span class="dim">{set_text(row["note"])}</span>' if row["note"] else ""
     return (
-        f"<tr><td>{escape(row['number'])}</td><td>{escape(row['title'])}{note}</td><td>{escape(row['verdict'])}</td>"
+        f"<tr><td>{set_text(row['number'], letters=False)}</td><td>{set_text(row['title'])}{note}</td>"
+        f"<td>{escape(row['verdict'])}</td>"
         f"<td><code>{escape(row['home'].removeprefix('flocking.'))}</code></td></tr>"
     )

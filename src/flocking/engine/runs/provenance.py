@@ -10,7 +10,8 @@ from flocking.model.law import Scenario
 
 
 @lru_cache(maxsize=16)
-def _version(package: str) -> str:
+def version_of(package: str) -> str:
+    """Version of an installed ``package``, or that it is not installed."""
     # Looking a version up reads files, which short runs would feel.
     try:
         return version(package)
@@ -22,6 +23,6 @@ def provenance(engine: str, scenario: Scenario) -> dict[str, object]:
     """Versions of the software that computed a run, and what was asked of ``engine``."""
     return {
         "engine": engine, "scenario": scenario.name, "seed": scenario.seed,
-        **{package: _version(package) for package in ("flocking", "numpy", "scipy", "llvmlite")},
+        **{package: version_of(package) for package in ("flocking", "numpy", "scipy", "llvmlite")},
         "python": platform.python_version(), "machine": platform.machine(),
     }  # fmt: skip

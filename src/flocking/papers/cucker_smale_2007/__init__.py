@@ -28,6 +28,18 @@ PAPER = Paper(
     scenarios=scenarios,
     claims=claims,
     figures=figures,
+    titles={
+        "cucker-smale-2007": "Twenty agents, exponent 0.4: agreement from every start",
+        "cucker-smale-2007-critical": "Twenty agents, exponent 1/2",
+        "cucker-smale-2007-sharp": "Twenty agents, exponent 1: a condition on the start",
+        "cucker-smale-2007-pair": "Two agents on a line, slow enough for each other",
+        "cucker-smale-2007-parting": "Two agents on a line, too fast for each other",
+        "cucker-smale-2007-delayed": "Five agents that know each other late",
+        "cucker-smale-2007-reaction": "Two agents with all states known late",
+        "cucker-smale-2007-monotone": "Two agents with a delay too short to overshoot",
+        "cucker-smale-2007-unstable": "Two agents with a delay beyond the limit of stability",
+        "cucker-smale-2007-discrete": "Twenty agents in discrete time",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

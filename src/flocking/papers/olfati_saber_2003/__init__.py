@@ -24,6 +24,12 @@ PAPER = Paper(
     claims=claims,
     figures=figures,
     studies=("olfati-saber-density",),
+    titles={
+        "olfati-saber-2003": "Figs. 7 and 8: a hundred agents pass six obstacles",
+        "olfati-saber-2003-sink": "Fig. 9: a hundred agents gather around a sink",
+        "olfati-saber-2003-free": "Protocol (34) alone, thirty agents near a lattice",
+        "olfati-saber-2003-smooth": "Protocol (35) alone, thirty agents near a lattice",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

@@ -28,6 +28,16 @@ PAPER = Paper(
     scenarios=scenarios,
     claims=claims,
     figures=figures,
+    titles={
+        "olfati-saber-2006": "Algorithm 2: 150 agents follow a gamma-agent",
+        "olfati-saber-2006-fragments": "Algorithm 1: forty agents without a common goal",
+        "olfati-saber-2006-space": "Algorithm 2 in three dimensions, fifty agents",
+        "olfati-saber-2006-gentle": "Algorithm 1: ten agents with less energy than one collision needs",
+        "olfati-saber-2006-pressed": "Algorithm 2 in three dimensions with a strong pull",
+        "olfati-saber-2006-split": "Algorithm 3: split and rejoin among obstacles",
+        "olfati-saber-2006-squeeze": "Algorithm 3: squeeze through a gap",
+        "olfati-saber-2006-network": "The setting of a published network simulator",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

@@ -36,6 +36,16 @@ PAPER = Paper(
         True,
         (Rule.differentiable, Rule.nonnegative, Rule.at_zero, Rule.unique, Rule.constant_beyond),
     ),
+    titles={
+        "shi-2009": "Fig. 4: law (4), velocity known to some, acceleration to all",
+        "shi-2009-all-informed": "Fig. 5: law (4), velocity and acceleration known to all",
+        "shi-2009-disconnected": "Fig. 6: law (4), from a start that is not connected",
+        "shi-2009-uniform": "Law (8) of Theorem 3, which the paper does not simulate",
+        "shi-2009-velocity-only": "Fig. 7: law (12), acceleration unknown",
+        "shi-2009-position": "Fig. 8: law (15) with position feedback, acceleration unknown",
+        "shi-2009-partial": "Fig. 10: law (4), acceleration known to some",
+        "shi-2009-partial-disconnected": "Fig. 11: law (4), acceleration known to some, start not connected",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

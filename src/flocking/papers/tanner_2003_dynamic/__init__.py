@@ -31,6 +31,9 @@ PAPER = Paper(
     potential_definition=Definition(
         KEY, "Tanner II, Definition IV.2", False, (Rule.nonnegative, Rule.at_zero, Rule.unique, Rule.increasing)
     ),
+    titles={
+        "tanner-2003-dynamic": "Sec. VII: ten agents, linked while closer than R",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

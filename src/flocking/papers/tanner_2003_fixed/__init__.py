@@ -25,6 +25,10 @@ PAPER = Paper(
         True,
         (Rule.differentiable, Rule.nonnegative, Rule.unbounded, Rule.at_zero, Rule.unique),
     ),
+    titles={
+        "tanner-2003-fixed": "Sec. V: ten agents in a random connected graph",
+        "tanner-2003-fixed-complete": "The same with every pair linked",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

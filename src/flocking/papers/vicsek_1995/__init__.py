@@ -22,6 +22,15 @@ PAPER = Paper(
     scenarios=scenarios,
     claims=claims,
     figures=figures,
+    titles={
+        "vicsek-1995": "Fig. 1 (a), (c): 300 agents on a wide torus with strong noise",
+        "vicsek-1995-gathering": "Fig. 1 (b): low density and weak noise",
+        "vicsek-1995-ordered": "Fig. 1 (d): high density and weak noise",
+        "vicsek-1995-small": "Fig. 2: forty agents at noise 1",
+        "vicsek-1995-noiseless": "Forty agents without noise, within half a turn",
+        "vicsek-1995-random": "Forty agents with headings drawn anew at every update",
+        "vicsek-1995-vectorial": "Later work: vectorial noise and the forward update",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

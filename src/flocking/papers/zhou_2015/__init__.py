@@ -22,6 +22,10 @@ PAPER = Paper(
     figures=figures,
     studies=("zhou-bound",),
     potential_definition=Definition(KEY, "Zhou, rules (i)-(ii)", False, (Rule.unique, Rule.at_zero, Rule.at_radius)),
+    titles={
+        "zhou-2015": "Ten agents without a leader",
+        "zhou-2015-leader": "Ten agents with a virtual leader",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

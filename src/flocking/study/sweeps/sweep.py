@@ -248,6 +248,6 @@ def versions() -> dict[str, object]:
 
     import numpy as np
 
-    from flocking.engine.runs.provenance import _version
+    from flocking.engine.runs.provenance import version_of
 
-    return {"flocking": _version("flocking"), "numpy": np.__version__, "python": platform.python_version()}
+    return {"flocking": version_of("flocking"), "numpy": np.__version__, "python": platform.python_version()}

@@ -1,0 +1,62 @@
+"""Where the numbers of a report come from: software, machine, engines, and a row for every run that is shown."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from html import escape
+
+from flocking.apps.reproduction.report_page import facts
+from flocking.apps.reproduction.report_tables import head_row, table
+from flocking.engine.runs.provenance import version_of
+from flocking.engine.runs.run import Run
+
+PACKAGES = ("flocking", "numpy", "scipy", "sympy", "llvmlite", "matplotlib", "networkx", "zarr", "xarray")
+"""Packages whose versions are told: what computes, judges and draws."""
+
+
+def software() -> dict[str, object]:
+    """Versions of packages and Python, the machine, and the time."""
+    return {
+        **{name: version_of(name) for name in PACKAGES},
+        "python": f"{platform.python_implementation()} {platform.python_version()}",
+        "system": platform.platform(),
+        "processor": platform.machine(),
+        "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+    }
+
+
+def software_facts(more: Mapping[str, object]) -> str:
+    """Versions, machine and time as a list.
+
+    Parameters
+    ----------
+    more
+        What is told before them, by name.
+    """
+    return facts([*more.items(), *software().items()])
+
+
+def runs_table(rows: Mapping[str, tuple[str, Run]]) -> str:
+    """A row for each run that is shown.
+
+    Parameters
+    ----------
+    rows
+        Title and run, by the anchor that the title leads to.
+    """
+    names = ("scenario", "engine", "agents", "from", "to", "frames", "seed", "tolerance", "steps", "switches", "status")
+    body = [_row(anchor, title, run) for anchor, (title, run) in rows.items()]
+    return table(head_row(*names), body, "Runs that are shown")
+
+
+def _row(anchor: str, title: str, run: Run) -> str:
+    s = run.scenario
+    numbers = (
+        run.provenance.get("engine", ""), run.n, f"{run.t[0]:g}", f"{run.t[-1]:g}", len(run.t),
+        "none" if s.seed is None else s.seed, f"{s.tolerance:g}", run.provenance.get("steps", "not told"),
+        len(run.switches), run.status,
+    )  # fmt: skip
+    cells = "".join(f"<td class='count'>{escape(str(x))}</td>" for x in numbers)
+    return f'<tr><td><a href="#{escape(anchor)}">{escape(title)}</a></td>{cells}</tr>'

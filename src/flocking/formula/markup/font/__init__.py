@@ -1,0 +1,1 @@
+"""A font with a table of mathematics, for pages that stand alone."""

@@ -1,0 +1,179 @@
+"""Laws and scenarios as HTML: formulas, their parts in words, values and potentials."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.formula.markup.mathml import to_mathml
+from flocking.formula.markup.text_formulas import set_text
+from flocking.model.law import Law, Scenario
+from flocking.model.parts.registration import description_of
+from flocking.model.potentials.potential import Potential
+from flocking.model.typesetting.documentation import meanings_of, summary_of
+from flocking.model.typesetting.law_formulas import law_latex, motion_latex, term_formulas, weight_latex
+from flocking.model.typesetting.part_words import value_words
+from flocking.model.typesetting.symbols import parameter_latex
+
+LISTED_BESIDE = frozenset({"potential", "over"})
+"""Fields that are shown elsewhere."""
+
+
+def formula_html(latex: str) -> str:
+    """A formula in ``latex`` on a line of its own, which scrolls where it is wide; as it is where it cannot be set."""
+    try:
+        shown = to_mathml(latex, block=True)
+    except InvalidInput:
+        shown = f"<code>{escape(latex)}</code>"
+    return f'<div class="formula" tabindex="0" role="group" aria-label="formula">{shown}</div>'
+
+
+def part_html(part: object, symbols: tuple[str, ...] = ()) -> str:
+    """A part in words: its name, what it is, and a table of its values with their meanings.
+
+    Parameters
+    ----------
+    part
+        The part.
+    symbols
+        Names of its fields that stand in a formula by a symbol.
+    """
+    kind = description_of(part)
+    name = type(part).__name__
+    head = f"<p><strong>{escape(name)}</strong>: {set_text(summary_of(part))}</p>"
+    if kind is None:
+        return head
+    meanings, rows = meanings_of(part), []
+    for field in kind.fields.values():
+        value = getattr(part, field.attribute, None)
+        if value is None or field.name in LISTED_BESIDE or isinstance(value, Potential):
+            continue
+        each = isinstance(value, np.ndarray)
+        symbol = to_mathml(parameter_latex(field.name, each=each)) if field.name in symbols else ""
+        rows.append(
+            f"<tr><td>{symbol}</td><th scope='row'>{escape(field.name)}</th><td>{escape(value_words(value))}</td>"
+            f"<td>{set_text(meanings.get(field.name, ''))}</td></tr>"
+        )
+    if not rows:
+        return head
+    heads = "".join(f"<th scope='col'>{x}</th>" for x in ("symbol", "name", "value", "meaning"))
+    return (
+        f"{head}<div class='scroll' tabindex='0' role='group' aria-label='{escape(name)}: values'>"
+        f"<table class='values'><thead><tr>{heads}</tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></div>"
+    )
+
+
+def potentials_of(law: Law, dimension: int) -> dict[str, tuple[str, Potential]]:
+    """The different potentials of a law: the name of each in LaTeX and the potential, by name and values."""
+    found: dict[str, tuple[str, Potential]] = {}
+    for term in term_formulas(law, dimension):
+        for name, psi in term.potentials.items():
+            found.setdefault(f"{name} {psi!r}", (name, psi))
+    return found
+
+
+def potential_html(name: str, psi: Potential) -> str:
+    """A potential ``psi`` with its name in LaTeX, its slope and its parameters."""
+    import sympy
+
+    r, formula = psi.symbolic()
+    shape = sympy.latex(sympy.piecewise_fold(formula))
+    slope = sympy.latex(sympy.piecewise_fold(sympy.diff(formula, r)))
+    values = ", ".join(f"{escape(k)} = {v:.6g}" for k, v in psi.parameters.items())
+    given = f"<p>with {values}</p>" if values else ""
+    return formula_html(f"{name}(r) = {shape}") + formula_html(f"{name}'(r) = {slope}") + given
+
+
+def law_html(law: Law, dimension: int = 2) -> str:
+    """A law: its formula, its potentials, and each of its parts in words.
+
+    Parameters
+    ----------
+    law
+        The law.
+    dimension
+        Number of axes.
+    """
+    shown = "".join(potential_html(name, psi) for name, psi in potentials_of(law, dimension).values())
+    return formula_html(law_latex(law, dimension)) + law_legend(law) + shown + parts_html(law, dimension)
+
+
+def law_legend(law: Law) -> str:
+    """What the symbols of a law are, and what agents must know."""
+    i, normal = to_mathml("i"), to_mathml(r"\mathbf{n}_{ij}")
+    knows = "Every agent can compute it from what it and its neighbours know."
+    if not law.distributed:
+        knows = f"An agent must also know: {escape(', '.join(law.beyond_neighbours))}."
+    return (
+        f"<p>{to_mathml('q_i')} and {to_mathml('p_i')} are position and velocity of agent {i}, {to_mathml('N_i')} its "
+        f"neighbours, {to_mathml('r_{ij}')} is the distance of {i} and {to_mathml('j')}, {normal} the unit vector from "
+        f"{i} to {to_mathml('j')}. {knows}</p>"
+    )
+
+
+def parts_html(law: Law, dimension: int) -> str:
+    """Graphs and terms of a law in words, with their values.
+
+    Parameters
+    ----------
+    law
+        The law.
+    dimension
+        Number of axes.
+    """
+    parts = []
+    for graph in law.graphs:
+        weight = weight_latex(graph)
+        parts.append(part_html(graph, tuple(graph.parameters)) + (formula_html(weight) if weight else ""))
+    for term in term_formulas(law, dimension):
+        note = "" if term.exact else "<p>Its formula has no short form; its documentation states it.</p>"
+        parts.append(part_html(term.term, tuple(term.term.parameters)) + note)
+    return "".join(parts)
+
+
+def start_words(scenario: Scenario) -> str:
+    """How a scenario begins, in a sentence."""
+    q, p = scenario.start.q, scenario.start.p
+    box = " × ".join(f"[{low:.4g}, {high:.4g}]" for low, high in zip(q.min(axis=0), q.max(axis=0), strict=True))
+    speeds = np.linalg.norm(p, axis=1)
+    agents = "1 agent" if len(q) == 1 else f"{len(q)} agents"
+    seed = "" if scenario.seed is None else f" Seed {scenario.seed}."
+    return (
+        f"{agents} in {q.shape[1]} dimensions, within {box}, speeds {speeds.min():.4g} to {speeds.max():.4g}, "
+        f"from t = {scenario.start.t:g} to {scenario.t_end:g}.{seed}"
+    )
+
+
+def scenario_html(scenario: Scenario) -> str:
+    """A scenario: its law, its start, what its agents are, and what is not ideal about its world.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    start = f"<p><strong>Start</strong>: {escape(start_words(scenario))}</p>"
+    return law_html(scenario.law, scenario.start.dimension) + start + world_html(scenario)
+
+
+def world_html(scenario: Scenario) -> str:
+    """What the agents of a scenario are, what they know, when they act, and its energy.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    moving = "".join(formula_html(latex) for latex in motion_latex(scenario.agents))
+    parts = [part_html(scenario.agents, ("masses", "damping")) + moving]
+    parts += [part_html(part) for part in (scenario.space, scenario.information, scenario.control)]
+    energy = scenario.energy
+    unlinked = f"; a pair without a link stores {energy.unlinked:.6g}" if energy.unlinked else ""
+    parts.append(
+        f"<p><strong>Energy</strong>: {set_text(energy.name)}, in the frame of the {escape(energy.frame)}{unlinked}. "
+        f"Error tolerance {scenario.tolerance:g}.</p>"
+    )
+    return "".join(parts)

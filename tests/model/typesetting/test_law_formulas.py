@@ -1,0 +1,111 @@
+"""Laws in symbols: the printed formula is evaluated anew and gives the control; what has no short form is said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.formula.markup.mathml import to_mathml
+from flocking.model.terms.body_terms import BodyTerm
+from flocking.model.typesetting.documentation import meanings_of, summary_of
+from flocking.model.typesetting.law_formulas import law_latex, motion_latex, term_formulas, weight_latex
+from flocking.model.typesetting.law_html import law_html, scenario_html
+from flocking.papers import ALL_KEYS, paper
+
+
+@pytest.mark.parametrize("key", ALL_KEYS)
+def test_every_law_of_the_papers_has_its_formula(key):
+    seen = set()
+    for make in paper(key).scenarios().values():
+        scenario = make(0)
+        kinds = tuple(term.structure for term in scenario.law.terms)
+        if kinds in seen:
+            continue
+        seen.add(kinds)
+        found = term_formulas(scenario.law, scenario.start.dimension)
+        assert all(term.exact for term in found), [t.latex for t in found]
+        to_mathml(law_latex(scenario.law, scenario.start.dimension))
+
+
+def test_the_formulas_of_the_common_terms_are_those_of_the_textbooks():
+    law = fk.Law(
+        fk.Proximity(2.0),
+        [fk.Gradient(fk.Potential("1/r")), fk.Consensus(0.8), fk.Track([1.0, 0.0], position_gain=2.0), fk.Compensate()],
+    )
+    shown = [term.latex for term in term_formulas(law)]
+    assert shown == [
+        r"\sum_{j \in N_i} \psi'{\left(r_{ij}\right)}\,\mathbf{n}_{ij}",
+        r"\sum_{j \in N_i} c\,\left(p_j - p_i\right)",
+        r"- c_{\mathrm{position}} \left(q_i - x_0\right) - c_{\mathrm{velocity}} \left(p_i - v_0\right)",
+        r"k_i p_i",
+    ]
+    smooth = fk.Law(fk.Smooth(2.0, 0.5), [fk.Gradient(fk.Potential("1/r"), weighting="force")])
+    assert r"a{\left(r_{ij}\right)} \psi'{\left(r_{ij}\right)}" in law_latex(smooth)
+    assert weight_latex(smooth.graph).startswith(r"a(r) = \begin{cases}")
+    assert weight_latex(law.graph) == ""
+
+
+def test_saturated_feedback_is_printed_with_norms():
+    law = fk.Law(fk.Proximity(2.0), [fk.Track([1.0, 0.0], saturated=True)])
+    assert law_latex(law, 3).count(r"\left\|p_i - v_0\right\|^{2}") == 1
+
+
+@dataclass(frozen=True)
+class Turn(BodyTerm):
+    """A force across the velocity, which no formula of vectors without a rotation states."""
+
+    gain: float = 1.0
+
+    @property
+    def parameters(self):
+        return {"gain": self.gain}
+
+    @property
+    def structure(self):
+        return ("Turn",)
+
+    def force(self, x):
+        return [-x.parameter("gain") * x.p[1], x.parameter("gain") * x.p[0]]
+
+
+@dataclass(frozen=True)
+class AxisOnly(Turn):
+    """A drag along the first axis alone: its first component looks like that of a vector formula."""
+
+    def force(self, x):
+        return [-x.parameter("gain") * x.p[0], *[0 * v for v in x.p[1:]]]
+
+
+@pytest.mark.parametrize("term", [Turn(), AxisOnly()])
+def test_components_that_no_vector_formula_states_are_not_printed_as_one(term):
+    (shown,) = term_formulas(fk.Law(fk.Proximity(1.0), [term]), 2)
+    assert not shown.exact
+    assert shown.latex == rf"\mathrm{{{type(term).__name__}}}_i"
+    assert "no short form" in law_html(fk.Law(fk.Proximity(1.0), [term]), 2)
+
+
+def test_motion_is_that_of_the_body():
+    assert motion_latex(fk.PointMass()) == [r"\dot{q}_i = p_i", r"\dot{p}_i = u_i"]
+    assert motion_latex(fk.PointMass(2.0)) == [r"\dot{q}_i = p_i", r"\dot{p}_i = \frac{u_i}{m_i}"]
+    assert motion_latex(fk.SingleIntegrator()) == [r"\dot{q}_i = u_i"]
+    assert motion_latex(fk.Heading(1.0, 0.1)) == [], "headings are set at ticks"
+    assert motion_latex(fk.Unicycle(0.1)) == [], "one axis has no heading"
+
+
+def test_a_part_is_told_by_its_documentation():
+    assert summary_of(fk.Hysteresis(4, 0.3)).startswith("Links break at radius and appear only below radius - gap")
+    meanings = meanings_of(fk.Consensus)
+    assert list(meanings)[:3] == ["gain", "weights", "weighted"]
+    assert meanings["gain"].startswith("Common factor c")
+
+
+def test_a_scenario_states_its_values_start_and_world():
+    psi = fk.Potential("a*r**2", a=2.0)
+    law = fk.Law(fk.Hysteresis(4, 0.3), [fk.Gradient(psi), fk.Consensus(np.array([1.0, 2.0]))])
+    scenario = fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=3.0, control=fk.Held(0.5), seed=None)
+    text = scenario_html(scenario)
+    for words in ("with a = 2", "(1, 2)", ">0.3<", "2 agents in 2 dimensions", "from t = 0 to 3", "Held", ">0.5<"):
+        assert words in text, words
