@@ -46,12 +46,15 @@ def test_a_users_run_gets_a_page_with_law_claims_pictures_and_provenance(stored,
     assert {link[1:] for link in tags.links if link.startswith("#")} <= set(tags.names)
 
 
-def test_a_claim_that_the_run_leaves_open_is_not_framed_and_a_wrong_one_is(stored, tmp_path):
+def test_a_claim_that_the_run_leaves_open_is_not_framed_and_a_wrong_one_is(stored, tmp_path, monkeypatch):
     from dataclasses import replace
 
     from flocking.study.claims.audit import Report
     from flocking.study.claims.claim import Verdict
 
+    # Pictures and certificates take long and are looked at above.
+    monkeypatch.setattr("flocking.apps.reproduction.run_page._draw", lambda report, folder: [])
+    monkeypatch.setattr("flocking.apps.reproduction.run_page.certificates_table", lambda run: "")
     report = fk.audit(fk.read_run(stored))
     first = report.results[0]
     for verdict, framed in ((Verdict.NOT_YET, False), (Verdict.HOLDS, False), (Verdict.FAILS, True)):
@@ -75,7 +78,8 @@ def test_samples_without_a_law_get_a_page_without_one(tmp_path):
     assert "data.csv" in text
 
 
-def test_a_page_that_cannot_be_written_is_one_line(stored, tmp_path, capsys):
+def test_a_page_that_cannot_be_written_is_one_line(stored, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("flocking.apps.reproduction.run_page._draw", lambda report, folder: [])
     from flocking.apps.cli import main
 
     assert main(["audit", str(stored), "--html", str(tmp_path)]) == 2
