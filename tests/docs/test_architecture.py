@@ -24,6 +24,8 @@ HOMES = {
     "change how a safety filter changes forces": "class ForceFilter:",
     "add a guarantee of a safety filter": "def safety_certificates(",
     "add a steering term": "class Separation(",
+    "change how a vehicle follows a wanted velocity": "class VelocityUnit(",
+    "change what agents know by position fixes": "class Fixes(",
     "change how headings are set at ticks": "class Heading(",
     "change how neighbours are found in discrete time": "class CellPairs:",
     "add an actuator or a limit": "class Limited(",

@@ -27,7 +27,8 @@ def scenario(part, engine):
     if part.startswith("fk.Law"):
         law, world = eval(part, names), {}
     else:
-        law, world = LAW, eval(f"dict({part})", names)
+        world = eval(f"dict({part})", names)
+        law = world.pop("law", LAW)
     discrete = isinstance(world.get("bodies"), fk.DiscreteBody)
     if engine in ("sampled", "discrete") or discrete:
         world = {"control": fk.Held(0.1)} | world

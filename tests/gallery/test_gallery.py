@@ -132,6 +132,16 @@ def reynolds_1987(made):
     assert made["apart"] > 0.3
 
 
+def vasarhelyi_2018(made):
+    assert made["means"]["speed"] > 2.0
+    assert made["means"]["overrun"] < 10.0
+    np.testing.assert_allclose(made["distances"], [2.5, 10.0, (64 + 6.25**2) / 5])
+    np.testing.assert_allclose(made["article"].braking_speed(made["distances"], 2.5, 0.4), made["speeds"])
+    assert len([a for a in made["flocks"].axes if any(x.get_gid() == "walls" for x in a.lines)]) == 5
+    plain, _, stronger, _ = made["late"].values()
+    assert plain < 0.4 < stronger
+
+
 def olfati_saber_2006(made):
     ends = {title: flocks(run.links_at(-1)) for title, run in made["runs"].items()}
     assert ends["Algorithm 1"] > 10
@@ -171,8 +181,8 @@ def cluster_obstacles(made):
 
 SHOWS = {check.__name__: check for check in (
     tanner_2003_fixed, tanner_2003_dynamic, zhou_2015, shi_2009, olfati_saber_2003, own_potential, space, field_of_view,
-    live_lab, moving_obstacles, figure_of_eight, cucker_smale_2007, own_terms, reynolds_1987, vicsek_1995,
-    olfati_saber_2006, obstacle_field, flock_from_noise, cluster_obstacles,
+    live_lab, moving_obstacles, figure_of_eight, cucker_smale_2007, own_terms, reynolds_1987, vasarhelyi_2018,
+    vicsek_1995, olfati_saber_2006, obstacle_field, flock_from_noise, cluster_obstacles,
 )}  # fmt: skip
 
 
@@ -186,7 +196,8 @@ def study(made):
 SHOWS |= dict.fromkeys((name for name in SCRIPTS if name.startswith("study_")), study)
 
 SLOW = {
-    "own_terms", "reynolds_1987", "vicsek_1995", "space", "moving_obstacles", "olfati_saber_2003", "olfati_saber_2006",
+    "own_terms", "reynolds_1987", "vasarhelyi_2018",
+    "vicsek_1995", "space", "moving_obstacles", "olfati_saber_2003", "olfati_saber_2006",
     "live_lab",
 }  # fmt: skip
 """Their kernels are their own and take long to compile the first time; the others are in the default tests."""

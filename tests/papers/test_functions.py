@@ -31,6 +31,9 @@ GIVEN = {
     ),
     "vicsek-1995": ("mean_directions", "deviations", "order_series", "random_order", "binder_cumulant"),
     "reynolds-1987": ("boid_force", "bird_force", "next_state", "observed"),
+    "vasarhelyi-2018": (
+        "braking_speed", "braking_distance", "cluster_radius", "error_variances", "lone_speeds", "order_parameters",
+    ),
 }  # fmt: skip
 
 

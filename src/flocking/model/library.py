@@ -12,6 +12,7 @@ from flocking.model.bodies.disturbances import Disturbed as Disturbed
 from flocking.model.bodies.point_bodies import PointMass as PointMass
 from flocking.model.bodies.point_bodies import SingleIntegrator as SingleIntegrator
 from flocking.model.bodies.unicycles import Unicycle as Unicycle
+from flocking.model.bodies.velocity_units import VelocityUnit as VelocityUnit
 from flocking.model.energy import Energy as Energy
 from flocking.model.graphs.all_pairs import Complete as Complete
 from flocking.model.graphs.distance_graphs import Fixed as Fixed
@@ -50,6 +51,11 @@ from flocking.model.terms.avoidance import Avoid as Avoid
 from flocking.model.terms.body_terms import BodyTerm as BodyTerm
 from flocking.model.terms.body_terms import Compensate as Compensate
 from flocking.model.terms.body_terms import Track as Track
+from flocking.model.terms.braking import BrakingAlignment as BrakingAlignment
+from flocking.model.terms.braking import LinearRepulsion as LinearRepulsion
+from flocking.model.terms.braking import SelfPropulsion as SelfPropulsion
+from flocking.model.terms.braking import ShillDisc as ShillDisc
+from flocking.model.terms.braking import ShillWalls as ShillWalls
 from flocking.model.terms.pair_terms import Consensus as Consensus
 from flocking.model.terms.pair_terms import Gradient as Gradient
 from flocking.model.terms.pair_terms import PairTerm as PairTerm
@@ -62,6 +68,7 @@ from flocking.model.terms.steering import TurnBack as TurnBack
 from flocking.model.world.control import Continuous as Continuous
 from flocking.model.world.control import Control as Control
 from flocking.model.world.control import Held as Held
+from flocking.model.world.fixes import Fixes as Fixes
 from flocking.model.world.information import Delayed as Delayed
 from flocking.model.world.information import Information as Information
 from flocking.model.world.information import Instant as Instant

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 KEYS = ("olfati-saber-2003", "tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "shi-2009")
 """Keys of the papers that are reproduced by default, in this order."""
 
-STANDARD_KEYS = ("olfati-saber-2006", "cucker-smale-2007", "vicsek-1995", "reynolds-1987")
+STANDARD_KEYS = ("olfati-saber-2006", "cucker-smale-2007", "vicsek-1995", "reynolds-1987", "vasarhelyi-2018")
 """Keys of further standard laws of the literature, which are reproduced on demand."""
 
 ALL_KEYS = (*KEYS, *STANDARD_KEYS)

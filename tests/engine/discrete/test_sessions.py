@@ -126,7 +126,7 @@ def test_what_does_not_go_together_is_refused(parts, said):
         (lambda: fk.Heading(0.0), "speed must be greater than 0"),
         (lambda: fk.Heading(1.0, noise=-1.0), "noise must be at least 0"),
         (lambda: fk.Heading(1.0, noise_kind="white"), "must be 'angular' or 'vectorial'"),
-        (lambda: fk.Heading(1.0, update="both"), "must be 'backward' or 'forward'"),
+        (lambda: fk.Heading(1.0, update="both"), "must be 'backward', 'forward', 'sequential' or 'shuffled'"),
         (lambda: fk.Impulsive(force=0.0), "force must be greater than 0"),
         (lambda: fk.Limited(fk.Heading(1.0), force=1.0), "body must move continuously"),
         (lambda: fk.Lagged(fk.Impulsive(), 1.0), "body must move continuously"),

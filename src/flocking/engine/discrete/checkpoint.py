@@ -21,6 +21,10 @@ SAME = 1e-6
 """Difference of the time from the nanoseconds of the last instant that rounding explains, in nanoseconds."""
 
 
+OPTIONAL = ("ahead", "heard", "errors")
+"""Arrays that only some sessions have."""
+
+
 @dataclass
 class DiscreteMemory:
     """What a session goes on from, but links, records and counts.
@@ -35,6 +39,12 @@ class DiscreteMemory:
         How often each agent has ticked, shape (N,).
     instant
         The last instant, in nanoseconds from the start.
+    ahead
+        Positions at the next tick, of bodies that state how they move, whose velocities there are those waiting.
+    heard
+        The last fixes of all agents, the newest first, shape (delay + 1, N, 2 m); None where agents know the present.
+    errors
+        Errors of the newest fix, shape (N, 2 m).
     """
 
     q: Array
@@ -42,6 +52,9 @@ class DiscreteMemory:
     waiting: Array
     ticked: Instants
     instant: int = 0
+    ahead: Array | None = None
+    heard: Array | None = None
+    errors: Array | None = None
 
 
 class Read(NamedTuple):
@@ -76,6 +89,7 @@ def packed_memory(
         As for `Read`.
     """
     arrays: Arrays = {"q": memory.q, "p": memory.p, "waiting": memory.waiting, "ticked": memory.ticked}
+    arrays |= {name: value for name in OPTIONAL if (value := getattr(memory, name)) is not None}
     for k, found in enumerate(pairs):
         table = np.array(found, dtype=np.int64).reshape(2, -1)
         arrays[f"pairs{k}"] = np.ascontiguousarray(table[:, np.argsort(table[0] * len(memory.q) + table[1])])
@@ -115,6 +129,8 @@ def unpacked_memory(fresh: DiscreteMemory, packed: Packed, scenario: Scenario) -
     Names({
         "q": motion, "p": motion, "waiting": motion, "ticked": Table("i8", (n,), 0, MOST_COUNT),
         **{f"pairs{k}": Table("i8", (2, None), 0, n - 1) for k in range(len(graphs))},
+        **{name: Table("f8", value.shape, -LARGEST, LARGEST) for name in OPTIONAL
+           if (value := getattr(fresh, name)) is not None},
     }).check(arrays, "")  # fmt: skip
     numbers = cast(dict[str, float], data)
     instant, time = int(numbers["instant"]), float(numbers["time"])
@@ -135,5 +151,8 @@ def unpacked_memory(fresh: DiscreteMemory, packed: Packed, scenario: Scenario) -
         found.append((i.copy(), j.copy()))
     fresh.q, fresh.p, fresh.waiting = arrays["q"], arrays["p"], arrays["waiting"]
     fresh.ticked, fresh.instant = ticked, instant
+    for name in OPTIONAL:
+        if getattr(fresh, name) is not None:
+            setattr(fresh, name, arrays[name])
     gaps = LawGaps(int(numbers["checks"]), float(numbers["gap"]), float(numbers["allowed"]), float(numbers["worst"]))
     return Read(time, int(numbers["steps"]), found, gaps)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from flocking.engine.discrete.session import DiscreteOptions, DiscreteSession
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.engine import Engine
@@ -14,6 +16,7 @@ from flocking.model.bodies.discrete_bodies import DiscreteBody
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
+from flocking.model.world.fixes import Fixes
 
 
 class DiscreteEngine(Engine):
@@ -24,7 +27,7 @@ class DiscreteEngine(Engine):
     options = DiscreteOptions
     runs_in_threads = True
     spaces = (Open, Periodic)
-    worlds = (Held,)
+    worlds = (Held, Fixes)
     discrete_bodies = True
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
@@ -38,6 +41,8 @@ class DiscreteEngine(Engine):
                 raise UnsupportedLaw(
                     f"engine='discrete' links by distances; {type(graph).__name__} looks at headings at rest."
                 )
+        if isinstance(scenario.information, Fixes):
+            _check_fixes(scenario, scenario.information)
         if scenario.agents.in_turn and (scenario.law.pair_terms or scenario.law.body_terms):
             raise UnsupportedLaw(
                 f"engine='discrete' lets agents act one after another under steering terms alone, and "
@@ -54,6 +59,21 @@ class DiscreteEngine(Engine):
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""
         return DiscreteSession.unpack(packed, stored, changes)
+
+
+def _check_fixes(scenario: Scenario, fixes: Fixes) -> None:
+    """Refuse fixes that are not those of the ticks, and what does not act on them."""
+    control, law = scenario.control, scenario.law
+    assert isinstance(control, Held)
+    period, phase = (np.asarray(x, dtype=np.float64) for x in (control.period, control.phase))
+    if np.any(period != fixes.period) or np.any(phase):
+        raise UnsupportedLaw(
+            "engine='discrete' runs Fixes with the period of the control, without a phase. Give both the same period."
+        )
+    if law.pair_terms or law.body_terms or not scenario.space.is_open or getattr(scenario.agents, "in_turn", False):
+        raise UnsupportedLaw(
+            "engine='discrete' runs Fixes under steering terms alone, in open space, of agents that act together."
+        )
 
 
 ENGINE = DiscreteEngine()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,10 +16,11 @@ from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
-from flocking.engine.reference.steering import WIDER, farthest, seen_by, steering_forces
+from flocking.engine.reference.steering import WIDER, everyone, farthest, seen_by, steering_forces, within
 from flocking.errors import LawNotObeyed
 from flocking.model.graph_functional import averages, graph_functional, uses_functional
 from flocking.model.law import Scenario
+from flocking.model.terms.steering import Seen
 from flocking.model.world.times import NANOSECOND
 
 CHECKED = 64
@@ -37,6 +39,36 @@ Judged = tuple[Indices, list[LinkedPairs]]
 """Agents whose forces are compared with the law, and their linked pairs under each graph."""
 
 
+class Known(NamedTuple):
+    """What agents know of themselves and of others.
+
+    Parameters
+    ----------
+    heard
+        Fixes, the newest first, shape (delay + 1, N, 2 m): agents know their own newest, and the oldest of others.
+    range
+        Distance, of the true positions, up to which others are heard.
+    """
+
+    heard: Array
+    range: float
+
+    def seen(self, agents: Indices, others: tuple[Indices, Indices]) -> Seen:
+        """What agents know of others.
+
+        Parameters
+        ----------
+        agents
+            Numbers of the agents, shape (K,).
+        others
+            Pairs: places in ``agents``, and the others, shape (L,) each.
+        """
+        (of, j), m = others, self.heard.shape[2] // 2
+        own, late = self.heard[0][agents], self.heard[-1][j]
+        offset = late[:, :m] - own[of, :m]
+        return Seen(own[:, :m], own[:, m:], of, offset, np.sqrt((offset**2).sum(axis=1)), late[:, m:])
+
+
 class DiscreteLaw:
     """The law of a scenario on the present state.
 
@@ -51,6 +83,8 @@ class DiscreteLaw:
         self.n, self.m = scenario.start.q.shape
         self.layout = Layout(self.law, scenario.energy, scenario.agents, scenario.space, steering=True)
         self._reach = farthest(self.law.steering_terms)
+        heard = getattr(scenario.information, "range", None)
+        self._reach = heard if heard is not None else self._reach
         self._search = CellPairs(scenario.space, self._reach * WIDER, self.n) if self._reach else None
         self._kernels = LawKernels(compiled_kernels(self.layout, self.m), 2)
         self._obstacles = ObstacleDistances(self.law)
@@ -73,7 +107,9 @@ class DiscreteLaw:
         self._since = self._last_change(t)
         self._slots = Slots(*self.layout.values(self.scenario.agents, self.n, self._since))
 
-    def forces(self, t: float, q: Array, p: Array, neighbours: list[Neighbours]) -> Array:
+    def forces(
+        self, t: float, q: Array, p: Array, neighbours: list[Neighbours], known: Known | None = None
+    ) -> Array:  # fmt: skip
         """Forces that the law wants of all agents, shape (N, m).
 
         Parameters
@@ -84,6 +120,8 @@ class DiscreteLaw:
             Positions and velocities, shape (N, m).
         neighbours
             Linked pairs of each graph.
+        known
+            What agents know, where that is not the present.
 
         Raises
         ------
@@ -95,13 +133,16 @@ class DiscreteLaw:
         pairs = free_pairs([*(each.pairs for each in neighbours), *self._obstacles.met(q, t)])
         u = np.zeros((self.n, self.m))
         self._kernels.control(t, q, p, pairs, self._slots, self._functionals(neighbours), u, self._rates)
-        return np.asarray(u + self._steering(q, p)) if self.law.steering_terms else u
+        return np.asarray(u + self._steering(q, p, known)) if self.law.steering_terms else u
 
-    def _steering(self, q: Array, p: Array) -> Array:
+    def _steering(self, q: Array, p: Array, known: Known | None = None) -> Array:
         """Forces of the steering terms, shape (N, m), on agents that a cell list finds."""
-        none = np.zeros(0, dtype=np.int64)
+        none, agents = np.zeros(0, dtype=np.int64), np.arange(self.n)
         others = (none, none) if self._search is None else self._search.near(q)[:2]
-        seen = seen_by(np.arange(self.n), others, q, p, self.scenario.space)
+        if known is None:
+            seen = seen_by(agents, others, q, p, self.scenario.space)
+        else:
+            seen = known.seen(agents, within(others, agents, q, known.range))
         found = np.zeros((self.n, self.m))
         for term in self.law.steering_terms:
             found += term.steer(seen)
@@ -146,7 +187,9 @@ class DiscreteLaw:
         agents: Indices = np.unique((first + np.arange(count) * self.n // count) % self.n).astype(np.int64)
         return agents, [each.seen_by(agents, q, EDGE * UNIT) for each in neighbours]
 
-    def compare(self, judged: Judged, t: float, state: tuple[Array, Array], u: Array, gaps: LawGaps) -> None:
+    def compare(
+        self, judged: Judged, t: float, state: tuple[Array, Array], u: Array, gaps: LawGaps, known: Known | None = None
+    ) -> None:  # fmt: skip
         """Compare forces of some agents with those of the declared law, while no number is too large for it.
 
         Parameters
@@ -159,6 +202,8 @@ class DiscreteLaw:
             The forces to compare, shape (N, m).
         gaps
             Takes the largest difference.
+        known
+            What agents know, where that is not the present.
 
         Raises
         ------
@@ -176,7 +221,7 @@ class DiscreteLaw:
         declared = self._declared.state(group, agents, pairs)
         if self.law.steering_terms:
             # The functions of arrays are the same: what is compared is who sees whom, here by comparison with all.
-            steering = steering_forces(self.law, q, p, self.scenario.space, agents)
+            steering = self._compared(agents, q, p, known)
             size = np.sqrt((steering**2).sum(axis=1))
             declared = replace(
                 declared, force=declared.force + steering, size=declared.size + size,
@@ -185,6 +230,14 @@ class DiscreteLaw:
         damping = np.broadcast_to(np.asarray(self.scenario.agents.damping, dtype=np.float64), self.n)
         wrong = gaps.compare_forces(declared, u[agents] - damping[agents, None] * p[agents], np.zeros(len(agents)))
         self._count(gaps, t, None if wrong is None else int(agents[wrong]))
+
+    def _compared(self, agents: Indices, q: Array, p: Array, known: Known | None) -> Array:
+        """Forces of the steering terms on some agents, shape (K, m), by comparison with all others."""
+        if known is None:
+            return steering_forces(self.law, q, p, self.scenario.space, agents)
+        others = everyone(agents, q, known.range)
+        seen = known.seen(agents, within(others, agents, q, known.range))
+        return np.asarray(sum(term.steer(seen) for term in self.law.steering_terms))
 
     def compare_in_turn(self, t: float, state: tuple[Array, Array], agent: int, u: Array, gaps: LawGaps) -> None:
         """Compare the force of one agent at its turn with that of the law on what a cell list finds.

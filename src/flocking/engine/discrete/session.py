@@ -12,7 +12,7 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links, Mask
 from flocking.engine import interruption
 from flocking.engine.discrete.checkpoint import DiscreteMemory, packed_memory, unpacked_memory
-from flocking.engine.discrete.law_in_force import DiscreteLaw
+from flocking.engine.discrete.law_in_force import DiscreteLaw, Known
 from flocking.engine.discrete.neighbours import Neighbours
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.protocol.session import Packed, Session, Stored
@@ -20,9 +20,11 @@ from flocking.engine.runs.fidelity import Fidelity, LedgerRule
 from flocking.engine.runs.recorder import MOST_LINKED, Recorder
 from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
 from flocking.model.bodies.discrete_bodies import DiscreteBody
+from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.control import Held
+from flocking.model.world.fixes import Fixes
 from flocking.model.world.times import NANOSECOND
 
 COMPARED_IN_TURN = 16
@@ -76,6 +78,12 @@ class DiscreteSession(Session):
             np.array(start.q, dtype=np.float64), np.array(start.p, dtype=np.float64),
             np.zeros((self.n, self.m)), np.zeros(self.n, dtype=np.int64),
         )  # fmt: skip
+        if self._body.moves_itself:
+            self.memory.ahead = self.memory.q.copy()
+        if isinstance(scenario.information, Fixes):
+            exact = np.concatenate([self.memory.q, self.memory.p], axis=1)
+            self.memory.heard = np.repeat(exact[None], scenario.information.late + 1, axis=0)
+            self.memory.errors = np.zeros_like(exact)
         graphs = scenario.law.graphs
         self.neighbours = [
             Neighbours(graph, scenario.space, start.q, start.links if k == 0 else None)
@@ -92,6 +100,9 @@ class DiscreteSession(Session):
         """Positions at a time of the scenario, from the last instant on, shape (N, m)."""
         memory = self.memory
         since = 0.0 if self._instant(t) == memory.instant else (t - self._base) - memory.instant * NANOSECOND
+        if memory.ahead is not None and memory.ticked[0] and since:
+            # What lies between ticks is not kept: frames there are on the straight line.
+            return np.asarray(memory.q + (since / float(self._period[0])) * (memory.ahead - memory.q))
         return np.asarray(memory.q + since * memory.p)
 
     def advance(self, to: float, seconds: float = math.inf) -> None:
@@ -128,6 +139,9 @@ class DiscreteSession(Session):
             return
         with np.errstate(all="ignore"):
             q = memory.q + ((at - memory.instant) * NANOSECOND) * memory.p
+        if memory.ahead is not None:
+            q, memory.p = memory.ahead.copy(), memory.waiting.copy()
+            self._check_finite("A velocity", memory.p, np.arange(self.n))
         self._check_finite("A position", q, np.arange(self.n))
         if self._body.update == "backward":
             taking = ticking & (memory.ticked > 0)
@@ -148,20 +162,43 @@ class DiscreteSession(Session):
         if self._body.in_turn:
             self._act_in_turn(judged is not None)
             return
-        u = self._law.forces(t, *state, self.neighbours)
+        if memory.heard is not None:
+            self._take_fixes()
+        known = Known(memory.heard, self._range) if memory.heard is not None else None
+        u = self._law.forces(t, *state, self.neighbours, known)
         self._check_finite("A force", u, np.arange(self.n))
         if judged is not None:
-            self._law.compare(judged, t, state, u, self.law_gaps)
+            self._law.compare(judged, t, state, u, self.law_gaps, known)
         with np.errstate(all="ignore"):
             found = self._body.updated(memory.p[agents], u[agents], self._period[agents], agents, memory.ticked[agents])
         self._check_finite("A velocity", found, agents)
-        if self._body.update == "backward":
+        if isinstance(self._body, VelocityUnit):
+            error = np.zeros_like(found) if memory.errors is None else memory.errors[:, self.m :]
+            tick, period = int(memory.ticked[0]), float(self._period[0])
+            memory.ahead, memory.waiting = self._body.moved(memory.q, memory.p, found, error, period, tick)
+        elif self._body.update == "backward":
             memory.waiting[agents] = found
         else:
             memory.p = memory.p.copy()
             memory.p[agents] = found
         memory.ticked[agents] += 1
         self.steps += 1
+
+    def _take_fixes(self) -> None:
+        """Let all agents measure themselves, and hear the fixes that have been on their way for the delay."""
+        memory, fixes = self.memory, self.scenario.information
+        assert isinstance(fixes, Fixes)
+        assert memory.heard is not None
+        assert memory.errors is not None
+        memory.errors = fixes.next_errors(memory.errors, int(memory.ticked[0]))
+        newest = np.concatenate([memory.q, memory.p], axis=1) + memory.errors
+        memory.heard = np.concatenate([newest[None], memory.heard[:-1]])
+
+    @property
+    def _range(self) -> float:
+        fixes = self.scenario.information
+        assert isinstance(fixes, Fixes)
+        return math.inf if fixes.range is None else fixes.range
 
     def _act_in_turn(self, judged: bool) -> None:
         """Let all agents set their velocity one after another, each on the state that those before it leave."""

@@ -61,6 +61,27 @@ def everyone(agents: Indices, q: Array, reach: float, space: Space = OPEN) -> tu
     return of, j
 
 
+def within(
+    others: tuple[Indices, Indices], agents: Indices, q: Array, distance: float
+) -> tuple[Indices, Indices]:  # fmt: skip
+    """Those of listed pairs that are closer than a distance in open space.
+
+    Parameters
+    ----------
+    others
+        Pairs: places in ``agents``, and the others, shape (L,) each.
+    agents
+        Numbers of the agents, shape (K,).
+    q
+        Positions of all agents, shape (N, m).
+    distance
+        The distance.
+    """
+    of, j = others
+    near = ((q[j] - q[agents[of]]) ** 2).sum(axis=1) < distance**2
+    return of[near], j[near]
+
+
 def steering_forces(law: Law, q: Array, p: Array, space: Space = OPEN, agents: Indices | None = None) -> Array:
     """Sum of the forces of the steering terms of a law on some agents, shape (K, m).
 

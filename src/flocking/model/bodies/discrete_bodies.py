@@ -54,6 +54,8 @@ class DiscreteBody(Body):
     update: str = "backward"
     seed: int = 0
     discrete = True
+    moves_itself = False
+    """Whether it states how it moves until its next tick, as `flocking.model.bodies.velocity_units.VelocityUnit`."""
 
     @property
     def in_turn(self) -> bool:

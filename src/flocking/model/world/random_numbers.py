@@ -49,6 +49,8 @@ class Purpose(IntEnum):
     GUST = 5
     HEADING = 6
     TURN = 7
+    FIX = 8
+    KICK = 9
 
 
 def philox(counter: tuple[Words, Words, Words, Words], key: tuple[int, int]) -> tuple[Words, Words, Words, Words]:

@@ -1,0 +1,170 @@
+"""Claims about the flock of Vasarhelyi et al. with their grounds.
+
+The authors prove nothing. Only the motion of a lone agent has a closed form; order parameters are observed over seeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.papers.grounds import OBSERVED, Ground, grounded, proved
+from flocking.papers.vasarhelyi_2018 import system
+from flocking.papers.vasarhelyi_2018.closed_forms import lone_speeds
+from flocking.papers.vasarhelyi_2018.parameters import OrderParameters, order_parameters
+from flocking.study.claims.claim import Claim, Measure, Origin, above, below
+from flocking.study.claims.subjects import Subject, about
+from flocking.study.evidence import Evidence, NotMeasurable
+
+SETTLED = 60.0
+"""Time in seconds after which order parameters are averaged."""
+
+ROUNDING = 1e-9
+"""Relative rounding of speeds."""
+
+ORDERED = 0.8
+"""Mean correlation of directions above which a flock is called ordered."""
+
+OVERRUN = 1.0
+"""Mean overrun of the walls in m below which a flock is called confined."""
+
+SLOWER = 0.75
+"""Share of v_flock above which the mean speed is called kept."""
+
+SMALLEST = 5
+"""The smallest cluster is asked to hold one agent in so many (as commonly cited)."""
+
+
+@lru_cache(maxsize=8)
+def _parameters(e: Evidence) -> OrderParameters:
+    if e.q.shape[2] != 2:
+        raise NotMeasurable("agents do not move in the plane")
+    return order_parameters(e.run)
+
+
+def _late(e: Evidence, name: str) -> Array:
+    series = np.asarray(getattr(_parameters(e), name))
+    chosen = series[(e.t - e.t[0]) >= SETTLED]
+    if not len(chosen) or np.isnan(chosen).all():
+        raise NotMeasurable(f"the run has no frame after {SETTLED:g} s at which it is defined")
+    return np.asarray(chosen)
+
+
+def _mean(e: Evidence, name: str) -> float:
+    return float(np.nanmean(_late(e, name)))
+
+
+@about(Subject.SPREAD)
+def correlated(e: Evidence) -> Measure:
+    """Mean correlation of directions within clusters, against `ORDERED`."""
+    found = _mean(e, "correlation")
+    return above(found, ORDERED, f"mean correlation within clusters {found:.3g}")
+
+
+@about(Subject.CLOSEST)
+def no_collisions(e: Evidence) -> Measure:
+    """Share of pairs within the collision radius at the frames, against none."""
+    found = float(_late(e, "collision").max())
+    pairs = e.run.n * (e.run.n - 1)
+    return below(found, 1.0 / pairs, f"at most {found * pairs / 2:.0f} pairs within 3 m at a frame")
+
+
+@about(Subject.NET)
+def confined(e: Evidence) -> Measure:
+    """Mean overrun of the walls, against `OVERRUN`."""
+    found = _mean(e, "overrun")
+    return below(found, OVERRUN, f"mean overrun {found:.3g} m")
+
+
+@about(Subject.SPREAD)
+def fast(e: Evidence) -> Measure:
+    """Mean speed, against a share of v_flock."""
+    found = _mean(e, "speed")
+    return above(found, SLOWER * system.FLOCK_SPEED, f"mean speed {found:.3g} m/s")
+
+
+@about(Subject.CONNECTIVITY)
+def connected(e: Evidence) -> Measure:
+    """Mean number of agents alone, against one."""
+    found = _mean(e, "disconnected")
+    return below(found, 1.0, f"{found:.3g} agents alone on average")
+
+
+@about(Subject.CONNECTIVITY)
+def together(e: Evidence) -> Measure:
+    """Mean size of the smallest cluster, against a fifth of the agents."""
+    found = _mean(e, "smallest")
+    return above(found, e.run.n / SMALLEST, f"smallest cluster of {found:.3g} agents on average")
+
+
+@about(Subject.VELOCITIES, lasting=True)
+def lone_speed(e: Evidence) -> Measure:
+    """Largest difference of the speeds of a lone agent from the closed form."""
+    if e.run.n != 1:
+        raise NotMeasurable("there is more than one agent")
+    ticks = np.rint((e.t - e.t[0]) / system.REFRESH).astype(int)
+    if np.abs(ticks * system.REFRESH - (e.t - e.t[0])).max() > 1e-6:
+        raise NotMeasurable("the frames are not at ticks")
+    speeds = np.linalg.norm(e.p[:, 0], axis=1)
+    off = float(np.abs(speeds - lone_speeds(float(speeds[0]), int(ticks[-1]))[ticks]).max()) / system.FLOCK_SPEED
+    return below(off, ROUNDING, f"speeds differ from the closed form by at most {off:.1e} of v_flock")
+
+
+@about(Subject.VELOCITIES, lasting=True)
+def straight(e: Evidence) -> Measure:
+    """Largest part of the velocities across that of the start, by the speed at the start."""
+    if e.run.n != 1:
+        raise NotMeasurable("there is more than one agent")
+    first = e.p[0, 0] / np.linalg.norm(e.p[0, 0])
+    across = e.p[:, 0] - (e.p[:, 0] @ first)[:, None] * first
+    off = float(np.linalg.norm(across, axis=1).max()) / system.FLOCK_SPEED
+    return below(off, ROUNDING, f"velocities turn by at most {off:.1e} of v_flock")
+
+
+def grounds() -> Mapping[str, Ground]:
+    """Grounds by the key of the claim."""
+    alone = "the wanted velocity has the direction of the own one and the length v_flock"
+    found = dict.fromkeys(("correlated", "no-collisions", "confined", "fast", "connected", "together"), OBSERVED)
+    return {**found, "lone-speed": proved(f"{alone}: a linear recursion"), "straight": proved(alone)}
+
+
+def claims(scenario: str = system.KEY) -> Sequence[Claim]:
+    """Claims about a scenario of this package.
+
+    Parameters
+    ----------
+    scenario
+        Its name.
+
+    Raises
+    ------
+    InvalidInput
+        If there is none of that name.
+    """
+    if scenario not in system.scenarios():
+        raise InvalidInput("claims", "scenario", f"must be one of {', '.join(system.scenarios())}", scenario)
+    return grounded(_stated(scenario), grounds())
+
+
+def _stated(name: str) -> Sequence[Claim]:
+    own = Origin.OWN
+    if name == system.ALONE:
+        return (
+            Claim("lone-speed", "not stated", "The speed of a lone agent comes to v_flock by (1 - h/tau) a step.",
+                  lone_speed, origin=own, dynamic=False),
+            Claim("straight", "not stated", "A lone agent without noise moves on a straight line.", straight,
+                  origin=own, dynamic=False),
+        )  # fmt: skip
+    asked: tuple[tuple[str, str, Callable[[Evidence], Measure]], ...] = (
+        ("correlated", "After a minute directions within clusters have a mean correlation above 0.8.", correlated),
+        ("no-collisions", "After a minute no two agents are within 3 m at any frame.", no_collisions),
+        ("confined", "After a minute agents are outside by less than 1 m on average.", confined),
+        ("fast", "After a minute the mean speed is above three quarters of v_flock.", fast),
+        ("connected", "After a minute fewer than one agent is alone on average.", connected),
+        ("together", "After a minute the smallest cluster has a fifth of the agents on average.", together),
+    )
+    return tuple(Claim(key, "order parameters", words, measure, origin=own) for key, words, measure in asked)

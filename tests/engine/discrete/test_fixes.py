@@ -1,0 +1,140 @@
+"""Agents that know themselves and others by fixes, and follow wanted velocities, beside what equations' checks try."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import flocking as fk
+from flocking.engine.discrete.cell_pairs import CellPairs
+from flocking.errors import LawNotObeyed, UnsupportedLaw
+from flocking.model.terms.braking import braking_distance, braking_speed
+
+system = fk.papers.vasarhelyi_2018.system
+
+
+def flock(agents=20, duration=3.0, **changes):
+    return system.flock(agents, seed=3, duration=duration).with_(**changes)
+
+
+@given(st.floats(0.0, 100.0), st.floats(0.1, 10.0), st.floats(0.1, 3.0))
+def test_the_braking_curve_and_its_inverse(speed, acceleration, slope):
+    distance = braking_distance(speed, acceleration, slope)
+    assert braking_speed(distance, acceleration, slope) == pytest.approx(speed, rel=1e-9, abs=1e-9)
+    meet = acceleration / slope**2
+    below, above = (braking_speed(meet * x, acceleration, slope) for x in (1 - 1e-9, 1 + 1e-9))
+    assert above - below == pytest.approx(2e-9 * meet * slope, rel=0.1)
+
+
+def test_who_brakes_by_the_curve_stops_at_its_end():
+    """Followed by dx/dt = -D(x): constant deceleration a, then an exponential approach with the rate p."""
+    x, h = 40.0, 1e-4
+    path = []
+    for _ in range(200_000):
+        path.append(x)
+        x -= h * float(braking_speed(x, 2.5, 0.4))
+    speeds = braking_speed(np.array(path), 2.5, 0.4)
+    slowing = -np.diff(speeds)[speeds[:-1] > 6.3] / h
+    assert_allclose(slowing, 2.5, rtol=1e-3)
+    late = speeds[:-1] < 6.2
+    assert_allclose(-np.diff(speeds)[late] / h, 0.4 * speeds[:-1][late], rtol=1e-3)
+    assert 0.0 < path[-1] < 0.5
+
+
+def test_runs_go_on_with_the_same_bits_and_are_stored(tmp_path):
+    made = flock()
+    whole = fk.simulate(made, progress=False, save=tmp_path / "run")
+    for until in (1.2, 1.73):
+        part = fk.start(made)
+        part.advance(until)
+        again = part.moment()()
+        again.advance(made.t_end)
+        assert fk.first_difference(again.run(), whole) is None
+    assert fk.first_difference(fk.read_run(tmp_path / "run"), whole) is None
+    fk.write_scenario(made, tmp_path / "flock.toml")
+    assert fk.first_difference(fk.simulate(fk.read_scenario(tmp_path / "flock.toml"), progress=False), whole) is None
+    assert whole.provenance["law_checks"] == 2
+    assert whole.provenance["law_gap"] == 0.0
+    assert "1 late within 100" in whole.provenance["world"]
+
+
+def test_a_crafted_checkpoint_is_refused():
+    session = fk.start(flock())
+    session.advance(1.0)
+    numbers, arrays = session.pack()
+    for name in ("ahead", "heard", "errors"):
+        assert name in arrays
+        session.memory.__dict__[name] = None
+    assert set(session.pack()[1]) == set(arrays) - {"ahead", "heard", "errors"}
+    assert numbers
+
+
+def test_a_neighbour_that_the_cell_list_loses_is_noticed(monkeypatch):
+    right = CellPairs.near
+
+    def lost(self, q):
+        i, j, r = right(self, q)
+        kept = r > r.min()
+        return i[kept], j[kept], r[kept]
+
+    monkeypatch.setattr(CellPairs, "near", lost)
+    with pytest.raises(LawNotObeyed):
+        fk.simulate(flock(), progress=False)
+
+
+def test_nobody_beyond_the_range_is_heard():
+    near, far = (fk.State([[0.0, 0.0], [x, 0.0]], [[4.0, 0.0], [-4.0, 1.0]]) for x in (99.0, 101.0))
+    law = fk.Law(fk.Proximity(1.0), [fk.BrakingAlignment(1.0, 0.0, 200.0, 1.0, 1.0, range=300.0)])
+    for begin, turns in ((near, True), (far, False)):
+        made = fk.Scenario(law, begin, t_end=0.2, frames=2, agents=fk.VelocityUnit(1.0, speed=9.0),
+                           information=fk.Fixes(0.2, range=100.0), control=fk.Held(0.2))  # fmt: skip
+        p = fk.simulate(made, progress=False).p
+        # Without a wanted velocity agents come to rest along their own direction.
+        assert (abs(p[1, 0, 1]) > 0.0) == turns
+
+
+def test_frames_between_ticks_are_on_the_straight_line():
+    run = fk.simulate(flock(duration=1.0, frames=[0.2, 0.25, 0.4], t_end=0.4), progress=False)
+    assert_allclose(run.q[1], run.q[0] + 0.25 * (run.q[2] - run.q[0]), atol=1e-12)
+
+
+def test_errors_of_fixes_have_their_stationary_variances():
+    fixes = fk.Fixes(0.2, diffusion=0.5, damping=2.0, stiffness=3.0, seed=1)
+    errors, squares = np.zeros((4000, 4)), np.zeros(4)
+    for sample in range(200):
+        errors = fixes.next_errors(errors, sample)
+        if sample >= 100:
+            squares += (errors**2).mean(axis=0) / 100
+    position, velocity = fk.papers.vasarhelyi_2018.error_variances(0.2, 0.5, 2.0, 3.0)
+    assert_allclose(squares, [position, position, velocity, velocity], rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("part", "word"),
+    [
+        (lambda: fk.Fixes(0.2, delay=0.3), "delay must be a multiple"), (lambda: fk.Fixes(0.0), "period"),
+        (lambda: fk.Fixes(0.2, damping=9.0, stiffness=9.0), "damping must leave"),
+        (lambda: fk.VelocityUnit(0.0), "time_constant"), (lambda: fk.VelocityUnit(1.0, fixed=True), "speed must be"),
+        (lambda: fk.VelocityUnit(1.0, substeps=0), "substeps"), (lambda: fk.LinearRepulsion(0.0, 1.0, 1.0), "slope"),
+        (lambda: fk.BrakingAlignment(-1.0, 0.0, 1.0, 1.0, 1.0, 1.0), "gain"), (lambda: fk.SelfPropulsion(0.0), "speed"),
+        (lambda: fk.ShillWalls(1.0, 1.0, 0.0, 1.0), "acceleration"),
+        (lambda: flock(law=fk.Law(fk.Proximity(1.0), [fk.ShillDisc([0.0], 1.0, 1.0, 1.0, 1.0)])), "2 coordinates"),
+        (lambda: flock(control=fk.Held(0.2, phase=0.1)), "without a phase"),
+    ],
+)  # fmt: skip
+def test_wrong_numbers_are_refused(part, word):
+    with pytest.raises(fk.InvalidInput, match=word):
+        part()
+
+
+def test_what_is_not_run_is_refused():
+    with pytest.raises(UnsupportedLaw, match="period of the control"):
+        fk.simulate(flock(control=fk.Held(0.1)), progress=False)
+    law = fk.Law(fk.Proximity(1.0), [fk.SelfPropulsion(1.0), fk.Consensus(1.0)])
+    with pytest.raises(UnsupportedLaw, match="steering terms alone"):
+        fk.simulate(flock(law=law), progress=False)
+    point = {"agents": fk.PointMass(), "control": fk.Held(0.2)}
+    plain = fk.Scenario(fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)]), flock().start, t_end=1.0, **point)
+    with pytest.raises(UnsupportedLaw, match="does not run information=Fixes"):
+        fk.simulate(plain.with_(information=fk.Fixes(0.2)), engine="sampled", progress=False)

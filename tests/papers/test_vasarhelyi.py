@@ -1,0 +1,69 @@
+"""Wrong motions of a lone agent are told from the right one, and order parameters are those of loops over pairs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.papers.vasarhelyi_2018 import parameters, system, theorems
+from flocking.study.trajectory import run_from_samples
+
+RNG = np.random.default_rng(5)
+
+
+def verdicts(run, name=system.ALONE):
+    return {r.claim.key: str(r.verdict) for r in fk.audit(run, theorems.claims(name)).results}
+
+
+@pytest.mark.parametrize(
+    ("factor", "turn", "failing"),
+    [(0.99, 0.0, set()), (0.98, 0.0, {"lone-speed"}), (0.99, 1e-3, {"straight"})],
+)
+def test_motions_of_other_programs_are_judged(factor, turn, failing):
+    made = system.alone()
+    speeds = 4.0 - 3.0 * factor ** (20 * np.arange(41))
+    first = math.atan2(*made.start.p[0, ::-1])
+    angles = first + turn * np.arange(41)
+    p = (speeds[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))[:, None, :]
+    q = np.concatenate([np.zeros((1, 1, 2)), np.cumsum(0.2 * p[:-1], axis=0)])
+    found = verdicts(run_from_samples(made, 0.2 * np.arange(41), q, p))
+    assert {key for key, verdict in found.items() if verdict == "fails"} == failing
+    assert {verdict for key, verdict in found.items() if key not in failing} == {"holds"} or len(failing) == 2
+
+
+def test_order_parameters_against_loops_over_pairs():
+    q, p = RNG.uniform(-300, 300, (30, 2)), RNG.normal(size=(30, 2))
+    correlation, collision, overrun, speed, disconnected, smallest = parameters.at(q, p, 90.0)
+    group = list(range(30))
+    for _ in range(30):
+        for i in range(30):
+            for j in range(30):
+                if math.dist(q[i], q[j]) < 90.0:
+                    group[i] = group[j] = min(group[i], group[j])
+    cosines = [p[i] @ p[j] / np.linalg.norm(p[i]) / np.linalg.norm(p[j])
+               for i in range(30) for j in range(i) if group[i] == group[j]]  # fmt: skip
+    sizes = sorted(group.count(g) for g in set(group))
+    assert 1 in sizes
+    assert len([s for s in sizes if s > 1]) > 1
+    assert correlation == pytest.approx(np.mean(cosines), rel=1e-12)
+    assert collision == 0.0
+    assert overrun == pytest.approx(np.mean([math.hypot(*(max(abs(x) - 230, 0) for x in place)) for place in q]))
+    assert speed == pytest.approx(np.mean([math.hypot(*v) for v in p]))
+    assert disconnected == sizes.count(1)
+    assert smallest == min(s for s in sizes if s > 1)
+    assert np.isnan(parameters.at(q[:1], p[:1])[0])
+
+
+def test_the_cluster_radius_is_that_of_braking_from_the_flock_speed():
+    assert parameters.cluster_radius() == pytest.approx(25.6668 + 10.0 + 4.0 / 0.4, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_a_flock_is_ordered_and_confined():
+    """A minute and a half of the main scenario: observed, with wide margins."""
+    found = parameters.order_parameters(fk.simulate(system.flock(seed=1, duration=90.0), progress=False))
+    assert np.nanmean(found.correlation[60:]) > 0.5
+    assert found.overrun[60:].max() < 30.0
