@@ -13,6 +13,8 @@ BEFORE = {
     "bodies": "",
     "quick_start": "",
     "margins": "",
+    "from_theorem_to_radio": "",
+    "loss_widens_the_bound": "",
     "world": "",
     "certificates": "",
     "audit_data": "",

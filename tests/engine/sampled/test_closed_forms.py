@@ -159,6 +159,23 @@ def test_the_ideal_world_is_the_limit_of_short_periods():
     assert orders == pytest.approx([1.0, 1.0], abs=0.1)
 
 
+def test_small_noise_departs_in_first_order():
+    """Errors of the same draws, half as large, lead half as far from the run without errors."""
+    law = fk.Law(fk.Fixed.complete(4), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(1.0)])
+    rng = np.random.default_rng(1)
+    start = fk.State(rng.normal(size=(4, 2)), rng.normal(size=(4, 2)))
+
+    def end(sigma):
+        information = fk.Messages(0.05, noise=fk.WhiteNoise(sigma, sigma), seed=3)
+        made = fk.Scenario(law, start, t_end=2, frames=3, control=fk.Held(0.05), information=information)
+        return fk.simulate(made, progress=False).q[-1]
+
+    ideal = end(0.0)
+    gaps = np.array([np.abs(end(sigma) - ideal).max() for sigma in (0.02, 0.01, 0.005)])
+    assert np.log2(gaps[:-1] / gaps[1:]) == pytest.approx([1.0, 1.0], abs=0.1)
+    assert gaps[0] > 1e-3
+
+
 def test_damped_agents_under_a_held_force_move_as_the_exponential_says():
     """p(t) = u/k + (p0 - u/k) exp(-k t/m), with a constant leader's pull."""
     agents = fk.PointMass(masses=2.0, damping=[0.0, 3.0, 50.0])
