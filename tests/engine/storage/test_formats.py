@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.driver.registry import engine_names
 from flocking.engine.runs.run import Run
-from flocking.engine.storage.record import FORMAT
+from flocking.engine.storage.record import FORMAT, engine_of
 from flocking.engine.storage.stored_runs import read_run, stored_facts
 from flocking.model.serial import to_data
 
@@ -51,6 +54,13 @@ def test_a_run_of_every_format_opens(version: int, tmp_path: Path) -> None:
     assert fk.resume(tmp_path / "run", progress=False).t.tolist() == run.t.tolist()
 
 
+def unpacked(name: str, folder: Path) -> Path:
+    """A stopped run that is kept, in a new ``folder``."""
+    with zipfile.ZipFile(FORMATS / f"format2-{name}.zip") as file:
+        file.extractall(folder)
+    return folder
+
+
 @cache
 def held() -> fk.Scenario:
     """Four agents whose control is held, on messages that are late, lost and wrong."""
@@ -67,17 +77,52 @@ def held() -> fk.Scenario:
     )  # fmt: skip
 
 
-def test_a_stopped_run_of_held_control_opens_and_goes_on(tmp_path: Path) -> None:
-    """The run of `held` was stored by 0.1.0, and stopped after its frame at t = 1."""
-    with zipfile.ZipFile(FORMATS / "format2-held.zip") as file:
-        file.extractall(tmp_path / "run")
-    assert stored_facts(tmp_path / "run")["format"] == 2
-    part, whole = read_run(tmp_path / "run"), fk.simulate(held(), progress=False)
-    assert to_data(part.scenario) == to_data(held())
-    assert part.t.tolist() == [0.0, 0.5, 1.0]
-    assert len(whole.switches) > len(part.switches) > 0
+@cache
+def stopped(name: str) -> tuple[fk.Scenario, dict[str, Any]]:
+    """The scenario of a stopped run that is kept, and the options it was begun with."""
+    if name == "held":
+        return held(), {}
+    begin = held().start
+    common: dict[str, Any] = {"t_end": 2.0, "frames": 5, "name": "stored run", "seed": 3}
+    graph = fk.Hysteresis(radius=4, gap=0.1)
+    soft = fk.Law(graph, [fk.Gradient(fk.Potential("(r - 3)^2")), fk.Consensus(1.0)])
+    if name == "exact":
+        return fk.Scenario(computed().scenario.law, computed().scenario.start, **common), {}
+    if name == "tiles":
+        return fk.Scenario(soft, begin, **common), {"engine": "tiles", "step": 0.01, "threads": 1}
+    if name == "delayed":
+        return fk.Scenario(soft, begin, information=fk.Delayed(0.15), **common), {}
+    if name == "headings":
+        law = fk.Law(fk.Proximity(4.0), [fk.VelocityAverage()])
+        sideways = fk.State(begin.q, 2 * np.array([[1.0, 0.0], [0.0, 1.0], [0.6, 0.8], [-1.0, 0.0]]))
+        return fk.Scenario(law, sideways, agents=fk.Heading(2.0, 0.3), control=fk.Held(0.25), **common), {}
+    assert name == "impulses"
+    ticks = fk.Held([0.1, 0.12, 0.1, 0.11])
+    return fk.Scenario(soft, begin, agents=fk.Impulsive(damping=0.5, speed=8.0), control=ticks, **common), {}
+
+
+ENDS = {"held": math.inf, "exact": 0.32, "tiles": 0.2, "delayed": 0.28, "headings": 0.1, "impulses": 0.28}
+"""Where the runs that are kept were stopped: `format2-NAME.zip`. Those of discrete time are of the commit that first
+kept them here, the others of earlier ones. That of held control was killed."""
+
+
+def test_a_stopped_run_of_every_engine_is_kept(tmp_path: Path) -> None:
+    """A change of what an engine's checkpoint holds needs a new run here, and the earlier one still goes on."""
+    assert {f"format2-{name}.zip" for name in ENDS} == {path.name for path in FORMATS.glob("format*-*.zip")}
+    engines = {engine_of(unpacked(name, tmp_path / name))[0] for name in ENDS}
+    assert engines == set(engine_names()) - {"auto", "lammps"}, "those of lammps belong to its machine and version"
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_a_stopped_run_opens_and_goes_on(name: str, tmp_path: Path) -> None:
+    folder = unpacked(name, tmp_path / "run")
+    assert stored_facts(folder)["format"] == 2
+    scenario, options = stopped(name)
+    part, whole = read_run(folder), fk.simulate(scenario, progress=False, **options)
+    assert to_data(part.scenario) == to_data(scenario)
+    assert part.status == ("unfinished" if name == "held" else f"interrupted at t = {ENDS[name]:g}")
     # Other processors round in another way, and links multiply it.
-    for run in (part, fk.resume(tmp_path / "run", progress=False)):
+    for run in (part, fk.resume(folder, progress=False)):
         np.testing.assert_allclose(run.q, whole.q[: len(run.t)], rtol=0, atol=1e-9)
         np.testing.assert_allclose(run.p, whole.p[: len(run.t)], rtol=0, atol=1e-9)
         assert (
@@ -85,4 +130,6 @@ def test_a_stopped_run_of_held_control_opens_and_goes_on(tmp_path: Path) -> None
             == whole.switches[["i", "j", "kind"]].tolist()[: len(run.switches)]
         )
     assert run.finished
-    np.testing.assert_allclose(run.trace["departed"][-1], whole.trace["departed"][-1], rtol=1e-6)
+    assert run.t.tolist() == whole.t.tolist()
+    assert len(run.switches) == len(whole.switches)
+    np.testing.assert_allclose(run.trace["departed"][-1:], whole.trace["departed"][-1:], rtol=1e-6)
