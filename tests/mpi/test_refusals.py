@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
 import flocking as fk
 from flocking.engine.lammps import library
 from flocking.engine.lammps.deck import make_deck
-from flocking.errors import EngineMissing, InvalidInput, SimulationError, UnsupportedLaw
+from flocking.errors import EngineMissing, InvalidInput, SimulationError, TooCrowded, UnsupportedLaw
 from tests.bodies import Actuated
 from tests.mpi.laws import start
 
@@ -56,6 +58,36 @@ def test_an_agent_too_far_away_for_cells_is_named(monkeypatch):
     with pytest.raises(SimulationError, match=r"agent 3 is 1e\+12 away from the centre.*engine='tiles'") as error:
         fk.start(found.with_(start=fk.State(q, found.start.p)), "lammps", step=0.01)
     assert error.value.agents == (3,)
+
+
+@pytest.mark.parametrize("away", [1e9, 1e12, 1e30])
+def test_one_agent_far_away_in_the_plane_is_run(away):
+    """Its cells would be too wide for the thickness of the box; few agents are searched pair by pair."""
+    found = scenario()
+    q = found.start.q.copy()
+    q[3] = away
+    found = found.with_(start=fk.State(q, found.start.p), t_end=0.02)
+    run = fk.simulate(found, engine="lammps", step=0.01, progress=False)
+    assert run.status == "finished"
+
+
+def test_an_agent_that_goes_too_far_is_told_in_own_words():
+    found = scenario()
+    p = found.start.p.copy()
+    p[3] = [1e14, 0.0]
+    with pytest.raises(SimulationError) as error:
+        fk.simulate(found.with_(start=fk.State(found.start.q, p)), engine="lammps", step=0.01, progress=False)
+    assert "bins" not in str(error.value)
+    assert "lammps.org" not in str(error.value)
+
+
+def test_a_crowd_in_one_spot_is_refused_within_a_second():
+    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(PSI), fk.Consensus(1.0)])
+    spot = fk.State(0.5 + 1e-9 * np.random.default_rng(0).random((100_000, 2)))
+    begin = time.process_time()
+    with pytest.raises(TooCrowded, match=r"neighbour lists would take at least .* too many agents within one radius"):
+        fk.start(fk.Scenario(law, spot, t_end=1.0), "lammps", step=0.01)
+    assert time.process_time() - begin < 1.0
 
 
 def test_options_are_checked():

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.engine.tiles.neighbours.pair_count_bound import PARTS, certain_pairs
+from flocking.engine.fixed_step.certain_pairs import PARTS, certain_pairs
 from flocking.errors import TooCrowded
 from tests.engine.tiles.laws import saber
 

@@ -11,7 +11,7 @@ import numpy as np
 from flocking.arrays import Array, Forces, Numbers, Vector
 from flocking.engine.interruption import interrupted
 from flocking.engine.lammps import library
-from flocking.engine.lammps.deck import Deck
+from flocking.engine.lammps.deck import THICKNESS, Deck
 from flocking.engine.lammps.ranks import Ranks
 from flocking.model.state import State
 
@@ -188,7 +188,9 @@ class Atoms:
         wide = 2.0 if search == "nsq" else 1.0
         flat = float(sides.min()) < THINNEST * self.deck.reach * wide
         if size and not flat:
-            unfit = float(sides.min()) * WIDEST_CELL < size * wide or float(sides.max()) * wide > MOST_ALONG * size
+            # In the plane the box has a thickness, too, for which no cell may be too wide.
+            narrowest = min(float(sides.min()), 2.0 * THICKNESS if self.deck.dimension == 2 else np.inf)
+            unfit = narrowest * WIDEST_CELL < size * wide or float(sides.max()) * wide > MOST_ALONG * size
             if unfit and self.deck.scenario.start.n > MOST_SEARCHED:
                 raise self._scattered()
             flat = unfit
@@ -230,8 +232,9 @@ class _Nowhere:
 
 
 def _message(error: Exception) -> str:
-    """The message of LAMMPS without the location in its source."""
-    return re.sub(r"\s*\(\.\./.*?\)|\s*\(src/.*?\)|^ERROR( on proc \d+)?: ", "", str(error)).strip()
+    """The message of LAMMPS without the location in its source and the address of its manual."""
+    first = str(error).split("\nFor more information")[0]
+    return re.sub(r"\s*\(\.\./.*?\)|\s*\(src/.*?\)|^ERROR( on proc \d+)?: ", "", first).strip()
 
 
 def _placed(lines: list[str], folder: Path) -> list[str]:

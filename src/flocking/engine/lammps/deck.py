@@ -23,6 +23,9 @@ UNEVEN = 1.1
 """Ratio of the largest to the mean number of agents per rank above which LAMMPS balances the load."""
 BOX_MARGIN = 1e-6
 """Margin of the box around the agents, relative to the largest coordinate, above the rounding of coordinates."""
+THICKNESS = 1e4
+"""Half the thickness of the box in the plane: thicker than most cells of a scattered flock, which LAMMPS asks for."""
+
 SKIN_SHARE = 0.15
 """Default skin of the neighbour lists, in radii."""
 
@@ -142,7 +145,7 @@ class Deck:
         low, high = _box(q)
         lines = [f"{self.scenario.name or 'flock'}: {n} agents", "", f"{n} atoms", "1 atom types", ""]
         lines += [f"{low[k]:.17g} {high[k]:.17g} {AXES[k]}lo {AXES[k]}hi" for k in range(m)]
-        lines += ["-10000.0 10000.0 zlo zhi"] if m == 2 else []  # Thicker than the cells of a scattered flock.
+        lines += [f"{-THICKNESS!r} {THICKNESS!r} zlo zhi"] if m == 2 else []
         mass = 1.0 if np.ndim(self.scenario.agents.masses) else float(self.scenario.agents.masses)
         lines += ["", "Masses", "", f"1 {mass!r}", "", "Atoms # atomic", ""]
         flat = np.zeros((n, 3 - m))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Forces
+from flocking.engine.fixed_step.certain_pairs import ENTRY_BYTES, certain_pairs, lists_limit, too_crowded
 from flocking.engine.fixed_step.declared_law import Declared, Group
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.lammps.deck import Deck
@@ -22,6 +23,25 @@ CLOSEST = 1e-10
 
 EDGE = 1e-9
 """Relative distance from a radius within which LAMMPS may treat a pair as linked or not."""
+
+
+def check_not_crowded(scenario: Scenario) -> None:
+    """Check that the neighbour lists of LAMMPS fit into memory at the start.
+
+    Raises
+    ------
+    TooCrowded
+        If they do not, because too many agents are within one radius.
+    """
+    limit = lists_limit()
+    for graph in scenario.law.graphs:
+        reach, n = float(np.max(graph.break_radius)), scenario.start.n
+        # Lists hold each pair once. Where not even all pairs are too many, nobody need count them.
+        if not np.isfinite(reach) or 0.5 * ENTRY_BYTES * n * (n - 1.0) <= limit:
+            continue
+        needed = 0.5 * ENTRY_BYTES * certain_pairs(scenario.start.q, reach)
+        if needed > limit:
+            raise too_crowded(needed, limit, scenario.start.t, "Spread the agents or shorten the radius.")
 
 
 def check_apart(scenario: Scenario) -> None:

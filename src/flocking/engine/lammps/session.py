@@ -16,7 +16,7 @@ from flocking.engine.fixed_step.step_checks import RESIDUAL
 from flocking.engine.lammps import library
 from flocking.engine.lammps.atoms import Atoms, LammpsError
 from flocking.engine.lammps.deck import Deck, make_deck
-from flocking.engine.lammps.law_check import LawCheck, check_apart
+from flocking.engine.lammps.law_check import LawCheck, check_apart, check_not_crowded
 from flocking.engine.lammps.ledger import observed_state
 from flocking.engine.lammps.options import LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
@@ -38,6 +38,10 @@ GROWTH = 1.2
 fifth."""
 LONGEST_BOUT = 1024
 """Largest growth of a flock, and largest number of steps, between two checks of its box."""
+
+
+NO_CELLS = "neighbor bins"
+"""What LAMMPS says where no search cells fit the box."""
 
 
 class LammpsSession(Session):
@@ -77,6 +81,7 @@ class LammpsSession(Session):
             check_plant("LammpsSession", scenario.law, plant)
             make_deck(scenario, options.skin)
         self.deck: Deck = make_deck(scenario if plant is None else scenario.with_(law=plant), options.skin)
+        check_not_crowded(scenario)
         check_apart(scenario)
         self._judge: LawCheck | None = None
         self.ranks = Ranks(library.communicator())
@@ -147,6 +152,13 @@ class LammpsSession(Session):
         try:
             self.atoms.command(*lines)
         except LammpsError as error:
+            if NO_CELLS in str(error):
+                self._end_alone(error, str(error))
+                raise SimulationError(
+                    f"LAMMPS cannot find neighbours: since t = {self._sound.t:.6g} an agent went too far away for its "
+                    "search cells. Use engine='tiles', whose cells do not depend on the extent of the group.",
+                    time=self.time,
+                ) from None
             failure = step_too_large(self.scenario, self._sound, self.step, f"LAMMPS reported: {error}", self.time)
             self._end_alone(error, str(failure))
             raise failure from None

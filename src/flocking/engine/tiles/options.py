@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, replace
 
+from flocking.engine.fixed_step.certain_pairs import lists_limit
 from flocking.engine.tiles.kernels.spec import PRECISIONS, SCHEMES, scheme_of
 from flocking.errors import InvalidInput
 from flocking.model.checks import integer, number
@@ -93,4 +93,4 @@ class TilesOptions:
         """Memory limit of the neighbour lists in bytes."""
         if self.memory_limit is not None:
             return self.memory_limit
-        return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        return lists_limit()

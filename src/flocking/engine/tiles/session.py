@@ -12,6 +12,7 @@ import numpy as np
 
 from flocking.arrays import Array, Links, Positions, Velocities
 from flocking.engine import interruption
+from flocking.engine.fixed_step.certain_pairs import too_crowded
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import RESIDUAL, step_too_large
@@ -36,7 +37,7 @@ from flocking.engine.tiles.planted_law import Planted
 from flocking.engine.tiles.records import TilesRecorder
 from flocking.engine.tiles.snapshot import TilesSnapshot as TilesSnapshot
 from flocking.engine.tiles.threads import Workers
-from flocking.errors import InvalidInput, NotFinite, SimulationError, TooCrowded
+from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
@@ -196,12 +197,8 @@ class TilesSession(Session):
         try:
             return action()
         except TooManyNeighboursError as error:
-            raise TooCrowded(
-                f"The neighbour lists would take at least {error.bytes_needed / 2**30:.3g} GiB, more than the limit of "
-                f"{self.options.lists_limit / 2**30:.3g} GiB: too many agents within one radius. "
-                "Spread the agents, shorten the radius or raise memory_limit.",
-                time=self.time,
-            ) from None  # fmt: skip
+            fix = "Spread the agents, shorten the radius or raise memory_limit."
+            raise too_crowded(error.bytes_needed, self.options.lists_limit, self.time, fix) from None
 
     def _next_stop(self) -> float:
         """Next time at which a step must end: a frame, a jump of a force, or the end."""

@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from flocking.arrays import Reals
+from flocking.engine.fixed_step.certain_pairs import ENTRY_BYTES, certain_pairs
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
-
-PARTS = {1: 32, 2: 8, 3: 5}
-"""Ratio of the reach to the width of a box, by dimension: narrower boxes give a sharper bound and take longer."""
-
 
 BALL_SHARE = {1: 2.0 / 3.0, 2: np.pi / 9.0, 3: 4.0 / 3.0 * np.pi / 27.0}
 """Fraction of a cell and its neighbours that lies within one width of a point, by dimension."""
 
 
-NARROWER = 1e-6
-"""Relative reduction of the width of boxes, above the rounding of the index of a box."""
-
 GROWTH = 1.1
 """Growth of the estimate beyond which the bound is computed again."""
-
-ENTRY_BYTES = 4.0
-"""Memory of one neighbour in a list."""
 
 
 class PairCountBound:
@@ -82,38 +72,3 @@ def expected_pairs(crowding: float, n: int, m: int) -> float:
         Dimension of their space.
     """
     return float(BALL_SHARE[m] * 6.0**m * (crowding + n))
-
-
-def certain_pairs(q: Reals, reach: float) -> float:
-    """A lower bound on the number of ordered pairs within reach.
-
-    Agents are counted in boxes narrower than the reach. All pairs of two boxes are within reach if the farthest
-    corners of the boxes are.
-
-    Parameters
-    ----------
-    q
-        Positions, shape (N, m), with m at most 3.
-    reach
-        Distance below which two agents are a pair.
-    """
-    m = q.shape[1]
-    parts = PARTS[m]
-    # Rounding may put an agent into the next box, so boxes are slightly narrower than assumed.
-    width = reach / parts * (1.0 - NARROWER)
-    box = np.floor((q - q.min(axis=0)) / width).astype(np.int64)
-    sizes = box.max(axis=0) + 2 * parts
-    if float(np.prod(sizes.astype(float))) > 2.0**62:
-        return 0.0
-    strides = np.append(1, np.cumprod(sizes[:-1]))
-    keys, counts = np.unique((box + parts) @ strides, return_counts=True)
-    held = counts.astype(float)
-    total = float((held * (held - 1.0)).sum())
-    for offset in itertools.product(range(-parts, parts + 1), repeat=m):
-        # Each unordered pair of boxes once.
-        if offset <= (0,) * m or sum((abs(k) + 1) ** 2 for k in offset) > parts**2:
-            continue
-        neighbour_keys = keys + int(np.dot(offset, strides))
-        found_at = np.minimum(np.searchsorted(keys, neighbour_keys), len(keys) - 1)
-        total += 2.0 * float((held * held[found_at])[keys[found_at] == neighbour_keys].sum())
-    return total
