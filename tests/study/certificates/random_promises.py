@@ -14,6 +14,7 @@ import numpy as np
 from numpy.random import Generator
 
 import flocking as fk
+from flocking.errors import UnsupportedLaw
 from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.comparison import Comparison, compare
 
@@ -95,7 +96,7 @@ def add(tally: Tally, seed: int) -> None:
         run = error.run
         if run is None or not len(run.t):
             return
-    except fk.InvalidInput as error:
+    except (fk.InvalidInput, UnsupportedLaw) as error:
         tally.refused[type(error).__name__] += 1
         return
     tally.runs += 1
@@ -260,8 +261,13 @@ def _aligning(rng: Generator) -> fk.Scenario:
     return fk.Scenario(fk.Law(graph, terms), start, t_end=float(rng.uniform(0.5, 8)), frames=21, bodies=bodies)
 
 
-def _consensus_law(rng: Generator, n: int, *, first: bool) -> fk.Law:
-    graph = fk.Complete() if rng.random() < 0.3 else fk.Fixed.random_connected(n, 0.6, int(rng.integers(1000)))
+def _consensus_law(rng: Generator, n: int, *, first: bool, moving: bool = False) -> fk.Law:
+    graph: fk.Graph = fk.Complete()
+    if rng.random() < 0.7:
+        graph = fk.Fixed.random_connected(n, 0.6, int(rng.integers(1000)))
+    if moving and rng.random() < 0.5:
+        radius = float(rng.uniform(0.5, 3.0))
+        graph = fk.Proximity(radius) if rng.random() < 0.5 else fk.Hysteresis(radius, 0.3 * radius)
     terms: list[object] = (
         []
         if not first and rng.random() < 0.4
@@ -275,7 +281,7 @@ def _consensus_law(rng: Generator, n: int, *, first: bool) -> fk.Law:
 def _agreeing(rng: Generator) -> fk.Scenario:
     n, m = int(rng.integers(2, 7)), int(rng.integers(1, 3))
     first = bool(rng.random() < 0.5)
-    law = _consensus_law(rng, n, first=first)
+    law = _consensus_law(rng, n, first=first, moving=True)
     bodies = fk.SingleIntegrator() if first else fk.PointMass(float(rng.uniform(0.5, 2)))
     p = rng.normal(size=(n, m)) * (not first)
     return fk.Scenario(law, fk.State(_places(rng, n, m, 3.0), p), t_end=4.0, frames=21, bodies=bodies)

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Indices
+from flocking.arrays import Array, Indices
 from flocking.engine.reference.control import control
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
+from flocking.model.bodies.actuators import Limited
 from flocking.model.law import Law
 from flocking.model.observables import diameters
 from flocking.study.certificates.certificate import Certificate, Certificates
@@ -165,6 +166,43 @@ def _alignment_rate(run: Run, certificate: Certificate) -> tuple[float, float] |
     return float(rates[k]), float(2.0 * error / (later[seen][k] * times[k]))
 
 
+def _force(run: Run, certificate: Certificate) -> tuple[float, float]:
+    """The largest force that the law asks at some frames; its error is not known."""
+    return float(max(_forces(run).max(initial=0.0), 0.0)), np.nan
+
+
+def _forces(run: Run) -> Array:
+    """Sizes of the forces that the law asks at some frames, shape (frames, N)."""
+    frames = np.unique(np.linspace(0, len(run.t) - 1, MOST_STATES).astype(int))
+    law, agents = run.scenario.law, run.scenario.agents
+    if type(agents) is Limited:
+        agents = agents.body
+    found = [control(law, run.state(int(frame)), agents=agents) for frame in frames]
+    return np.linalg.norm(np.array(found), axis=2)
+
+
+def _limits(run: Run, certificate: Certificate) -> tuple[float, float]:
+    """The largest share of a limit that forces and speeds use at some frames; its error is not known."""
+    body = run.scenario.agents
+    assert type(body) is Limited
+    largest, forces = 0.0, _forces(run)
+    if body.force is not None:
+        largest = max(largest, float((forces / np.asarray(body.force)).max()))
+    if body.speed is not None:
+        speeds = forces if body.order == 1 else np.linalg.norm(np.asarray(run.p, dtype=np.float64), axis=2)
+        largest = max(largest, float((speeds / np.asarray(body.speed)).max()))
+    return largest, np.nan
+
+
+def _disagreement(run: Run, certificate: Certificate) -> tuple[float, float]:
+    """Root of the sum of squares about the mean, at the frames; its error is at most that of all agents together."""
+    of_velocities = "velocities" in certificate.quantity
+    values = np.asarray(run.p if of_velocities else run.q, dtype=np.float64)
+    away = values - values.mean(axis=1, keepdims=True)
+    error = _velocity_error(run) if of_velocities else _position_error(run)
+    return float(np.sqrt((away**2).sum(axis=(1, 2)).max())), float(np.sqrt(run.n) * error)
+
+
 def _energy(run: Run, certificate: Certificate) -> tuple[float, float]:
     """The largest excess among some frames; see `EnergySetting.start_excess`."""
     frames = np.unique(np.linspace(0, len(run.t) - 1, MOST_STATES).astype(int))
@@ -204,6 +242,9 @@ _OBSERVED: dict[str, Callable[[Run, Certificate], tuple[float, float] | None]] =
     "alignment_diameter": _diameter,
     "velocity_difference": _velocity_difference,
     "alignment_rate": _alignment_rate,
+    "disagreement": _disagreement,
+    "largest_force": _force,
+    "limit_never_acts": _limits,
     "links_kept": _losses,
     "largest_speed": _speed,
 }

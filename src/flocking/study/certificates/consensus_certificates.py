@@ -48,14 +48,15 @@ class LinearConsensus:
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """What must hold, in the order of the checks; later ones assume earlier ones."""
-        return until_failed(self._bodies, self._graph, self._terms, self._connected)
+        return until_failed(self.body_hypothesis, self._graph, self.term_hypothesis, self._connected)
 
     @property
     def holds(self) -> bool:
         """Whether all hypotheses hold."""
         return all(h.holds for h in self.hypotheses)
 
-    def _bodies(self) -> Hypothesis:
+    def body_hypothesis(self) -> Hypothesis:
+        """Whether the bodies are those of linear consensus."""
         body, statement = self.scenario.agents, "agents are single integrators, or point masses of one mass, undamped"
         if type(body) is SingleIntegrator:
             return Hypothesis(statement, True, "single integrators")
@@ -69,7 +70,8 @@ class LinearConsensus:
         statement = "two agents or more have a fixed, undirected graph in open space"
         return Hypothesis(statement, fits, type(graph).__name__)
 
-    def _terms(self) -> Hypothesis:
+    def term_hypothesis(self) -> Hypothesis:
+        """Whether the law is linear, and one of agreement."""
         statement = "the law is linear: potentials c r^2 and velocity consensus of one gain"
         law = self.scenario.law
         if law.body_terms:
@@ -230,10 +232,11 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     rate = system.rate()
     found = [_of(
         system, "decay_rate", "spectrum", rate, "rate of decay",
-        f"Without delay, every disagreement of {what} decays at the rate {float(rate.lo):.9g} or faster, in the end.",
+        f"In the ideal world, every disagreement of {what} decays, in the end, at the rate {float(rate.lo):.9g} or "
+        f"faster.",
     )]  # fmt: skip
     settling = Interval.of(SETTLED).log() / rate
-    statement = f"Without delay, the disagreement of {what} has fallen to 2 % after {float(settling.hi):.9g}."
+    statement = f"In the ideal world, the disagreement of {what} has fallen to 2 % after {float(settling.hi):.9g}."
     reason = "" if system.is_first else "before it decays a disagreement of second order may grow"
     found.append(_of(system, "settling_time", "spectrum", settling, "time to 2 %", statement, reason))
     delay = system.delay()
@@ -273,13 +276,9 @@ def _of(
     system: LinearConsensus, key: str, source: str, bound: Interval | None, quantity: str, statement: str,
     reason: str = "",
 ) -> Certificate:  # fmt: skip
+    if bound is not None and not (np.isfinite(bound.lo) and np.isfinite(bound.hi)):
+        reason = reason or "the numbers of the law are too large or too small for an enclosure in double precision"
     return decided(
-        key,
-        sources()[source],
-        system.hypotheses,
-        statement=statement,
-        reason=reason,
-        bound=bound,
-        side="is",
+        key, sources()[source], system.hypotheses, statement=statement, reason=reason, bound=bound, side="is",
         quantity=quantity,
-    )
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Guarantees of linear consensus on directed graphs, and on graphs that switch."""
