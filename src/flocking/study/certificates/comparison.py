@@ -178,7 +178,7 @@ def _forces(run: Run) -> Array:
     if type(agents) is Limited:
         agents = agents.body
     found = [control(law, run.state(int(frame)), agents=agents) for frame in frames]
-    return np.linalg.norm(np.array(found), axis=2)
+    return np.asarray(np.linalg.norm(np.array(found), axis=2))
 
 
 def _limits(run: Run, certificate: Certificate) -> tuple[float, float]:
