@@ -9,7 +9,8 @@ from scipy.optimize import minimize
 import flocking as fk
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.protocol.session import Stored
-from flocking.engine.sampled.safety import continuous_bound, nearest, sampled_bound
+from flocking.engine.sampled.nearest_force import nearest
+from flocking.engine.sampled.safety import continuous_bound, sampled_bound
 from flocking.engine.sampled.session import SampledSession
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.study.certificates.comparison import compare

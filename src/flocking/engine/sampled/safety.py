@@ -1,4 +1,4 @@
-"""The safety filter of held control: conditions on accelerations, and the nearest acceleration that satisfies them."""
+"""The safety filter of held control: conditions on accelerations, and the acceleration that it takes instead."""
 
 from __future__ import annotations
 
@@ -8,27 +8,14 @@ import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.sampled.knowledge import Known
+from flocking.engine.sampled.nearest_force import nearest
+from flocking.engine.sampled.stopping import Planes, beside_balls, between, stopping_acceleration, stopping_paths
 from flocking.model.space import Space
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND
 
-ROUNDING = 1e-12
-"""Relative rounding with which a condition counts as satisfied."""
-
-ROUNDED = 1e-9
-"""Relaxation, by the largest acceleration, that rounding explains."""
-
-FOUND = 1e-6
-"""Relative rounding with which a condition counts as satisfied by an iterative solver."""
-
 ASKED = 1e6
 """Largest acceleration that is asked for, by what both agents can brake: two that are too close would ask for more."""
-
-HALVINGS = 60
-"""Halvings of an interval in which a bound on the acceleration or a relaxation is sought."""
-
-CLOSED_FORM = 2
-"""Number of binding conditions up to which the nearest acceleration is computed in closed form."""
 
 
 @dataclass
@@ -100,99 +87,6 @@ def continuous_bound(dp: Array, dv: Array, braking: Array, distance: float, gain
     return np.clip(np.where(np.isfinite(bound), bound, braking), -ASKED * braking, ASKED * braking)
 
 
-def nearest(wanted: Array, normals: Array, bounds: Array, most: float) -> tuple[Array, bool]:
-    """The acceleration nearest to the wanted one with n_k . u >= b_k for all k and |u| <= a, and whether there is one.
-
-    Where there is none, all conditions are relaxed by the least amount for which there is.
-
-    Parameters
-    ----------
-    wanted
-        Shape (m,).
-    normals, bounds
-        Unit vectors n_k, shape (K, m), and b_k, shape (K,).
-    most
-        a.
-    """
-    found = _within_ball(wanted, normals, bounds, most)
-    if found is not None:
-        return found, True
-    # With b_k <= -a any acceleration will do.
-    low, high = 0.0, float(bounds.max()) + most
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        found = _within_ball(wanted, normals, bounds - middle, most)
-        low, high = (low, middle) if found is not None else (middle, high)
-    found = _within_ball(wanted, normals, bounds - high, most)
-    assert found is not None
-    return found, high <= ROUNDED * most
-
-
-def _within_ball(wanted: Array, normals: Array, bounds: Array, most: float) -> Array | None:
-    """The nearest acceleration that satisfies all, or None."""
-    size = max(most, float(np.linalg.norm(wanted)))
-    found = _projected(wanted, normals, bounds, size)
-    if found is None or float(np.linalg.norm(found)) <= most * (1.0 + ROUNDING):
-        return found
-    least = _projected(np.zeros_like(wanted), normals, bounds, size)
-    if least is None or float(np.linalg.norm(least)) > most * (1.0 + ROUNDING):
-        return None
-    # The projections of shares of the wanted acceleration are the nearest for each bound on the length.
-    low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        found = _projected(middle * wanted, normals, bounds, size)
-        fits = found is not None and float(np.linalg.norm(found)) <= most
-        low, high = (middle, high) if fits else (low, middle)
-    found = _projected(low * wanted, normals, bounds, size)
-    return least if found is None else found
-
-
-def _projected(wanted: Array, normals: Array, bounds: Array, size: float) -> Array | None:
-    """The point nearest to ``wanted`` with n_k . u >= b_k for all k, or None where there is none.
-
-    ``size`` is that of the numbers whose rounding counts as none.
-    """
-    slack = ROUNDING * size
-    missing = bounds - normals @ wanted
-    if (missing <= slack).all():
-        return wanted
-    candidates: list[Array] = [wanted + missing[k] * normals[k] for k in np.flatnonzero(missing > slack)]
-    fitting = [u for u in candidates if (normals @ u >= bounds - slack).all()]
-    if fitting:
-        away = [float(((u - wanted) ** 2).sum()) for u in fitting]
-        return fitting[int(np.argmin(away))]
-    if len(bounds) <= CLOSED_FORM:
-        return _on_both(wanted, normals, missing) if len(bounds) == CLOSED_FORM else None
-    found = _by_active_sets(wanted, normals, missing)
-    return found if found is not None and (normals @ found >= bounds - FOUND * size).all() else None
-
-
-def _on_both(wanted: Array, normals: Array, missing: Array) -> Array | None:
-    """The nearest point at which both of two conditions bind."""
-    gram = normals @ normals.T
-    determinant = 1.0 - gram[0, 1] ** 2
-    if determinant <= ROUNDING:
-        return None
-    weights = np.array([missing[0] - gram[0, 1] * missing[1], missing[1] - gram[0, 1] * missing[0]]) / determinant
-    return np.asarray(wanted + weights @ normals)
-
-
-def _by_active_sets(wanted: Array, normals: Array, missing: Array) -> Array | None:
-    """The same of many conditions: least distance programming by non-negative least squares (Lawson, Hanson 1974)."""
-    from scipy.optimize import nnls
-
-    scale = max(float(np.abs(missing).max()), 1.0)
-    system = np.vstack([normals.T, missing[None] / scale])
-    target = np.zeros(len(wanted) + 1)
-    target[-1] = 1.0
-    weights, _ = nnls(system, target)
-    residual = system @ weights - target
-    if -residual[-1] <= ROUNDING:
-        return None
-    return np.asarray(wanted - scale * residual[:-1] / residual[-1], dtype=np.float64)
-
-
 class ForceFilter:
     """The safety filter of a session.
 
@@ -239,8 +133,14 @@ class ForceFilter:
             wanted = force[row] / mass
             dp = -self.space.displacement(positions[row] - known.own[row, :m])[others]
             dv = known.own[row, m:] - known.rows[row, others, m:]
-            normals, bounds = self._conditions(i, others, dp, dv)
-            used, fits = nearest(wanted, normals, bounds, float(most))
+            if self.control.form == "stopping":
+                planes = self._planes(i, others, dp, known.rows[row, others, m:], known.own[row])
+                period = float(self.period[i])
+                own = np.asarray(known.own[row, m:])
+                used, fits = stopping_acceleration(wanted, own, planes, float(most), period, self.control.distance)
+            else:
+                normals, bounds = self._conditions(i, others, dp, dv)
+                used, fits = nearest(wanted, normals, bounds, float(most))
             if not fits:
                 self.memory.relaxed += 1
                 if self.memory.first_relaxed < 0:
@@ -248,6 +148,23 @@ class ForceFilter:
             changed = bool((used != wanted).any())
             self.memory.changed += changed
             found[row] = mass * used if changed else force[row]
+        return found
+
+    def _planes(self, i: int, others: Links, dp: Array, v: Array, own: Array) -> Planes:
+        """Planes that agent i keeps, relative to its position: one for each other agent and for each obstacle."""
+        control, period, m = self.control, float(self.period[i]), dp.shape[1]
+        path = stopping_paths(own[None, m:], float(self.most[i]), period)[0]
+        paths = stopping_paths(v, self.most[others], np.asarray(self.period[others]))
+        found = between(path, -dp, paths, control.kept)
+        balls, walls = control.balls, control.walls
+        if balls:
+            centres = np.array([b.centre.at(0.0)[0] for b in balls]) - own[:m]
+            radii = np.array([b.radius for b in balls])
+            found = found.joined(beside_balls(path, centres, radii, control.kept_clearance))
+        if walls:
+            normals = np.array([w.normal for w in walls])
+            places = np.array([w.point.at(0.0)[0] for w in walls]) - own[:m]
+            found = found.joined(Planes(normals, (normals * places).sum(axis=1) + control.kept_clearance))
         return found
 
     def _conditions(self, i: int, others: Links, dp: Array, dv: Array) -> tuple[Array, Array]:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flocking.model.checks import Array, check_each, number, one_of, scalar_or_each
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, check_each, listed, number, one_of, scalar_or_each
+from flocking.model.leaders_and_obstacles.leaders import Sink
+from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Wall
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
 from flocking.model.world.control import Held
@@ -19,8 +23,9 @@ MARGIN = 1e-6
 ROUNDING = 1e-9
 """Share of the distance below it within which an approach counts as rounding."""
 
-FORMS = ("sampled", "continuous")
-"""Conditions of the filter: for forces that are held for a period, and for forces that change at every moment."""
+FORMS = ("sampled", "continuous", "stopping")
+"""Conditions of the filter: of pairs, for forces that are held for a period and for forces that change at every moment;
+and of stopping paths, for held forces and groups of any size."""
 
 
 @register_part("safety_filter")
@@ -40,6 +45,14 @@ class SafetyFilter(Held):
     other's present state, and can brake at the start, then never come closer than D. Of more agents the conditions may
     contradict each other; then all are relaxed by the least common amount, which is counted.
 
+    ``form="stopping"`` is for groups of any size, and for obstacles. The stopping path of an agent is the straight way
+    on which its largest force, held for whole periods, brings it to rest. At a tick a plane lies between the stopping
+    paths of every two agents, in the middle of their nearest points, and each agent keeps half the distance D from it
+    during the period and on its next stopping path. Braking always does, so that conditions never contradict each
+    other: agents whose stopping paths are D apart at the start, who act together and know each other's present state,
+    never come closer than D, nor to an obstacle than the clearance. What is taken is not the nearest such force but a
+    near one, and agents keep more room than two of them need.
+
     Parameters
     ----------
     period, phase, latency
@@ -49,9 +62,13 @@ class SafetyFilter(Held):
     acceleration
         Largest acceleration a, one for all agents or one for each; positive.
     form
-        ``"sampled"`` or ``"continuous"``.
+        ``"sampled"``, ``"continuous"`` or ``"stopping"``.
     gain
-        Gain of the continuous form; positive.
+        Gain of the condition of pairs; positive.
+    obstacles
+        Balls and walls at rest that the form ``"stopping"`` keeps agents from.
+    clearance
+        Distance that is kept from them; positive. Half the distance of agents when absent.
 
     Raises
     ------
@@ -69,12 +86,15 @@ class SafetyFilter(Held):
     acceleration: float | Array = field(kw_only=True)
     form: Annotated[str, values.choice(*FORMS)] = field(default="sampled", kw_only=True)
     gain: float = field(default=1.0, kw_only=True)
+    obstacles: tuple[Obstacle, ...] = field(default=(), kw_only=True)
+    clearance: float | None = field(default=None, kw_only=True)
 
     if TYPE_CHECKING:  # Lists are accepted.
 
         def __init__(
             self, period: float | ArrayLike, phase: float | ArrayLike = 0.0, latency: float = 0.0, *,
             distance: float, acceleration: float | ArrayLike, form: str = "sampled", gain: float = 1.0,
+            obstacles: Sequence[Obstacle] = (), clearance: float | None = None,
         ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -82,8 +102,23 @@ class SafetyFilter(Held):
         object.__setattr__(self, "distance", number("SafetyFilter", "distance", self.distance, above=0.0))
         found = scalar_or_each("SafetyFilter", "acceleration", self.acceleration, above=0.0)
         object.__setattr__(self, "acceleration", found)
-        one_of("SafetyFilter", "form", self.form, FORMS, "must be 'sampled' or 'continuous'")
+        one_of("SafetyFilter", "form", self.form, FORMS, "must be 'sampled', 'continuous' or 'stopping'")
         object.__setattr__(self, "gain", number("SafetyFilter", "gain", self.gain, above=0.0))
+        if self.clearance is not None:
+            object.__setattr__(self, "clearance", number("SafetyFilter", "clearance", self.clearance, above=0.0))
+        obstacles = listed("SafetyFilter", "obstacles", self.obstacles, "must be a sequence of balls and walls")
+        object.__setattr__(self, "obstacles", tuple(obstacles))
+        for each in self.obstacles:
+            if not (isinstance(each, Ball | Wall) and isinstance(each.mover, Sink)):
+                raise InvalidInput(
+                    "SafetyFilter", "obstacles", "must be balls and walls at rest", each,
+                    "Let the law avoid other ones.",
+                )  # fmt: skip
+        if self.obstacles and self.form != "stopping":
+            raise InvalidInput(
+                "SafetyFilter", "form", "must be 'stopping' where there are obstacles", self.form,
+                "The conditions of pairs know none.",
+            )  # fmt: skip
 
     def check_count(self, n: int) -> None:
         """Check that values given for each agent are ``n``.
@@ -105,6 +140,26 @@ class SafetyFilter(Held):
     def kept(self) -> float:
         """The distance that the conditions keep, a millionth larger than `distance`."""
         return self.distance * (1.0 + MARGIN)
+
+    @property
+    def balls(self) -> tuple[Ball, ...]:
+        """The obstacles that are balls."""
+        return tuple(x for x in self.obstacles if isinstance(x, Ball))
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """The obstacles that are walls."""
+        return tuple(x for x in self.obstacles if isinstance(x, Wall))
+
+    @property
+    def margin_of_obstacles(self) -> float:
+        """The distance that is kept from obstacles: `clearance`, or half of `distance`."""
+        return 0.5 * self.distance if self.clearance is None else self.clearance
+
+    @property
+    def kept_clearance(self) -> float:
+        """The distance from obstacles that the conditions keep, a millionth larger."""
+        return self.margin_of_obstacles * (1.0 + MARGIN)
 
     def reserve(self, along: Array, closing: Array, braking: Array) -> Array:
         """Distance that two agents have left when both brake along a line from now on.

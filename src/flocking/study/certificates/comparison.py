@@ -14,6 +14,7 @@ from flocking.errors import InvalidInput
 from flocking.model.bodies.actuators import Limited
 from flocking.model.law import Law
 from flocking.model.observables import diameters
+from flocking.model.world.safety_filters import SafetyFilter
 from flocking.study.certificates.certificate import Certificate, Certificates
 from flocking.study.certificates.energy_setting import EnergySetting
 
@@ -103,6 +104,16 @@ def _closest(run: Run, certificate: Certificate) -> tuple[float, float] | None:
     """The closest approach of those pairs that the certificate speaks of."""
     found = run.closest_linked if "linked" in certificate.quantity else run.closest
     return (found.distance, found.error) if np.isfinite(found.distance) else None
+
+
+def _obstacles(run: Run, certificate: Certificate) -> tuple[float, float]:
+    """The smallest distance of an agent from an obstacle of the safety filter at a frame."""
+    control = run.scenario.control
+    assert isinstance(control, SafetyFilter)
+    places = np.asarray(run.q, dtype=np.float64).reshape(-1, run.q.shape[2])
+    error = 0.5 * _position_error(run)
+    # What the sampled engine computes is exact up to rounding, which the promise allows for.
+    return min(float(x.distance(places).min()) for x in control.obstacles), error if np.isfinite(error) else 0.0
 
 
 def _link_lengths(run: Run, certificate: Certificate) -> tuple[float, float] | None:
@@ -237,6 +248,7 @@ _OBSERVED: dict[str, Callable[[Run, Certificate], tuple[float, float] | None]] =
     "largest_energy": _energy,
     "closest_approach": _closest,
     "safe_distance": _closest,
+    "obstacle_distance": _obstacles,
     "longest_link": _link_lengths,
     "group_diameter": _diameter,
     "alignment_diameter": _diameter,

@@ -1,9 +1,17 @@
-"""What a safety filter guarantees before the run: two agents that can brake never come closer than its distance."""
+"""What a safety filter guarantees before the run: agents that can brake never come closer than its distance.
+
+The form of pairs is a theorem for two agents; of more its conditions may contradict each other: nothing is granted.
+The form of stopping paths is one for any number, proven in `flocking.engine.sampled.stopping`.
+"""
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
+from flocking.arrays import Array
+from flocking.engine.sampled.stopping import nearest_points, stopping_paths
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
 from flocking.model.world.information import Instant
@@ -16,7 +24,15 @@ from flocking.study.certificates.certificate import (
     not_applicable,
     until_failed,
 )
+from flocking.study.certificates.enclosed_matrices import UNIT
 from flocking.study.certificates.sources import sources
+
+OBSTACLES = "obstacle_distance"
+"""Key of the certificate of obstacles."""
+
+UNITS = 64.0
+"""Bound of the rounding errors of a tick, in units of rounding of the largest distance from the origin: the sums of a
+few products in the motion, the paths and the planes."""
 
 PAIR = 2
 """Number of agents whose conditions never contradict each other."""
@@ -34,15 +50,20 @@ def safety_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     filter_ = scenario.control
     if not isinstance(filter_, SafetyFilter):
         declared = Hypothesis("control has a safety filter", False, type(filter_).__name__)
-        return not_applicable(("safe_distance",), source, (declared,))
+        return not_applicable(("safe_distance", OBSTACLES), source, (declared,))
     n = scenario.start.n
+
+    stopping = filter_.form == "stopping"
 
     def form() -> Hypothesis:
         statement = "the filter's condition is that of held forces"
         return Hypothesis(statement, filter_.form != "continuous", f"form={filter_.form!r}")
 
     def number() -> Hypothesis:
-        return Hypothesis("there are two agents, whose conditions never contradict each other", n == PAIR, f"{n}")
+        if stopping:
+            return Hypothesis("conditions of stopping paths never contradict each other", True, "braking satisfies all")
+        statement = "there are two agents, whose conditions never contradict each other, or form='stopping'"
+        return Hypothesis(statement, n == PAIR, f"{n} agents")
 
     def bodies() -> Hypothesis:
         agents = scenario.agents
@@ -60,19 +81,31 @@ def safety_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         return Hypothesis("all act together from the start on, without latency", bool(holds), filter_.summary)
 
     def able() -> Hypothesis:
+        if stopping:
+            return _paths_apart(scenario, filter_)
         left = _reserve(scenario, filter_)
         return Hypothesis(
             "both can brake before the distance at the start", left > MARGIN * filter_.distance,
             f"{left:.4g} is left",
         )  # fmt: skip
 
-    hypotheses = until_failed(form, number, bodies, knowledge, clock, able)
+    hypotheses = until_failed(form, number, bodies, knowledge, clock, partial(_resolved, scenario, filter_), able)
     bound = filter_.distance * (1.0 - ROUNDING)
-    return (decided(
+    agents = "The two agents" if n == PAIR else "No two agents"
+    verb = "never come" if n == PAIR else "ever come"
+    found = decided(
         "safe_distance", source, hypotheses, bound=Enclosure(bound, filter_.distance), side="at least",
-        quantity="closest approach",
-        statement=f"The two agents never come closer than {bound:.9g}.",
-    ),)  # fmt: skip
+        quantity="closest approach", statement=f"{agents} {verb} closer than {bound:.9g}.",
+    )  # fmt: skip
+    if not filter_.obstacles:
+        none = Hypothesis("the filter has obstacles", False, "none")
+        return found, *not_applicable((OBSTACLES,), source, (none,))
+    clear = filter_.margin_of_obstacles * (1.0 - ROUNDING)
+    return found, decided(
+        OBSTACLES, source, (*hypotheses, _clear(scenario, filter_)), side="at least",
+        bound=Enclosure(clear, filter_.margin_of_obstacles), quantity="distance of an agent from an obstacle",
+        statement=f"No agent ever comes closer to an obstacle of the filter than {clear:.9g}.",
+    )  # fmt: skip
 
 
 def _reserve(scenario: Scenario, control: SafetyFilter) -> float:
@@ -82,3 +115,51 @@ def _reserve(scenario: Scenario, control: SafetyFilter) -> float:
     closing = -float((r - q) @ (v - p)) / apart if apart else np.inf
     braking = float(control.accelerations(PAIR).sum())
     return float(control.reserve(np.asarray(apart), np.asarray(closing), np.asarray(braking)))
+
+
+def _resolved(scenario: Scenario, control: SafetyFilter) -> Hypothesis:
+    """Whether rounding errors of all ticks together stay below the millionth that the filter keeps more."""
+    start, n = scenario.start, scenario.start.n
+    length = scenario.t_end - start.t
+    fastest = float(np.linalg.norm(start.p, axis=1).max()) + float(control.accelerations(n).max()) * length
+    reach = float(np.abs(start.q).max(initial=0.0)) + fastest * length
+    places = [obstacle.mover.at(0.0)[0] for obstacle in control.obstacles if obstacle.mover is not None]
+    reach = max([reach, *(float(np.abs(x).max()) for x in places), *(b.radius for b in control.balls)])
+    ticks = length / float(np.min(control.period)) + 1.0
+    error = ticks * UNITS * UNIT * reach
+    smallest = min(control.distance, control.margin_of_obstacles) if control.obstacles else control.distance
+    return Hypothesis(
+        "rounding errors of all ticks stay below the millionth of the distance that is kept more",
+        error < 0.5 * MARGIN * smallest, f"at most {error:.3g}",
+    )  # fmt: skip
+
+
+def _paths_apart(scenario: Scenario, control: SafetyFilter) -> Hypothesis:
+    """Whether all stopping paths are the distance apart at the start."""
+    q, paths = scenario.start.q, _paths(scenario, control)
+    least = np.inf
+    for i in range(len(q) - 1):
+        own, theirs = nearest_points(paths[i], q[i + 1 :] - q[i], paths[i + 1 :])
+        least = min(least, float(np.linalg.norm(own - theirs, axis=1).min()))
+    statement = "stopping paths are the distance apart at the start"
+    return Hypothesis(statement, least > control.kept * (1.0 + ROUNDING), f"the nearest are {least:.6g} apart")
+
+
+def _clear(scenario: Scenario, control: SafetyFilter) -> Hypothesis:
+    """Whether all stopping paths are the clearance away from all obstacles at the start."""
+    q, paths, least = scenario.start.q, _paths(scenario, control), np.inf
+    for place, path in zip(q, paths, strict=True):
+        for wall in control.walls:
+            ends = np.array([place, place + path]) - wall.point.at(0.0)[0]
+            least = min(least, float((ends @ wall.normal).min()))
+        for ball in control.balls:
+            own, _ = nearest_points(path, (ball.centre.at(0.0)[0] - place)[None], np.zeros((1, len(place))))
+            away = own[0] + place - ball.centre.at(0.0)[0]
+            least = min(least, float(np.linalg.norm(away)) - ball.radius)
+    statement = "stopping paths are the clearance away from obstacles at the start"
+    return Hypothesis(statement, least > control.kept_clearance * (1.0 + ROUNDING), f"the nearest is {least:.6g} away")
+
+
+def _paths(scenario: Scenario, control: SafetyFilter) -> Array:
+    n = scenario.start.n
+    return stopping_paths(scenario.start.p, control.accelerations(n), float(np.max(control.period)))
