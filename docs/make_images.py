@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 import flocking as fk
 from flocking.papers.olfati_saber_2003.system import obstacle_scenario, obstacles
 from flocking.papers.showcases.shipped import FIELD, SIX, showcase
@@ -16,9 +18,13 @@ LARGE_TIMES = (48.0, 168.0, 320.0)
 IMAGES = Path(__file__).parent / "images"
 
 
+PERIODS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
+
+
 def main() -> None:
     large()
     hundred()
+    safety_filter()
 
 
 def large() -> None:
@@ -46,6 +52,27 @@ def hundred() -> None:
         IMAGES / "obstacles",
         ("png",),
     )
+
+
+def safety_filter() -> None:
+    """The closest approach of three agents for periods of the safety filter, computed here."""
+    import matplotlib.pyplot as plt
+
+    angles = np.array([0.3, 0.3 + 2 * np.pi / 3, 0.35 + 4 * np.pi / 3])
+    out = np.column_stack([np.cos(angles), np.sin(angles)])
+    law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("r**2/2"))])
+    figure, axes = plt.subplots(figsize=(6.0, 3.2), layout="constrained")
+    for form, marker in (("continuous", "o"), ("sampled", "s"), ("stopping", "^")):
+        found = []
+        for period in PERIODS:
+            control = fk.SafetyFilter(period, distance=0.7, acceleration=10.0, form=form)
+            made = fk.Scenario(law, fk.State(3.0 * out, -1.9 * out), t_end=8.0, frames=2, control=control)
+            found.append(fk.simulate(made, progress=False).closest.distance)
+        axes.plot(PERIODS, found, marker=marker, label=form)
+    axes.axhline(0.7, color="black", linestyle="--", linewidth=1.0, label="distance of the filter")
+    axes.set(xlabel="period", ylabel="closest approach", ylim=(0.0, None))
+    axes.legend(frameon=False)
+    figure.savefig(IMAGES / "safety_filter.png", dpi=150)
 
 
 if __name__ == "__main__":

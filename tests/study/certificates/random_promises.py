@@ -311,7 +311,7 @@ def _filtered(rng: Generator) -> fk.Scenario:
     most = rng.uniform(0.5, 5.0, n)
     control = fk.SafetyFilter(
         float(10 ** rng.uniform(-1.7, 0)), distance=0.5, acceleration=most, gain=float(10 ** rng.uniform(-1, 1.5)),
-        form=str(rng.choice(["sampled", "sampled", "continuous"])),
+        form=str(rng.choice(["sampled", "stopping", "stopping", "continuous"])),
     )  # fmt: skip
     graph = fk.Fixed.complete(n)
     law = fk.Law(graph, [fk.Gradient(fk.Potential("a*r**2/2", a=float(10 ** rng.uniform(-1, 1.5))))])
