@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -77,19 +78,25 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
     from flocking.apps.reproduction.run_page import write_run_page
     from flocking.engine.storage.stored_runs import read_run
     from flocking.papers.auditing import audit as audit_run
+    from flocking.study.certificates.beside.guaranteed_claims import guarantee_of
+    from flocking.study.certificates.certify import certify
     from flocking.study.message_logs.replay import replay as replay_run
 
     run = read_run(folder)
     again = replay_run(run) if replay else None
     report = audit_run(run)
-    promised = certificate_rows(report.run)
+    scenario = report.run.scenario
+    certificates = certify(scenario)
+    promised = certificate_rows(report.run, certificates)
+    proofs = {r.claim.key: guarantee_of(r.claim, certificates, scenario) for r in report.results}
+    proven = {key: proof.key for key, proof in proofs.items() if proof is not None}
     if html is not None:
         write_run_page(report, html, told={"stored run": str(folder)}, source=folder.name)
     if as_json:
         found = {} if again is None else {"replay": again.as_dict()}
-        print_json(report.as_dict() | {"certificates": promised} | found)
+        print_json(report.as_dict() | {"certificates": promised, "guaranteed": proven} | found)
     else:
-        _print_claims(report, report.run.scenario.name)
+        _print_claims(report, scenario.name, proven)
         print_promises(promised)
         outcome = "All decided claims have" if report.as_expected else "Some claims do not have"
         print(f"{outcome} the expected verdict.")
@@ -183,8 +190,14 @@ def _named_columns(texts: list[str]) -> dict[str, str]:
     return found
 
 
-def _print_claims(report: Report, title: str) -> None:
+def _print_claims(report: Report, title: str, proven: Mapping[str, str] | None = None) -> None:
+    """The claims with their verdicts and, where keys of certificates that prove some are given, those beside them."""
     from flocking.apps.tables import print_table, short
 
-    rows = [(r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note) for r in report.results]
-    print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=title)
+    head = ["claim", "verdict", "margin", "error", "measured"]
+    rows = [[r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note] for r in report.results]
+    if proven:
+        head.insert(2, "guaranteed by")
+        for row in rows:
+            row.insert(2, proven.get(row[0], ""))
+    print_table(tuple(head), [tuple(row) for row in rows], title=title)

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from flocking.engine.runs.run import Run
+    from flocking.study.certificates.certificate import Certificates
 
 
 SIGNS = {"at most": "<=", "at least": ">=", "is": "="}
@@ -61,20 +62,22 @@ def certify(
     return 0
 
 
-def certificate_rows(run: Run) -> list[dict[str, object]]:
+def certificate_rows(run: Run, found: Certificates | None = None) -> list[dict[str, object]]:
     """Every granted certificate that a run can be held against, beside what it shows, as plain values for JSON.
 
     Parameters
     ----------
     run
         The run.
+    found
+        The certificates of its scenario, where they are at hand.
     """
     from flocking.study.certificates.certify import certify as certificates_of
     from flocking.study.certificates.comparison import compare
 
-    found = certificates_of(run.scenario)
-    rows = compare(found, run) if len(run.t) else ()
-    sides = ({"quantity": found[row.key].quantity, "side": found[row.key].side} for row in rows)
+    known = certificates_of(run.scenario) if found is None else found
+    rows = compare(known, run) if len(run.t) else ()
+    sides = ({"quantity": known[row.key].quantity, "side": known[row.key].side} for row in rows)
     return [
         {name: _finite(value) for name, value in (row.as_dict() | more).items()}
         for row, more in zip(rows, sides, strict=True)

@@ -106,6 +106,11 @@ class Certificate:
             return None
         return self.bound.lo if self.side == "at least" else self.bound.hi
 
+    @property
+    def safe_lower(self) -> float | None:
+        """The lower end of the enclosure of a granted certificate; None where there is none."""
+        return self.bound.lo if self.bound is not None and self.granted else None
+
     def as_dict(self) -> dict[str, object]:
         """The certificate as plain values for JSON."""
         bound = None if self.bound is None else {"lower": self.bound.lo, "upper": self.bound.hi}

@@ -17,12 +17,15 @@ from flocking.apps.lab.panels.measures import (
     NAMES,
     ShownVerdict,
     claims_of,
+    guarantees_of,
     ledger,
     measured,
     verdicts_on,
 )
 from flocking.apps.lab.scene.scene import Scene
 from flocking.engine.runs.run import Run
+from flocking.model.law import Law
+from flocking.study.certificates.certificate import Certificates
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiButtonHandle
@@ -70,6 +73,7 @@ class MeasurementPanel:
             )
             for name, ink in zip(CURVES, INKS, strict=True)
         ]  # fmt: skip
+        self._certified: tuple[float, Law, Certificates | None] | None = None
         self._buttons: list[GuiButtonHandle] = []
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="flocking-lab-measurements", daemon=True)
@@ -173,7 +177,10 @@ class MeasurementPanel:
         run = self.window()
         if run is None or not run.links.size:
             return
-        self.verdicts = verdicts_on(run, claims_of(frame.scenarios[0].name))
+        law = run.scenario.law
+        if self._certified is None or self._certified[:2] != (float(run.t[0]), law):
+            self._certified = float(run.t[0]), law, guarantees_of(run)
+        self.verdicts = verdicts_on(run, claims_of(frame.scenarios[0].name), self._certified[2])
         first, last = run.t[0], run.t[-1]
         self._about.content = (
             f"Judged on t = {first:.4g} to {last:.4g}, since the last intervention. Click a broken claim."
@@ -188,7 +195,7 @@ class MeasurementPanel:
             while len(self._buttons) < len(shown):
                 self._buttons.append(self._button(len(self._buttons)))
         for button, verdict in zip(self._buttons, shown, strict=True):
-            label = f"{verdict.claim.key}: {verdict.word}"
+            label = f"{verdict.claim.key}: {verdict.lamp}"
             if verdict.witness is not None:
                 label += f" (t = {verdict.witness.time:.3g})"
             if button.label != label:
@@ -224,6 +231,8 @@ class MeasurementPanel:
         hypothesis = " Its hypothesis is not met:" if verdict.word == "hypothesis not met" else ""
         claim = verdict.claim
         text = f"**{claim.key}** ({claim.source}). {claim.statement}{hypothesis} {verdict.note}.{about}"
+        if verdict.guarantee is not None:
+            text += f" Guaranteed before the run: {verdict.guarantee.statement}"
         self._highlight(agents, text)
 
     def _highlight(self, agents: tuple[int, ...], text: str) -> None:

@@ -8,9 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flocking.engine.runs.run import LedgerRow, Run
+from flocking.errors import FlockingError
 from flocking.model import observables
 from flocking.model.state import State
 from flocking.papers.auditing import paper_claims
+from flocking.study.certificates.beside.guaranteed_claims import guarantee_of
+from flocking.study.certificates.certificate import Certificate, Certificates
+from flocking.study.certificates.certify import certify
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Result, Verdict
 from flocking.study.claims.witnesses import Witness, witness_of
@@ -19,6 +23,8 @@ from flocking.study.evidence import Evidence
 MOST_CONNECTIVITY = 400
 """Agents up to which the algebraic connectivity is computed: the cost of its eigenvalues grows with the cube of their
 number."""
+MOST_CERTIFIED = 60
+"""Agents up to which certificates are computed beside verdicts: all pairs are looked at, which takes about a second."""
 MOST_CLAIMS = 400
 """Largest group whose claims are judged: the cost grows with the number of pairs."""
 
@@ -83,12 +89,27 @@ class ShownVerdict:
         The measured value.
     witness
         Time and agents of a failure, where there are any.
+    guarantee
+        The certificate that proves the claim of the motion from the last intervention on, where there is one.
+    running
+        Whether the motion goes on, so that what holds and is not guaranteed holds so far.
     """
 
     claim: Claim
     word: str
     note: str
     witness: Witness | None = None
+    guarantee: Certificate | None = None
+    running: bool = False
+
+    @property
+    def lamp(self) -> str:
+        """The verdict in words: what holds is guaranteed, or is not and holds so far."""
+        if self.guarantee is not None and self.word in ("holds", "not yet", "not resolved"):
+            return "guaranteed" if self.word == "holds" else f"{self.word}, guaranteed"
+        if self.word == "holds" and self.running and self.claim.about.lasting:
+            return "not guaranteed, holds so far"
+        return self.word
 
     @property
     def color(self) -> str:
@@ -122,8 +143,37 @@ def _conditional(claim: Claim) -> Claim:
     return replace(claim, statement=statement, hypothesis=general.stays_connected)
 
 
-def verdicts_on(run: Run, claims: Sequence[Claim]) -> list[ShownVerdict]:
-    """Verdicts on a running run. A claim that cannot be measured on it is not applicable."""
+def guarantees_of(run: Run) -> Certificates | None:
+    """What is guaranteed of the motion from the first frame of a run on; None for groups that are too large.
+
+    Parameters
+    ----------
+    run
+        The run, whose law did not change.
+    """
+    if run.n > MOST_CERTIFIED or not len(run.t):
+        return None
+    try:
+        return certify(
+            run.scenario.with_(start=run.state(0), t_end=max(run.scenario.t_end, float(run.t[-1])), frames=2)
+        )
+    except FlockingError:
+        # The state cannot be the start of a scenario, for example since the run goes on beyond its end.
+        return None
+
+
+def verdicts_on(run: Run, claims: Sequence[Claim], guarantees: Certificates | None = None) -> list[ShownVerdict]:
+    """Verdicts on a running run. A claim that cannot be measured on it is not applicable.
+
+    Parameters
+    ----------
+    run
+        The run.
+    claims
+        The claims.
+    guarantees
+        What is guaranteed of it, as `guarantees_of` says.
+    """
     evidence = Evidence(run)
     found = []
     for claim in claims:
@@ -132,7 +182,9 @@ def verdicts_on(run: Run, claims: Sequence[Claim]) -> list[ShownVerdict]:
             witness = witness_of(result, evidence)
         except Exception as error:  # claims of papers read their own laws, which may be changed
             result, witness = Result(claim, Verdict.NOT_APPLICABLE, note=f"{type(error).__name__}: {error}"), None
-        found.append(ShownVerdict(claim, _word(claim, result.verdict, run), result.note, witness))
+        proof = None if guarantees is None else guarantee_of(claim, guarantees, run.scenario)
+        word = _word(claim, result.verdict, run)
+        found.append(ShownVerdict(claim, word, result.note, witness, proof, running=run.status == "running"))
     return found
 
 

@@ -1,0 +1,1 @@
+"""What is guaranteed before a run, beside what is judged and measured afterwards."""

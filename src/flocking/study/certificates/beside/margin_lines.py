@@ -1,0 +1,92 @@
+"""Bounds of certificates as lines beside margins: up to which value of a quantity of the world something is proven."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.law import Scenario
+from flocking.model.world.control import CONTINUOUS
+from flocking.model.world.information import INSTANT
+from flocking.study.certificates.certificate import Certificates
+from flocking.study.certificates.certify import certify
+
+
+@dataclass(frozen=True)
+class MarginLine:
+    """A value of a quantity of the world up to which, or from which on, something is proven.
+
+    Parameters
+    ----------
+    value
+        The value.
+    label
+        What is proven, in a few words.
+    key
+        Key of the certificate.
+    beyond
+        Whether it is proven of larger values, as of limits that never act, instead of smaller ones.
+    """
+
+    value: float
+    label: str
+    key: str
+    beyond: bool = False
+
+
+PERIODS = {
+    "control_period": "agreement is stable below", "period_of_any_graph": "no disagreement grows up to",
+    "directed_period": "agreement is stable below",
+}  # fmt: skip
+"""Certificates of periods of held control, where the present is known."""
+
+
+def margin_lines(scenario: Scenario, quantity: str) -> tuple[MarginLine, ...]:
+    """The lines that certificates draw beside the margin of a quantity; none where nothing is proven of it.
+
+    Parameters
+    ----------
+    scenario
+        The scenario whose margins are sought. What is proven of its ideal world counts for ``period``, where it
+        declares no information of its own, and for ``limit``; ``delay``, ``loss`` and ``noise`` have no lines: margins
+        vary them in a world of messages under held control, of which no certificate bounds these.
+    quantity
+        Name of the quantity, as in ``flocking margins --vary``.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no scenario.
+    """
+    if not isinstance(scenario, Scenario):
+        raise InvalidInput("margin_lines", "scenario", "must be a Scenario", scenario)
+    if quantity == "period":
+        return _period_lines(scenario)
+    if quantity == "limit":
+        return _limit_lines(certify(scenario.with_(control=CONTINUOUS, information=INSTANT)))
+    return ()
+
+
+def _period_lines(scenario: Scenario) -> tuple[MarginLine, ...]:
+    found = certify(scenario)
+    if not scenario.information.ideal:
+        # Margins keep the number of periods by which messages are late, as the certificate does.
+        each = found["period_in_world"]
+        if not each.granted or each.bound is None:
+            return ()
+        return (MarginLine(each.bound.lo, "in the declared world the disagreement falls at", each.key),)
+    lines = []
+    for key, label in PERIODS.items():
+        bound = found[key].safe_lower
+        if bound is not None:
+            lines.append(MarginLine(bound, label, key))
+    return tuple(lines)
+
+
+def _limit_lines(found: Certificates) -> tuple[MarginLine, ...]:
+    each = found["largest_force"]
+    if each.safe_bound is None or not np.isfinite(each.safe_bound):
+        return ()
+    return (MarginLine(each.safe_bound, "larger limits never act", each.key, beyond=True),)
