@@ -16,6 +16,7 @@ from numpy.random import Generator
 import flocking as fk
 from flocking.errors import UnsupportedLaw
 from flocking.study.certificates.certificate import Certificates
+from flocking.study.certificates.certify import certify
 from flocking.study.certificates.comparison import Comparison, compare
 
 UNSTATED = 1e-6
@@ -86,7 +87,7 @@ def add(tally: Tally, seed: int) -> None:
     except fk.InvalidInput as error:
         tally.refused[f"scenario: {type(error).__name__}"] += 1
         return
-    found = fk.certify(scenario)
+    found = certify(scenario)
     tally.scenarios += 1
     tally.granted.update(c.key for c in found.granted)
     try:
@@ -139,11 +140,19 @@ def fates(found: Certificates, run: fk.Run) -> list[tuple[str, bool, str]]:
     return rows
 
 
+SHARES = {"energetic": 0.52, "aligning": 0.12, "agreeing": 0.1, "sampled": 0.08, "filtered": 0.1, "obstructed": 0.08}
+"""Kinds of scenarios, by the kind of theorem that speaks of them, and their shares."""
+
+
 def random_scenario(seed: int) -> fk.Scenario:
     """The scenario of a seed."""
     rng = np.random.default_rng([seed, 21])
-    kind = rng.choice(5, p=[0.58, 0.14, 0.1, 0.08, 0.1])
-    return (_energetic, _aligning, _agreeing, _sampled, _filtered)[kind](rng)
+    return _MAKERS[int(rng.choice(len(SHARES), p=list(SHARES.values())))](rng)
+
+
+def kind_of(seed: int) -> str:
+    """The kind of the scenario of a seed, a key of `SHARES`."""
+    return list(SHARES)[int(np.random.default_rng([seed, 21]).choice(len(SHARES), p=list(SHARES.values())))]
 
 
 def _places(rng: Generator, n: int, m: int, size: float) -> np.ndarray:
@@ -319,6 +328,31 @@ def _filtered(rng: Generator) -> fk.Scenario:
     return fk.Scenario(
         law, fk.State(q, p), t_end=6.0, frames=5, control=control, bodies=fk.PointMass(rng.uniform(0.5, 2.0, n))
     )
+
+
+def _obstructed(rng: Generator) -> fk.Scenario:
+    n = int(rng.integers(1, 5))
+    obstacles = (fk.Ball([0.0, 0.0], float(rng.uniform(0.3, 1.0))), fk.Wall([-4.0, 0.0], [1.0, 0.2]))
+    avoid = fk.Avoid(
+        obstacles[: int(rng.integers(1, 3))], range=float(rng.uniform(0.8, 1.6)),
+        repulsion_gain=float(10 ** rng.uniform(0.5, 2)), damping_gain=float(rng.choice([0.0, 1.0])),
+        repulsion=fk.Potential("(r - d)**2/2", d=float(rng.uniform(1.6, 3.0))), gamma_agents=False,
+        fading_damping=bool(rng.random() < 0.5),
+    )  # fmt: skip
+    graph = fk.Proximity(float(rng.uniform(0.5, 3))) if rng.random() < 0.5 else fk.Complete()
+    terms: list[object] = [fk.Gradient(fk.Potential("a*r**2/2", a=float(rng.uniform(0.0, 1.0)))), avoid]
+    if rng.random() < 0.5:
+        terms.append(fk.Consensus(_gain(rng)))
+    if rng.random() < 0.4:
+        terms.append(fk.Track(fk.Sink([0.3, 0.0]), 0.3, float(rng.uniform(0, 1))))
+    angles = rng.uniform(0, 2 * np.pi, n)
+    q = np.column_stack([np.cos(angles), np.sin(angles)]) * rng.uniform(1.2, 2.8, n)[:, None]
+    p = rng.normal(size=(n, 2)) * float(rng.uniform(0, 3))
+    bodies = fk.PointMass(rng.uniform(0.5, 2, n), float(rng.choice([0.0, 0.3])))
+    return fk.Scenario(fk.Law(graph, terms), fk.State(q, p), t_end=3.0, frames=41, bodies=bodies)
+
+
+_MAKERS = (_energetic, _aligning, _agreeing, _sampled, _filtered, _obstructed)
 
 
 if __name__ == "__main__":

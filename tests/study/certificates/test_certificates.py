@@ -69,7 +69,7 @@ def test_random_scenarios_keep_what_is_promised():
     broken, tightness, count = contradictions(range(10))
     assert not broken
     assert count >= 35
-    assert set(tightness) == {
+    assert set(tightness) >= {
         "largest_energy", "closest_approach", "longest_link", "group_diameter", "links_kept", "largest_speed"
     }  # fmt: skip
     # What goes beyond a bound is the error of the integration.

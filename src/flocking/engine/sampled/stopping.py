@@ -122,7 +122,13 @@ class Planes:
     levels: Array
 
     def joined(self, other: Planes) -> Planes:
-        """These and others."""
+        """These and others.
+
+        Parameters
+        ----------
+        other
+            The others.
+        """
         return Planes(np.vstack([self.normals, other.normals]), np.concatenate([self.levels, other.levels]))
 
 

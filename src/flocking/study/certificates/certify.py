@@ -8,7 +8,9 @@ from flocking.study.certificates.alignment_certificates import alignment_certifi
 from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.consensus_certificates import consensus_certificates
 from flocking.study.certificates.limit_certificates import energy_and_limits
+from flocking.study.certificates.linear.leader_errors import leader_error_certificates
 from flocking.study.certificates.linear.switching_graphs import directed_certificates, switching_certificates
+from flocking.study.certificates.obstacle_certificates import obstacle_certificates
 from flocking.study.certificates.safety_certificates import safety_certificates
 from flocking.study.certificates.world_certificates import world_certificates
 
@@ -44,7 +46,7 @@ def certify(scenario: Scenario) -> Certificates:
         raise InvalidInput("certify", "scenario", "must be a Scenario", scenario)
     found = (
         *energy_and_limits(scenario), *consensus_certificates(scenario), *alignment_certificates(scenario),
-        *switching_certificates(scenario), *directed_certificates(scenario),
-        *world_certificates(scenario), *safety_certificates(scenario),
+        *switching_certificates(scenario), *directed_certificates(scenario), *leader_error_certificates(scenario),
+        *world_certificates(scenario), *safety_certificates(scenario), *obstacle_certificates(scenario),
     )  # fmt: skip
     return Certificates(scenario.name, found)

@@ -14,6 +14,7 @@ from flocking.errors import InvalidInput
 from flocking.model.bodies.actuators import Limited
 from flocking.model.law import Law
 from flocking.model.observables import diameters
+from flocking.model.terms.avoidance import Avoid
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.study.certificates.certificate import Certificate, Certificates
 from flocking.study.certificates.energy_setting import EnergySetting
@@ -116,6 +117,13 @@ def _obstacles(run: Run, certificate: Certificate) -> tuple[float, float]:
     return min(float(x.distance(places).min()) for x in control.obstacles), error if np.isfinite(error) else 0.0
 
 
+def _avoided(run: Run, certificate: Certificate) -> tuple[float, float]:
+    """The smallest distance of an agent from an obstacle of the law at a frame."""
+    obstacles = [x for term in run.scenario.law.body_terms if type(term) is Avoid for x in term.obstacles]
+    least = min(float(x.distance(q, float(t)).min()) for x in obstacles for q, t in zip(run.q, run.t, strict=True))
+    return least, 0.5 * _position_error(run)
+
+
 def _link_lengths(run: Run, certificate: Certificate) -> tuple[float, float] | None:
     if run.links.shape[1:] != (run.n, run.n):
         return None
@@ -150,6 +158,30 @@ def _speed(run: Run, certificate: Certificate) -> tuple[float, float]:
     elif setting.track is not None:
         p = p - setting.track.leader.along(run.t)[1][:, None]
     return float(np.linalg.norm(p, axis=2).max()), _velocity_error(run)
+
+
+def _centre_speeds(run: Run, *, behind: bool) -> Array:
+    """Speeds of the centre of mass at the frames, at rest or relative to the leader, shape (F,)."""
+    p = np.asarray(run.p, dtype=np.float64)
+    masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), run.n)
+    mean = np.einsum("i,fik->fk", masses, p) / masses.sum()
+    if behind:
+        mean = mean - run.scenario.law.leaders[0].along(run.t)[1]
+    return np.asarray(np.linalg.norm(mean, axis=1))
+
+
+def _drift(run: Run, certificate: Certificate) -> tuple[float, float]:
+    return float(_centre_speeds(run, behind=False).max()), _velocity_error(run)
+
+
+def _mean_error(run: Run, certificate: Certificate) -> tuple[float, float]:
+    return float(_centre_speeds(run, behind=True).max()), _velocity_error(run)
+
+
+def _mean_error_at_end(run: Run, certificate: Certificate) -> tuple[float, float] | None:
+    if not run.finished or run.t[-1] != run.scenario.t_end:
+        return None
+    return float(_centre_speeds(run, behind=True)[-1]), _velocity_error(run)
 
 
 def _velocity_error(run: Run) -> float:
@@ -249,11 +281,15 @@ _OBSERVED: dict[str, Callable[[Run, Certificate], tuple[float, float] | None]] =
     "closest_approach": _closest,
     "safe_distance": _closest,
     "obstacle_distance": _obstacles,
+    "obstacles_not_entered": _avoided,
     "longest_link": _link_lengths,
     "group_diameter": _diameter,
     "alignment_diameter": _diameter,
     "velocity_difference": _velocity_difference,
     "alignment_rate": _alignment_rate,
+    "steady_drift": _drift,
+    "mean_leader_error": _mean_error,
+    "mean_leader_error_at_end": _mean_error_at_end,
     "disagreement": _disagreement,
     "largest_force": _force,
     "limit_never_acts": _limits,

@@ -74,13 +74,25 @@ class DirectedSpectrum:
             self.reason = "eigenvalues of the Laplacian are not told apart from the imaginary axis"
 
     def rate(self, gain: Interval) -> Interval:
-        """The smallest real part, times a gain."""
+        """The smallest real part, times a gain.
+
+        Parameters
+        ----------
+        gain
+            The gain a, positive.
+        """
         real = self.centres.real
         slack = self.radii + SLACK * np.abs(self.centres)
         return gain * Interval.of((real - slack).min(), (real + slack).min())
 
     def delay(self, gain: Interval) -> Interval:
-        """The largest delay of all states that every mode stands."""
+        """The largest delay of all states that every mode stands.
+
+        Parameters
+        ----------
+        gain
+            The gain a, positive.
+        """
         size, angle = np.abs(self.centres), np.abs(np.angle(self.centres))
         slack = self.radii + SLACK * size
         # A disc that does not hold zero is seen from there under an angle of arcsin(radius/distance) to each side.
@@ -91,7 +103,13 @@ class DirectedSpectrum:
         return Interval.of(lo.min(), hi.min()) / gain
 
     def period(self, gain: Interval) -> Interval:
-        """The largest period of held control that every mode stands."""
+        """The largest period of held control that every mode stands.
+
+        Parameters
+        ----------
+        gain
+            The gain a, positive.
+        """
         size, real = np.abs(self.centres), self.centres.real
         slack = self.radii + SLACK * size
         lo = 2.0 * (real - slack) / (size + slack) ** 2 * (1.0 - SLACK)

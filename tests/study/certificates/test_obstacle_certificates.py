@@ -1,0 +1,107 @@
+"""Obstacles that are never entered: a closed form on a line, and random groups that are thrown at them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.formula.intervals import Interval
+from flocking.study.certificates.comparison import compare
+from flocking.study.certificates.obstacle_certificates import ObstacleSetting
+
+WALL = fk.Wall([0.0, 0.0], [1.0, 0.0])
+SOFT = fk.Potential("(r - 2)**2/2")
+
+
+def thrown(speed: float, *, gain: float = 4.0, damping: float = 0.0, **changes: object) -> fk.Scenario:
+    """One agent that flies straight at a wall from a distance of 3."""
+    avoid = fk.Avoid([WALL], range=2.0, repulsion_gain=gain, damping_gain=damping, repulsion=SOFT, gamma_agents=False,
+                     onset=0.999999)  # fmt: skip
+    law = fk.Law(fk.Complete(), [fk.Consensus(0.0), avoid])
+    start = fk.State([[3.0, 0.0]], [[-speed, 0.0]])
+    return fk.Scenario(law, start, t_end=4.0, frames=401, **changes)
+
+
+def test_a_spring_before_a_wall_stops_where_its_energy_says():
+    """E = gain (2 - s)^2/2, nearly without a bump: v^2/2 = 2 (2 - s)^2, so that s = 2 - v/2; entered from v = 4 on."""
+    for speed in (1.0, 3.0, 3.9):
+        found = fk.certify(thrown(speed))["obstacles_not_entered"]
+        assert found.granted
+        assert found.bound.lo == pytest.approx(2.0 - speed / 2.0, abs=1e-3)
+        rows = {r.key: r for r in compare(fk.certify(thrown(speed)), fk.simulate(thrown(speed), progress=False))}
+        assert rows["obstacles_not_entered"].kept
+        assert rows["obstacles_not_entered"].tightness > 0.97
+    found = fk.certify(thrown(4.1))["obstacles_not_entered"]
+    assert "may suffice to reach" in found.reason
+    run = fk.simulate(thrown(4.1), progress=False)
+    assert WALL.distance(run.q[:, 0]).min() < 0.0
+
+
+def random_scenario(seed: int) -> fk.Scenario:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 5))
+    obstacles = [fk.Ball([0.0, 0.0], float(rng.uniform(0.3, 1.0))), fk.Wall([-4.0, 0.0], [1.0, 0.2])]
+    avoid = fk.Avoid(
+        obstacles, range=float(rng.uniform(0.8, 1.6)), repulsion_gain=float(rng.uniform(5, 60)),
+        damping_gain=float(rng.choice([0.0, 1.0])), repulsion=fk.Potential("(r - d)**2/2", d=2.0), gamma_agents=False,
+        fading_damping=bool(rng.random() < 0.5),
+    )  # fmt: skip
+    terms = [fk.Gradient(fk.Potential("a*r**2/2", a=float(rng.uniform(0.0, 0.5)))), avoid]
+    if rng.random() < 0.5:
+        terms.append(fk.Track(fk.Sink([0.3, 0.0]), 0.3, float(rng.uniform(0, 1))))
+    angles = rng.uniform(0, 2 * np.pi, n)
+    q = np.column_stack([np.cos(angles), np.sin(angles)]) * rng.uniform(1.5, 2.8, n)[:, None]
+    p = rng.normal(size=(n, 2)) * rng.uniform(0, 3)
+    bodies = fk.PointMass(rng.uniform(0.5, 2, n), float(rng.choice([0.0, 0.3])))
+    return fk.Scenario(fk.Law(fk.Complete(), terms), fk.State(q, p), t_end=4.0, frames=81, bodies=bodies)
+
+
+def test_random_groups_never_enter_what_they_are_promised_not_to():
+    granted, tight = 0, []
+    for seed in range(14):
+        found = fk.certify(random_scenario(seed))
+        if found["obstacles_not_entered"].granted:
+            granted += 1
+            run = fk.simulate(random_scenario(seed), progress=False)
+            rows = {r.key: r for r in compare(found, run)}
+            assert rows["obstacles_not_entered"].kept is not False
+            assert rows["obstacles_not_entered"].observed > 0.0
+            tight.append(rows["obstacles_not_entered"].tightness)
+    assert granted >= 5
+    assert max(tight) <= 1.0 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"start": fk.State([[-1.0, 0.0]])}, "outside"),
+        ({"control": fk.Held(0.1)}, "ideal information"),
+        ({"law": fk.Law(fk.Complete(), [fk.Consensus(0.0), fk.Avoid(
+            [fk.Ball(fk.Velocity([1.0, 0.0]), 1.0)], range=2.0, gamma_agents=False)])}, "a Ball moves"),
+        ({"law": fk.Law(fk.Complete(), [fk.Consensus(0.0), fk.Avoid(
+            [WALL], [1.0, 0.0], range=2.0)])}, "gamma-agents"),
+        ({"law": fk.Law(fk.Complete(), [fk.Consensus(0.0), fk.Track([1.0, 0.0]), fk.Avoid(
+            [WALL], range=2.0, gamma_agents=False)])}, "leader moves"),
+        ({"law": fk.Law(fk.Hysteresis(3.0, 1.0), [fk.Gradient(fk.Potential("1/(3 - r)")), fk.Avoid(
+            [WALL], range=2.0, gamma_agents=False)])}, "links appear"),
+    ],
+)  # fmt: skip
+def test_what_no_theorem_covers_is_refused_by_name(change, reason):
+    found = fk.certify(thrown(1.0).with_(**change))["obstacles_not_entered"]
+    assert found.outcome == "refused"
+    assert reason in found.reason
+    assert (
+        fk.certify(thrown(1.0).with_(law=fk.Law(fk.Complete(), [fk.Consensus(1.0)])))["obstacles_not_entered"].outcome
+        == "not applicable"
+    )
+
+
+def test_the_energy_before_an_obstacle_is_the_integral_of_its_push():
+    """By differences: the energy falls by the push that `Avoid` exerts on a resting agent."""
+    scenario = thrown(0.0)
+    (energy,) = ObstacleSetting(scenario).energies
+    for s in (0.3, 1.0, 1.7):
+        lower, upper = energy.on(Interval.of(np.array([s - 1e-4]))), energy.on(Interval.of(np.array([s + 1e-4])))
+        push = fk.control(scenario.law, fk.State([[s, 0.0]]))[0, 0]
+        assert (lower.lo - upper.lo)[0] / 2e-4 == pytest.approx(push, rel=2e-2, abs=1e-2)
