@@ -75,6 +75,7 @@ class OptionFields(TypedDict, total=False):
     keep_frames: bool
     skin: float | None
     memory_limit: float | None
+    ledger_at: str
 
 
 _OPTIONS = Names(
@@ -82,7 +83,7 @@ _OPTIONS = Names(
     {
         "step": Maybe(Real()), "scheme": Maybe(Text()), "precision": Text(), "threads": Maybe(Integer()),
         "ledger": Flag(), "observe": Flag(), "keep_frames": Flag(), "skin": Maybe(Real()),
-        "memory_limit": Maybe(Real(finite=False)),
+        "memory_limit": Maybe(Real(finite=False)), "ledger_at": Text(),
     },
 )  # fmt: skip
 
@@ -121,13 +122,11 @@ def check_session(data: object, ledger_sums: type[object], memory: type[object],
     n, m = scenario.start.q.shape
     slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
     time = Real(scenario.start.t - slack, scenario.t_end + slack)
-    row = And(Many(ANY), "have the fields of a row of the ledger", _is_ledger_row)
     plan = And(
         Row([time, time, Integer(1), Integer()]), "advance in time",
         lambda x: bool(x[0] <= x[1] and x[3] <= x[2]),
     )  # fmt: skip
     sums = And(Names({}, dict.fromkeys(SUMS, ANY)), "hold all sums or none", lambda x: len(x) in (0, len(SUMS)))
-    one_row = And(Many(row), "hold one row at most", lambda x: len(x) <= 1)
     integrals = Table("f8", (3,), finite=False)
     ledger = Part(ledger_sums, {"integrals": integrals, "jumped": ANY, "sums": sums, "ahead": integrals})
     Names(
@@ -135,15 +134,27 @@ def check_session(data: object, ledger_sums: type[object], memory: type[object],
             "step": Real(least=float(np.finfo(float).tiny)), "time": time, "plan": plan, "steps": Integer(),
             "crowd": Part(memory, {"fields": Names({}, others=True)}),
             "scheme": Names({"last": Real(least=0.0), "counted": Flag(), "books": ledger}),
-            "records": Names({
-                "count": Integer(0, len(scenario.frame_times)), "apart": ANY, "first": Maybe(row),
-                "open": one_row, "closest": _closest(n),
-            }),
+            "records": check_records(scenario),
             "farthest": POSITIVE,
             "law_gaps": Part(LawGaps, {"checks": Integer(), "gap": ANY, "allowed": ANY, "worst": ANY}),
             "instability": _instability(n, m),
         }
     ).check(data, "session")  # fmt: skip
+
+
+def check_records(scenario: Scenario) -> Names:
+    """Form of the state of the records of a session of this scenario."""
+    row = And(Many(ANY), "have the fields of a row of the ledger", _is_ledger_row)
+    one_row = And(Many(row), "hold one row at most", lambda x: len(x) <= 1)
+    return Names(
+        {
+            "count": Integer(0, len(scenario.frame_times)),
+            "apart": ANY,
+            "first": Maybe(row),
+            "open": one_row,
+            "closest": _closest(scenario.start.n),
+        }
+    )
 
 
 def _closest(n: int) -> Part[Closest]:
@@ -222,11 +233,11 @@ def check_particles(fields: Mapping[str, object], particles: ParticleArrays) -> 
         raise MalformedError("crowd: lists must be stored, or be due for a rebuild")
     for k, found in enumerate(checked["lists"]):
         if found is not None:
-            _check_lists(found, n, particles.size, f"crowd: lists[{k}]")
+            check_lists(found, n, particles.size, f"crowd: lists[{k}]")
     return checked
 
 
-def _check_lists(lists: TileLists, n: int, size: int, name: str) -> None:
+def check_lists(lists: TileLists, n: int, size: int, name: str) -> None:
     """Check that every entry in use is the index of an agent; rows between the tiles are uninitialized."""
     rows, first, end = lists.rows, lists.first, lists.first + lists.count
     if end.max(initial=0) > len(rows):

@@ -67,7 +67,7 @@ def after_step(
     """
     _check_finite(particles, time)
     links_kept(particles, step, time)
-    records.closest_linked = _closest_pair(particles, records.closest_linked, time)
+    records.closest_linked = closest_pair(particles, records.closest_linked, time)
     _check_pair_motion(particles, h, step, time, singular_reach)
 
 
@@ -83,7 +83,7 @@ def _check_finite(particles: ParticleArrays, time: float) -> None:
     )  # fmt: skip
 
 
-def _closest_pair(particles: ParticleArrays, before: Closest, time: float) -> Closest:
+def closest_pair(particles: ParticleArrays, before: Closest, time: float) -> Closest:
     """The closest listed pair so far, given that of all earlier steps."""
     near = _nearest(particles)
     if not near < min(before.distance, FARTHEST):

@@ -7,10 +7,13 @@ from collections.abc import Mapping
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
+from flocking.engine.tiles.held.session import HeldTilesSession
 from flocking.engine.tiles.kernels.spec import SPACES, check_supported
 from flocking.engine.tiles.options import TilesOptions
 from flocking.engine.tiles.session import TilesSession
+from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
+from flocking.model.world.control import Held
 
 
 class TilesEngine(Engine):
@@ -20,6 +23,7 @@ class TilesEngine(Engine):
     summary = "fixed steps, for large groups"
     options = TilesOptions
     spaces = SPACES
+    worlds = (Held,)
     free_options = frozenset({"threads"})
     command_line_options = {"observe": True}  # noqa: RUF012  never changed
 
@@ -27,12 +31,17 @@ class TilesEngine(Engine):
         """Check that the scenario and the plant are supported."""
         check_supported(scenario)
         if plant is not None:
+            if not scenario.control.ideal:
+                raise UnsupportedLaw("The tiled engine runs no plant under held control: its work counts as departed.")
             check_plant("TilesSession", scenario.law, plant)
             check_supported(scenario.with_(law=plant))
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> TilesSession:
         """Start a session."""
         assert isinstance(options, TilesOptions)
+        if isinstance(scenario.control, Held):
+            self.check(scenario, plant)
+            return HeldTilesSession(scenario, options)
         return TilesSession(scenario, options, plant=plant)
 
     def open_unrecorded(self, scenario: Scenario) -> Session:
@@ -41,6 +50,8 @@ class TilesEngine(Engine):
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """Restore a session from its packed form."""
+        if isinstance(stored.scenario.control, Held):
+            return HeldTilesSession.unpack(packed, stored, changes)
         return TilesSession.unpack(packed, stored, changes)
 
 

@@ -12,6 +12,9 @@ from flocking.model.checks import integer, number
 MOST_THREADS = 1024
 """Largest number of threads; more than any processor has, so a larger number is probably a mistake."""
 
+LEDGER_TIMES = ("steps", "ticks")
+"""When the ledger is computed under held control."""
+
 
 @dataclass(frozen=True)
 class TilesOptions:
@@ -33,6 +36,9 @@ class TilesOptions:
         Number of threads; all processors by default. Results do not depend on it.
     ledger
         Whether the energy ledger is computed at every step and used to check the step.
+    ledger_at
+        Under held control: ``"steps"``, or ``"ticks"``, where the ledger is computed only when somebody acts. Then it
+        costs little, and its residual says how much powers change between two ticks.
     observe
         Whether order, flocks, density and closest pair are recorded at the frame times.
     keep_frames
@@ -57,6 +63,7 @@ class TilesOptions:
     keep_frames: bool = True
     skin: float | None = None
     memory_limit: float | None = None
+    ledger_at: str = "steps"
 
     def __post_init__(self) -> None:
         names = tuple(dict.fromkeys(name for some in SCHEMES.values() for name in some))
@@ -69,6 +76,8 @@ class TilesOptions:
                 number("TilesOptions", name, getattr(self, name), above=0.0)
         if self.threads is not None and integer("TilesOptions", "threads", self.threads, least=1) > MOST_THREADS:
             raise InvalidInput("TilesOptions", "threads", f"must be at most {MOST_THREADS}", self.threads)
+        if self.ledger_at not in LEDGER_TIMES:
+            raise InvalidInput("TilesOptions", "ledger_at", f"must be one of {', '.join(LEDGER_TIMES)}", self.ledger_at)
         for name in ("ledger", "observe", "keep_frames"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidInput("TilesOptions", name, "must be True or False", getattr(self, name))

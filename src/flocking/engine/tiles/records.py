@@ -68,7 +68,7 @@ class TilesRecorder(Recorder):
         self.trace = list(memory["open"])
         assert isinstance(self.closest_linked, Closest)
 
-    def add_ledger_row(self, t: float, ledger_sums: LedgerSums, n: int, unlinked: float) -> None:
+    def add_ledger_row(self, t: float, ledger_sums: LedgerSums, n: int, unlinked: float, departed: float = 0.0) -> None:
         """Add a row to the ledger; a second row of the same time replaces the first.
 
         Parameters
@@ -77,6 +77,8 @@ class TilesRecorder(Recorder):
             Sums over all agents, and integrals so far.
         unlinked
             Energy of a pair without a link.
+        departed
+            Work of what acted beyond the law.
         """
         sums = ledger_sums.sums
         energy = sums["pairs"] + sums["bodies"] + sums["kinetic"]
@@ -86,7 +88,7 @@ class TilesRecorder(Recorder):
             self.apart = apart
         work, lost, supplied = map(float, ledger_sums.integrals)
         jumped = ledger_sums.jumped + apart - self.apart
-        row = LedgerRow(t, energy + apart, sums["kinetic"], work, lost, supplied, jumped)
+        row = LedgerRow(t, energy + apart, sums["kinetic"], work, lost, supplied, jumped, departed)
         if self.trace and self.trace[-1][0] == t:
             self.trace.pop()
         if self.first is None or self.first[0] == t:

@@ -43,7 +43,7 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
     names = free_names(requested.values()).others
     needs_velocity = "drag" in requested or bool(names & {"speed2", "radial", "pull"})
     lane = _neighbour_lines(w, number, needs_velocity=needs_velocity, flow=flow)
-    lane += _link_lines(kind, number)
+    lane += _link_lines(kind, number, by_agent=w.controls)
     lane += ["apart = linked & (square > T(0.0))", f"safe = select(square > T(0.0), square, safe{number})"]
     lane += ["inverse_r = inverse_root(safe)", "r = safe * inverse_r"]
     lane += [] if flow else ["near = select(linked & (square < near), square, near)"]
@@ -65,7 +65,7 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
 def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool) -> list[str]:
     """Load the neighbours in one row of a list, with their positions relative to the agents of the tile."""
     kind, axes = w.spec.graphs[number], w.axes
-    marked = kind.memory or kind.fixed
+    marked = kind.memory or kind.fixed or w.controls
     lines = [
         f"at = (first{number}[tile] + step) * 16",
         f"entry = load(rows{number}, at)",
@@ -73,7 +73,13 @@ def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool
     ]
     there = [f"{letter}{k}_there" for letter in "qp" for k in axes]
     found = f"rows{number}, at, {'NUMBER' if marked else 'ALL'}"
-    lines += [f"{', '.join(there)} = gather_agents(X, {found})"]
+    if w.heard is None:
+        lines += [f"{', '.join(there)} = gather_agents(X, {found})"]
+    else:
+        # What is known of a neighbour is a row of the samples; who is not known is no neighbour.
+        lines += ["other = j != i", *w.heard.search(number), "other = other & there"]
+        lines += [f"{', '.join(there)} = gather_agents(S, spots, 0, ALL)"]
+        lines += [f"q{k}_there = q{k}_there + age * p{k}_there" for k in axes] * w.heard.predict
     if flow:
         beside = [f"{letter}{k}_there" for letter in "xu" for k in axes]
         lines += [f"{', '.join(beside)} = gather_agents(Y, {found})"] * needs_velocity
@@ -82,11 +88,22 @@ def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool
     if needs_velocity:
         letter = "u" if flow else "p"
         lines += [f"v{k} = {letter}{k}_there - {letter}{k}" for k in axes]
-    return [*lines, "square = " + " + ".join(f"d{k} * d{k}" for k in axes), "other = j != i"]
+    lines += ["square = " + " + ".join(f"d{k} * d{k}" for k in axes)]
+    return lines if w.heard is not None else [*lines, "other = j != i"]
 
 
-def _link_lines(kind: GraphKind, number: int) -> list[str]:
-    """Determine which neighbours are linked; entries of a graph with memory store it."""
+def _link_lines(kind: GraphKind, number: int, *, by_agent: bool) -> list[str]:
+    """Determine which neighbours are linked; entries of a graph with memory store it.
+
+    Parameters
+    ----------
+    kind
+        Properties of the graph.
+    number
+        Index of the graph.
+    by_agent
+        Whether ``hold`` differs between the agents of a tile.
+    """
     if kind.fixed:
         return ["linked = other"]
     leave = f"load(each{number}, base)" if kind.uneven else f"leave{number}"
@@ -94,11 +111,12 @@ def _link_lines(kind: GraphKind, number: int) -> list[str]:
     if not kind.memory:
         return [*lines, "linked = other & inside"]
     enter = "inside" if kind.uneven else f"(square < enter{number})"
+    kept = "select(linked, j | LINKED, j)"
     return [
         *lines,
         "was = other & (entry > NUMBER)",
         f"linked = select(hold, was, other & inside & (was | {enter}))",
-        f"store(rows{number}, at, select(linked, j | LINKED, j))",
+        f"store(rows{number}, at, {f'select(hold, entry, {kept})' if by_agent else kept})",
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,9 @@ from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 from flocking.model.space import Open, Periodic
+from flocking.model.world.control import Held
+from flocking.model.world.information import Messages
+from flocking.model.world.safety_filters import SafetyFilter
 
 SCHEMES = {2: ("verlet", "damped", "rk4"), 1: ("rk4", "euler")}
 """Names of the integrators by the order of agents, the default one first: half-step-velocity Verlet (as in LAMMPS), the
@@ -112,6 +116,8 @@ def check_supported(scenario: Scenario) -> None:
     def refuse(what: str) -> UnsupportedLaw:
         return UnsupportedLaw(f"The tiled engine cannot run {what}. Use engine='exact'.")
 
+    for why in held_refusals(scenario):
+        raise UnsupportedLaw(f"The tiled engine cannot run {why}.")
     if not isinstance(scenario.space, SPACES):
         raise refuse(f"{type(scenario.space).__name__} space")
     if body := refused_body(agents):
@@ -133,6 +139,25 @@ def check_supported(scenario: Scenario) -> None:
         for name, value in owned.items():
             if hasattr(value, "matrix") and not isinstance(value, HashedWeights | MatrixWeights):
                 raise refuse(f"the pair weights {type(value).__name__} of {name}")
+
+
+def held_refusals(scenario: Scenario) -> Iterator[str]:
+    """What of the world of a scenario this engine does not run, with the way out."""
+    law, control, information = scenario.law, scenario.control, scenario.information
+    if isinstance(control, SafetyFilter):
+        yield "SafetyFilter; use engine='sampled'"
+    if not control.ideal and not isinstance(control, Held):
+        yield f"control={type(control).__name__}(...)"
+    if not information.ideal and not isinstance(information, Messages):
+        yield f"information={type(information).__name__}(...); use engine='delayed'"
+    if not information.ideal and control.ideal:
+        yield "messages under continuous control; use control=Held(...)"
+    if control.ideal:
+        return
+    if law.beyond_neighbours:
+        yield f"the {' and the '.join(law.beyond_neighbours)} under held control, which no agent knows"
+    if any(getattr(term, "groups", ()) for term in law.body_terms):
+        yield "obstacles under held control yet; leave Avoid out"
 
 
 def scheme_of(scheme: str | None, order: int) -> str:

@@ -208,7 +208,6 @@ def _scratch(w: Writer) -> list[str]:
 
 
 def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
-    from flocking.engine.tiles.simd import elementary_functions as vector_math
     from flocking.formula.printing import code
 
     w = Writer(spec, formulas)
@@ -223,6 +222,13 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
         tile += block
     kernels = _kernel(w, "move", tile + tail, [*formulas.body.frame, *w.obstacle_values], frames, "p")
     kernels += _flow_kernel(spec, formulas) if spec.order == 1 and spec.ledger else "\n\nflow = None\n"
+    return module_header(spec, kernels) + kernels
+
+
+def module_header(spec: KernelSpec, kernels: str) -> str:
+    """Imports, constants and functions that the text of some ``kernels`` uses."""
+    from flocking.engine.tiles.simd import elementary_functions as vector_math
+
     used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in kernels}
     header = "import math\n\nimport numpy as np\n\n"
     header += f"from flocking.engine.tiles.simd.vectors import ({', '.join(_PRIMITIVES)})\n"
@@ -235,30 +241,54 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     header += f"load_agents = LOADERS[{columns}]\ngather_agents = GATHERERS[{columns}]\n"
     header += f"store_agents = STORERS[{columns}]\n\n\n"
     header += vector_math.source(used, spec.precision == "float64")
-    return header + (_HASH if "hash" in spec.weights else "") + kernels
+    return header + (_HASH if "hash" in spec.weights else "")
 
 
 def _kernel(
     w: Writer, name: str, tile: list[str], values: list[sympy.Expr], frames: list[str], mean: str
 ) -> str:  # fmt: skip
     """One function over the tiles: unpacking of its arguments, then the lines for a tile."""
+    first = ["base = tile * 16", "i = numbers_from(base)", *own_lines(w, "X")]
+    head = f"@native\ndef {name}({', '.join(_arguments(w.spec))}):\n" + indented(
+        uniform_lines(w, values, frames, mean), 1
+    )
+    return head + indented(["for tile in range(first_tile, last_tile):"], 1) + indented(first + tile, 2)
+
+
+def own_lines(w: Writer, source: str) -> list[str]:
+    """Lines that load the agents of a tile from the array ``source``, and the numbers of the law that each has."""
+    own = [f"{letter}{k}" for letter in "qp" for k in w.axes]
+    lines = [f"{', '.join(own)} = load_agents({source}, base)"]
+    return lines + [f"{row} = load(A[{row[1:]}], base)" for row in sorted(w.per_agent)]
+
+
+def uniform_lines(w: Writer, values: list[sympy.Expr], frames: list[str], mean: str) -> list[str]:
+    """Lines before the loop over the tiles: all that is the same for every agent.
+
+    Parameters
+    ----------
+    w
+        Has printed the lines for a tile.
+    values
+        Further expressions whose numbers are needed.
+    frames
+        Lines that follow the unpacking of the numbers.
+    mean
+        As for `scalar_lines`.
+    """
     from flocking.formula.printing import code
 
-    spec, axes = w.spec, w.axes
+    spec = w.spec
     uniform = [f"{name} = T({code(value, arrays=False)})" for name, value in w.lifter.definitions.items()]
     repeated = [(k, slot) for k, slot in enumerate(w.periods) if slot is not None]
-    scalars = _scalars(w, [*w.lifter.definitions.values(), *values, *(parameter(slot) for _, slot in repeated)], mean)
+    needed = [*w.lifter.definitions.values(), *values, *(parameter(slot) for _, slot in repeated)]
     frames = frames + [line for k, slot in repeated for line in period_lines(k, slot)]
-    top = [f"huge = T({HUGE!r})", f"{ENDLESS} = T(np.inf)", *scalars, *frames, *uniform]
+    top = [f"huge = T({HUGE!r})", f"{ENDLESS} = T(np.inf)", *scalar_lines(w, needed, mean), *frames, *uniform]
     for number, kind in enumerate(spec.graphs):
         top += [f"safe{number} = limits{number}[2]"]
         if not kind.fixed:
             top += [f"leave{number} = limits{number}[0]", f"enter{number} = limits{number}[1]"]
-    own = [f"{letter}{k}" for letter in "qp" for k in axes]
-    first = ["base = tile * 16", "i = numbers_from(base)", f"{', '.join(own)} = load_agents(X, base)"]
-    first += [f"{row} = load(A[{row[1:]}], base)" for row in sorted(w.per_agent)]
-    head = f"@native\ndef {name}({', '.join(_arguments(spec))}):\n" + indented(top, 1)
-    return head + indented(["for tile in range(first_tile, last_tile):"], 1) + indented(first + tile, 2)
+    return top
 
 
 def _flow_kernel(spec: KernelSpec, formulas: LawFormulas) -> str:
@@ -288,7 +318,7 @@ def _reads_mean_control(flow: sympy.Expr) -> bool:
     return any(name.startswith("mean_u") for name in free_names([flow]).others)
 
 
-def _scalars(w: Writer, expressions: list[sympy.Expr], mean: str) -> list[str]:
+def scalar_lines(w: Writer, expressions: list[sympy.Expr], mean: str) -> list[str]:
     """Unpack the run-time numbers in expressions: parameters, then mass and damping, then ranges of hashed weights.
 
     ``mean`` is the quantity in the second half of the means: velocities ``p`` or controls ``u``.

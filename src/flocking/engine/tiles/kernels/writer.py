@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import sympy
 
     from flocking.engine.kernels.expressions import LawFormulas
+    from flocking.engine.tiles.kernels.heard_samples import HeardSamples
 
 
 class Writer:
@@ -22,9 +23,16 @@ class Writer:
         Specification of the kernel.
     formulas
         Formulas of the law.
+    controls
+        Whether some agents of a tile may act while the links of the others stay as they are.
+    heard
+        How agents find what they know of each other; None where they know the present.
     """
 
-    def __init__(self, spec: KernelSpec, formulas: LawFormulas) -> None:
+    def __init__(
+        self, spec: KernelSpec, formulas: LawFormulas, *, controls: bool = False, heard: HeardSamples | None = None
+    ) -> None:
+        self.controls, self.heard = controls, heard
         from flocking.engine.tiles.kernels.printing import Lifter
 
         self.spec, self.formulas = spec, formulas

@@ -139,6 +139,8 @@ root = Primitive(_of_llvm("sqrt"))
 """Square root of lanes or of a number."""
 floor_of = Primitive(_of_llvm("floor"))
 """Largest integer not above the value, of lanes or of a number."""
+nearest_of = Primitive(_of_llvm("rint"))
+"""Nearest integer, the even one of two equally near, of lanes or of a number."""
 float_bits = Primitive(_cast("bitcast"))
 """Bits of floats as integers of their width."""
 float_of_bits = Primitive(_cast("bitcast"))

@@ -1,0 +1,173 @@
+"""Motion under a constant force for one step, in closed form, for groups of any size.
+
+``q' = q + drift p + lift u`` and ``p' = keep p + push u``. Without damping drift = h, lift = h^2/(2 m), keep = 1 and
+push = h/m; with damping k they are the integrals of exp(-k t/m); of agents of order 1 the velocity is the control.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.arrays import Array, Numbers32, Reals
+from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
+from flocking.formula.native.functions import native
+from flocking.model.bodies.body import Body
+
+SERIES_BELOW = 1e-2
+"""Share of its time constant below which a damped step is summed as a series: its fifth term is below rounding."""
+
+
+def _decays(z: Array) -> tuple[Array, Array]:
+    """``(1 - exp(-z))/z`` and ``(exp(-z) - 1 + z)/z**2``."""
+    small = np.abs(z) < SERIES_BELOW
+    safe = np.where(small, 1.0, z)
+    terms = [np.ones_like(z)]
+    for k in range(2, 9):
+        terms.append(-terms[-1] * z / k)
+    first = np.where(small, sum(terms), -np.expm1(-safe) / safe)
+    twos = [0.5 * np.ones_like(z)]
+    for k in range(3, 10):
+        twos.append(-twos[-1] * z / k)
+    second = np.where(small, sum(twos), (np.expm1(-safe) + safe) / safe**2)
+    return first, second
+
+
+def coefficients(body: Body, n: int, h: float) -> Array:
+    """Drift, lift, keep and push for a step ``h``, shape (4,) where all agents are alike, else (n, 4)."""
+    if body.order == 1:
+        return np.array([0.0, h, 0.0, 1.0])
+    masses = np.asarray(body.masses, dtype=np.float64)
+    rates = np.asarray(body.damping, dtype=np.float64) / masses
+    first, second = _decays(np.asarray(rates * h))
+    rows = [h * first, h * h * second / masses, np.exp(-rates * h), h * first / masses]
+    alike = all(row.ndim == 0 for row in map(np.asarray, rows))
+    return np.array(rows) if alike else np.stack([np.broadcast_to(row, n) for row in rows], axis=1)
+
+
+@native
+def coast(first, last, agents, target, force, constants, frame, n, fastest):  # type: ignore[no-untyped-def]
+    """Move the agents of some tiles by one step.
+
+    Parameters
+    ----------
+    first, last
+        Range of tiles, without the last.
+    agents, target
+        Positions and velocities before and after, shape (size, 2m); they may be one array.
+    force
+        What acts on each agent, shape (m, size).
+    constants
+        See `coefficients`, shape (1, 4) or (size, 4).
+    frame
+        Velocity of the frame of the lists, shape (m,).
+    n
+        Number of agents.
+    fastest
+        Takes the largest squared speed in that frame at the end of the step, by tile; infinite where one is not finite.
+    """
+    m = force.shape[0]
+    for tile in range(first, last):
+        most = np.float64(0.0)
+        for i in range(tile * 16, tile * 16 + 16):
+            row = i if constants.shape[0] > 1 else 0
+            square = np.float64(0.0)
+            for k in range(m):
+                p, u = agents[i, m + k], force[k, i]
+                target[i, k] = agents[i, k] + constants[row, 0] * p + constants[row, 1] * u
+                speed = constants[row, 2] * p + constants[row, 3] * u
+                target[i, m + k] = speed
+                c = np.float64(speed) - np.float64(frame[k])
+                square += c * c
+            if i < n:
+                most = max(most, square) if square < 1e300 else np.float64(np.inf)
+        fastest[tile] = most
+
+
+@native
+def force_powers(first, last, agents, force, frame, n, found):  # type: ignore[no-untyped-def]
+    """By tile: power of the forces that act, and their power in a frame.
+
+    Parameters
+    ----------
+    first, last, agents, force, n
+        As for `coast`.
+    frame
+        Velocity of the frame of the energy, shape (m,).
+    found
+        Takes the two sums, shape (tiles, 2).
+    """
+    m = force.shape[0]
+    for tile in range(first, last):
+        work, seen = np.float64(0.0), np.float64(0.0)
+        for i in range(tile * 16, min(tile * 16 + 16, n)):
+            for k in range(m):
+                p, u = np.float64(agents[i, m + k]), np.float64(force[k, i])
+                work += u * p
+                seen += u * (p - frame[k])
+        found[tile, 0], found[tile, 1] = work, seen
+
+
+@native
+def law_powers(first, last, agents, rates, masses, damping, frame, n, found):  # type: ignore[no-untyped-def]
+    """By tile: power in a frame of the forces that the law wants.
+
+    Parameters
+    ----------
+    first, last, agents, n
+        As for `coast`.
+    rates
+        In the second half of each row the rate of change of the velocity under the law, shape (size, 2m).
+    masses, damping
+        Shape (1,) or (size,).
+    frame
+        As for `force_powers`.
+    found
+        Takes the sums, shape (tiles, 1).
+    """
+    m = frame.shape[0]
+    for tile in range(first, last):
+        seen = np.float64(0.0)
+        for i in range(tile * 16, min(tile * 16 + 16, n)):
+            mass = masses[i if masses.shape[0] > 1 else 0]
+            drag = damping[i if damping.shape[0] > 1 else 0]
+            for k in range(m):
+                p = np.float64(agents[i, m + k])
+                seen += (mass * np.float64(rates[i, m + k]) + drag * p) * (p - frame[k])
+        found[tile, 0] = seen
+
+
+class HeldMotion:
+    """Coefficients of the motion of agents in sorted order, for steps of several lengths.
+
+    Parameters
+    ----------
+    body
+        The agents.
+    n
+        Their number.
+    dtype
+        Precision of the state.
+    """
+
+    def __init__(self, body: Body, n: int, dtype: type[np.float32] | type[np.float64]) -> None:
+        self.body, self.n, self.dtype = body, n, dtype
+        self._found: dict[float, Reals] = {}
+
+    def reorder(self) -> None:
+        """Forget what belongs to the order before."""
+        self._found.clear()
+
+    def over(self, h: float, ids: Numbers32) -> Reals:
+        """Coefficients for a step, shape (1, 4) or (size, 4)."""
+        if h not in self._found:
+            rows = coefficients(self.body, self.n, h)
+            self._found[h] = np.ascontiguousarray((rows[ids] if rows.ndim > 1 else rows[None]).astype(self.dtype))
+        return self._found[h]
+
+    def by_place(self, value: float | Array, ids: Numbers32) -> Array:
+        """A number of each agent, or of all, in sorted order, shape (size,) or (1,)."""
+        found = np.asarray(value, dtype=np.float64)
+        return np.ascontiguousarray(found[ids]) if found.ndim else found[None]
+
+
+assert WIDTH == 16, "these functions go through the agents of a tile"

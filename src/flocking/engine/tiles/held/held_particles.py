@@ -1,0 +1,140 @@
+"""Particle arrays of agents under held control: the forces that act, and the links by what agents know."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.arrays import Numbers, Numbers32, Reals
+from flocking.engine.tiles.held.held_motion import HeldMotion, coast
+from flocking.engine.tiles.kernels.control_kernel import control_kernel, control_spec
+from flocking.engine.tiles.kernels.spec import KernelSpec
+from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.threads import Workers
+from flocking.model.law import Scenario
+from flocking.model.state import State
+
+
+class HeldParticles(ParticleArrays):
+    """Particle arrays with a force of each agent that stays until the agent acts again.
+
+    Parameters
+    ----------
+    scenario, state, spec, workers, memory_limit, skin
+        As for `ParticleArrays`.
+
+    Attributes
+    ----------
+    force
+        The force that acts on each agent, shape (m, size); of agents of order 1 their velocity.
+    known
+        Lists of each graph with the links by what agents know; None where those of the truth serve.
+    """
+
+    def __init__(
+        self, scenario: Scenario, state: State, spec: KernelSpec, workers: Workers, memory_limit: float,
+        skin: float | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(scenario, state, spec, workers, memory_limit, skin)
+        self.force: Reals = np.zeros((self.m, self.size), self.dtype)
+        self.acting: Numbers32 = np.zeros(self.size, np.int32)
+        self.motion = HeldMotion(scenario.agents, self.n, self.dtype)
+        self.control_spec = control_spec(spec, scenario.law.graphs)
+        self.control = control_kernel(self.control_spec, None).control
+        self.known: list[TileLists | None] = [None] * len(spec.graphs)
+        self.known_builders = [ListBuilder(self.n, memory_limit, workers, self.box) for _ in scenario.law.graphs]
+        self._first_known_links = state.links
+        self._fastest = np.zeros(self.tiles)
+
+    def rebuild(self, step: float, skin: float | None = None) -> None:
+        """Sort the agents with their forces, and rebuild all lists."""
+        super().rebuild(step, skin)
+        if self.moving:
+            self.force[:, : self.n] = self.force[:, self.sorter.order]
+            self.force[:, self.n :] = self.force[:, self.n - 1 : self.n]
+        self.motion.reorder()
+        self._build_known()
+
+    def _build_known(self) -> None:
+        """Build the lists of the graphs whose links by what agents know have memory."""
+        skin, sorter, radii = self.displacement.skin, self.sorter, self.radii
+        for number, kind in enumerate(self.control_spec.graphs):
+            if not kind.memory:
+                continue
+            old = self.known[number]
+            each_reach = radii.each[number]
+            if kind.uneven:
+                each_reach = np.sqrt(each_reach) + self.dtype(skin)
+            inside = radii.each[number] if kind.uneven else radii.limits[number][:1]
+            # The sort leaves the new place of each agent in its buffer.
+            self.known[number], _ = self.known_builders[number].build(
+                self.agents, radii.cutoffs[number] + skin, each_reach, sorter.grid, sorter.start, old, sorter.order,
+                sorter.key_buffer, begin2=inside if old is None else None, remember=True,
+            )  # fmt: skip
+        if self._first_known_links is not None:
+            self._remember_first_links()
+
+    def _remember_first_links(self) -> None:
+        from flocking.engine.tiles.neighbours.listed_pairs import remember_links
+
+        links, self._first_known_links = self._first_known_links, None
+        if self.known[0] is not None and links is not None:
+            remember_links(self.known[0], np.asarray(links), self.ids)
+
+    def act(self, t: float) -> None:
+        """Compute the controls of the agents marked in `acting`, and follow their links.
+
+        Parameters
+        ----------
+        t
+            The time.
+        """
+        if self.spec.layout.law.beyond_neighbours:
+            self._fill_means(self.X, self.M)
+        lists: list[object] = []
+        for number, known in enumerate(self.known):
+            found = known if known is not None else self.lists[number]
+            assert found is not None
+            lists += [found.rows.reshape(-1), found.first, found.count]
+            lists += [self.radii.each[number], self.radii.limits[number]]
+        parameters = self.parameters
+        self.workers.each(
+            self.control, self.tiles, float(t), self.acting, self.agents, self.agents, self.n, *lists, parameters.P,
+            parameters.A, self.ids, parameters.seeds, parameters.matrices, self.M, self.force,
+        )  # fmt: skip
+
+    def coast(self, h: float, target: Reals | None = None) -> float:
+        """Move all agents by ``h`` under the forces that act; returns the largest speed in the frame of the lists.
+
+        Parameters
+        ----------
+        target
+            Takes the state; None to change that of the agents.
+        """
+        constants = self.motion.over(h, self.ids)
+        into = self.agents if target is None else target
+        arguments = (self.agents, into, self.force, constants, self.displacement.velocity, self.n, self._fastest)
+        self.workers.each(coast, self.tiles, *arguments)
+        top = float(np.sqrt(self._fastest.max()))
+        if target is None:
+            self.displacement.add(h, max(self.top_speed, top))
+            self.top_speed = top
+        return top
+
+    def recall_known(self, force: Reals, known: list[TileLists | None], rooms: list[Numbers]) -> None:
+        """Go on with forces and lists of a checkpoint.
+
+        Parameters
+        ----------
+        force, known
+            See the attributes.
+        rooms
+            Capacity of the lists of each graph in rows, for each chunk.
+        """
+        self.force = force.copy()
+        self.known = [None if each is None else each.copy() for each in known]
+        if self.rebuilds:
+            self._first_known_links = None
+        for builder, room in zip(self.known_builders, rooms, strict=True):
+            builder.capacity, builder.spare = room.copy(), None
+        self.motion.reorder()

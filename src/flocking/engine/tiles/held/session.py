@@ -1,0 +1,247 @@
+"""Session of the tiled engine under held control: events at steps, and motion in closed form between them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from flocking.arrays import Array
+from flocking.engine import interruption
+from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.world import check_nanoseconds
+from flocking.engine.tiles import automatic_step, checks
+from flocking.engine.tiles.held.checkpoint import pack_held, packed_options, recall_held
+from flocking.engine.tiles.held.held_ledger import powers_of
+from flocking.engine.tiles.held.held_particles import HeldParticles
+from flocking.engine.tiles.held.memory import HeldMemory
+from flocking.engine.tiles.held.step_grid import held_step
+from flocking.engine.tiles.held.true_state import ON_STEP, HeldTruth
+from flocking.engine.tiles.kernels.spec import check_supported
+from flocking.engine.tiles.options import TilesOptions
+from flocking.engine.tiles.records import TilesRecorder
+from flocking.engine.tiles.session import MOST_STEPS
+from flocking.engine.tiles.threads import Workers
+from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+from flocking.model.world.control import Held
+from flocking.model.world.times import NANOSECOND
+
+
+class HeldTilesSession(HeldTruth):
+    """Session of the tiled engine under held control.
+
+    Parameters
+    ----------
+    scenario
+        The scenario to simulate; its control is held.
+    options
+        Options of the engine.
+
+    Raises
+    ------
+    UnsupportedLaw
+        If a part of the scenario is not supported.
+    InvalidInput
+        If a time of the world is no whole number of steps.
+    TooCrowded
+        If the neighbour lists would not fit in memory.
+    """
+
+    _particles: HeldParticles
+
+    def __init__(self, scenario: Scenario, options: TilesOptions | None = None) -> None:
+        check_nanoseconds(scenario)
+        check_supported(scenario)
+        options = (options or TilesOptions()).of_order(scenario.agents.order)
+        if scenario.agents.order == 1:
+            # What the velocity of such agents departs from has no sum among those of the kernels.
+            options = replace(options, ledger=False)
+        self._set_up(scenario, options)
+        checks.resolution(self._particles, scenario.start.q, self.time)
+        memory = self._memory
+        memory.step_length = held_step(scenario, self.options.step, self._automatic_step())
+        if scenario.t_end - scenario.start.t > MOST_STEPS * self.step:
+            raise InvalidInput(
+                "TilesSession", "step", f"must reach the end in {MOST_STEPS:.0e} steps", self.step, "Give a longer one."
+            )
+        if self._follows:
+            self._look_at_truth(0.0)
+        self._record_frames(0.0)
+
+    def _set_up(self, scenario: Scenario, options: TilesOptions, threads: int | None = None) -> None:
+        """Begin with the state of the start; what a checkpoint holds may replace it."""
+        self.scenario, self.options, self.plant = scenario, options, None
+        self.workers = Workers(threads or options.threads)
+        records = TilesRecorder(
+            scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe
+        )  # fmt: skip
+        self._memory = HeldMemory(options, self._new_particles(scenario, scenario.start), records, 1, scenario.start.t)
+        self._particles, self.records = self._memory.particles, records
+        if scenario.agents.order == 1:
+            self._particles.agents[:, self._particles.m :] = 0.0
+        control = scenario.control
+        assert isinstance(control, Held)
+        self._ticks = control.schedule(scenario.start.n)
+        self._latency = control.latency_in_nanoseconds
+
+    def _new_particles(self, scenario: Scenario, state: State) -> HeldParticles:
+        return HeldParticles(
+            scenario, state, self._spec(scenario), self.workers, self.options.lists_limit, self.options.skin
+        )
+
+    @property
+    def scheme(self) -> str:
+        """``held``: the motion between two steps has a closed form."""
+        return "held"
+
+    def _automatic_step(self) -> float:
+        """The longest step that is chosen: any where nothing is integrated or followed beside the motion."""
+        if not self._follows:
+            return np.inf
+        self._guarded(lambda: self._particles.require_lists(0.0))
+        return automatic_step.choose(
+            self._particles, self.scenario, "euler" if self.scenario.agents.order == 1 else "verlet"
+        )
+
+    # Steps.
+
+    def advance(self, to: float, seconds: float = np.inf) -> None:
+        """Take steps until time ``to``, or for ``seconds`` of wall time; frames lie anywhere between."""
+        if not to >= self.time - self.step * ON_STEP:
+            raise InvalidInput("TilesSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        stop, base, slack = time.monotonic() + seconds, self.scenario.start.t, self.step * ON_STEP
+        try:
+            while base + self._now * NANOSECOND + self.step <= to + slack:
+                interruption.check()
+                self._act()
+                self._record_frames(self.step - 2.0 * slack)
+                self._guarded(self._coast)
+                self._memory.steps += 1
+                self._memory.time = base + self._now * NANOSECOND
+                self._arrive()
+                if time.monotonic() >= stop:
+                    return
+            if to - base - self._now * NANOSECOND > slack:
+                self._act()
+                self._record_frames(to - base - self._now * NANOSECOND)
+                self._memory.time = to
+        except SimulationError as error:
+            error.run = self.run(str(error))
+            raise
+
+    def _coast(self) -> None:
+        particles = self._particles
+        particles.coast(self.step)
+        if not np.isfinite(particles.top_speed):
+            bad = np.flatnonzero(~np.isfinite(particles.X[:, : particles.n]).all(axis=0))
+            raise NotFinite(
+                "Velocities or positions became infinite or NaN.", time=self.time,
+                agents=tuple(sorted(int(i) for i in particles.ids[bad[:10]])),
+            )  # fmt: skip
+
+    def _arrive(self) -> None:
+        """The end of a step: the law on the true state where it is due, and a frame that falls on it."""
+        self._memory.acted = False
+        frames, records = self.records.frame_times, self.records
+        frame_due = records.count < len(frames) and frames[records.count] <= self.time + self.step * ON_STEP
+        if self._follows and (
+            self.options.ledger_at == "steps" or frame_due or self._due().any() or self.reached(self.scenario.t_end)
+            or bool(self._memory.waiting and self._memory.waiting[0][0] == self._now)
+        ):  # fmt: skip
+            self._look_at_truth(self._now * NANOSECOND)
+        self._record_frames(0.0)
+
+    def _due(self) -> Array:
+        """Who acts at the end of the last step, shape (N,)."""
+        now, ticks = self._now, self._ticks
+        return np.asarray((now >= ticks.phase) & ((now - ticks.phase) % ticks.period == 0))
+
+    def _act(self) -> None:
+        """What falls on the time of the last step: gains, controls, and forces that begin to act."""
+        if self._memory.acted:
+            return
+        self._memory.acted = True
+        now, particles = self._now, self._particles
+        t = self.scenario.start.t + now * NANOSECOND
+        self._change_gains(t, now * NANOSECOND)
+        tick = self._due()
+        if tick.any():
+            self._tick(t, tick)
+        changed = bool(tick.any() and not self._latency)
+        while self._memory.waiting and self._memory.waiting[0][0] == now:
+            _, agents, force = self._memory.waiting.pop(0)
+            particles.force[:, particles.place[agents]] = force.T
+            changed = True
+        if changed and self.options.ledger:
+            self._memory.ledger.act(powers_of(self.scenario, particles, t))
+
+    def _tick(self, t: float, tick: Array) -> None:
+        """Let agents marked in ``tick``, shape (N,), compute their controls, which act after the latency."""
+        particles, now = self._particles, self._now
+        self._guarded(lambda: particles.require_lists(self.step))
+        particles.acting[: particles.n] = tick[particles.ids[: particles.n]]
+        before = particles.force.copy() if self._latency else None
+        particles.act(t)
+        if before is not None:
+            agents = np.flatnonzero(tick)
+            self._memory.waiting.append(
+                (now + self._latency, agents, particles.force[:, particles.place[agents]].T.copy())
+            )
+            particles.force[:] = before
+
+    def _change_gains(self, t: float, seconds: float) -> None:
+        """Take scheduled gains; what they change of the energy is a jump of the ledger."""
+        last, slack = t - self.step, self.step * ON_STEP
+        times = (s for term in self.scenario.law.body_terms for s in term.switch_times(last, t + self.step))
+        if not any(last + slack < s <= t + slack for s in times):
+            return
+        before = self._memory.ledger.energy
+        if self.options.ledger:
+            self._look_at_truth(seconds)
+            before = self._memory.ledger.energy
+        self._particles.pass_switch_time(self.scenario, t + slack)
+        if self.options.ledger:
+            self._look_at_truth(seconds, hold=True)
+            self._memory.ledger.jumped += self._memory.ledger.energy - before
+            self._add_row(seconds)
+
+    # Saving.
+
+    def pack(self) -> Packed:
+        """Everything needed to continue bit for bit, without the scenario and the records on disk."""
+        return pack_held(self._memory)
+
+    def moment(self) -> Callable[[], Session]:
+        """A function that opens a session in the current state of this one."""
+        return Session.moment(self)
+
+    @classmethod
+    def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> HeldTilesSession:
+        """Restore a session from its packed form, with another number of ``threads`` if ``changes`` contains it."""
+        threads = changes.get("threads")
+        session = cls.__new__(cls)
+        session._set_up(stored.scenario, packed_options(packed), threads if isinstance(threads, int) else None)
+        recall_held(packed, stored, session._memory)
+        # Gains change before the controls of the same time.
+        share = ON_STEP if session._memory.acted else -ON_STEP
+        t = stored.scenario.start.t + session._now * NANOSECOND + share * session.step
+        session._particles.pass_switch_time(stored.scenario, max(t, stored.scenario.start.t))
+        return session
+
+    # What others ask.
+
+    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
+        """Not possible: forces that are held belong to the past of this run.
+
+        Raises
+        ------
+        UnsupportedLaw
+            Always.
+        """
+        raise UnsupportedLaw(
+            "engine='tiles' replaces neither law nor state under held control. Start another run from run.state(-1)."
+        )

@@ -1,0 +1,189 @@
+"""Lines of the control kernel that find the newest sample of each neighbour that has arrived, without memory of links.
+
+A sample is called by its number counted from 1; 0 is the exact state that everyone has of everyone at the start. The
+search begins at the newest sample that may have arrived and goes back. Whether a message is lost and how late it is are
+the functions of seed, agents and number that `flocking.model.world` states. The sample found at the time before is kept
+beside each entry of a list, and the search goes back no further: a shortcut that changes nothing, for a message that
+has arrived stays arrived.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flocking.engine.kernels.displacements import nearest_image_line
+from flocking.model.world.random_numbers import PURPOSE_SHIFT, Purpose
+from flocking.model.world.times import NANOSECOND
+
+LOSSES = ("", "Bernoulli", "GilbertElliott", "DistanceLoss")
+"""Names of the losses that kernels draw; empty where nothing is lost."""
+
+
+@dataclass(frozen=True)
+class HeardSamples:
+    """What of the messages determines the source of a kernel; numbers reach it when it is called.
+
+    Parameters
+    ----------
+    dimension
+        Number of axes.
+    repeats
+        Axes of space that repeat.
+    alike
+        Whether all agents take their samples at the same times.
+    loss
+        One of `LOSSES`.
+    paired
+        Whether both directions of a link lose alike.
+    jitter
+        Whether messages are late by a drawn time.
+    expires
+        Whether samples are forgotten.
+    predict
+        Whether samples are moved on.
+    flips
+        Whether a channel of Gilbert and Elliott that is not drawn anew changes its state.
+    """
+
+    dimension: int
+    repeats: tuple[int, ...]
+    alike: bool
+    loss: str
+    paired: bool
+    jitter: bool
+    expires: bool
+    predict: bool
+    flips: bool
+
+    @property
+    def draws(self) -> bool:
+        """Whether it is a matter of chance whether a message has arrived."""
+        return bool(self.loss) or self.jitter
+
+    def imports(self) -> str:
+        """Import lines of the generated module."""
+        return (
+            "\nfrom flocking.engine.tiles.simd.counter_random import drawn_unit\n"
+            "from flocking.engine.tiles.simd.reductions import bits_of\n"
+            "from flocking.engine.tiles.simd.vectors import nearest_of\n"
+        )
+
+    def uniform_lines(self) -> list[str]:
+        """Lines before the loop over the tiles."""
+        lines = ["spots = np.empty(16, np.uint32)", "depth, size = np.uint32(news.depth), np.uint32(news.size)"]
+        if self.loss == "DistanceLoss":
+            lines += ["own_spots = np.empty(16, np.uint32)"]
+        return lines
+
+    def search(self, number: int) -> list[str]:
+        """Lines that find the sample of each neighbour in a row of a list.
+
+        They give ``there`` (whether anything is known of it), ``spots`` (rows of the samples) and, where samples are
+        moved on, ``age``.
+
+        Parameters
+        ----------
+        number
+            Index of the graph.
+        """
+        taken = "spread(news.{0}[0])" if self.alike else "gather(news.{0}, j)"
+        names = {"count": "counts", "slot0": "slots"}
+        if self.expires:
+            names["fresh"] = "fresh"
+        if self.jitter or self.predict:
+            names |= {"ages": "ages", "periods": "periods"}
+        lines = [f"{name} = {taken.format(field)}" for name, field in names.items()]
+        lines += self._searched(number) if self.draws else ["best = count"]
+        lines += ["behind = count - best"]
+        if self.expires:
+            known = "select(best > np.uint32(0), behind < fresh, spread(np.uint32(news.start)) > np.uint32(0))"
+            lines += [f"there = {known}"]
+        else:
+            lines += ["there = other"]
+        lines += [
+            "slot = select(behind > slot0, slot0 + depth - behind, slot0 - behind)",
+            "slot = select((best == np.uint32(0)) | (behind >= depth), spread(depth), slot)",
+            "store(spots, 0, slot * size + j)",
+        ]
+        if self.predict:
+            lines += [
+                "since = select(best > np.uint32(0), ages + float_of(widen(behind)) * periods, spread(news.now))",
+                f"age = narrow(since * {NANOSECOND!r}, T(0.0))",
+            ]
+        return lines
+
+    def _searched(self, number: int) -> list[str]:
+        lines = [
+            "receiver, sender = widen(load(ids, base)), widen(gather(ids, j))",
+            f"best = load(used{number}, at)",
+            "open_ = other & (best < count)",
+        ]
+        if self.expires:
+            lines += ["open_ = open_ & (np.uint32(0) < fresh)"]
+        if self.paired:
+            lines += ["one = select(sender < receiver, sender, receiver)", "two = sender + receiver - one"]
+        else:
+            lines += ["one, two = sender, receiver"]
+        body = ["trial = count - np.uint32(back)", "number = widen(trial - np.uint32(1))"]
+        if self.loss:
+            body += [*self._chance_lines(), f"arrived = {self._draw('LOSS', 'one', 'two', 'number')} >= chance"]
+        if self.jitter:
+            late = f"nearest_of({self._draw('JITTER', 'sender', 'receiver', 'number')} * news.jitter)"
+            on_time = f"{late} <= ages + periods * np.float64(back) - news.delay"
+            body += [f"arrived = arrived & ({on_time})" if self.loss else f"arrived = {on_time}"]
+        body += ["best = select(open_ & arrived, trial, best)", "open_ = open_ & (best < trial - np.uint32(1))"]
+        body += ["back += 1"]
+        if self.expires:
+            body += ["open_ = open_ & (np.uint32(back) < fresh)"]
+        body += ["bits = bits_of(open_)"]
+        lines += ["back = 0", "bits = bits_of(open_)", "while bits:", *("    " + x for x in body)]
+        return [*lines, f"store(used{number}, at, best)"]
+
+    def _draw(self, purpose: str, one: str, two: str, number: str) -> str:
+        word = int(Purpose[purpose]) << PURPOSE_SHIFT
+        return f"drawn_unit({number}, np.uint64({word}), {one}, {two}, np.uint64(news.key), np.uint64(news.key2))"
+
+    def _chance_lines(self) -> list[str]:
+        """Lines that compute the probability that each message is lost."""
+        if self.loss == "Bernoulli":
+            return ["chance = news.loss[0]"]
+        if self.loss == "GilbertElliott":
+            return self._channel_lines()
+        own, there = (
+            [f"{x}{k}_own" for x in "qp" for k in range(self.dimension)],
+            [f"{x}{k}_sent" for x in "qp" for k in range(self.dimension)],
+        )
+        lines = [
+            "row = select(np.uint32(back) > slot0, slot0 + depth - np.uint32(back), slot0 - np.uint32(back)) * size",
+            "store(own_spots, 0, row + i)", "store(spots, 0, row + j)",
+            f"{', '.join(own)} = gather_agents(news.truth, own_spots, 0, ALL)",
+            f"{', '.join(there)} = gather_agents(news.truth, spots, 0, ALL)",
+        ]  # fmt: skip
+        lines += [f"d{k} = q{k}_sent - q{k}_own" for k in range(self.dimension)]
+        lines += [nearest_image_line(k) for k in self.repeats]
+        square = " + ".join(f"d{k} * d{k}" for k in range(self.dimension))
+        lines += [f"apart2 = {square}", "apart2 = select(apart2 > T(1e-30), apart2, T(1e-30))"]
+        power = "fast_exp(T(0.5 * news.loss[1]) * (fast_log(apart2) - T(news.loss[2])))"
+        return [*lines, f"chance = T(1.0) - T(1.0 - news.loss[0]) * fast_exp(-{power})"]
+
+    def _channel_lines(self) -> list[str]:
+        """Lines that look back for the last draw of a channel that does not depend on the state before."""
+        draw = self._draw("CHANNEL", "one", "two", "before")
+        lines = ["before, odd, bad = number, number & np.uint64(0), number & np.uint64(0)"]
+        lines += ["if news.loss[2] < 0.0:", "    odd, before = number & np.uint64(1), number & np.uint64(0)"]
+        lines += ["unsettled = open_", "left = bits_of(unsettled)", "while left:"]
+        body = [
+            f"draw = {draw}",
+            "begun = before == np.uint64(0)",
+            "redrawn = select(begun, spread(1.0), spread(news.loss[2]))",
+            "share = select(begun, spread(news.loss[3]), spread(news.loss[4]))",
+            "settled = unsettled & (draw < redrawn)",
+            "one_bit = select(draw < redrawn * share, odd ^ np.uint64(1), odd)",
+            "bad = select(settled, one_bit, bad)",
+            "unsettled = unsettled & (draw >= redrawn)",
+            "before = before - np.uint64(1)",
+            *["odd = odd ^ np.uint64(1)"] * self.flips,
+            "left = bits_of(unsettled)",
+        ]
+        lines += ["    " + x for x in body]
+        return [*lines, "chance = select(bad > np.uint64(0), spread(news.loss[1]), spread(news.loss[0]))"]

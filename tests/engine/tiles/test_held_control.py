@@ -1,0 +1,166 @@
+"""Held control in the tiled engine, against the engine that moves a group in closed form from event to event."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.driver.registry import chosen_engine
+from flocking.engine.tiles.engine import ENGINE
+from flocking.engine.tiles.held import held_motion
+from flocking.engine.tiles.options import TilesOptions
+from flocking.errors import InvalidInput, UnsupportedLaw
+
+PSI = fk.Potential("(r - 2)**2")
+LAW = fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), fk.Consensus(1.0)])
+N = 60
+EACH = np.arange(N)
+
+
+def scenario(control, law=LAW, t_end=2.0, **world):
+    start = fk.start.box(N, side=10, speed=1, seed=3)
+    return fk.Scenario(law, start, t_end=t_end, frames=7, control=control, **world)
+
+
+CONTROLS = {
+    "all at once": fk.Held(0.1),
+    "late": fk.Held(0.1, phase=0.05, latency=0.02),
+    "each by itself": fk.Held(np.where(EACH % 2, 0.1, 0.2), phase=np.where(EACH % 3, 0.0, 0.02), latency=0.3),
+}
+BODIES = {
+    "masses": fk.PointMass(),
+    "damped": fk.PointMass(np.linspace(1.0, 2.0, N), damping=0.5),
+    "order 1": fk.SingleIntegrator(),
+}
+
+
+@pytest.mark.parametrize("bodies", BODIES.values(), ids=BODIES)
+@pytest.mark.parametrize("control", CONTROLS.values(), ids=CONTROLS)
+def test_the_motion_is_that_of_the_closed_form(control, bodies):
+    held = scenario(control, bodies=bodies)
+    exact = fk.simulate(held, engine="sampled", progress=False)
+    run = fk.simulate(held, engine="tiles", progress=False)
+    assert np.abs(run.q - exact.q).max() < 1e-9
+    assert np.abs(run.p - exact.p).max() < 1e-9
+    assert (run.links == exact.links).all()
+
+
+GAINS = fk.Track(fk.Velocity([1.0, 0.0]), 0.0, fk.Schedule([0.5], [1.0, 2.0]))
+
+
+@pytest.mark.parametrize("law", [
+    fk.Law(fk.Hysteresis(2.5, gap=0.5), [fk.Gradient(PSI), fk.Consensus(1.0)]),
+    fk.Law(fk.Complete(), [fk.CuckerSmale(1.0, 0.5)]),
+    fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), GAINS]),
+    fk.Law(fk.Proximity(2.5), [fk.Consensus(1.0, weights=fk.HashedWeights(0.5, 1.0, seed=0))]),
+], ids=["hysteresis", "complete", "schedule", "weights"])  # fmt: skip
+@pytest.mark.parametrize("space", [fk.Open(), fk.Periodic([12.0, 12.0])], ids=["open", "periodic"])
+def test_laws_and_spaces(law, space):
+    if isinstance(law.graph, fk.Complete) and not space.is_open:
+        pytest.skip("all pairs have no meaning across images")
+    held = scenario(fk.Held(0.1, phase=0.02), law, t_end=1.0, space=space)
+    exact = fk.simulate(held, engine="sampled", progress=False)
+    run = fk.simulate(held, engine="tiles", step=0.005, progress=False)
+    assert max(np.abs(run.q - exact.q).max(), np.abs(run.p - exact.p).max()) < 1e-9
+    assert (run.links == exact.links).mean() > 0.999
+
+
+def test_the_ledger_closes_to_order_two():
+    """Smooth powers between ticks: the trapezoidal rule; `departed` is that of the quadrature of the other engine."""
+    law = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("r**2/200")), fk.Consensus(0.01)])
+    held = scenario(fk.Held(0.1, latency=0.02), law, t_end=1.0)
+    truth = fk.simulate(held, engine="sampled", progress=False).trace[-1]
+    left, off = [], []
+    for h in (0.01, 0.005, 0.0025):
+        run = fk.simulate(held, engine="tiles", step=h, progress=False)
+        left.append(np.abs(run.residual).max())
+        off.append(abs(run.trace["departed"][-1] - truth["departed"]))
+        assert run.trace["energy"][-1] == pytest.approx(truth["energy"], rel=1e-12)
+    assert np.log2(left[0] / left[2]) / 2 == pytest.approx(2, abs=0.1)
+    assert np.log2(off[0] / off[2]) / 2 == pytest.approx(2, abs=0.1)
+    assert abs(truth["departed"]) > 100 * off[2]
+
+
+def test_the_ledger_at_ticks_has_a_row_for_each():
+    held = scenario(fk.Held(0.1), t_end=1.0)
+    run = fk.simulate(held, engine="tiles", step=0.01, ledger_at="ticks", progress=False)
+    fine = fk.simulate(held, engine="tiles", step=0.01, progress=False)
+    assert run.trace["time"] == pytest.approx(np.arange(0, 1.05, 0.1), abs=1e-9)
+    assert run.trace["energy"][-1] == fine.trace["energy"][-1]
+    assert run.provenance["ledger at"] == "ticks"
+
+
+def test_damped_steps_are_exact():
+    """Against the closed form in 50 digits."""
+    mpmath.mp.dps = 50
+    for k in (1e-9, 1e-3, 0.9, 30.0):
+        drift, lift, keep, push = held_motion.coefficients(fk.PointMass(2.0, damping=k), 1, 0.5)
+        z, h = mpmath.mpf(k) / 2 * mpmath.mpf(0.5), mpmath.mpf(0.5)
+        decay = mpmath.exp(-z)
+        want = (h * (1 - decay) / z, h**2 / 2 * (decay - 1 + z) / z**2, decay, h / 2 * (1 - decay) / z)
+        assert [drift, lift, keep, push] == pytest.approx([float(x) for x in want], rel=1e-14)
+
+
+@pytest.mark.parametrize("control", CONTROLS.values(), ids=CONTROLS)
+def test_pieces_threads_and_resuming_give_the_same_bits(control):
+    law = fk.Law(fk.Hysteresis(2.5, gap=0.5), [fk.Gradient(PSI), fk.Consensus(1.0)])
+    start = fk.start.hexagonal(2200, spacing=1.9, noise=0.2, speed=1.0, seed=1)
+    if np.ndim(control.period):
+        each = np.arange(2200)
+        control = fk.Held(np.where(each % 2, 0.1, 0.2), phase=np.where(each % 3, 0.0, 0.02), latency=0.3)
+    held = fk.Scenario(law, start, t_end=0.7, frames=4, control=control)
+    whole = fk.simulate(held, engine="tiles", step=0.01, threads=1, progress=False)
+    session = ENGINE.open(held, TilesOptions(step=0.01, threads=2))
+    session.advance(0.123)
+    session.advance(0.31)
+    again = session.moment()()
+    again.advance(0.7)
+    cut = again.run()
+    assert (cut.q == whole.q).all()
+    assert (cut.p == whole.p).all()
+    assert (cut.trace == whole.trace).all()
+
+
+@pytest.mark.parametrize(("control", "named"), [
+    (fk.Held(0.1), "period"), (fk.Held(0.12, phase=0.1), "phase"), (fk.Held(0.12, latency=0.1), "latency"),
+])  # fmt: skip
+def test_times_off_the_steps_are_refused_with_the_nearest(control, named):
+    with pytest.raises(InvalidInput, match=rf"Held.*{named}.*whole number of steps.*nearest is 0[.](08|12)"):
+        fk.simulate(scenario(control), engine="tiles", step=0.04 if named == "period" else 0.06, progress=False)
+
+
+def test_times_without_a_common_measure_are_refused():
+    with pytest.raises(InvalidInput, match="common measure"):
+        fk.simulate(scenario(fk.Held(0.1, phase=np.linspace(0.0, 0.09, N))), engine="tiles", progress=False)
+
+
+BALLS = fk.Avoid([fk.Ball([9.0, 0.0], 1.0)], range=1.0, gamma_agents=False)
+
+
+@pytest.mark.parametrize(("changes", "named"), [
+    ({"control": fk.SafetyFilter(0.1, distance=0.5, acceleration=2.0)}, "SafetyFilter"),
+    ({"law": fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), BALLS])}, "obstacles"),
+    ({"law": fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), fk.Track(fk.Velocity([1.0, 0.0]), 0.0, 1.0, shared=True)])},
+     "which no agent knows"),
+    ({"control": fk.Continuous(), "information": fk.Delayed(0.1)}, "engine='delayed'"),
+    ({"control": fk.Continuous(), "information": fk.Messages(0.1)}, "control=Held"),
+], ids=lambda x: x if isinstance(x, str) else "")  # fmt: skip
+def test_what_this_engine_does_not_run_is_named(changes, named):
+    refused = scenario(**({"control": fk.Held(0.1)} | changes))
+    with pytest.raises(UnsupportedLaw, match=named):
+        ENGINE.check(refused)
+    assert ENGINE.why_not(refused)
+
+
+def test_neither_law_nor_state_is_replaced():
+    session = ENGINE.open(scenario(fk.Held(0.1)), TilesOptions())
+    with pytest.raises(UnsupportedLaw, match="Start another run"):
+        session.replace(law=LAW)
+
+
+def test_large_groups_choose_it():
+    start = fk.start.hexagonal(2200, spacing=1.9, noise=0.2, speed=1.0, seed=1)
+    assert chosen_engine(fk.Scenario(LAW, start, t_end=1.0, control=fk.Held(0.1)), "auto") == "tiles"
+    assert chosen_engine(scenario(fk.Held(0.1)), "auto") == "sampled"
