@@ -177,6 +177,16 @@ class Maybe(Form[Value | None]):
 
 
 @dataclass(frozen=True)
+class Nothing(Form[None]):
+    """None."""
+
+    def check(self, value: object, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        if value is not None:
+            raise _refuse(name, "be absent", value)
+
+
+@dataclass(frozen=True)
 class Row(Form[Sequence[Value]]):
     """Values in a fixed order, each of its own form (``forms``)."""
 

@@ -56,7 +56,9 @@ class SampledSession(ImperfectSession):
         self.waiting: list[tuple[int, Indices, Array]] = []
         self.actuation = Actuation(scenario.agents, self.n)
         self.motion = Motion(start.q, start.p, scenario.agents)
-        self.knowledge = Knowledge(scenario.information, start.q, start.p, self.links, scenario.space)
+        # Agents of order 1 stand still before the start, whatever velocities it names.
+        told = start.p if scenario.agents.order == 2 else np.zeros_like(start.p)
+        self.knowledge = Knowledge(scenario.information, start.q, told, self.links, scenario.space)
         self._sampled_law = SampledLaw(without_limits(scenario), self.knowledge.degree)
         control = scenario.control
         self.filter: ForceFilter | None = None

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
+from flocking.engine.tiles.held.messages import check_messages
 from flocking.engine.tiles.held.session import HeldTilesSession
 from flocking.engine.tiles.kernels.spec import SPACES, check_supported
 from flocking.engine.tiles.options import TilesOptions
@@ -14,6 +15,7 @@ from flocking.engine.tiles.session import TilesSession
 from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.world.control import Held
+from flocking.model.world.information import Messages
 
 
 class TilesEngine(Engine):
@@ -23,13 +25,14 @@ class TilesEngine(Engine):
     summary = "fixed steps, for large groups"
     options = TilesOptions
     spaces = SPACES
-    worlds = (Held,)
+    worlds = (Held, Messages)
     free_options = frozenset({"threads"})
     command_line_options = {"observe": True}  # noqa: RUF012  never changed
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Check that the scenario and the plant are supported."""
         check_supported(scenario)
+        check_messages(scenario)
         if plant is not None:
             if not scenario.control.ideal:
                 raise UnsupportedLaw("The tiled engine runs no plant under held control: its work counts as departed.")

@@ -180,6 +180,18 @@ class GilbertElliott(Loss):
         """Share that is lost in the long run."""
         return f"{self.stationary_loss:.3g} of them lost in bursts"
 
+    @property
+    def redraws(self) -> tuple[float, float]:
+        """Probability that a sample draws the state anew, and that it is bad then; -1 where each state is left at once.
+
+        With a sum of `to_bad` and `to_good` up to 1 a sample redraws from the stationary law or keeps the state; beyond
+        1 it redraws or flips it.
+        """
+        leave = self.to_bad + self.to_good
+        if leave <= 1.0:
+            return leave, self.stationary_bad
+        return (2.0 - leave, (1.0 - self.to_good) / (2.0 - leave)) if leave < 2.0 else (-1.0, 0.0)
+
     def bad(self, seed: int, sender: NDArray[np.int64], receiver: NDArray[np.int64], sample: NDArray[np.int64]) -> Lost:
         """Whether the channel of each link is bad at a sample.
 
@@ -190,10 +202,7 @@ class GilbertElliott(Loss):
         """
         i, j = _ordered(self.paired, sender, receiver)
         leave = self.to_bad + self.to_good
-        # With leave <= 1 a sample redraws from the stationary law or keeps the state; beyond 1 it redraws or flips it.
-        redraws, law = (leave, self.stationary_bad) if leave <= 1.0 else (2.0 - leave, 0.0)
-        if leave > 1.0 and redraws > 0.0:
-            law = (1.0 - self.to_good) / redraws
+        redraws, law = self.redraws
         shape = np.broadcast_shapes(np.shape(i), np.shape(j), np.shape(sample))
         i, j, at = (np.broadcast_to(x, shape).ravel() for x in (i, j, sample))
         at = at.copy()

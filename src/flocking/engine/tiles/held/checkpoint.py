@@ -7,15 +7,17 @@ from typing import Any, TypedDict, cast
 
 import numpy as np
 
-from flocking.arrays import Indices, Numbers, Reals
+from flocking.arrays import Array, Indices, Numbers, Reals
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import (
     Flag,
+    Form,
     Integer,
     MalformedError,
     Many,
     Maybe,
     Names,
+    Nothing,
     Part,
     Real,
     Row,
@@ -39,6 +41,16 @@ NUMBERS = ("time", "looked", "farthest", "ledger_ends")
 """Numbers of a session that are stored as they are."""
 
 
+class SampleFields(TypedDict):
+    """Fields of the samples, by their names in files; ``truth`` is None where the samples are the truth."""
+
+    rows: Reals
+    truth: Reals | None
+    errors: Array
+    off: Array
+    speeds: Array
+
+
 class HeldFields(TypedDict):
     """Fields of a checkpoint, by their names in files."""
 
@@ -48,6 +60,8 @@ class HeldFields(TypedDict):
     acted: bool
     crowd: ParticleMemory
     force: Reals
+    margin: float
+    samples: SampleFields | None
     known: list[TileLists | None]
     known_rooms: list[Numbers]
     ledger: dict[str, Any]
@@ -66,6 +80,7 @@ def pack_held(memory: HeldMemory) -> Packed:
     particles, ledger = memory.particles, memory.ledger
     data = {name: getattr(memory, name) for name in (*NUMBERS, "steps", "step_length", "acted")} | {
         "crowd": ParticleMemory.of(particles, copied=False), "force": particles.force, "known": particles.known,
+        "margin": particles.margin, "samples": None if particles.store is None else particles.store.memory(),
         "known_rooms": [b.capacity for b in particles.known_builders],
         "ledger": {f.name: getattr(ledger, f.name) for f in fields(ledger)},
         "waiting": [list(each) for each in memory.waiting], "records": memory.records.memory(),
@@ -107,6 +122,9 @@ def recall_held(packed: Packed, stored: Stored, memory: HeldMemory) -> None:
     # Every entry has been checked.
     found, particles = cast(HeldFields, data), memory.particles
     found["crowd"].put_back(particles)
+    particles.margin = float(found["margin"])
+    if particles.store is not None and found["samples"] is not None:
+        particles.store.recall(**found["samples"])
     particles.recall_known(found["force"], found["known"], found["known_rooms"])
     memory.step_length, memory.steps, memory.acted = (
         int(found["step_length"]),
@@ -118,6 +136,23 @@ def recall_held(packed: Packed, stored: Stored, memory: HeldMemory) -> None:
     memory.ledger = HeldLedger(**found["ledger"])
     memory.waiting = [(int(when), who.copy(), u.copy()) for when, who, u in found["waiting"]]
     memory.records.recall_memory(found["records"], stored.counts, stored.read)
+
+
+def _samples(particles: HeldParticles) -> Form[Any]:
+    """Form of the samples of a session with such particles."""
+    store = particles.store
+    if store is None:
+        return Nothing()
+    rows = Table(particles.dtype, store.rows.shape)
+    return Names(
+        {
+            "rows": rows,
+            "truth": rows if store.keeps_truth else Nothing(),
+            "errors": Table("f8", store.errors.shape),
+            "off": Table("f8", store.off.shape, least=0.0),
+            "speeds": Table("f8", (None, particles.m + 2)),
+        }
+    )
 
 
 def _check(data: object, scenario: Scenario, particles: HeldParticles) -> None:
@@ -142,6 +177,8 @@ def _check(data: object, scenario: Scenario, particles: HeldParticles) -> None:
             "farthest": Real(least=0.0, finite=False), "ledger_ends": ANY,
             "crowd": Part(ParticleMemory, {"fields": Names({}, others=True)}),
             "force": Table(kind, particles.force.shape, finite=False),
+            "margin": Real(least=0.0),
+            "samples": _samples(particles),
             "known": Row([Maybe(lists)] * len(particles.known)),
             "known_rooms": Row([capacity] * len(particles.known)),
             "ledger": Names({
@@ -159,8 +196,8 @@ def _check(data: object, scenario: Scenario, particles: HeldParticles) -> None:
     for k, (each, graph) in enumerate(zip(checked["known"], particles.control_spec.graphs, strict=True)):
         if each is not None:
             check_lists(each, n, particles.size, f"session: known[{k}]")
-        if (each is not None) != (graph.memory and built):
-            raise MalformedError("session: known must hold the lists of graphs with memory")
+        if (each is not None) != (built and not graph.fixed and (graph.memory or particles.store is not None)):
+            raise MalformedError("session: known must hold the lists of graphs with links of their own")
     for when, who, u in checked["waiting"]:
         if len(who) != len(u) or (np.diff(who) <= 0).any() or when < now:
             raise MalformedError("session: waiting must hold forces of agents in order that act later")

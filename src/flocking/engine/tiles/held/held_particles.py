@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.arrays import Numbers, Numbers32, Reals
 from flocking.engine.tiles.held.held_motion import HeldMotion, coast
+from flocking.engine.tiles.held.messages import SampleStore
 from flocking.engine.tiles.kernels.control_kernel import control_kernel, control_spec
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
@@ -13,6 +15,11 @@ from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
+from flocking.model.world.information import Messages
+
+SPARE = 1.25
+"""Ratio of the width for which lists are built to the deviation of what is known at the time: speeds may grow a little
+before they are built anew."""
 
 
 class HeldParticles(ParticleArrays):
@@ -40,7 +47,17 @@ class HeldParticles(ParticleArrays):
         self.acting: Numbers32 = np.zeros(self.size, np.int32)
         self.motion = HeldMotion(scenario.agents, self.n, self.dtype)
         self.control_spec = control_spec(spec, scenario.law.graphs)
-        self.control = control_kernel(self.control_spec, None).control
+        self.store: SampleStore | None = None
+        heard = None
+        if isinstance(scenario.information, Messages):
+            if spec.order == 1:
+                self.agents[:, self.m :] = 0.0
+            self.store = SampleStore(scenario, self.agents, self.n, self.dtype, memory_limit, workers)
+            repeats = tuple(k for k, slot in enumerate(spec.layout.period_slots(self.m)) if slot is not None)
+            heard = self.store.heard(self.m, repeats)
+        self.control = control_kernel(self.control_spec, heard).control
+        self._draws = heard is not None and heard.draws
+        self.used: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
         self.known: list[TileLists | None] = [None] * len(spec.graphs)
         self.known_builders = [ListBuilder(self.n, memory_limit, workers, self.box) for _ in scenario.law.graphs]
         self._first_known_links = state.links
@@ -52,54 +69,85 @@ class HeldParticles(ParticleArrays):
         if self.moving:
             self.force[:, : self.n] = self.force[:, self.sorter.order]
             self.force[:, self.n :] = self.force[:, self.n - 1 : self.n]
+            if self.store is not None:
+                self.store.reorder(self.sorter.order)
         self.motion.reorder()
         self._build_known()
 
+    def _sort(self, step: float, skin: float | None) -> None:
+        """Sort the agents into cells for lists of who may be known to be near."""
+        if self.store is not None:
+            self.margin = SPARE * self.store.deviation(None)
+        super()._sort(step, skin)
+
+    def known_in_reach(self, now: int) -> bool:
+        """Whether the lists hold everybody who may be known to be within a radius, at a nanosecond."""
+        return self.store is None or not self.moving or self.store.deviation(now) <= self.margin
+
     def _build_known(self) -> None:
-        """Build the lists of the graphs whose links by what agents know have memory."""
-        skin, sorter, radii = self.displacement.skin, self.sorter, self.radii
+        """Build the lists of the graphs whose links by what agents know are not those of the truth."""
+        sorter, radii = self.sorter, self.radii
+        beyond = self.displacement.skin + self.margin
         for number, kind in enumerate(self.control_spec.graphs):
-            if not kind.memory:
+            if kind.fixed or not (kind.memory or self.store is not None):
                 continue
             old = self.known[number]
             each_reach = radii.each[number]
             if kind.uneven:
-                each_reach = np.sqrt(each_reach) + self.dtype(skin)
+                each_reach = np.sqrt(each_reach) + self.dtype(beyond)
             inside = radii.each[number] if kind.uneven else radii.limits[number][:1]
             # The sort leaves the new place of each agent in its buffer.
             self.known[number], _ = self.known_builders[number].build(
-                self.agents, radii.cutoffs[number] + skin, each_reach, sorter.grid, sorter.start, old, sorter.order,
-                sorter.key_buffer, begin2=inside if old is None else None, remember=True,
+                self.agents, radii.cutoffs[number] + beyond, each_reach, sorter.grid, sorter.start, old, sorter.order,
+                sorter.key_buffer, begin2=inside if kind.memory and old is None else None, remember=kind.memory,
             )  # fmt: skip
         if self._first_known_links is not None:
             self._remember_first_links()
+        self.forget_used()
+
+    def forget_used(self) -> None:
+        """Forget which samples were used: the next search finds them again."""
+        if self._draws:
+            for number in range(len(self.known)):
+                lists = self._lists_of(number)
+                self.used[number] = np.zeros(lists.rows.size, np.uint32)
+
+    def _lists_of(self, number: int) -> TileLists:
+        """Lists of the neighbours of one graph by what agents know."""
+        known = self.known[number]
+        found = known if known is not None else self.lists[number]
+        assert found is not None
+        return found
 
     def _remember_first_links(self) -> None:
         from flocking.engine.tiles.neighbours.listed_pairs import remember_links
 
         links, self._first_known_links = self._first_known_links, None
-        if self.known[0] is not None and links is not None:
+        if self.known[0] is not None and self.control_spec.graphs[0].memory and links is not None:
             remember_links(self.known[0], np.asarray(links), self.ids)
 
-    def act(self, t: float) -> None:
+    def act(self, t: float, now: int) -> None:
         """Compute the controls of the agents marked in `acting`, and follow their links.
 
         Parameters
         ----------
         t
             The time.
+        now
+            The same in nanoseconds from the start.
         """
-        if self.spec.layout.law.beyond_neighbours:
-            self._fill_means(self.X, self.M)
         lists: list[object] = []
-        for number, known in enumerate(self.known):
-            found = known if known is not None else self.lists[number]
-            assert found is not None
+        for number in range(len(self.known)):
+            found = self._lists_of(number)
             lists += [found.rows.reshape(-1), found.first, found.count]
             lists += [self.radii.each[number], self.radii.limits[number]]
+        own = self.agents
+        if self.store is not None:
+            own = self.store.own(now, own, self.ids)
+            lists += [self.store.rows, self.store.news(now, self.ids), *self.used]
         parameters = self.parameters
         self.workers.each(
-            self.control, self.tiles, float(t), self.acting, self.agents, self.agents, self.n, *lists, parameters.P,
+            self.control, self.tiles, float(t), self.acting, own, self.agents, self.n, *lists, parameters.P,
             parameters.A, self.ids, parameters.seeds, parameters.matrices, self.M, self.force,
         )  # fmt: skip
 
@@ -138,3 +186,5 @@ class HeldParticles(ParticleArrays):
         for builder, room in zip(self.known_builders, rooms, strict=True):
             builder.capacity, builder.spare = room.copy(), None
         self.motion.reorder()
+        if self.rebuilds or not self.moving:
+            self.forget_used()

@@ -83,6 +83,9 @@ class HeldTilesSession(HeldTruth):
         self._particles, self.records = self._memory.particles, records
         if scenario.agents.order == 1:
             self._particles.agents[:, self._particles.m :] = 0.0
+        if self._particles.store is not None:
+            speed = float(np.linalg.norm(scenario.start.p, axis=1).max()) if scenario.agents.order == 2 else 0.0
+            self._particles.store.see_speed(0, np.zeros(self._particles.m), speed)
         control = scenario.control
         assert isinstance(control, Held)
         self._ticks = control.schedule(scenario.start.n)
@@ -135,7 +138,11 @@ class HeldTilesSession(HeldTruth):
 
     def _coast(self) -> None:
         particles = self._particles
+        before = particles.top_speed
         particles.coast(self.step)
+        if particles.store is not None:
+            frame = particles.displacement.velocity.astype(np.float64)
+            particles.store.see_speed(self._now, frame, max(before, particles.top_speed))
         if not np.isfinite(particles.top_speed):
             bad = np.flatnonzero(~np.isfinite(particles.X[:, : particles.n]).all(axis=0))
             raise NotFinite(
@@ -168,6 +175,8 @@ class HeldTilesSession(HeldTruth):
         now, particles = self._now, self._particles
         t = self.scenario.start.t + now * NANOSECOND
         self._change_gains(t, now * NANOSECOND)
+        if particles.store is not None:
+            particles.store.measure(now, particles.agents, particles.ids)
         tick = self._due()
         if tick.any():
             self._tick(t, tick)
@@ -183,9 +192,11 @@ class HeldTilesSession(HeldTruth):
         """Let agents marked in ``tick``, shape (N,), compute their controls, which act after the latency."""
         particles, now = self._particles, self._now
         self._guarded(lambda: particles.require_lists(self.step))
+        if not particles.known_in_reach(now):
+            self._guarded(lambda: particles.rebuild(self.step))
         particles.acting[: particles.n] = tick[particles.ids[: particles.n]]
         before = particles.force.copy() if self._latency else None
-        particles.act(t)
+        particles.act(t, now)
         if before is not None:
             agents = np.flatnonzero(tick)
             self._memory.waiting.append(

@@ -65,7 +65,7 @@ class HeardSamples:
         return (
             "\nfrom flocking.engine.tiles.simd.counter_random import drawn_unit\n"
             "from flocking.engine.tiles.simd.reductions import bits_of\n"
-            "from flocking.engine.tiles.simd.vectors import nearest_of\n"
+            "from flocking.engine.tiles.simd.vectors import double_of, nearest_of\n"
         )
 
     def uniform_lines(self) -> list[str]:
@@ -164,7 +164,7 @@ class HeardSamples:
         square = " + ".join(f"d{k} * d{k}" for k in range(self.dimension))
         lines += [f"apart2 = {square}", "apart2 = select(apart2 > T(1e-30), apart2, T(1e-30))"]
         power = "fast_exp(T(0.5 * news.loss[1]) * (fast_log(apart2) - T(news.loss[2])))"
-        return [*lines, f"chance = T(1.0) - T(1.0 - news.loss[0]) * fast_exp(-{power})"]
+        return [*lines, f"chance = double_of(T(1.0) - T(1.0 - news.loss[0]) * fast_exp(-{power}))"]
 
     def _channel_lines(self) -> list[str]:
         """Lines that look back for the last draw of a channel that does not depend on the state before."""

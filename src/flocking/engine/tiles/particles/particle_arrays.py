@@ -52,6 +52,11 @@ class ParticleArrays:
         Largest size of the neighbour lists in bytes.
     skin
         Skin of the lists; chosen at every rebuild by default.
+
+    Attributes
+    ----------
+    margin
+        What cells are wider by than the lists of the true state need.
     """
 
     def __init__(
@@ -93,6 +98,7 @@ class ParticleArrays:
         self._set_obstacles(scenario)
         self.lost: tuple[int, int] | None = None
         self.top_speed = fastest(self.agents[: self.n, self.m :])
+        self.margin = 0.0
 
     @property
     def X(self) -> Reals:  # noqa: N802
@@ -168,13 +174,14 @@ class ParticleArrays:
         seen = sorter.survey(self.agents)
         given = skin if skin is not None else self.given_skin
         guess = float(given if given is not None else self.displacement.skin or FIRST_SKIN * cutoff)
-        sorter.sort(self.agents, seen, cutoff + guess)
+        cells = cutoff + self.margin
+        sorter.sort(self.agents, seen, cells + guess)
         self._check_count()
         if given is None:
             stride = 2.0 * self.top_speed * step / CERTAIN
             guess, sorted_for = best_skin(self.agents, sorter, cutoff, stride, self.space), guess
-            if not SAME_CELLS * (cutoff + sorted_for) <= cutoff + guess <= cutoff + sorted_for:
-                sorter.sort(self.agents, seen, cutoff + guess)
+            if not SAME_CELLS * (cells + sorted_for) <= cells + guess <= cells + sorted_for:
+                sorter.sort(self.agents, seen, cells + guess)
                 self._check_count()
         farthest = max(float(np.abs(seen.low).max()), float(np.abs(seen.high).max()))
         self.displacement.begin(guess, seen.velocity, farthest)

@@ -115,6 +115,11 @@ def _narrow(builder: ir.IRBuilder, value: Value, like: Value) -> Number:
     return x if kind.name == F8.name else Number(kind, builder.fptrunc(x.code, kind.type))
 
 
+def _double_of(builder: ir.IRBuilder, value: Value) -> Number:
+    x, kind = number(value), Kind("f8", WIDTH)
+    return x if x.kind.name == F8.name else Number(kind, builder.fpext(x.code, kind.type))
+
+
 def _each_lane(builder: ir.IRBuilder, function: Value, value: Value) -> Value:
     known = function.value if isinstance(function, Constant) else None
     found = called(builder, known, [value])
@@ -153,5 +158,7 @@ widen = Primitive(_cast("zext", {"u4": "u8", "i4": "u8"}))
 """32-bit lanes as 64-bit lanes."""
 narrow = Primitive(_narrow)
 """``narrow(value, like)``: lanes of float64 in the precision of the number ``like``."""
+double_of = Primitive(_double_of)
+"""Lanes of floats in double precision."""
 each_lane = Primitive(_each_lane)
 """``each_lane(function, value)``: a function of the mathematics library applied to each lane in turn (slow)."""

@@ -1,0 +1,422 @@
+"""Samples that agents have sent, as far back as anybody may use them, and how far they may be from the truth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.arrays import Array, Numbers32, Reals
+from flocking.engine.tiles.kernels.heard_samples import HeardSamples
+from flocking.engine.tiles.kernels.measure_kernel import MeasureKind, measure_kernel
+from flocking.engine.tiles.threads import Workers
+from flocking.errors import InvalidInput
+from flocking.formula.native.functions import native
+from flocking.model.law import Scenario
+from flocking.model.world.information import Messages
+from flocking.model.world.losses import Bernoulli, DistanceLoss, GilbertElliott, Loss
+from flocking.model.world.noises import Noise
+from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants
+
+MOST_ROWS = 1 << 32
+"""Number of rows of samples that 32 bits can tell apart."""
+
+SURE = 1e-6
+"""Share by which a bound on a deviation is enlarged, above the rounding of the sums that it is made of."""
+
+
+class News(NamedTuple):
+    """What the control kernel reads about messages; arrays of length 1 where all agents are alike, else by place.
+
+    Parameters
+    ----------
+    now
+        Nanoseconds from the start.
+    counts
+        How many samples of each agent may have arrived.
+    slots
+        Place of the newest of them.
+    ages, periods
+        Its age, and the time between two, in nanoseconds.
+    fresh
+        How many of them, counted back from the newest, have not expired.
+    start
+        1 while the exact state that everyone has of everyone at the start has not expired, else 0.
+    depth, size
+        Number of places for samples of each agent, and rows of one place.
+    delay, jitter
+        Times of messages in nanoseconds.
+    key, key2
+        Words of the seed.
+    loss
+        Numbers of the loss, see `loss_numbers`.
+    truth
+        True states at the samples, in the form of these, shape (rows, 2m).
+    """
+
+    now: float
+    counts: NDArray[np.uint32]
+    slots: NDArray[np.uint32]
+    ages: Array
+    periods: Array
+    fresh: NDArray[np.uint32]
+    start: int
+    depth: int
+    size: int
+    delay: float
+    jitter: float
+    key: int
+    key2: int
+    loss: Array
+    truth: Reals
+
+
+def loss_numbers(loss: Loss | None) -> Array:
+    """Numbers of a loss as the control kernel reads them."""
+    if isinstance(loss, Bernoulli):
+        return np.array([loss.probability])
+    if isinstance(loss, DistanceLoss):
+        return np.array([loss.floor, loss.exponent, 2.0 * math.log(loss.range)])
+    if isinstance(loss, GilbertElliott):
+        redrawn, share = loss.redraws
+        return np.array([loss.loss_good, loss.loss_bad, redrawn, loss.stationary_bad, share])
+    return np.zeros(1)
+
+
+def check_messages(scenario: Scenario) -> None:
+    """Refuse messages that need samples of any age, or true distances at times of others.
+
+    Raises
+    ------
+    InvalidInput
+        When they do; the message names the field.
+    """
+    messages = scenario.information
+    if not isinstance(messages, Messages):
+        return
+    loss = messages.loss
+    if loss is not None and not loss.ideal:
+        if not isinstance(loss, Bernoulli | GilbertElliott | DistanceLoss):
+            raise InvalidInput("Messages", "loss", "must be one of this library in engine='tiles'", type(loss).__name__)
+        if messages.expires is None:
+            raise InvalidInput(
+                "Messages", "expires", "must be given in engine='tiles' where messages may be lost", None,
+                "Samples are kept for a bounded time: give the age from which one is not used any more.",
+            )  # fmt: skip
+        if isinstance(loss, DistanceLoss) and (np.ptp(messages.period) > 0.0 or np.ptp(messages.phase) > 0.0):
+            raise InvalidInput(
+                "Messages", "phase", "must be that of all agents in engine='tiles' where losses depend on distances",
+                "one for each", "Distances are known at common times.",
+            )  # fmt: skip
+
+
+@dataclass
+class Speeds:
+    """Largest speeds in the past as far as samples reach back.
+
+    Parameters
+    ----------
+    rows
+        Nanosecond, velocity of a frame (m numbers), and the largest speed in it until the next row.
+    """
+
+    rows: list[list[float]] = field(default_factory=list)
+
+    def add(self, now: int, frame: Array, top: float, oldest: int) -> None:
+        """Add the speeds of a step that ends ``now``, and forget those before ``oldest``."""
+        self.rows = [row for row in self.rows if row[0] >= oldest]
+        if self.rows and self.rows[-1][1:-1] == frame.tolist():
+            last = self.rows[-1]
+            if last[-1] <= top:
+                # A slower row before the same frame never counts again.
+                self.rows[-1] = [float(now), *frame.tolist(), top]
+                return
+        self.rows.append([float(now), *frame.tolist(), top])
+
+    @property
+    def table(self) -> Array:
+        """The rows as an array."""
+        return np.array(self.rows)
+
+    def bound(self, *, predict: bool) -> float:
+        """Bound on the speed at which a true state leaves what was told of it."""
+        if not self.rows:
+            return 0.0
+        table = np.array(self.rows)
+        frames, top = table[:, 1:-1], table[:, -1]
+        if predict:
+            return float(2.0 * top.max() + 2.0 * np.linalg.norm(frames - frames[-1], axis=1).max())
+        return float((top + np.linalg.norm(frames, axis=1)).max())
+
+
+@native
+def _reordered(first, last, rows, order, n, size, target):  # type: ignore[no-untyped-def]
+    """Copy rows of agents in a new order, for each of several places."""
+    for row in range(first, last):
+        place, i = row // size, row % size
+        old = place * size + order[i if i < n else n - 1]
+        for k in range(rows.shape[1]):
+            target[row, k] = rows[old, k]
+
+
+class SampleStore:
+    """Samples of agents in sorted order.
+
+    Parameters
+    ----------
+    scenario
+        Its information is messages.
+    q, p
+        Positions and velocities at the start by place, pads included, shape (size, m).
+    n
+        Number of agents.
+    dtype
+        Precision of the state.
+    memory_limit
+        Largest memory of the samples in bytes.
+    workers
+        Threads to use.
+
+    Attributes
+    ----------
+    rows
+        Samples: places in order, each with a row for each agent, the last of them with the start; shape
+        ((depth + 1) size, 2m).
+    errors
+        Errors of each agent's newest sample in units of the standard deviation, shape (2m, size).
+    off
+        Largest deviations of a position and a velocity from the truth at each place, shape (depth + 1, 2).
+    """
+
+    def __init__(
+        self, scenario: Scenario, agents: Reals, n: int, dtype: type[np.float32] | type[np.float64],
+        memory_limit: float, workers: Workers,
+    ) -> None:  # fmt: skip
+        messages = scenario.information
+        assert isinstance(messages, Messages)
+        self.messages, self.n, self.workers = messages, n, workers
+        self.size, columns = agents.shape
+        m = columns // 2
+        schedule = messages.schedule(n)
+        self.schedule = schedule
+        self.alike = bool(np.ptp(schedule.period) == 0 and np.ptp(schedule.phase) == 0)
+        self.delay, self.jitter = (round(x * PER_SECOND) for x in (messages.delay, messages.jitter))
+        self.expires = messages.expires_in_nanoseconds
+        least, most = int(schedule.period.min()), int(schedule.period.max())
+        # The newest sample that has arrived is younger than this, unless messages are lost.
+        self.oldest = self.delay + self.jitter + most + int(schedule.phase.max())
+        if self.expires is not None:
+            lossy = messages.loss is not None and not messages.loss.ideal
+            self.oldest = self.expires if lossy else min(self.expires, self.oldest)
+        self.depth = -(-self.oldest // least) + 2
+        needs = (self.depth + 1.0) * self.size * columns * np.dtype(dtype).itemsize
+        if needs > memory_limit or (self.depth + 1) * self.size >= MOST_ROWS:
+            raise InvalidInput(
+                "Messages", "expires", f"must leave few enough samples: {self.depth} of each agent take "
+                f"{needs / 2**30:.3g} GiB", messages.expires, "Shorten it, or raise memory_limit.",
+            )  # fmt: skip
+        self.rows: Reals = np.zeros(((self.depth + 1) * self.size, columns), dtype)
+        self.rows[self.depth * self.size :] = agents
+        noise, loss = messages.noise, messages.loss
+        self.noise: Noise | None = None if noise is None or noise.ideal else noise
+        self.loss: Loss | None = None if loss is None or loss.ideal else loss
+        rounded = (messages.resolution > 0.0, messages.velocity_resolution > 0.0)
+        memories = [0.0 if noise is None else noise.memory(float(x) * NANOSECOND) for x in np.unique(schedule.period)]
+        self.correlated = self.noise is not None and any(memories)
+        self.errors: Array = np.zeros((columns, self.size if self.correlated else 0))
+        exact = self.noise is None and not any(rounded)
+        self.truth: Reals = self.rows
+        if isinstance(self.loss, DistanceLoss) and not exact:
+            self.truth = self.rows.copy()
+        self.off: Array = np.zeros((self.depth + 1, 2))
+        self.speeds = Speeds()
+        self.kind = MeasureKind(m, self.noise is not None, self.correlated, rounded, np.dtype(dtype).name)
+        self._measure = measure_kernel(self.kind).measure
+        self._exact = exact
+        self.numbers = loss_numbers(self.loss)
+
+    def heard(self, dimension: int, repeats: tuple[int, ...]) -> HeardSamples:
+        """What of the messages determines the control kernel.
+
+        Parameters
+        ----------
+        dimension
+            Number of axes.
+        repeats
+            Axes of space that repeat.
+        """
+        loss = self.loss
+        flips = isinstance(loss, GilbertElliott) and loss.to_bad + loss.to_good > 1.0
+        return HeardSamples(
+            dimension, repeats, self.alike, "" if loss is None else type(loss).__name__,
+            bool(getattr(loss, "paired", False)), self.jitter > 0, self.expires is not None, self.messages.predict,
+            flips,
+        )  # fmt: skip
+
+    @property
+    def keeps_truth(self) -> bool:
+        """Whether true states are kept beside the samples."""
+        return self.truth is not self.rows
+
+    def reorder(self, order: Numbers32) -> None:
+        """Sort the samples.
+
+        Parameters
+        ----------
+        order
+            Place of each agent before the sort, shape (n,).
+        """
+        kept = self.keeps_truth
+        for name in ("rows", "truth") if kept else ("rows",):
+            old = getattr(self, name)
+            new = np.empty_like(old)
+            self.workers.each(_reordered, len(old), old, order, self.n, self.size, new)
+            setattr(self, name, new)
+        if not kept:
+            self.truth = self.rows
+        if self.correlated:
+            self.errors[:, : self.n] = self.errors[:, order]
+
+    def memory(self) -> dict[str, object]:
+        """What the samples go on from, see `recall`; not copied."""
+        return {
+            "rows": self.rows, "truth": self.truth if self.keeps_truth else None, "errors": self.errors,
+            "off": self.off, "speeds": self.speeds.table,
+        }  # fmt: skip
+
+    def recall(self, rows: Reals, truth: Reals | None, errors: Array, off: Array, speeds: Array) -> None:
+        """Go on with the arrays of a checkpoint.
+
+        Parameters
+        ----------
+        rows, truth, errors, off
+            See the attributes; ``truth`` is None where the samples are the truth.
+        speeds
+            Rows of `Speeds`.
+        """
+        self.rows, self.errors, self.off = rows.copy(), errors.copy(), off.copy()
+        self.truth = self.rows if truth is None else truth.copy()
+        self.speeds.rows = speeds.tolist()
+
+    def due(self, now: int) -> NDArray[np.bool_]:
+        """Who takes a sample at a nanosecond, shape (N,)."""
+        schedule = self.schedule
+        return np.asarray((now >= schedule.phase) & ((now - schedule.phase) % schedule.period == 0))
+
+    def measure(self, now: int, agents: Reals, ids: Numbers32) -> None:
+        """Take the samples that are due at a nanosecond.
+
+        Parameters
+        ----------
+        agents
+            The true state, shape (size, 2m).
+        ids
+            Number of the agent at each place, shape (size,).
+        """
+        due = self.due(now)
+        if not due.any():
+            return
+        n, size, messages = self.n, self.size, self.messages
+        marked = np.zeros(size, np.int32)
+        marked[:n] = due[ids[:n]]
+        numbers = (self.schedule.count_until(now) - 1).astype(np.int64)
+        if self.alike:
+            place = int(numbers[0]) % self.depth
+            target = self.rows[place * size : (place + 1) * size]
+            if self._exact:
+                target[:] = agents
+                return
+            each = numbers[:1].astype(np.uint64)
+        else:
+            target = np.zeros_like(agents)
+            each = np.zeros(size, np.uint64)
+            each[:n] = np.maximum(numbers[ids[:n]], 0)
+        memory = np.zeros(1)
+        if self.correlated:
+            assert self.noise is not None
+            periods = self.schedule.period
+            found = {int(x): self.noise.memory(int(x) * NANOSECOND) for x in np.unique(periods)}
+            memory = np.array([found[int(periods[0])]]) if self.alike else np.zeros(size)
+            if not self.alike:
+                memory[:n] = np.array([found[int(x)] for x in periods])[ids[:n]]
+        sizes = np.array([
+            self.noise.position if self.noise else 0.0, self.noise.velocity if self.noise else 0.0,
+            messages.resolution, messages.velocity_resolution,
+        ])  # fmt: skip
+        off = np.zeros((size // 16, 2))
+        self.workers.each(
+            self._measure, size // 16, marked, agents, target, ids, each, self.errors, memory, sizes,
+            messages.seed & 0xFFFFFFFF, messages.seed >> 32, off,
+        )  # fmt: skip
+        largest = np.sqrt(off.max(axis=0))
+        if self.alike:
+            if self.keeps_truth:
+                self.truth[place * size : (place + 1) * size] = agents
+            self.off[place] = largest
+            return
+        where = np.flatnonzero(marked)
+        places = numbers[ids[where]] % self.depth
+        self.rows[places * size + where] = target[where]
+        # Places of agents with other periods are written at other times: the largest deviations until now count.
+        self.off[:] = np.maximum(self.off, largest)
+
+    def own(self, now: int, agents: Reals, ids: Numbers32) -> Reals:
+        """What each agent knows of itself, shape (size, 2m)."""
+        if self.messages.self_known != "measured":
+            return agents
+        taken = self.schedule.count_until(now)
+        size = self.size
+        if self.alike:
+            place = (int(taken[0]) - 1) % self.depth if taken[0] else self.depth
+            return self.rows[place * size : (place + 1) * size]
+        places = np.where(taken > 0, (taken - 1) % self.depth, self.depth)[ids]
+        return np.ascontiguousarray(self.rows[places * size + np.arange(size)])
+
+    def news(self, now: int, ids: Numbers32) -> News:
+        """What may have arrived by a nanosecond.
+
+        Parameters
+        ----------
+        ids
+            Number of the agent at each place, shape (size,).
+        """
+        schedule, messages = self.schedule, self.messages
+        counts: Instants = schedule.count_until(now - self.delay)
+        begun = schedule.phase + (counts - 1) * schedule.period
+        ages = now - begun
+        fresh = np.full(len(counts), self.depth, dtype=np.int64)
+        if self.expires is not None:
+            fresh = np.where(ages < self.expires, (self.expires - 1 - ages) // schedule.period + 1, 0)
+        slots = np.where(counts > 0, (counts - 1) % self.depth, 0)
+        some = slice(0, 1) if self.alike else ids
+        known = self.expires is None or now < self.expires
+        return News(
+            float(now), counts[some].astype(np.uint32), slots[some].astype(np.uint32), ages[some].astype(np.float64),
+            schedule.period[some].astype(np.float64), fresh[some].astype(np.uint32), int(known), self.depth, self.size,
+            float(self.delay), float(self.jitter), messages.seed & 0xFFFFFFFF, messages.seed >> 32, self.numbers,
+            self.truth,
+        )  # fmt: skip
+
+    def see_speed(self, now: int, frame: Array, top: float) -> None:
+        """Take the largest speed in a frame during the step that begins at a nanosecond."""
+        self.speeds.add(now, frame, top, now - self.oldest - int(self.schedule.period.max()))
+
+    def deviation(self, now: int | None) -> float:
+        """Bound on the distance of what is known of an agent from where it is, for samples in use.
+
+        Parameters
+        ----------
+        now
+            Nanosecond; None for any time at the speeds of the past.
+        """
+        age = (self.oldest if now is None else min(self.oldest, now)) * NANOSECOND
+        place, speed = self.off.max(axis=0)
+        rate = self.speeds.bound(predict=self.messages.predict) + (speed if self.messages.predict else 0.0)
+        found = float(place) + age * float(rate)
+        if self.messages.self_known == "measured":
+            period = float(self.schedule.period.max() + self.schedule.phase.max()) * NANOSECOND
+            found += float(place) + period * self.speeds.bound(predict=False)
+        return found * (1.0 + SURE)
