@@ -30,7 +30,8 @@ def scenario(part, engine):
         world = eval(f"dict({part})", names)
         law = world.pop("law", LAW)
     discrete = isinstance(world.get("bodies"), fk.DiscreteBody)
-    if engine in ("sampled", "discrete") or discrete:
+    told = isinstance(world.get("information"), fk.Messages)
+    if engine in ("sampled", "discrete") or discrete or (engine == "tiles" and told):
         world = {"control": fk.Held(0.1)} | world
     if engine == "discrete" and "bodies" not in world:
         world = {"bodies": fk.Impulsive()} | world
