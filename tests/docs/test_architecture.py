@@ -61,6 +61,8 @@ HOMES = {
     "change the skin rule": "def best_skin(",
     "change how neighbour lists are built": "class ListBuilder",
     "change the kernel of one time step": "def tile_kernels(",
+    "change how forces are held in large groups": "class HeldTilesSession",
+    "change how messages reach agents in large groups": "def search",
     "change the accuracy of the inverse square root": "inverse_root = ",
     "change the LAMMPS input deck": "def make_deck(",
     "change how a file survives a kill": "os.replace(",

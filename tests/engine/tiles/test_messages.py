@@ -10,7 +10,7 @@ from flocking.engine.driver.registry import chosen_engine
 from flocking.engine.sampled.engine import ENGINE as SAMPLED
 from flocking.engine.sampled.session import SampledOptions
 from flocking.engine.tiles.engine import ENGINE
-from flocking.engine.tiles.held.messages import Speeds
+from flocking.engine.tiles.held.past_speeds import Speeds
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH
 from flocking.engine.tiles.options import TilesOptions
 from flocking.engine.tiles.simd.counter_random import open_unit, philox_words

@@ -238,7 +238,22 @@ def check_particles(fields: Mapping[str, object], particles: ParticleArrays) -> 
 
 
 def check_lists(lists: TileLists, n: int, size: int, name: str) -> None:
-    """Check that every entry in use is the index of an agent; rows between the tiles are uninitialized."""
+    """Check that every entry in use is the index of an agent; rows between the tiles are uninitialized.
+
+    Parameters
+    ----------
+    lists
+        The lists that were read.
+    n, size
+        Number of agents, and of places.
+    name
+        What the lists are called, for the message.
+
+    Raises
+    ------
+    MalformedError
+        If one is not.
+    """
     rows, first, end = lists.rows, lists.first, lists.first + lists.count
     if end.max(initial=0) > len(rows):
         raise MalformedError(f"{name} must end within its {len(rows)} rows")

@@ -84,7 +84,13 @@ def _check_finite(particles: ParticleArrays, time: float) -> None:
 
 
 def closest_pair(particles: ParticleArrays, before: Closest, time: float) -> Closest:
-    """The closest listed pair so far, given that of all earlier steps."""
+    """The closest listed pair so far.
+
+    Parameters
+    ----------
+    before
+        That of all earlier steps.
+    """
     near = _nearest(particles)
     if not near < min(before.distance, FARTHEST):
         return before

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
-from flocking.engine.tiles.held.messages import check_messages
+from flocking.engine.tiles.held.news import check_messages
 from flocking.engine.tiles.held.session import HeldTilesSession
 from flocking.engine.tiles.kernels.spec import SPACES, check_supported
 from flocking.engine.tiles.options import TilesOptions

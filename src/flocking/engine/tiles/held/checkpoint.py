@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, fields
-from typing import Any, TypedDict, cast
+from typing import TypedDict, cast
 
 import numpy as np
 
@@ -51,6 +51,16 @@ class SampleFields(TypedDict):
     speeds: Array
 
 
+class LedgerFields(TypedDict):
+    """Fields of the ledger, with the names of `HeldLedger`."""
+
+    integrals: Array
+    powers: Array
+    jumped: float
+    sums: dict[str, float]
+    wanted: float
+
+
 class HeldFields(TypedDict):
     """Fields of a checkpoint, by their names in files."""
 
@@ -64,7 +74,7 @@ class HeldFields(TypedDict):
     samples: SampleFields | None
     known: list[TileLists | None]
     known_rooms: list[Numbers]
-    ledger: dict[str, Any]
+    ledger: LedgerFields
     waiting: list[tuple[int, Indices, Reals]]
     records: RecordsMemory
 
@@ -75,7 +85,13 @@ MOST_STEPS = 1 << 53
 
 
 def pack_held(memory: HeldMemory) -> Packed:
-    """Numbers and arrays of a session, without its scenario and the records on disk; arrays are not copied."""
+    """Numbers and arrays of a session, without its scenario and the records on disk; arrays are not copied.
+
+    Parameters
+    ----------
+    memory
+        What the session goes on from.
+    """
     arrays: Arrays = {}
     particles, ledger = memory.particles, memory.ledger
     data = {name: getattr(memory, name) for name in (*NUMBERS, "steps", "step_length", "acted")} | {
@@ -138,7 +154,7 @@ def recall_held(packed: Packed, stored: Stored, memory: HeldMemory) -> None:
     memory.records.recall_memory(found["records"], stored.counts, stored.read)
 
 
-def _samples(particles: HeldParticles) -> Form[Any]:
+def _samples(particles: HeldParticles) -> Form[dict[str, object]] | Form[None]:
     """Form of the samples of a session with such particles."""
     store = particles.store
     if store is None:

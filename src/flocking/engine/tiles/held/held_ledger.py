@@ -70,7 +70,13 @@ class HeldLedger:
         self.powers, self.wanted = now, float(powers[2])
 
     def act(self, powers: Array) -> None:
-        """Take the power of forces that act from now on, and that in the frame of the energy, shape (2,)."""
+        """Take forces that act from now on.
+
+        Parameters
+        ----------
+        powers
+            Their power, and that in the frame of the energy, shape (2,).
+        """
         self.powers = np.array([powers[0], self.powers[1], self.powers[2], powers[1] - self.wanted])
 
     @property

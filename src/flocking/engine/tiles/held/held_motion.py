@@ -33,7 +33,15 @@ def _decays(z: Array) -> tuple[Array, Array]:
 
 
 def coefficients(body: Body, n: int, h: float) -> Array:
-    """Drift, lift, keep and push for a step ``h``, shape (4,) where all agents are alike, else (n, 4)."""
+    """Drift, lift, keep and push for a step ``h``, shape (4,) where all agents are alike, else (n, 4).
+
+    Parameters
+    ----------
+    body
+        The agents.
+    n
+        Their number.
+    """
     if body.order == 1:
         return np.array([0.0, h, 0.0, 1.0])
     masses = np.asarray(body.masses, dtype=np.float64)
@@ -158,14 +166,26 @@ class HeldMotion:
         self._found.clear()
 
     def over(self, h: float, ids: Numbers32) -> Reals:
-        """Coefficients for a step, shape (1, 4) or (size, 4)."""
+        """Coefficients for a step of length ``h``, shape (1, 4) or (size, 4).
+
+        Parameters
+        ----------
+        ids
+            Number of the agent at each place, shape (size,).
+        """
         if h not in self._found:
             rows = coefficients(self.body, self.n, h)
             self._found[h] = np.ascontiguousarray((rows[ids] if rows.ndim > 1 else rows[None]).astype(self.dtype))
         return self._found[h]
 
     def by_place(self, value: float | Array, ids: Numbers32) -> Array:
-        """A number of each agent, or of all, in sorted order, shape (size,) or (1,)."""
+        """A number of each agent, or of all, in sorted order, shape (size,) or (1,).
+
+        Parameters
+        ----------
+        ids
+            As for `over`.
+        """
         found = np.asarray(value, dtype=np.float64)
         return np.ascontiguousarray(found[ids]) if found.ndim else found[None]
 

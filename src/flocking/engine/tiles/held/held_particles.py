@@ -81,7 +81,7 @@ class HeldParticles(ParticleArrays):
         super()._sort(step, skin)
 
     def known_in_reach(self, now: int) -> bool:
-        """Whether the lists hold everybody who may be known to be within a radius, at a nanosecond."""
+        """Whether the lists hold everybody who may be known to be within a radius at the nanosecond ``now``."""
         return self.store is None or not self.moving or self.store.deviation(now) <= self.margin
 
     def _build_known(self) -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Numbers32, Reals
+from flocking.engine.tiles.held.news import News, loss_numbers
+from flocking.engine.tiles.held.past_speeds import Speeds
 from flocking.engine.tiles.kernels.heard_samples import HeardSamples
 from flocking.engine.tiles.kernels.measure_kernel import MeasureKind, measure_kernel
 from flocking.engine.tiles.threads import Workers
@@ -17,7 +15,7 @@ from flocking.errors import InvalidInput
 from flocking.formula.native.functions import native
 from flocking.model.law import Scenario
 from flocking.model.world.information import Messages
-from flocking.model.world.losses import Bernoulli, DistanceLoss, GilbertElliott, Loss
+from flocking.model.world.losses import DistanceLoss, GilbertElliott, Loss
 from flocking.model.world.noises import Noise
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants
 
@@ -26,130 +24,6 @@ MOST_ROWS = 1 << 32
 
 SURE = 1e-6
 """Share by which a bound on a deviation is enlarged, above the rounding of the sums that it is made of."""
-
-
-class News(NamedTuple):
-    """What the control kernel reads about messages; arrays of length 1 where all agents are alike, else by place.
-
-    Parameters
-    ----------
-    now
-        Nanoseconds from the start.
-    counts
-        How many samples of each agent may have arrived.
-    slots
-        Place of the newest of them.
-    ages, periods
-        Its age, and the time between two, in nanoseconds.
-    fresh
-        How many of them, counted back from the newest, have not expired.
-    start
-        1 while the exact state that everyone has of everyone at the start has not expired, else 0.
-    depth, size
-        Number of places for samples of each agent, and rows of one place.
-    delay, jitter
-        Times of messages in nanoseconds.
-    key, key2
-        Words of the seed.
-    loss
-        Numbers of the loss, see `loss_numbers`.
-    truth
-        True states at the samples, in the form of these, shape (rows, 2m).
-    """
-
-    now: float
-    counts: NDArray[np.uint32]
-    slots: NDArray[np.uint32]
-    ages: Array
-    periods: Array
-    fresh: NDArray[np.uint32]
-    start: int
-    depth: int
-    size: int
-    delay: float
-    jitter: float
-    key: int
-    key2: int
-    loss: Array
-    truth: Reals
-
-
-def loss_numbers(loss: Loss | None) -> Array:
-    """Numbers of a loss as the control kernel reads them."""
-    if isinstance(loss, Bernoulli):
-        return np.array([loss.probability])
-    if isinstance(loss, DistanceLoss):
-        return np.array([loss.floor, loss.exponent, 2.0 * math.log(loss.range)])
-    if isinstance(loss, GilbertElliott):
-        redrawn, share = loss.redraws
-        return np.array([loss.loss_good, loss.loss_bad, redrawn, loss.stationary_bad, share])
-    return np.zeros(1)
-
-
-def check_messages(scenario: Scenario) -> None:
-    """Refuse messages that need samples of any age, or true distances at times of others.
-
-    Raises
-    ------
-    InvalidInput
-        When they do; the message names the field.
-    """
-    messages = scenario.information
-    if not isinstance(messages, Messages):
-        return
-    loss = messages.loss
-    if loss is not None and not loss.ideal:
-        if not isinstance(loss, Bernoulli | GilbertElliott | DistanceLoss):
-            raise InvalidInput("Messages", "loss", "must be one of this library in engine='tiles'", type(loss).__name__)
-        if messages.expires is None:
-            raise InvalidInput(
-                "Messages", "expires", "must be given in engine='tiles' where messages may be lost", None,
-                "Samples are kept for a bounded time: give the age from which one is not used any more.",
-            )  # fmt: skip
-        if isinstance(loss, DistanceLoss) and (np.ptp(messages.period) > 0.0 or np.ptp(messages.phase) > 0.0):
-            raise InvalidInput(
-                "Messages", "phase", "must be that of all agents in engine='tiles' where losses depend on distances",
-                "one for each", "Distances are known at common times.",
-            )  # fmt: skip
-
-
-@dataclass
-class Speeds:
-    """Largest speeds in the past as far as samples reach back.
-
-    Parameters
-    ----------
-    rows
-        Nanosecond, velocity of a frame (m numbers), and the largest speed in it until the next row.
-    """
-
-    rows: list[list[float]] = field(default_factory=list)
-
-    def add(self, now: int, frame: Array, top: float, oldest: int) -> None:
-        """Add the speeds of a step that ends ``now``, and forget those before ``oldest``."""
-        self.rows = [row for row in self.rows if row[0] >= oldest]
-        if self.rows and self.rows[-1][1:-1] == frame.tolist():
-            last = self.rows[-1]
-            if last[-1] <= top:
-                # A slower row before the same frame never counts again.
-                self.rows[-1] = [float(now), *frame.tolist(), top]
-                return
-        self.rows.append([float(now), *frame.tolist(), top])
-
-    @property
-    def table(self) -> Array:
-        """The rows as an array."""
-        return np.array(self.rows)
-
-    def bound(self, *, predict: bool) -> float:
-        """Bound on the speed at which a true state leaves what was told of it."""
-        if not self.rows:
-            return 0.0
-        table = np.array(self.rows)
-        frames, top = table[:, 1:-1], table[:, -1]
-        if predict:
-            return float(2.0 * top.max() + 2.0 * np.linalg.norm(frames - frames[-1], axis=1).max())
-        return float((top + np.linalg.norm(frames, axis=1)).max())
 
 
 @native
@@ -302,12 +176,12 @@ class SampleStore:
         self.speeds.rows = speeds.tolist()
 
     def due(self, now: int) -> NDArray[np.bool_]:
-        """Who takes a sample at a nanosecond, shape (N,)."""
+        """Who takes a sample at the nanosecond ``now``, shape (N,)."""
         schedule = self.schedule
         return np.asarray((now >= schedule.phase) & ((now - schedule.phase) % schedule.period == 0))
 
     def measure(self, now: int, agents: Reals, ids: Numbers32) -> None:
-        """Take the samples that are due at a nanosecond.
+        """Take the samples that are due at the nanosecond ``now``.
 
         Parameters
         ----------
@@ -364,7 +238,13 @@ class SampleStore:
         self.off[:] = np.maximum(self.off, largest)
 
     def own(self, now: int, agents: Reals, ids: Numbers32) -> Reals:
-        """What each agent knows of itself, shape (size, 2m)."""
+        """What each agent knows of itself at the nanosecond ``now``, shape (size, 2m).
+
+        Parameters
+        ----------
+        agents, ids
+            As for `measure`.
+        """
         if self.messages.self_known != "measured":
             return agents
         taken = self.schedule.count_until(now)
@@ -376,7 +256,7 @@ class SampleStore:
         return np.ascontiguousarray(self.rows[places * size + np.arange(size)])
 
     def news(self, now: int, ids: Numbers32) -> News:
-        """What may have arrived by a nanosecond.
+        """What may have arrived by the nanosecond ``now``.
 
         Parameters
         ----------
@@ -401,7 +281,7 @@ class SampleStore:
         )  # fmt: skip
 
     def see_speed(self, now: int, frame: Array, top: float) -> None:
-        """Take the largest speed in a frame during the step that begins at a nanosecond."""
+        """Take the largest speed ``top`` in a ``frame`` during the step that begins at the nanosecond ``now``."""
         self.speeds.add(now, frame, top, now - self.oldest - int(self.schedule.period.max()))
 
     def deviation(self, now: int | None) -> float:

@@ -226,7 +226,13 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
 
 
 def module_header(spec: KernelSpec, kernels: str) -> str:
-    """Imports, constants and functions that the text of some ``kernels`` uses."""
+    """Imports, constants and functions that the text of some ``kernels`` uses.
+
+    Parameters
+    ----------
+    spec
+        Specification of the kernels.
+    """
     from flocking.engine.tiles.simd import elementary_functions as vector_math
 
     used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in kernels}
@@ -256,7 +262,13 @@ def _kernel(
 
 
 def own_lines(w: Writer, source: str) -> list[str]:
-    """Lines that load the agents of a tile from the array ``source``, and the numbers of the law that each has."""
+    """Lines that load the agents of a tile from the array ``source``, and the numbers of the law that each has.
+
+    Parameters
+    ----------
+    w
+        Has printed the lines that use them.
+    """
     own = [f"{letter}{k}" for letter in "qp" for k in w.axes]
     lines = [f"{', '.join(own)} = load_agents({source}, base)"]
     return lines + [f"{row} = load(A[{row[1:]}], base)" for row in sorted(w.per_agent)]
@@ -321,7 +333,8 @@ def _reads_mean_control(flow: sympy.Expr) -> bool:
 def scalar_lines(w: Writer, expressions: list[sympy.Expr], mean: str) -> list[str]:
     """Unpack the run-time numbers in expressions: parameters, then mass and damping, then ranges of hashed weights.
 
-    ``mean`` is the quantity in the second half of the means: velocities ``p`` or controls ``u``.
+    ``w`` has printed the lines that use them; ``mean`` is the quantity in the second half of the means: velocities
+    ``p`` or controls ``u``.
     """
     names = free_names(expressions)
     count = sum(1 for s in w.spec.layout.slots.values() if s.startswith("P"))

@@ -391,16 +391,9 @@ class ParticleArrays:
     @property
     def nbytes(self) -> int:
         """Memory of all arrays in bytes."""
-        arrays = [
-            self.agents,
-            self.successor,
-            self.ids,
-            self._ids_buffer,
-            self.tile_extremes,
-            self.sums,
-            self.parameters.A,
-            self.displacement.reference,
-        ]
+        displacement, parameters = self.displacement, self.parameters
+        arrays = [self.agents, self.successor, self.ids, self._ids_buffer, self.tile_extremes, self.sums]
+        arrays += [parameters.A, displacement.reference]
         sorter = self.sorter
         arrays += [sorter.key, sorter.key_buffer, sorter.index_buffer, sorter.order, sorter.start, *self.radii.each]
         spares = [b.spare for b in self.builders if b.spare is not None]

@@ -5,19 +5,18 @@ Integers are the same bits as there: the same generator, constants and counters.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from flocking.engine.tiles.simd.vectors import float_of
 from flocking.model.world.random_numbers import MULTIPLIERS, ROUNDS, WEYL
 
-FIRST, SECOND = MULTIPLIERS
-FIRST_STEP, SECOND_STEP = WEYL
+FIRST, SECOND = MULTIPLIERS[0], MULTIPLIERS[1]
+FIRST_STEP, SECOND_STEP = WEYL[0], WEYL[1]
 WORD = 0xFFFFFFFF
+"""Mask of a word."""
 
 
-def philox_words(a: Any, b: Any, c: Any, d: Any, key: Any, key2: Any) -> tuple[Any, Any, Any, Any]:
+def philox_words(a, b, c, d, key, key2):  # type: ignore[no-untyped-def]
     """Four random words of 32 bits, held in 64, for the counter (a, b, c, d).
 
     Parameters
@@ -39,13 +38,19 @@ def philox_words(a: Any, b: Any, c: Any, d: Any, key: Any, key2: Any) -> tuple[A
     return a, b, c, d
 
 
-def open_unit(high: Any, low: Any) -> Any:
-    """Numbers in (0, 1) of 53 bits from two words, as `flocking.model.world.random_numbers.uniform` makes them."""
+def open_unit(high, low):  # type: ignore[no-untyped-def]
+    """Numbers in (0, 1) of 53 bits, as `flocking.model.world.random_numbers.uniform` makes them.
+
+    Parameters
+    ----------
+    high, low
+        Two words of 32 bits, each one number or lanes.
+    """
     bits = (high >> np.uint64(5)) * np.uint64(1 << 26) + (low >> np.uint64(6))
     return (float_of(bits) + 0.5) * 2.0**-53
 
 
-def drawn_unit(number: Any, purpose: Any, sender: Any, receiver: Any, key: Any, key2: Any) -> Any:
+def drawn_unit(number, purpose, sender, receiver, key, key2):  # type: ignore[no-untyped-def]
     """The draw of `flocking.model.world.random_numbers.uniform` for a number of a sample below 2**32.
 
     Parameters
@@ -59,5 +64,5 @@ def drawn_unit(number: Any, purpose: Any, sender: Any, receiver: Any, key: Any, 
     key, key2
         Words of the seed.
     """
-    a, b, _, _ = philox_words(number, purpose, sender, receiver, key, key2)
-    return open_unit(a, b)
+    a, b, _, _ = philox_words(number, purpose, sender, receiver, key, key2)  # type: ignore[no-untyped-call]
+    return open_unit(a, b)  # type: ignore[no-untyped-call]
