@@ -17,9 +17,10 @@ from flocking.engine.delayed.known_links import known_switches
 from flocking.engine.imperfect.powers import FIFTEEN, Powers
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.taylor_series import shifted
+from flocking.engine.integrator.adaptive_session import AdaptiveSession
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.integrator.state_tolerances import state_tolerances
-from flocking.engine.integrator.step_lengths import Shrunk, StepLengths
+from flocking.engine.integrator.step_lengths import StepLengths
 from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
@@ -45,7 +46,7 @@ class DelayedOptions:
     """Options of the engine: there are none."""
 
 
-class DelayedSession(ImperfectSession):
+class DelayedSession(AdaptiveSession, ImperfectSession):
     """Continuous control on delayed knowledge, with known and true links located.
 
     Parameters
@@ -277,22 +278,6 @@ class DelayedSession(ImperfectSession):
         seconds, count = self.time - self._base, self.n * self.m
         slope = self._slope(seconds, self._segment.at(seconds))
         return slope[-count:].reshape(self.n, self.m)
-
-    @property
-    def shrunk(self) -> Shrunk | None:
-        """Why the run hardly advances; None if it does."""
-        step = self._lengths.shrunk_to
-        return None if step is None else Shrunk(step, self._stepper.strained)
-
-    @property
-    def steady(self) -> bool:
-        """Whether this is a time worth returning to: its steps are about as long as those before."""
-        return self._lengths.usual and self._lengths.shrunk_to is None
-
-    @property
-    def about(self) -> dict[str, object]:
-        """Provenance of the records, with the tolerance."""
-        return super().about | {"tolerance": self.scenario.tolerance}
 
     @property
     def fidelity(self) -> Fidelity:

@@ -25,8 +25,9 @@ from flocking.engine.exact.snapshot import Snapshot as Snapshot
 from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.exact.step_search import found_step
 from flocking.engine.exact.switch_records import write_switch
+from flocking.engine.integrator.adaptive_session import AdaptiveSession
 from flocking.engine.integrator.segment import Segment
-from flocking.engine.integrator.step_lengths import Shrunk, StepLengths
+from flocking.engine.integrator.step_lengths import StepLengths
 from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_world
@@ -39,7 +40,7 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 
-class ExactSession(Session):
+class ExactSession(AdaptiveSession):
     """A running simulation under the exact engine.
 
     Parameters
@@ -133,17 +134,6 @@ class ExactSession(Session):
         """False if steps are shorter than the spacing of floating-point times."""
         own, segment = self._origin.own_time(self.time), self._segment
         return own == segment.t1 or segment.t0 < own < segment.t1
-
-    @property
-    def shrunk(self) -> Shrunk | None:
-        """The length of the last steps and the agents that limit it, if the run hardly advances."""
-        step = self._lengths.shrunk_to
-        return None if step is None else Shrunk(step, self._stepper.strained)
-
-    @property
-    def steady(self) -> bool:
-        """Whether the last steps were about as long as those before."""
-        return self._lengths.usual and self._lengths.shrunk_to is None
 
     def advance(self, to: float, seconds: float = np.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time. Where steps fall depends on neither."""
@@ -401,11 +391,6 @@ class ExactSession(Session):
         """Rates of change of the velocities now, shape (N, m); of agents of order 1 their controls."""
         own = self._own_now
         return self._dynamics.accelerations(own, np.array(self._segment.at(own)))
-
-    @property
-    def about(self) -> dict[str, object]:
-        """Provenance of the records: versions, engine, tolerance and counts."""
-        return super().about | {"tolerance": self.scenario.tolerance}
 
     @property
     def fidelity(self) -> Fidelity:

@@ -1,0 +1,30 @@
+"""What sessions with adaptive steps say of the lengths of their steps."""
+
+from __future__ import annotations
+
+from flocking.engine.integrator.step_lengths import Shrunk, StepLengths
+from flocking.engine.integrator.stepper import Stepper
+from flocking.engine.protocol.session import Session
+
+
+class AdaptiveSession(Session):
+    """A session whose steps are chosen by the tolerance of its scenario."""
+
+    _lengths: StepLengths
+    _stepper: Stepper
+
+    @property
+    def shrunk(self) -> Shrunk | None:
+        """The length of the last steps and the agents that limit it, if the run hardly advances."""
+        step = self._lengths.shrunk_to
+        return None if step is None else Shrunk(step, self._stepper.strained)
+
+    @property
+    def steady(self) -> bool:
+        """Whether the last steps were about as long as those before."""
+        return self._lengths.usual and self._lengths.shrunk_to is None
+
+    @property
+    def about(self) -> dict[str, object]:
+        """Provenance of the records, with the tolerance of the steps."""
+        return super().about | {"tolerance": self.scenario.tolerance}
