@@ -17,6 +17,7 @@ BEFORE = {
     "loss_widens_the_bound": "",
     "world": "",
     "certificates": "",
+    "before_the_run": "",
     "safety_filter": "",
     "audit_data": "",
     "two_papers": "",

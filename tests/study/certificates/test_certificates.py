@@ -275,6 +275,23 @@ def test_limits_that_never_act_leave_every_guarantee():
     assert not lagged["limit_never_acts"].granted
 
 
+def test_what_a_largest_force_can_do():
+    """m v^2/(2 F) to stop; two agents that close in at w over g avoid contact if and only if w^2 <= 2 (a_i + a_j) g."""
+    law = fk.Law(fk.Complete(), [SPRING])
+    for speed, enough in ((1.0, True), (1.999, True), (2.001, False), (-3.0, True)):
+        start = fk.State([[0.0, 0], [1.0, 0]], [[speed, 0], [0, 0]])
+        bodies = fk.Limited(fk.PointMass([1.0, 2.0]), force=[1.0, 2.0])
+        found = fk.certify(fk.Scenario(law, start, t_end=1.0, bodies=bodies))
+        assert found["stopping_distance"].bound.hi == pytest.approx(speed**2 / 2)
+        assert found["braking_suffices"].granted == enough
+        if speed > 0:
+            share = found["braking_suffices"].bound
+            assert share is None or share.hi == pytest.approx(speed**2 / 4)
+    still = fk.Scenario(law, fk.State([[0.0, 0], [0.0, 0]]), t_end=1.0, bodies=fk.Limited(fk.PointMass(), force=1.0))
+    assert not fk.certify(still)["braking_suffices"].granted
+    assert fk.certify(still.with_(bodies=fk.PointMass()))["stopping_distance"].outcome == "not applicable"
+
+
 @pytest.mark.parametrize("n", [2, 7, 40])
 def test_spectra_are_enclosed(n):
     """A path has 2 - 2 cos(pi k/N), a complete graph N."""

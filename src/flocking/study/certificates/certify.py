@@ -7,7 +7,7 @@ from flocking.model.law import Scenario
 from flocking.study.certificates.alignment_certificates import alignment_certificates
 from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.consensus_certificates import consensus_certificates
-from flocking.study.certificates.limit_certificates import energy_and_limits
+from flocking.study.certificates.limit_certificates import energy_and_limits, stopping_certificates
 from flocking.study.certificates.linear.leader_errors import leader_error_certificates
 from flocking.study.certificates.linear.switching_graphs import directed_certificates, switching_certificates
 from flocking.study.certificates.obstacle_certificates import obstacle_certificates
@@ -48,5 +48,6 @@ def certify(scenario: Scenario) -> Certificates:
         *energy_and_limits(scenario), *consensus_certificates(scenario), *alignment_certificates(scenario),
         *switching_certificates(scenario), *directed_certificates(scenario), *leader_error_certificates(scenario),
         *world_certificates(scenario), *safety_certificates(scenario), *obstacle_certificates(scenario),
+        *stopping_certificates(scenario),
     )  # fmt: skip
     return Certificates(scenario.name, found)

@@ -6,7 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from flocking.arrays import Array
+from flocking.formula.intervals import Interval
 from flocking.model.bodies.actuators import Limited
+from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
 from flocking.study.certificates.certificate import (
     NOT_APPLICABLE,
@@ -14,6 +17,8 @@ from flocking.study.certificates.certificate import (
     Enclosure,
     Hypothesis,
     decided,
+    not_applicable,
+    until_failed,
 )
 from flocking.study.certificates.energy_certificates import energy_certificates
 from flocking.study.certificates.energy_setting import EnergySetting
@@ -21,6 +26,79 @@ from flocking.study.certificates.sources import sources
 
 KEY = "limit_never_acts"
 """Key of the certificate of limits."""
+
+
+STOPPING = ("stopping_distance", "braking_suffices")
+"""Keys of the certificates of what a largest force can do."""
+
+
+def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
+    """What a largest force can do from the start, whatever the law: how far it takes to stop and to avoid contact.
+
+    A force of at most F stops a mass m at the speed v in no less than m v^2/(2 F). Two agents at the distance g that
+    close in at the speed w can avoid contact along the line between them if and only if
+    w^2 <= 2 (F_i/m_i + F_j/m_j) g.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    body, source = scenario.agents, sources()["stopping"]
+    limited = type(body) is Limited and body.force is not None and is_point_mass(body.body)
+    undamped = limited and not np.any(np.asarray(body.damping))
+    round_ = limited and type(body) is Limited and body.shape == "ball"
+    hypotheses = until_failed(
+        lambda: Hypothesis("point masses have a largest force", limited, type(body).__name__),
+        lambda: Hypothesis(
+            "it is the same in all directions, and agents are undamped", bool(round_ and undamped), "so"
+        ),
+    )
+    if not all(h.holds for h in hypotheses):
+        return not_applicable(STOPPING, source, hypotheses)
+    assert type(body) is Limited
+    n, start = scenario.start.n, scenario.start
+    most = Interval.of(np.broadcast_to(np.asarray(body.force, dtype=np.float64), n)) / Interval.of(
+        np.broadcast_to(np.asarray(body.masses, dtype=np.float64), n)
+    )
+    squares = Interval.of(np.zeros(n))
+    for column in start.p.T:
+        squares = squares + Interval.of(column).power(2)
+    ways = squares / (most * Interval.of(2.0))
+    way = Interval.of(float(ways.lo.max()), float(ways.hi.max()))
+    found = decided(
+        STOPPING[0], source, hypotheses, bound=way, side="is", quantity="least distance on which all agents can stop",
+        statement=f"No law stops every agent on less than {float(way.lo):.9g}; braking does on {float(way.hi):.9g}.",
+    )  # fmt: skip
+    share = _contact_share(start.q, start.p, most)
+    reason = f"to brake before contact two agents need {float(share.hi):.6g} times their largest forces"
+    reason = "" if share.hi <= 1.0 else reason
+    return found, decided(
+        STOPPING[1], source, hypotheses, reason=reason, bound=share, side="is",
+        quantity="share of their largest forces that two agents need to brake before contact",
+        statement=f"Braking suffices to avoid every contact between two agents alone: at most {float(share.hi):.6g} of "
+        "their largest forces is needed.",
+    )  # fmt: skip
+
+
+def _contact_share(q: Array, p: Array, most: Interval) -> Interval:
+    """The largest w^2/(2 (a_i + a_j) g) of all pairs, enclosed; infinite of two agents at one point."""
+    i, j = np.triu_indices(len(q), 1)
+    if not len(i):
+        return Interval.of(0.0)
+    along, square = Interval.of(np.zeros(len(i))), Interval.of(np.zeros(len(i)))
+    for k in range(q.shape[1]):
+        away, speed = (Interval.of(x[j, k]) - Interval.of(x[i, k]) for x in (q, p))
+        along, square = along + away * speed, square + away.power(2)
+    distance = Interval(np.maximum(square.lo, 0.0), square.hi).sqrt()
+    closing = -along
+    # w = -dq.dv/g, so that w^2/g = (dq.dv)^2/g^3.
+    squared = Interval(np.maximum(closing.lo, 0.0), np.maximum(closing.hi, 0.0)).power(2)
+    able = Interval(most.lo[i], most.hi[i]) + Interval(most.lo[j], most.hi[j])
+    share = squared / (able * distance.power(3) * Interval.of(2.0))
+    together = distance.lo <= 0.0
+    ends = (float(np.where(together, np.inf, x).max()) for x in (share.lo, share.hi))
+    return Interval.of(*ends)
 
 
 def energy_and_limits(scenario: Scenario) -> tuple[Certificate, ...]:
