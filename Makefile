@@ -12,12 +12,13 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 MPI_READY := $(VENV)/.mpi-ready
 CLUSTER_READY := $(VENV)/.cluster-ready
+NODES_READY := $(VENV)/.nodes-ready
 EMULATOR_READY := $(VENV)/.emulator-ready
 LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-mpi test-cluster test-emulator test-browser bench bench-mpi validate fuzz robustness repeat lint docs clean
+.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-mpi test-cluster test-emulator test-nodes test-browser bench bench-mpi validate fuzz robustness repeat lint docs clean
 
 setup: $(READY)
 
@@ -77,6 +78,16 @@ test-emulator: $(EMULATOR_READY)
 
 $(EMULATOR_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[emulator]'
+	@touch $@
+
+# A process for each agent, over zenoh on this machine; some agents run exported C, for which Debian's gcc is installed if missing.
+test-nodes: $(NODES_READY)
+	@command -v gcc >/dev/null || { apt-get update -qq && apt-get install -y -qq gcc libc6-dev; } || \
+		{ echo "make test-nodes needs gcc: install it and run this again."; exit 1; }
+	$(BIN)/python -m pytest -m nodes -p no:xdist tests/engine/nodes $(PYTEST_ARGS)
+
+$(NODES_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[nodes]'
 	@touch $@
 
 # Sweeps on two Dask workers over TCP on this machine, workers killed among them.
@@ -155,7 +166,7 @@ TIMES ?= 20
 LOAD ?= 6
 TIMED := tests/machines tests/apps/test_process.py tests/apps/test_cli.py tests/apps/commands tests/apps/lab tests/cluster \
 	tests/engine/outside tests/engine/test_interruption.py tests/engine/driver/test_slices.py tests/engine/driver/test_progress.py tests/engine/driver/test_ensembles.py \
-	tests/engine/reference/test_controller.py \
+	tests/engine/reference/test_controller.py tests/engine/nodes \
 	tests/engine/storage/test_storage_kill.py tests/engine/storage/test_storage_creation.py tests/engine/storage/test_storage_resume.py \
 	tests/engine/storage/test_zarr_thread.py tests/engine/tiles/test_saving.py tests/engine/tiles/test_refusals.py \
 	tests/engine/tiles/test_cache.py tests/engine/tiles/test_pair_count_bound.py tests/engine/tiles/test_sessions.py \

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from flocking.apps.lab.server import lab as lab
     from flocking.engine.driver.ensembles import simulate_many as simulate_many
     from flocking.engine.driver.law_export import export_c as export_c
+    from flocking.engine.driver.nodes import simulate_nodes as simulate_nodes
     from flocking.engine.driver.registry import register_engine as register_engine
     from flocking.engine.driver.registry import unregister_engine as unregister_engine
     from flocking.engine.driver.resuming import resume as resume
@@ -76,7 +77,8 @@ _HOMES = {
     "read_start": "engine.storage.start_files", "read_sweep": "study.sweeps.sweep",
     "register_engine": "engine.driver.registry", "replay": "study.message_logs.replay",
     "resume": "engine.driver.resuming",
-    "simulate": "engine.driver.simulate", "simulate_many": "engine.driver.ensembles", "start": "engine.driver.starting",
+    "simulate": "engine.driver.simulate", "simulate_nodes": "engine.driver.nodes",
+    "simulate_many": "engine.driver.ensembles", "start": "engine.driver.starting",
     "sweep": "study.sweeps.sweep", "total_energy": "study.potentials.state_energy",
     "unregister_engine": "engine.driver.registry", "write_run": "engine.storage.stored_runs",
     "write_scenario": "study.scenario_files.scenario_file",

@@ -53,6 +53,8 @@ HOMES = {
     "add a field to the checkpoint of the exact engine": "def pack_exact(",
     "add a column to the ledger of a run": "TRACE_FIELDS =",
     "change how the controller of one agent is called": "class Controller:",
+    "change what an agent in a process of its own does": "class PythonNode(",
+    "change what happens when an agent does not answer": "class NodeSession(",
     "change how a formula is written in C": "class CSource:",
     "add an elementary function to exported C": "def elementary_functions(",
     "change what an exported law keeps of its neighbours": "def memory_source(",

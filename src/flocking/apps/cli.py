@@ -15,6 +15,7 @@ from flocking.apps.commands.cache_command import cache
 from flocking.apps.commands.certify_command import certify
 from flocking.apps.commands.export_c_command import export_c
 from flocking.apps.commands.margin_command import margins
+from flocking.apps.commands.nodes_command import nodes
 from flocking.apps.commands.picture_commands import animate, plot
 from flocking.apps.commands.run_commands import resume, run
 from flocking.apps.commands.showcase_commands import showcase
@@ -61,6 +62,7 @@ def command_line() -> App:
         reproduce,
         sweep,
         margins,
+        nodes,
         showcase,
         audit,
         check,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flocking.arrays import Indices
+from flocking.arrays import Indices, Links
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.displacements import nearest_difference
 from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
@@ -235,6 +235,24 @@ class Controller:
         self._started = False
         self._since = np.nan
 
+    def recall(self, links: Links) -> None:
+        """Go on with links that were found elsewhere, as those of a start.
+
+        Parameters
+        ----------
+        links
+            Which agents are linked, shape (graphs, agents).
+
+        Raises
+        ------
+        InvalidInput
+            When they are of another shape.
+        """
+        found = np.array(links, dtype=bool)
+        if found.shape != self.links.shape:
+            raise InvalidInput("Controller", "links", f"must have the shape {self.links.shape}", found.shape)
+        self.links, self._after, self._started = found, found.copy(), True
+
     def _take_parameters(self, t: float) -> None:
         """Take the gains that are in force."""
         since = max((s for s in self._changes if s <= t), default=-np.inf)
@@ -283,7 +301,7 @@ class Controller:
             self._refuse(t, own, moving, who, places, speeds, integers=integers)
         if self.expires is not None:
             who, places, speeds = self._fresh(t, who, places, speeds, stamps)
-        if self._changes or not self._started:
+        if self._changes or math.isnan(self._since):
             self._take_parameters(t)
         k, graphs = len(who), len(self._rules)
         self._calls += 1

@@ -13,7 +13,7 @@ from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.sampled.actuation import Actuation, without_limits
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
-from flocking.engine.sampled.knowledge import Knowledge
+from flocking.engine.sampled.knowledge import Knowledge, Known
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.safety import ForceFilter
@@ -110,8 +110,7 @@ class SampledSession(ImperfectSession):
         if knowledge.schedule is not None:
             measuring = np.flatnonzero(knowledge.next_sample == instant)
             if measuring.size:
-                everyone = motion.at(seconds)[0] if knowledge.reads_distances else None
-                knowledge.measure(measuring, *motion.at(seconds, measuring), everyone)
+                self._measure(measuring, seconds)
         acting = np.flatnonzero(self._next_tick() == instant)
         changed = np.zeros(self.n, dtype=bool)
         if acting.size:
@@ -119,7 +118,7 @@ class SampledSession(ImperfectSession):
             known = knowledge.known(instant, acting, *motion.at(seconds))
             knowledge.relink(known, self._rules)
             pairs = knowledge.pairs(known)
-            force = self._law.forces(self._base + seconds, known, pairs)
+            force = self._wanted(instant, known, pairs)
             self._check_forces(force, seconds, acting)
             if self.filter is not None:
                 force = self.filter.filtered(instant, known, force)
@@ -143,6 +142,15 @@ class SampledSession(ImperfectSession):
             changed[agents] = True
         self._record_row(seconds)
         self._watch_pieces(instant, changed)
+
+    def _measure(self, measuring: Indices, seconds: float) -> None:
+        """Let agents take a sample."""
+        everyone = self.motion.at(seconds)[0] if self.knowledge.reads_distances else None
+        self.knowledge.measure(measuring, *self.motion.at(seconds, measuring), everyone)
+
+    def _wanted(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
+        """Forces that the law wants of the agents that act, shape (agents, m)."""
+        return self._law.forces(self._base + instant * NANOSECOND, known, pairs)
 
     def _watch_pieces(self, instant: int, changed: Links) -> None:
         """Find the switches of the pairs of changed agents until a piece ends."""

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from flocking.errors import InvalidInput
 from flocking.study.sample_files.arrays import read_gsd, read_npz
+from flocking.study.sample_files.recordings import read_mcap
 from flocking.study.sample_files.samples import Columns, Samples, check_size
 from flocking.study.sample_files.tables import read_csv, read_parquet
 
-ENDINGS = (".csv", ".parquet", ".npz", ".gsd")
+ENDINGS = (".csv", ".parquet", ".npz", ".gsd", ".mcap")
 """Endings of the files that can be read."""
 
 
@@ -26,7 +27,7 @@ def read_samples(
     path
         A CSV or Parquet table with the columns ``t``, ``id``, ``x``, ``y``, ``z`` and, where velocities are known,
         ``vx``, ``vy``, ``vz``, one row per agent and time; an NPZ file with arrays ``t`` (F,), ``q`` and ``p``
-        (F, N, m); or a GSD file. The ending says which.
+        (F, N, m); a GSD file; or an MCAP file with messages of JSON. The ending says which.
     columns
         Names of columns or arrays in the file, by the names above: ``{"t": "time", "id": "bird"}``.
     time_step
@@ -51,4 +52,4 @@ def read_samples(
     named = Columns(path, dict(columns or {}))
     if ending == ".gsd":
         return read_gsd(path, named, time_step)
-    return {".csv": read_csv, ".parquet": read_parquet, ".npz": read_npz}[ending](path, named)
+    return {".csv": read_csv, ".parquet": read_parquet, ".npz": read_npz, ".mcap": read_mcap}[ending](path, named)

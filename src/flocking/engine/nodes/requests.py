@@ -1,0 +1,90 @@
+"""What the world asks of an agent and what it answers, as JSON: numbers keep their bits."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TypedDict
+
+from flocking.engine.nodes.nodes import Node, Sample
+from flocking.errors import FlockingError
+
+LONGEST = 64_000_000
+"""Bytes of the longest message that is read: a scenario with its start."""
+
+
+class Request(TypedDict, total=False):
+    """What an agent is asked.
+
+    ``do`` is ``"measure"``, for which ``number``, ``now``, ``q`` and ``p`` say what its sensors read, or ``"act"``, for
+    which ``heard`` are samples that have arrived since the last time.
+    """
+
+    do: str
+    now: int
+    number: int
+    q: list[float]
+    p: list[float]
+    heard: list[list[object]]
+
+
+class Answer(TypedDict, total=False):
+    """What it answers: its sample, or its force and its links, or why there is none."""
+
+    sample: list[object]
+    force: list[float]
+    links: list[list[int]]
+    fault: str
+
+
+def packed(data: Mapping[str, object]) -> bytes:
+    """Data as bytes."""
+    return json.dumps(data).encode()
+
+
+def unpacked(data: bytes) -> dict[str, object]:
+    """Data from bytes; empty where they are none."""
+    if len(data) > LONGEST:
+        return {}
+    try:
+        found = json.loads(data)
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def row_of(sample: Sample) -> list[object]:
+    """A sample as a list."""
+    return [sample.sender, sample.number, sample.stamp, list(sample.q), list(sample.p)]
+
+
+def sample_of(row: list[object]) -> Sample:
+    """A sample from a list."""
+    sender, number, stamp, q, p = row
+    assert isinstance(sender, int)
+    assert isinstance(number, int)
+    assert isinstance(stamp, int)
+    assert isinstance(q, list)
+    assert isinstance(p, list)
+    return Sample(sender, number, stamp, tuple(map(float, q)), tuple(map(float, p)))
+
+
+def answer(node: Node, request: Request) -> Answer:
+    """What an agent answers.
+
+    Parameters
+    ----------
+    node
+        The agent.
+    request
+        What it is asked.
+    """
+    now, q, p = request["now"], request["q"], request["p"]
+    if request["do"] == "measure":
+        return {"sample": row_of(Sample(node.agent, request["number"], now, tuple(q), tuple(p)))}
+    try:
+        for row in request.get("heard", []):
+            node.hear(sample_of(row), now)
+        return {"force": node.act(now, q, p).tolist(), "links": node.links}
+    except FlockingError as error:
+        return {"fault": str(error)}

@@ -1,0 +1,146 @@
+"""Agents that compute their forces by themselves, all in this process: the runs of the engine, bit for bit."""
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.apps.cli import main
+from flocking.engine.nodes.faults import Cut, Kill, Restart, fault_of
+from flocking.engine.nodes.nodes import Sample
+from flocking.engine.nodes.requests import packed, row_of, sample_of, unpacked
+from flocking.errors import InvalidInput, UnsupportedLaw
+from tests.engine.nodes.worlds import LAW, same, scenario
+
+WORLDS = {
+    "instant": {"information": fk.Instant()},
+    "held samples": {},
+    "moved on": {"predict": True},
+    "noise": {"predict": True, "noise": fk.WhiteNoise(0.01, 0.02), "self_known": "measured", "resolution": 0.001},
+}
+
+
+def local(found, **options):
+    return fk.simulate_nodes(found, processes=False, progress=False, **options)
+
+
+@pytest.mark.parametrize("name", sorted(WORLDS))
+def test_python_agents_give_the_bits_of_the_engine(name):
+    found = scenario(**WORLDS[name])
+    expected, run = fk.simulate(found, progress=False), local(found)
+    assert len(expected.switches) > 2
+    assert same(run, expected)
+    assert (run.trace["departed"] == expected.trace["departed"]).all()
+
+
+def test_a_wrong_message_changes_the_run(monkeypatch):
+    """The forces come from what agents heard: one that hears a number off by a rounding moves otherwise."""
+    from flocking.engine.nodes.nodes import PythonNode
+
+    heard = PythonNode.hear
+
+    def wrong(self, sample, now):
+        x, *rest = sample.q
+        heard(self, Sample(sample.sender, sample.number, sample.stamp, (np.nextafter(x, 9e9), *rest), sample.p), now)
+
+    found = scenario()
+    expected = fk.simulate(found, progress=False)
+    monkeypatch.setattr(PythonNode, "hear", wrong)
+    assert not same(local(found), expected)
+
+
+@pytest.mark.compiler
+def test_exported_agents_stay_within_the_bound_of_their_rounding():
+    """Forces differ by some roundings, and a difference of states grows no faster than the law lets it.
+
+    Let D be the largest difference of any position or velocity until now. A force changes by at most L D: a spring of
+    stiffness k at a distance r has slopes of at most k max(1, 2/r), for both agents of a pair, and velocities have the
+    gains. Then D' <= (1 + L) D + e with rounding e of the forces, and every event rounds the state once more.
+    """
+    found = scenario(predict=True, t_end=2.0)
+    expected, run = fk.simulate(found, progress=False), local(found, code="c")
+    assert len(expected.switches) > 1
+    assert [row[1:5] for row in run.switches.tolist()] == [row[1:5] for row in expected.switches.tolist()]
+    others, eps = found.start.n - 1, np.finfo(float).eps
+    nearest = min(expected.closest_linked.distance, expected.closest_unlinked.distance)
+    slopes = 2 * others * (0.2 * max(1.0, 2.0 / nearest) + 0.3) + 0.3
+    # What is known is up to 0.4 s old and moved on.
+    slopes *= 1.4
+    size = float(np.abs(expected.q).max() + np.abs(expected.p).max())
+    rounding = 8 * eps * others * (0.2 * 2 * size + 0.3 * 2 * size) * 2.0 + 200 * 4 * eps * size
+    assert np.abs(run.q - expected.q).max() <= rounding * np.exp((1.0 + slopes) * 2.0)
+    # An observation: it is far smaller.
+    assert np.abs(run.q - expected.q).max() <= 1e-12
+    assert same(local(found, code="c"), run)
+
+
+def test_an_agent_whose_process_was_killed_coasts_and_is_forgotten():
+    found = scenario(t_end=3.0)
+    run = local(found, faults=[Kill(1, 1.0), Restart(1, 2.0)])
+    # No force from the tick at 1 s, whose force acts 0.01 s later, until that at 2 s.
+    coasting = (run.t > 1.02) & (run.t < 2.0)
+    assert coasting.sum() > 10
+    assert np.ptp(run.p[coasting, 1], axis=0).max() == 0.0
+    assert np.ptp(run.p[coasting, 0], axis=0).max() > 1e-3
+    assert np.ptp(run.p[run.t > 2.2, 1], axis=0).max() > 1e-3
+    assert (run.provenance["agents killed"], run.provenance["agents restarted"]) == (1, 1)
+    assert run.provenance["ticks of ended agents"] == 20
+    before = run.t <= 1.0
+    assert (run.q[before] == fk.simulate(found, progress=False).q[before]).all()
+
+
+def test_a_cut_radio_silences_an_agent_for_others_and_others_for_it():
+    found = scenario(t_end=3.0)
+    cut = local(found, faults=[Cut(2, 0.5, 1.5)])
+    free = fk.simulate(found, progress=False)
+    early = cut.t <= 0.5
+    assert (cut.q[early] == free.q[early]).all()
+    # Cut off, and all samples of before forgotten, an agent only follows the leader: the force points along p - v0.
+    alone = (cut.t > 1.05) & (cut.t < 1.5)
+    relative = cut.p[alone, 2] - [0.5, 0.0]
+    shares = relative / relative[0]
+    assert shares[:, 0] == pytest.approx(shares[:, 1], rel=1e-9)
+    assert (np.diff(shares[:, 0]) <= 0.0).all()
+    assert not np.array_equal(cut.q[-1], free.q[-1])
+
+
+def test_samples_survive_as_text():
+    sample = Sample(3, 7, 1_234_567_890_123, (0.1, -1e-300), (np.pi, 1e300))
+    assert sample_of(unpacked(packed({"x": row_of(sample)}))["x"]) == sample
+    assert unpacked(b"\xff") == unpacked(b"[1]") == unpacked(b"") == {}
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        ({"control": fk.Continuous()}, "need control=Held"),
+        ({"control": fk.SafetyFilter(0.1, distance=0.5, acceleration=9.0)}, "no safety filter"),
+        ({"bodies": fk.SingleIntegrator()}, "order 2"),
+    ],
+)  # fmt: skip
+def test_what_agents_cannot_run_is_refused_by_name(parts, said):
+    start = fk.start.box(3, side=2.0, speed=1.0, seed=0)
+    found = fk.Scenario(LAW, start, 1.0, **({"control": fk.Held(0.1)} | parts))
+    with pytest.raises(UnsupportedLaw, match=said):
+        local(found)
+
+
+def test_real_time_needs_a_latency_and_faults_an_agent():
+    with pytest.raises(InvalidInput, match="real_time must be absent for control without latency"):
+        local(scenario(latency=0.0), real_time=1.0)
+    with pytest.raises(InvalidInput, match="real_time must be a positive"):
+        local(scenario(), real_time=-1.0)
+    with pytest.raises(InvalidInput, match="Kill: agent must be below the number of agents, 5"):
+        local(scenario(), faults=[Kill(5, 1.0)])
+    assert fault_of(Cut, "3@1.5-2.5") == Cut(3, 1.5, 2.5)
+    assert fault_of(Kill, "0@2") == Kill(0, 2.0)
+    for kind, text in ((Kill, "3"), (Kill, "3@1-2"), (Cut, "3@1"), (Restart, "x@1")):
+        with pytest.raises(InvalidInput, match="AGENT@TIME"):
+            fault_of(kind, text)
+
+
+def test_the_command_refuses_what_is_not_so(tmp_path, capsys):
+    path = fk.write_scenario(scenario(), tmp_path / "nodes.toml")
+    assert main(["nodes", str(path), "--agents", "12"]) == 2
+    assert "must be the number of agents of the scenario, 5" in capsys.readouterr().err
+    assert main(["nodes", "zhou-2015"]) == 2
+    assert "need control=Held" in capsys.readouterr().err
