@@ -59,7 +59,13 @@ def row_of(sample: Sample) -> list[object]:
 
 
 def sample_of(row: list[object]) -> Sample:
-    """A sample from a list."""
+    """A sample from a list.
+
+    Parameters
+    ----------
+    row
+        The list.
+    """
     sender, number, stamp, q, p = row
     assert isinstance(sender, int)
     assert isinstance(number, int)
