@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 import flocking as fk
-from flocking.engine.kernels.codegen import array_kernels
+from flocking.engine.kernels.expressions import law_formulas
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
+from flocking.engine.kernels.pieces import held
+from flocking.engine.kernels.source_text import nonzero
+from flocking.formula.printing import statements
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
+from tests.engine.c_export.sizes import Sized, run
 
 
 def linked_at_start(law, n, agent, distance):
@@ -43,46 +47,60 @@ def judged(scenario, agent, q, p, others, t):
 
 
 def _sizes(scenario, agent, q, p, others, linked, t):
+    """Sums of the absolute values of all that is added up, see `tests.engine.c_export.sizes`."""
     law, n, m = scenario.law, scenario.start.n, len(q)
     layout = Layout(law, Energy(), space=scenario.space)
-    module = array_kernels(layout, m)
+    formulas = _formulas(scenario)
     P, A, W = layout.values(fk.Agents(scenario.agents.masses, scenario.agents.damping), n, t)
     total = np.zeros(m)
-    own = {f"A{k}": row[agent] for k, row in enumerate(A)}
+    own = {f"P{k}": Sized.of(x) for k, x in enumerate(P)} | {f"A{k}": Sized.of(row[agent]) for k, row in enumerate(A)}
+    own |= {"t": Sized.of(t)}
+    own |= {f"q{k}": Sized.of(q[k]) for k in range(m)} | {f"p{k}": Sized.of(p[k]) for k in range(m)}
     for number, found in enumerate(linked):
-        who = sorted(found)
-        if not who:
-            continue
-        d = scenario.space.displacement(np.array([others[j][0] for j in who]) - q)
-        v = np.array([others[j][1] for j in who]) - p
-        r = np.sqrt((d**2).sum(axis=1))
-        values = own | {"r": r, "speed2": (v**2).sum(axis=1), "radial": (d * v).sum(axis=1) / r, "push": 0.0 * r,
-                        "pull": 0.0 * r}  # fmt: skip
-        values |= {f"W{k}": matrix[agent, who] for k, matrix in enumerate(W)}
-        values["functional"] = 1.0 / (1.0 + len(who)) if averages(law, number) else 1.0
-        sizes = getattr(module, f"pair_sizes{number}")(P, values)
-        unit = np.abs(d) / r[:, None]
-        parts = np.broadcast_to(sizes["along"], r.shape)[:, None] * unit
-        total += (
-            parts
-            + np.broadcast_to(sizes["drag"], r.shape)[:, None] * (np.abs(others_velocities(others, who)) + np.abs(p))
-        ).sum(axis=0)
-    given = own | {"t": t, **{f"q{k}": q[k] for k in range(m)}, **{f"p{k}": p[k] for k in range(m)}}
-    given |= {f"mean_{letter}{k}": np.nan for letter in "qp" for k in range(m)}
-    body = module.body_sizes(P, given)
-    total += [float(body[f"force{k}"]) for k in range(m)]
+        for j in sorted(found):
+            d, v = scenario.space.displacement(np.asarray(others[j][0]) - q), np.asarray(others[j][1]) - p
+            r = float(np.sqrt((d**2).sum()))
+            values = {"r": r, "side": r, "reach": r, "speed2": (v**2).sum(), "radial": (d * v).sum() / r}
+            values |= {f"W{k}": matrix[agent, j] for k, matrix in enumerate(W)}
+            values["functional"] = 1.0 / (1.0 + len(found)) if averages(law, number) else 1.0
+            seen = run(formulas["pairs"][number], own | {name: Sized.of(x) for name, x in values.items()})
+            none = Sized(0.0, 0.0)
+            total += seen.get("along", none).size * np.abs(d) / r + seen.get("drag", none).size * np.abs(v)
+    alone = run(formulas["body"], own)
+    total += [alone[f"force{k}"].size if f"force{k}" in alone else 0.0 for k in range(m)]
     rows = layout.obstacle_rows()
     for group, (_, met) in enumerate(ObstacleDistances(law).met(np.asarray(q)[None], t)):
         for o in met:
-            values = {k: np.reshape(x, 1) if k != "t" else x for k, x in given.items()}
-            values |= {f"O{k}": np.array([row[o]]) for k, row in enumerate(rows)}
-            force = getattr(module, f"obstacles{group}")(P, values)
-            total += [abs(float(np.ravel(force[f"force{k}"])[0])) for k in range(m)]
+            seen = dict(own) | {f"O{k}": Sized.of(row[o]) for k, row in enumerate(rows)}
+            for lines in formulas["obstacles"][group]:
+                seen = run(lines, seen)
+                if "distance" in seen:
+                    seen |= {"side": seen["distance"], "reach": seen["distance"]}
+            total += [seen[f"force{k}"].size for k in range(m)]
     return total
 
 
-def others_velocities(others, who):
-    return np.array([others[j][1] for j in who])
+KNOWN = {}
+
+
+def _formulas(scenario):
+    """Printed statements of the law of a scenario."""
+    if id(scenario) not in KNOWN:
+        layout = Layout(scenario.law, Energy(), space=scenario.space)
+        found = law_formulas(layout, scenario.start.dimension, integrals=False)
+
+        def lines(formulas, distance):
+            chosen, _ = held(nonzero(formulas), distance)
+            return statements(chosen, arrays=False, prefix="x_")
+
+        KNOWN[id(scenario)] = scenario, {
+            "pairs": [lines({"along": x.along, "drag": x.drag}, "r") for x in found.pairs],
+            "body": lines({f"force{k}": f for k, f in enumerate(found.body.force)}, "r"),
+            "obstacles": [[lines(stage, "distance") if k else
+                           statements(stage, arrays=False, prefix="x_") for k, stage in enumerate(group.stages())]
+                          for group in found.obstacles],
+        }  # fmt: skip
+    return KNOWN[id(scenario)][1]
 
 
 def random_surroundings(rng, scenario, most=6):
