@@ -69,6 +69,20 @@ class PeriodicTimes:
         found: Instants = self.phase[agents] + k * self.period[agents]
         return found
 
+    @property
+    def alike(self) -> bool:
+        """Whether all agents do it at the same times."""
+        return bool((self.period == self.period[0]).all() and (self.phase == self.phase[0]).all())
+
+    @property
+    def of_one(self) -> PeriodicTimes:
+        """The times of the first agent."""
+        return PeriodicTimes(self.period[:1], self.phase[:1])
+
+    def falls_on(self, time: int) -> NDArray[np.bool_]:
+        """Whether every agent does it at ``time``, shape (N,)."""
+        return np.asarray((time >= self.phase) & ((time - self.phase) % self.period == 0))
+
     def count_until(self, time: int) -> Instants:
         """How often every agent has done it until ``time``, that time included, shape (N,)."""
         found: Instants = np.asarray(

@@ -76,7 +76,8 @@ class SampleStore:
         m = columns // 2
         schedule = messages.schedule(n)
         self.schedule = schedule
-        self.alike = bool(np.ptp(schedule.period) == 0 and np.ptp(schedule.phase) == 0)
+        self.alike = schedule.alike
+        self._times = schedule.of_one if self.alike else schedule
         self.delay, self.jitter = (round(x * PER_SECOND) for x in (messages.delay, messages.jitter))
         self.expires = messages.expires_in_nanoseconds
         least, most = int(schedule.period.min()), int(schedule.period.max())
@@ -176,9 +177,8 @@ class SampleStore:
         self.speeds.rows = speeds.tolist()
 
     def due(self, now: int) -> NDArray[np.bool_]:
-        """Who takes a sample at the nanosecond ``now``, shape (N,)."""
-        schedule = self.schedule
-        return np.asarray((now >= schedule.phase) & ((now - schedule.phase) % schedule.period == 0))
+        """Who takes a sample at the nanosecond ``now``, shape (N,), or (1,) where all do it together."""
+        return self._times.falls_on(now)
 
     def measure(self, now: int, agents: Reals, ids: Numbers32) -> None:
         """Take the samples that are due at the nanosecond ``now``.
@@ -195,15 +195,15 @@ class SampleStore:
             return
         n, size, messages = self.n, self.size, self.messages
         marked = np.zeros(size, np.int32)
-        marked[:n] = due[ids[:n]]
-        numbers = (self.schedule.count_until(now) - 1).astype(np.int64)
+        marked[:n] = 1 if self.alike else due[ids[:n]]
+        numbers = (self._times.count_until(now) - 1).astype(np.int64)
         if self.alike:
             place = int(numbers[0]) % self.depth
             target = self.rows[place * size : (place + 1) * size]
             if self._exact:
                 target[:] = agents
                 return
-            each = numbers[:1].astype(np.uint64)
+            each = numbers.astype(np.uint64)
         else:
             target = np.zeros_like(agents)
             each = np.zeros(size, np.uint64)
@@ -211,7 +211,7 @@ class SampleStore:
         memory = np.zeros(1)
         if self.correlated:
             assert self.noise is not None
-            periods = self.schedule.period
+            periods = self._times.period
             found = {int(x): self.noise.memory(int(x) * NANOSECOND) for x in np.unique(periods)}
             memory = np.array([found[int(periods[0])]]) if self.alike else np.zeros(size)
             if not self.alike:
@@ -247,7 +247,7 @@ class SampleStore:
         """
         if self.messages.self_known != "measured":
             return agents
-        taken = self.schedule.count_until(now)
+        taken = self._times.count_until(now)
         size = self.size
         if self.alike:
             place = (int(taken[0]) - 1) % self.depth if taken[0] else self.depth
@@ -263,7 +263,7 @@ class SampleStore:
         ids
             Number of the agent at each place, shape (size,).
         """
-        schedule, messages = self.schedule, self.messages
+        schedule, messages = self._times, self.messages
         counts: Instants = schedule.count_until(now - self.delay)
         begun = schedule.phase + (counts - 1) * schedule.period
         ages = now - begun

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import Links
 from flocking.engine import interruption
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
@@ -88,7 +88,8 @@ class HeldTilesSession(HeldTruth):
             self._particles.store.see_speed(0, np.zeros(self._particles.m), speed)
         control = scenario.control
         assert isinstance(control, Held)
-        self._ticks = control.schedule(scenario.start.n)
+        ticks = control.schedule(scenario.start.n)
+        self._ticks = ticks.of_one if ticks.alike else ticks
         self._latency = control.latency_in_nanoseconds
 
     def _new_particles(self, scenario: Scenario, state: State) -> HeldParticles:
@@ -162,10 +163,9 @@ class HeldTilesSession(HeldTruth):
             self._look_at_truth(self._now * NANOSECOND)
         self._record_frames(0.0)
 
-    def _due(self) -> Array:
-        """Who acts at the end of the last step, shape (N,)."""
-        now, ticks = self._now, self._ticks
-        return np.asarray((now >= ticks.phase) & ((now - ticks.phase) % ticks.period == 0))
+    def _due(self) -> Links:
+        """Who acts at the end of the last step, shape (N,), or (1,) where all act together."""
+        return self._ticks.falls_on(self._now)
 
     def _act(self) -> None:
         """What falls on the time of the last step: gains, controls, and forces that begin to act."""
@@ -188,17 +188,17 @@ class HeldTilesSession(HeldTruth):
         if changed and self.options.ledger:
             self._memory.ledger.act(powers_of(self.scenario, particles, t))
 
-    def _tick(self, t: float, tick: Array) -> None:
-        """Let agents marked in ``tick``, shape (N,), compute their controls, which act after the latency."""
+    def _tick(self, t: float, tick: Links) -> None:
+        """Let agents marked in ``tick``, shape (N,) or (1,), compute their controls, which act after the latency."""
         particles, now = self._particles, self._now
         self._guarded(lambda: particles.require_lists(self.step))
         if not particles.known_in_reach(now):
             self._guarded(lambda: particles.rebuild(self.step))
-        particles.acting[: particles.n] = tick[particles.ids[: particles.n]]
+        particles.acting[: particles.n] = 1 if len(tick) == 1 else tick[particles.ids[: particles.n]]
         before = particles.force.copy() if self._latency else None
         particles.act(t, now)
         if before is not None:
-            agents = np.flatnonzero(tick)
+            agents = np.flatnonzero(np.broadcast_to(tick, particles.n))
             self._memory.waiting.append(
                 (now + self._latency, agents, particles.force[:, particles.place[agents]].T.copy())
             )

@@ -129,8 +129,11 @@ class HeardSamples:
             body += [*self._chance_lines(), f"arrived = {self._draw('LOSS', 'one', 'two', 'number')} >= chance"]
         if self.jitter:
             late = f"nearest_of({self._draw('JITTER', 'sender', 'receiver', 'number')} * news.jitter)"
-            on_time = f"{late} <= ages + periods * np.float64(back) - news.delay"
-            body += [f"arrived = arrived & ({on_time})" if self.loss else f"arrived = {on_time}"]
+            spare = "ages + periods * np.float64(back) - news.delay"
+            body += [f"spare = {spare}"] + ([] if self.loss else ["arrived = open_"])
+            # Where even the latest messages are there, nothing is drawn.
+            body += ["doubt = bits_of(open_ & (spare < news.jitter))"]
+            body += ["if doubt:", f"    arrived = arrived & ({late} <= spare)"]
         body += ["best = select(open_ & arrived, trial, best)", "open_ = open_ & (best < trial - np.uint32(1))"]
         body += ["back += 1"]
         if self.expires:
