@@ -10,7 +10,7 @@ import numpy as np
 from flocking.engine.storage.export_formats import missing_package
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
-from flocking.study.sample_files.samples import Columns, Samples, check_times, finite_array
+from flocking.study.sample_files.samples import Columns, Samples, check_size, check_times, finite_array
 
 TOPIC = "/state"
 """Topic whose messages are read: JSON with the time ``t`` and the rows of ``q`` and, where there are any, of ``p``."""
@@ -40,15 +40,20 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
     except ImportError:
         raise missing_package("mcap", "MCAP") from None
     rows: list[dict[str, object]] = []
+    size = 0
     try:
         with path.open("rb") as file:
             for _, channel, message in make_reader(file).iter_messages(topics=[TOPIC]):
                 if channel.message_encoding != "json":
                     raise ValueError(f"messages of {TOPIC} are {channel.message_encoding}, not JSON")
+                size += len(message.data)
+                check_size(path, size, "its messages")
                 found = json.loads(message.data)
                 if not isinstance(found, dict):
                     raise ValueError(f"a message of {TOPIC} is no object")
                 rows.append(found)
+    except InvalidInput:
+        raise
     except (McapError, ValueError, OSError, RuntimeError, KeyError, EOFError, RecursionError) as error:
         raise InvalidInput(str(path), "file", f"must be a finished MCAP file ({error})", path.name) from None
     if not rows:

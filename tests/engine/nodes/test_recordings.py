@@ -1,0 +1,83 @@
+"""Recordings of runs of agents: what was written is read, and other files are refused in a sentence."""
+
+import json
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.errors import InvalidInput, StorageError
+from flocking.study.sample_files.reading import read_samples
+from tests.engine.nodes.worlds import scenario
+
+pytestmark = pytest.mark.nodes
+
+
+def recorded(folder):
+    place = folder / "run.mcap"
+    return place, fk.simulate_nodes(scenario(3, 0.5), processes=False, record=place, progress=False)
+
+
+def written(path, messages, encoding="json"):
+    from mcap.writer import Writer
+
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("state", "jsonschema", b"{}")
+        channel = writer.register_channel("/state", encoding, schema)
+        for k, data in enumerate(messages):
+            writer.add_message(channel, k, data if isinstance(data, bytes) else json.dumps(data).encode(), k)
+        writer.finish()
+    return path
+
+
+def test_frames_and_samples_keep_their_bits(tmp_path):
+    from mcap.reader import make_reader
+
+    place, run = recorded(tmp_path)
+    samples = read_samples(place)
+    assert all((a == b).all() for a, b in ((samples.t, run.t), (samples.q, run.q), (samples.p, run.p)))
+    with place.open("rb") as file:
+        sent = [json.loads(m.data) for _, _, m in make_reader(file).iter_messages(topics=["/sample"])]
+    # Samples at 0, 0.1, ..., 0.4 s of three agents.
+    assert [(x["sender"], x["number"]) for x in sent] == [(i, k) for k in range(5) for i in range(3)]
+    assert [x["q"] for x in sent[:3]] == run.q[0].tolist()
+
+
+def test_names_are_taken_once_and_end_in_mcap(tmp_path):
+    place, _ = recorded(tmp_path)
+    for path, said in (
+        (place, "there already"),
+        (tmp_path / "run.bag", "ends in .mcap"),
+        (tmp_path / "no/x.mcap", "cannot write"),
+    ):
+        with pytest.raises(StorageError, match=said):
+            fk.simulate_nodes(scenario(3, 0.5), processes=False, record=path, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("messages", "said"),
+    [
+        ([], "must have messages of the topic /state"), ([b"\xff"], "finished MCAP file"), ([[1]], "is no object"),
+        ([{"t": 0.0}], "q"), ([{"t": 0.0, "q": [[1.0]]}, {"t": 1.0, "q": [[1.0], [2.0]]}], "one shape"),
+        ([{"t": 0.0, "q": [["x"]]}], "must be numbers"), ([{"t": 0.0, "q": [1.0]}], "q"),
+        ([{"t": 1.0, "q": [[1.0]]}, {"t": 0.0, "q": [[1.0]]}], "t"),
+        ([{"t": 0.0, "q": [[1.0]], "p": [[1.0, 2.0]]}], "shape of q"),
+    ],
+)  # fmt: skip
+def test_other_files_are_refused(messages, said, tmp_path):
+    with pytest.raises(InvalidInput, match=said):
+        read_samples(written(tmp_path / "x.mcap", messages))
+
+
+def test_cut_and_foreign_files_are_refused(tmp_path):
+    place, _ = recorded(tmp_path)
+    data = place.read_bytes()
+    for k, part in enumerate((data[: len(data) // 2], data[:9], b"", np.random.default_rng(0).bytes(999))):
+        path = tmp_path / f"{k}.mcap"
+        path.write_bytes(part)
+        with pytest.raises(InvalidInput, match="must be a finished MCAP file"):
+            read_samples(path)
+    with pytest.raises(InvalidInput, match="are protobuf, not JSON"):
+        read_samples(written(tmp_path / "y.mcap", [b"x"], "protobuf"))
