@@ -29,6 +29,7 @@ from flocking.model.terms.body_terms import BodyTerm
 from flocking.model.terms.pair_terms import Gradient, PairTerm, Term
 from flocking.model.terms.potential_reach import check_reach
 from flocking.model.terms.steering import Steering
+from flocking.model.typesetting.cells import LawCell, ScenarioCell
 from flocking.model.world.control import CONTINUOUS, Control
 from flocking.model.world.information import INSTANT, Information
 
@@ -37,8 +38,8 @@ MOST_TERMS = 100
 
 
 @register_part()
-@dataclass(frozen=True)
-class Law:
+@dataclass(frozen=True, repr=False)
+class Law(LawCell):
     """A control law: who is a neighbour of whom, and the terms that act.
 
     Parameters
@@ -206,8 +207,8 @@ BODIES_PLACE = 3
 
 
 @register_part()
-@dataclass(frozen=True, eq=False)
-class Scenario:
+@dataclass(frozen=True, eq=False, repr=False)
+class Scenario(ScenarioCell):
     """Everything an engine needs: a law, a start, the agents, and how long to run.
 
     Parameters

@@ -15,6 +15,7 @@ from flocking.engine.interruption import interrupted
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, number
+from flocking.show.film import Film, Pictures
 from flocking.show.plane import NetOptions, net
 from flocking.show.style import figure, in_style, themed
 
@@ -38,6 +39,7 @@ def animate(
     dpi: int = 120,
     theme: str = "light",
     most_pictures: int = MOST_PICTURES,
+    progress: bool = True,
     **options: Unpack[NetOptions],
 ) -> Path:
     """Write the stored frames of a run as a film.
@@ -63,13 +65,15 @@ def animate(
         ``"light"`` or ``"dark"``.
     most_pictures
         Largest number of pictures, which guards against mistakes.
+    progress
+        Show how many pictures are drawn once it takes longer than two seconds.
     options
         Further options of `flocking.show.plane.net`, such as ``trails=True``.
 
     Returns
     -------
     Path
-        The file written.
+        The file written; in a notebook it is shown as a film.
 
     Raises
     ------
@@ -103,7 +107,7 @@ def animate(
     partial = target.with_name(f".{target.stem}.{os.getpid()}.partial{target.suffix}")
     try:
         with themed(theme):
-            _film(run, partial, frames, fps, follow, size, dpi, options)
+            _film(run, partial, frames, fps, follow, size, dpi, progress, options)
         os.replace(partial, target)
     except Exception as error:
         if interrupted(error):
@@ -117,7 +121,7 @@ def animate(
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
-    return target
+    return Film(target)
 
 
 def ffmpeg() -> str | None:
@@ -162,8 +166,9 @@ def film_path(path: str | Path) -> Path:
 
 @in_style
 def _film(
-    run: Run, path: Path, frames: Indices, fps: int, follow: bool, size: float, dpi: int, options: NetOptions
-) -> None:
+    run: Run, path: Path, frames: Indices, fps: int, follow: bool, size: float, dpi: int, progress: bool,
+    options: NetOptions,
+) -> None:  # fmt: skip
     import matplotlib
     from matplotlib.animation import FFMpegWriter, PillowWriter
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -208,12 +213,13 @@ def _film(
     made.draw_without_rendering()
     places = [axes.get_position() for axes in made.axes]
     made.set_layout_engine("none")
-    with writer.saving(made, str(path), dpi):
+    with writer.saving(made, str(path), dpi), Pictures(progress, len(frames)) as drawn:
         for k in frames:
             draw(int(k))
             for axes, place in zip(made.axes, places, strict=True):
                 axes.set_position(place)
             writer.grab_frame()
+            drawn.count()
 
 
 def _limits(run: Run, follow: bool) -> Array:

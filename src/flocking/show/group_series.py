@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.arrays import Array, Links, Reals
+from flocking.arrays import Array, Indices, Links, Reals
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.graphs.connectivity import components
@@ -71,7 +72,8 @@ def connectivity(run: Run, *, axes: Axes | None = None) -> Axes:
     flocks = np.array([int(components(links).max()) + 1 for links in matrices])
     counts = axes.twinx() if 1 < run.n <= MOST_FOR_SPECTRUM else axes
     if counts is not axes:
-        axes.plot(run.t, [_fiedler(links) for links in matrices], color=BLUE, gid="algebraic connectivity")
+        values = _fiedler_values(matrices, flocks)
+        axes.plot(run.t, values, color=BLUE, gid="algebraic connectivity")
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel(r"$\lambda_2$", color=BLUE)
         counts.spines["right"].set_visible(True)
@@ -218,6 +220,21 @@ def _nearest(q: Reals) -> Array:
 
 
 def _fiedler(links: Links) -> float:
+    from scipy.linalg import eigvalsh
+
     weights = (links.astype(np.float64) + links.T) / 2
     laplacian = np.diag(weights.sum(axis=1)) - weights
-    return float(max(np.linalg.eigvalsh(laplacian)[1], 0.0))
+    return float(max(eigvalsh(laplacian, subset_by_index=(1, 1), check_finite=False)[0], 0.0))
+
+
+def _fiedler_values(matrices: Sequence[Links], flocks: Indices) -> list[float]:
+    """Algebraic connectivity of each frame: 0 of several flocks, and of links that did not change that of the last."""
+    found: list[float] = []
+    for k, (links, count) in enumerate(zip(matrices, flocks, strict=True)):
+        if count > 1:
+            found.append(0.0)
+        elif k and np.array_equal(links, matrices[k - 1]):
+            found.append(found[-1])
+        else:
+            found.append(_fiedler(links))
+    return found

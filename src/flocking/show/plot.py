@@ -53,7 +53,8 @@ def plot(
         velocities, ``"connectivity"``, ``"closest"`` pair, ``"links"`` created and lost, ``"departed"`` energy by its
         causes, or ``"series"``: a sheet of the last four, the velocities and the ledger.
     save_as
-        Path without suffix for SVG and PNG files; nothing is written by default.
+        Path without suffix for SVG and PNG files, or a path that ends in .svg, .png or .pdf; nothing is written by
+        default.
     theme
         ``"light"`` or ``"dark"``.
     options

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import wraps
+from functools import lru_cache, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
@@ -140,6 +140,28 @@ def in_style(function: Callable[P, T]) -> Callable[P, T]:
     return drawing
 
 
+@lru_cache(maxsize=1)
+def figure_type() -> type[Figure]:
+    """Figures that a notebook shows as the result of a cell; those of Matplotlib need a backend for it."""
+    from matplotlib.figure import Figure
+
+    class NotebookFigure(Figure):
+        def _repr_png_(self) -> bytes:
+            drawn = io.BytesIO()
+            self.savefig(drawn, format="png", dpi=2 * self.dpi, facecolor=self.get_facecolor())
+            return drawn.getvalue()
+
+    # Pickles name a class by its module.
+    NotebookFigure.__qualname__ = "NotebookFigure"
+    return NotebookFigure
+
+
+def __getattr__(name: str) -> type[Figure]:
+    if name == "NotebookFigure":
+        return figure_type()
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
 @in_style
 def figure(width: float = COLUMN, height: float | None = None) -> Figure:
     """An empty figure in the style, not registered with pyplot.
@@ -155,11 +177,10 @@ def figure(width: float = COLUMN, height: float | None = None) -> Figure:
         If a size is not positive.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
     width = number("figure", "width", width, above=0.0)
     height = 0.72 * width if height is None else number("figure", "height", height, above=0.0)
-    made = Figure(figsize=(width, height), layout="constrained")
+    made = figure_type()(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(made)
     return made
 
@@ -218,7 +239,8 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
     picture
         Figure to write.
     path
-        Path without a suffix; missing folders are created.
+        Path without a suffix, or one that ends in one of the formats, which is then the only one; missing folders are
+        created.
     formats
         Any of ``"svg"``, ``"png"`` and ``"pdf"``.
 
@@ -240,10 +262,13 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
         "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     }
     formats = (formats,) if isinstance(formats, str) else tuple(formats)
+    base = Path(path)
+    if base.suffix.lstrip(".") in FORMATS:
+        # Asked for by its name, a file is that one alone.
+        formats, base = (base.suffix.lstrip("."),), base.with_suffix("")
     for name in formats:
         if name not in FORMATS:
             raise InvalidInput("save", "formats", f"must be among {', '.join(FORMATS)}", name)
-    base = Path(path)
     written = tuple(base.parent / f"{base.name}.{name}" for name in formats)
     layout = picture.get_layout_engine()
     try:

@@ -282,6 +282,15 @@ class Run:
         size = f"{self.n} agents, {len(self.t)} frames ({span}), {len(self.switches)} switches"
         return f"<Run {name}{size}, {self.status}>"
 
+    def _repr_html_(self) -> str:
+        """In a notebook: one line, and folded the scenario and where the run comes from."""
+        from html import escape
+
+        from flocking.formula.markup.cells import folded, rows_table
+
+        origin = rows_table(("what", "value"), [(escape(k), escape(str(v))) for k, v in self.provenance.items()])
+        return folded(repr(self).strip("<>"), self.scenario._repr_html_() + origin)
+
     @property
     def finished(self) -> bool:
         """Whether the run reached its end."""

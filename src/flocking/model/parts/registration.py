@@ -14,6 +14,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.parts import values
+from flocking.model.parts.construction import check_names, shorten
 from flocking.model.parts.description import (
     BY_READER,
     CONNECTED,
@@ -85,6 +86,9 @@ def register_part(
 
     def register(part: Part) -> Part:
         found = described(part, word, names)
+        if isinstance(part, type):
+            check_names(part)
+            shorten(part)
         found = Description(
             found.name, found.word, found.builds, found.call, found.fields, found.own_fields, found.arguments,
             tried, taken,

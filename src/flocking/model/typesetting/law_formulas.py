@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flocking.errors import FlockingError
 from flocking.model.bodies.body import Body, MotionSymbols
+from flocking.model.checks import Array
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.law import Law
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.model.terms.body_terms import BodyTerm
 from flocking.model.terms.pair_terms import AVERAGE, PairTerm, Term
 from flocking.model.terms.symbols import BodySymbols, ObstacleSymbols, PairSymbols
+from flocking.model.typesetting.stated import StatedLaw
 from flocking.model.typesetting.symbols import (
     Names,
     by_name,
@@ -28,6 +30,8 @@ from flocking.model.typesetting.symbols import (
 
 if TYPE_CHECKING:
     import sympy
+
+    Components = Mapping[str, Sequence[sympy.Expr]]
 
 UNPRINTABLE = (FlockingError, IndexError, KeyError, TypeError, ValueError, AttributeError, NotImplementedError)
 """Errors of parts whose formulas have no form for one axis, or need more than is known here."""
@@ -61,7 +65,7 @@ class TermFormula:
     potentials: dict[str, Potential]
 
 
-def law_latex(law: Law, dimension: int = 2) -> str:
+def law_latex(law: StatedLaw, dimension: int = 2) -> str:
     """The control u_i of a law, one term a line.
 
     Parameters
@@ -80,7 +84,7 @@ def law_latex(law: Law, dimension: int = 2) -> str:
     return rf"\begin{{aligned}} u_i = & {rows} \end{{aligned}}"
 
 
-def term_formulas(law: Law, dimension: int = 2) -> list[TermFormula]:
+def term_formulas(law: StatedLaw, dimension: int = 2) -> list[TermFormula]:
     """Every term of a law as LaTeX.
 
     Parameters
@@ -93,7 +97,7 @@ def term_formulas(law: Law, dimension: int = 2) -> list[TermFormula]:
     return [_term(term, law, dimension) for term in law.terms]
 
 
-def _term(term: Term, law: Law, dimension: int) -> TermFormula:
+def _term(term: Term, law: StatedLaw, dimension: int) -> TermFormula:
     try:
         shown, potentials = by_name(term)
     except UNPRINTABLE:
@@ -112,7 +116,7 @@ def _term(term: Term, law: Law, dimension: int) -> TermFormula:
     return TermFormula(term, latex or rf"\mathrm{{{type(term).__name__}}}_i", exact, potentials if exact else {})
 
 
-def _is_weighted(term: Term, law: Law) -> bool:
+def _is_weighted(term: Term, law: StatedLaw) -> bool:
     import sympy
 
     graph = getattr(term, "over", None) or law.graph
@@ -163,7 +167,7 @@ def _of_body(term: BodyTerm, dimension: int) -> str:
     scalars = {"t": names.scalar("t"), "mass": names.scalar("m_i"), "damping": names.scalar("k_i")}
     vectors = {name: vector(text) for name, text in latex.items()}
 
-    def force(values: dict[str, Sequence[Any]]) -> Sequence[Any]:
+    def force(values: Components) -> Sequence[sympy.Expr]:
         return term.force(BodySymbols(**values, **scalars, parameter=parameter))
 
     return _vector_form(force, vectors, names, dimension)
@@ -180,16 +184,17 @@ def _near_obstacles(term: ObstacleTerm, dimension: int) -> str:
     vectors = {name: names.vector(text) for name, text in latex.items()}
     anchored = any(hasattr(x, "centre") for x in term.obstacles)
 
-    def force(values: dict[str, Any]) -> Sequence[Any]:
-        given = values if anchored else {**values, "anchor": None}
-        return term.obstacle_force(ObstacleSymbols(**given, **scalars, parameter=parameter))
+    def force(values: Components) -> Sequence[sympy.Expr]:
+        anchor = values["anchor"] if anchored else None
+        given = {name: value for name, value in values.items() if name != "anchor"}
+        return term.obstacle_force(ObstacleSymbols(**given, anchor=anchor, **scalars, parameter=parameter))
 
     inside = _vector_form(force, vectors, names, dimension)
     return rf"\sum_{{k:\, d_{{ik}} \le {parameter_latex('range')}}} \left[{inside}\right]"
 
 
 def _vector_form(
-    force: Callable[[dict[str, Sequence[Any]]], Sequence[Any]],
+    force: Callable[[Components], Sequence[sympy.Expr]],
     vectors: dict[str, sympy.Symbol],
     names: Names,
     dimension: int,
@@ -199,17 +204,15 @@ def _vector_form(
 
     one = force({name: [symbol] for name, symbol in vectors.items()})[0]
     one = sympy.sympify(one)
-    axes: dict[str, Sequence[Any]] = {
-        name: [sympy.Symbol(f"{name}_{k}", real=True) for k in range(dimension)] for name in vectors
-    }
+    axes: Components = {name: [sympy.Symbol(f"{name}_{k}", real=True) for k in range(dimension)] for name in vectors}
     many = [sympy.sympify(x) for x in force(axes)]
     rng = np.random.default_rng(0)
     others = [s for s in names.latex if s not in names.vectors]
     for _ in range(DRAWS):
         drawn = {name: rng.normal(size=dimension) for name in vectors}
-        numbers: dict[sympy.Symbol, Any] = {s: float(np.exp(rng.normal())) for s in others}
+        numbers = {s: np.array(np.exp(rng.normal())) for s in others}
         single = numbers | {symbol: drawn[name] for name, symbol in vectors.items()}
-        flat = numbers | {axes[name][k]: float(drawn[name][k]) for name in vectors for k in range(dimension)}
+        flat = numbers | {axes[name][k]: drawn[name][k] for name in vectors for k in range(dimension)}
         told = np.broadcast_to(value_of_vectors(one, single, names), (dimension,))
         meant = np.array([_number(x, flat) for x in many])
         if not np.allclose(told, meant, rtol=AGREEMENT, atol=AGREEMENT):
@@ -217,9 +220,9 @@ def _vector_form(
     return names.print(one)
 
 
-def _number(expression: sympy.Expr, numbers: dict[sympy.Symbol, Any]) -> float:
+def _number(expression: sympy.Expr, numbers: Mapping[sympy.Symbol, Array]) -> float:
     """Value of one component."""
-    return float(with_stand_ins(expression).evalf(subs={s: numbers[s] for s in expression.free_symbols}))
+    return float(with_stand_ins(expression).evalf(subs={s: float(numbers[s]) for s in expression.free_symbols}))
 
 
 def weight_latex(graph: Graph) -> str:
@@ -264,7 +267,7 @@ def motion_latex(body: Body) -> list[str]:
         return []
 
 
-def _constant(names: Names, value: Any, letter: str, usual: float) -> Any:
+def _constant(names: Names, value: ArrayLike, letter: str, usual: float) -> sympy.Expr:
     import sympy
 
     if np.ndim(value) == 0 and value == usual:

@@ -9,12 +9,12 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.formula.markup.mathml import to_mathml
 from flocking.formula.markup.text_formulas import set_text
-from flocking.model.law import Law, Scenario
 from flocking.model.parts.registration import description_of
 from flocking.model.potentials.potential import Potential
 from flocking.model.typesetting.documentation import meanings_of, summary_of
 from flocking.model.typesetting.law_formulas import law_latex, motion_latex, term_formulas, weight_latex
 from flocking.model.typesetting.part_words import value_words
+from flocking.model.typesetting.stated import StatedLaw, StatedScenario
 from flocking.model.typesetting.symbols import parameter_latex
 
 LISTED_BESIDE = frozenset({"potential", "over"})
@@ -66,7 +66,7 @@ def part_html(part: object, symbols: tuple[str, ...] = ()) -> str:
     )
 
 
-def potentials_of(law: Law, dimension: int) -> dict[str, tuple[str, Potential]]:
+def potentials_of(law: StatedLaw, dimension: int) -> dict[str, tuple[str, Potential]]:
     """The different potentials of a law: the name of each in LaTeX and the potential, by name and values."""
     found: dict[str, tuple[str, Potential]] = {}
     for term in term_formulas(law, dimension):
@@ -87,7 +87,7 @@ def potential_html(name: str, psi: Potential) -> str:
     return formula_html(f"{name}(r) = {shape}") + formula_html(f"{name}'(r) = {slope}") + given
 
 
-def law_html(law: Law, dimension: int = 2) -> str:
+def law_html(law: StatedLaw, dimension: int = 2) -> str:
     """A law: its formula, its potentials, and each of its parts in words.
 
     Parameters
@@ -101,7 +101,7 @@ def law_html(law: Law, dimension: int = 2) -> str:
     return formula_html(law_latex(law, dimension)) + law_legend(law) + shown + parts_html(law, dimension)
 
 
-def law_legend(law: Law) -> str:
+def law_legend(law: StatedLaw) -> str:
     """What the symbols of a law are, and what agents must know."""
     i, normal = to_mathml("i"), to_mathml(r"\mathbf{n}_{ij}")
     knows = "Every agent can compute it from what it and its neighbours know."
@@ -114,7 +114,7 @@ def law_legend(law: Law) -> str:
     )
 
 
-def parts_html(law: Law, dimension: int) -> str:
+def parts_html(law: StatedLaw, dimension: int) -> str:
     """Graphs and terms of a law in words, with their values.
 
     Parameters
@@ -134,7 +134,7 @@ def parts_html(law: Law, dimension: int) -> str:
     return "".join(parts)
 
 
-def start_words(scenario: Scenario) -> str:
+def start_words(scenario: StatedScenario) -> str:
     """How a scenario begins, in a sentence."""
     q, p = scenario.start.q, scenario.start.p
     box = " × ".join(f"[{low:.4g}, {high:.4g}]" for low, high in zip(q.min(axis=0), q.max(axis=0), strict=True))
@@ -147,7 +147,7 @@ def start_words(scenario: Scenario) -> str:
     )
 
 
-def scenario_html(scenario: Scenario) -> str:
+def scenario_html(scenario: StatedScenario) -> str:
     """A scenario: its law, its start, what its agents are, and what is not ideal about its world.
 
     Parameters
@@ -159,7 +159,7 @@ def scenario_html(scenario: Scenario) -> str:
     return law_html(scenario.law, scenario.start.dimension) + start + world_html(scenario)
 
 
-def world_html(scenario: Scenario) -> str:
+def world_html(scenario: StatedScenario) -> str:
     """What the agents of a scenario are, what they know, when they act, and its energy.
 
     Parameters

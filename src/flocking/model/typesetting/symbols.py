@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from flocking.model.checks import Array
 from flocking.model.parts.registration import description_of
 from flocking.model.potentials.bumps import Bump
 from flocking.model.potentials.potential import Potential
@@ -62,8 +65,6 @@ class Names:
 
     def parameter(self, values: Mapping[str, object]) -> Callable[[str], sympy.Symbol]:
         """Symbols of the parameters of a part by name; ``values`` say which differ from agent to agent."""
-        import numpy as np
-
         made: dict[str, sympy.Symbol] = {}
 
         def named(name: str) -> sympy.Symbol:
@@ -209,7 +210,7 @@ def with_stand_ins(expression: sympy.Expr) -> sympy.Expr:
     )
 
 
-def value_of_vectors(expression: sympy.Expr, numbers: Mapping[sympy.Symbol, Any], names: Names) -> Any:
+def value_of_vectors(expression: sympy.Expr, numbers: Mapping[sympy.Symbol, Array], names: Names) -> Array:
     """Value of a formula in which one axis stands for a vector: sums add vectors, even powers are those of norms.
 
     Parameters
@@ -217,39 +218,40 @@ def value_of_vectors(expression: sympy.Expr, numbers: Mapping[sympy.Symbol, Any]
     expression
         The formula.
     numbers
-        Arrays for vectors, and numbers.
+        Arrays for vectors, and arrays without axes for numbers.
     names
         Which symbols are vectors.
+
+    Returns
+    -------
+    array
+        A vector, or an array without axes.
 
     Raises
     ------
     TypeError
         Where it has no value as a formula of vectors.
     """
-    import numpy as np
     import sympy
 
     if expression.is_Symbol:
         return numbers[expression]
     if not expression.free_symbols & names.vectors:
-        inner = {s: numbers[s] for s in expression.free_symbols}
-        return float(with_stand_ins(expression).evalf(subs=inner))
+        inner = {s: float(numbers[s]) for s in expression.free_symbols}
+        return np.array(float(with_stand_ins(expression).evalf(subs=inner)))
     values = [value_of_vectors(x, numbers, names) for x in expression.args]
-    if isinstance(expression, sympy.Add):
-        if len({np.ndim(v) for v in values}) > 1:
-            raise TypeError("a number is added to a vector")
-        return sum(values[1:], values[0])
-    if isinstance(expression, sympy.Mul):
-        vectors = [v for v in values if np.ndim(v)]
-        scale = np.prod([v for v in values if not np.ndim(v)])
-        if len(vectors) > 1:
-            raise TypeError("vectors are multiplied")
-        return scale * vectors[0] if vectors else scale
-    if isinstance(expression, sympy.Pow) and not np.ndim(values[1]):
-        if not np.ndim(values[0]):
-            return values[0] ** values[1]
-        if values[1] % 2 == 0:
-            return float(np.linalg.norm(values[0]) ** values[1])
-    if isinstance(expression, sympy.Function) and not any(np.ndim(v) for v in values):
-        return float(with_stand_ins(expression.func(*map(sympy.Float, values))))
+    vectors = [v for v in values if v.ndim]
+    if isinstance(expression, sympy.Add) and len({v.ndim for v in values}) == 1:
+        return np.asarray(np.sum(values, axis=0))
+    if isinstance(expression, sympy.Mul) and len(vectors) <= 1:
+        scale = np.prod([v for v in values if not v.ndim])
+        return np.asarray(scale * vectors[0] if vectors else scale)
+    if isinstance(expression, sympy.Pow) and not values[1].ndim:
+        base, power = values
+        if not base.ndim:
+            return np.asarray(base**power)
+        if power % 2 == 0:
+            return np.asarray(np.linalg.norm(base) ** power)
+    if isinstance(expression, sympy.Function) and not vectors:
+        return np.array(float(with_stand_ins(expression.func(*map(sympy.Float, values)))))
     raise TypeError(f"{expression.func} has no vector form")

@@ -160,13 +160,33 @@ class Certificates:
         """Those that are granted."""
         return tuple(c for c in self.all if c.granted)
 
+    def __repr__(self) -> str:
+        """In one line: how many are granted."""
+        return f"<Certificates {self.name!r}: {len(self.granted)} of {len(self.all)} granted>"
+
+    def _repr_html_(self) -> str:
+        """In a notebook: how many are granted, and folded a row for each."""
+        from html import escape
+
+        from flocking.formula.markup.cells import folded, rows_table
+        from flocking.formula.markup.text_formulas import set_text
+
+        rows = [
+            (
+                escape(c.key), "granted" if c.granted else "not granted",
+                set_text(c.statement if c.granted else c.reason),
+                "" if c.safe_bound is None else f"{escape(c.side)} {c.safe_bound:.4g}",
+            )
+            for c in self.all
+        ]  # fmt: skip
+        summary = f"Certificates: {len(self.granted)} of {len(self.all)} granted"
+        return folded(summary, rows_table(("certificate", "", "statement or reason", "bound"), rows))
+
     def __str__(self) -> str:
         lines = [self.name] if self.name else []
         for c in self.all:
             lines.append(f"{c.key}: {c.outcome}. {c.statement if c.granted else c.reason}")
         return "\n".join(lines)
-
-    __repr__ = __str__
 
     def as_dict(self) -> dict[str, object]:
         """All certificates as plain values for JSON."""

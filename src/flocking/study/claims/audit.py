@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
@@ -13,7 +15,7 @@ from flocking.study.claims.claim import Claim, Result, Verdict
 from flocking.study.evidence import Evidence
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """Verdicts of one run.
 
@@ -37,6 +39,26 @@ class Report:
         """Whether every decided claim has the expected verdict; one that is ``not yet`` is not decided."""
         decided = (Verdict.HOLDS, Verdict.FAILS, Verdict.NOT_RESOLVED)
         return all(r.as_expected for r in self.results if r.verdict in decided)
+
+    def __repr__(self) -> str:
+        """In one line: how many claims have which verdict."""
+        counts = Counter(str(r.verdict) for r in self.results)
+        return f"<Report of {self.run!r}: {', '.join(f'{n} {verdict}' for verdict, n in counts.items())}>"
+
+    def _repr_html_(self) -> str:
+        """In a notebook: the counts, and folded a row for each claim."""
+        from flocking.formula.markup.cells import folded, rows_table
+        from flocking.formula.markup.text_formulas import set_text
+
+        counts = Counter(str(r.verdict) for r in self.results)
+        rows = [
+            (escape(r.claim.key), escape(str(r.verdict)), set_text(r.claim.statement), _short(r.margin),
+             _short(r.error), escape(r.note))
+            for r in self.results
+        ]  # fmt: skip
+        head = ("claim", "verdict", "statement", "margin", "error", "measured")
+        summary = f"Audit: {', '.join(f'{n} {verdict}' for verdict, n in counts.items())}"
+        return folded(summary, rows_table(head, rows))
 
     def as_dict(self) -> dict[str, object]:
         """Plain data for JSON."""

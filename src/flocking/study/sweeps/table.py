@@ -53,6 +53,24 @@ class SweepTable:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def __repr__(self) -> str:
+        """In one line."""
+        failed = f", {len(self.failures)} failed" if self.failures else ""
+        return (
+            f"<SweepTable {len(self.rows)} of {self.plan.size} runs, {self.status}{failed}: {', '.join(self.measures)}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """In a notebook: one line, and folded the rows."""
+        from html import escape
+
+        from flocking.formula.markup.cells import folded, rows_table
+
+        names = [name for name in self.columns if name not in ("message", "tries")]
+        rows = zip(*(self.columns[name] for name in names), strict=True)
+        shown = [[escape(f"{x:.4g}" if isinstance(x, float) else str(x)) for x in row] for row in rows]
+        return folded(repr(self).strip("<>"), rows_table(names, shown))
+
     @property
     def complete(self) -> bool:
         """Whether every planned run has a row."""

@@ -1,0 +1,71 @@
+"""How parts are made and represented: a wrong name of a field gets a hint, and no representation holds whole arrays."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import wraps
+from typing import Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.parts.values import nearest
+
+MOST_SHOWN = 8
+"""Numbers of an array in a representation; of longer arrays the shape is told."""
+
+LONGEST = 400
+"""Characters of the representation of one field; longer ones are cut."""
+
+
+def check_names(part: type) -> None:
+    """Let the constructor of a dataclass refuse names that are none of its fields, with the nearest one that is.
+
+    Parameters
+    ----------
+    part
+        The class; one with a constructor of its own stays as it is.
+    """
+    made: Any = vars(part).get("__init__")
+    if made is None or getattr(made, "__module__", part.__module__) != part.__module__ or hasattr(made, "__wrapped__"):
+        return
+    known = {f.name for f in fields(part) if f.init}
+    code = getattr(made, "__code__", None)
+    if code is None or set(code.co_varnames[1 : code.co_argcount + code.co_kwonlyargcount]) != known:
+        return
+
+    @wraps(made)
+    def checked(self: object, *values: Any, **named: Any) -> None:
+        for name in named.keys() - known:
+            raise InvalidInput(part.__name__, name, "is no parameter", named[name], nearest(name, known))
+        made(self, *values, **named)
+
+    part.__init__ = checked  # type: ignore[misc]
+
+
+def shorten(part: type) -> None:
+    """Let a dataclass represent long arrays by their shapes, unless it states its own representation.
+
+    Parameters
+    ----------
+    part
+        The class.
+    """
+    stated: Any = vars(part).get("__repr__")
+    if not hasattr(stated, "__wrapped__"):
+        return
+    shown = tuple(f.name for f in fields(part) if f.repr)
+
+    def represent(self: object) -> str:
+        return f"{type(self).__name__}({', '.join(f'{name}={_represented(getattr(self, name))}' for name in shown)})"
+
+    part.__repr__ = represent  # type: ignore[assignment]
+
+
+def _represented(value: object) -> str:
+    if isinstance(value, np.ndarray) and value.size > MOST_SHOWN:
+        return f"<array of shape {value.shape}>"
+    if isinstance(value, tuple) and len(value) > MOST_SHOWN:
+        return f"<{len(value)} values>"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
