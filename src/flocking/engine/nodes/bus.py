@@ -84,7 +84,7 @@ class Bus:
 
     def close(self) -> None:
         """Leave."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        self._session.close()  # type: ignore[no-untyped-call, unused-ignore]
 
     def __enter__(self) -> Self:
         return self
