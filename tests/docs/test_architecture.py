@@ -78,6 +78,7 @@ HOMES = {
     "change the properties that a potential is checked for": "class Properties:",
     "add a kind of value for files, editors and the lab": "class Value",
     "change what an annotation of a part's field means": "def _held(",
+    "change how quadrotors turn": "class Quadrotor(",
     "change what is logged when agents act": "class MessageLog",
     "change how the log of messages is computed again": "def replay(",
     "add a quantity whose margin is sought": "class Quantity:",

@@ -11,6 +11,7 @@ from flocking.model.bodies.discrete_bodies import Impulsive as Impulsive
 from flocking.model.bodies.disturbances import Disturbed as Disturbed
 from flocking.model.bodies.point_bodies import PointMass as PointMass
 from flocking.model.bodies.point_bodies import SingleIntegrator as SingleIntegrator
+from flocking.model.bodies.quadrotors import Quadrotor as Quadrotor
 from flocking.model.bodies.unicycles import Unicycle as Unicycle
 from flocking.model.bodies.velocity_units import VelocityUnit as VelocityUnit
 from flocking.model.energy import Energy as Energy
