@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.runs.run import Run
 from flocking.show.net_colors import flock_colors
 from flocking.show.plane import net, pairs_of
 from flocking.show.style import GREY, PALETTE, figure
@@ -184,3 +185,33 @@ def test_obstacles_of_the_law_are_drawn_where_they_are(run):
         assert disc.mean(axis=0) == pytest.approx([2.0 + when, 3.0], abs=0.02)
     assert np.ptp(axes.get_xlim()) < 50
     assert not net(met, obstacles=()).patches
+
+
+@pytest.mark.parametrize("bodies", [fk.Unicycle(0.1), fk.Limited(fk.Unicycle(0.1), force=1.0)])
+def test_headings_of_bodies_are_drawn_along_them(part, bodies):
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
+    angles = np.array([0.3, 2.0, -1.0])
+    heading = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    start = fk.State([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], np.zeros((3, 2)), columns={"heading": heading})
+    made = fk.Scenario(law, start, t_end=1.0, bodies=bodies)
+    empty, columns = np.zeros((1, 0, 0), dtype=bool), {"heading": heading[None]}
+    run = Run(made, np.zeros(1), start.q[None], start.p[None], empty, None, None, columns=columns)
+    lines = np.array(part(net(run), "heading").get_segments())
+    assert np.array_equal(lines[:, 0], start.q)
+    along = lines[:, 1] - lines[:, 0]
+    assert along / np.linalg.norm(along, axis=1, keepdims=True) == pytest.approx(heading)
+
+
+def test_axes_of_quadrotors_are_drawn_in_space(part, has):
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
+    start = fk.State(np.eye(3)[:2])
+    run = Run(
+        fk.Scenario(law, start, t_end=1.0, bodies=fk.Quadrotor()), np.zeros(1), start.q[None], start.p[None],
+        np.zeros((1, 0, 0), dtype=bool), None, None,
+        columns={name: np.tile(np.eye(3)[k], (1, 2, 1)) for k, name in enumerate(("axis_1", "axis_2", "axis_3"))},
+    )  # fmt: skip
+    axes = net(run)
+    axes.figure.canvas.draw()
+    assert len(part(axes, "axis_1").get_segments()) == len(part(axes, "axis_3").get_segments()) == 2
+    assert not has(axes, "axis_2")
+    assert not has(net(dataclasses.replace(run, columns={})), "axis_1")

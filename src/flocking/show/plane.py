@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack, cast
 
 import numpy as np
@@ -19,7 +19,7 @@ from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.show.frames import frame_at, leader_at
 from flocking.show.motion import motion_of, thinned_path
 from flocking.show.net_colors import net_colors
-from flocking.show.style import COLUMN, PURPLE, axes_or_new, in_style, theme
+from flocking.show.style import COLUMN, GREEN, PURPLE, VERMILION, axes_or_new, in_style, theme
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,6 +28,12 @@ if TYPE_CHECKING:
 
 LINK_BUDGET, ARROW_BUDGET, TRAIL_BUDGET = 20_000, 2_500, 400
 """Largest numbers of links, arrows and trails drawn; of more, an even selection is drawn and noted on the axes."""
+
+DIRECTION_SHARE = 0.045
+"""Length of the line that shows where a body points, relative to the span of the picture: longer than half a dot."""
+
+DIRECTION_COLORS = (VERMILION, GREEN)
+"""Colours of the lines of the first and of the second direction of a body."""
 
 TRAIL_STEPS = 1000
 """Smallest distance of the points of a path, relative to the span of the picture."""
@@ -129,7 +135,8 @@ def net(
     Returns
     -------
     matplotlib.axes.Axes
-        The axes; agents have the label (gid) ``agents``, and so have ``links``, ``velocities`` and ``trails``.
+        The axes; agents have the label (gid) ``agents``, and so have ``links``, ``velocities`` and ``trails``. Where
+        bodies point is drawn by short lines that have the names of the columns, such as ``heading``.
 
     Raises
     ------
@@ -178,6 +185,8 @@ def net(
         points.append(_draw_arrows(axes, q, p, seconds, notes))
         points.extend((x + seconds * v)[None] for x, v in followed)
     net_colors(axes, q, p, state.links, color, _dot_size(state.n))
+    names = what.scenario.agents.directions if isinstance(what, Run) else ()
+    _draw_directions(axes, q, {name: state.columns[name] for name in names if name in state.columns}, span)
     for x, v in followed:
         _draw_leader(axes, x, v, seconds if moving else 0.0)
     _frame_axes(axes, points, limits)
@@ -318,6 +327,15 @@ def _draw_arrows(axes: Axes, q: Reals, p: Reals, seconds: float, notes: list[str
                     width=width, headwidth=4, headlength=5, headaxislength=4.5,
                     minlength=0.5, zorder=3, gid="velocities")  # fmt: skip
     return base + shift
+
+
+def _draw_directions(axes: Axes, q: Reals, directions: Mapping[str, Reals], span: float) -> None:
+    """Draw where bodies point: a short line from each agent along each of its ``directions``."""
+    agents = _evenly(len(q), ARROW_BUDGET)
+    length = DIRECTION_SHARE * span
+    for (name, values), color in zip(directions.items(), DIRECTION_COLORS, strict=False):
+        lines = np.stack([q[agents], q[agents] + length * values[agents]], axis=1)
+        _line_collection(axes, lines, colors=color, linewidths=1.6, zorder=3.5, gid=name)
 
 
 def _draw_leader(axes: Axes, x: Reals, v: Reals, seconds: float) -> None:

@@ -168,6 +168,11 @@ class Body(ABC):
         return {column.name: column.size(dimension) for column in self.columns}
 
     @property
+    def directions(self) -> tuple[str, ...]:
+        """Names of those columns that are unit vectors in space, which pictures draw at the agent."""
+        return ()
+
+    @property
     def parameters(self) -> dict[str, float | Array]:
         """Numbers that formulas use, by name, beside masses and damping."""
         return {}

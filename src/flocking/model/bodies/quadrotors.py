@@ -109,6 +109,11 @@ class Quadrotor(Body):
         return tuple(Column(name, SPACE) for name in (*AXES, SPIN, COMMAND, COMMAND_RATE))
 
     @property
+    def directions(self) -> tuple[str, ...]:
+        """The first axis, which is ahead, and the third, along which rotors push."""
+        return (AXES[0], AXES[2])
+
+    @property
     def parameters(self) -> dict[str, float | Array]:
         """All numbers but mass and damping."""
         names = ("roll_inertia", "pitch_inertia", "yaw_inertia", "attitude_frequency", "attitude_damping",

@@ -76,6 +76,11 @@ class Unicycle(Body):
         return (Column(HEADING, PLANE),)
 
     @property
+    def directions(self) -> tuple[str, ...]:
+        """The heading."""
+        return (HEADING,)
+
+    @property
     def parameters(self) -> dict[str, float | Array]:
         """The offset."""
         return {"offset": self.offset}

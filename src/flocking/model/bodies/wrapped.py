@@ -68,6 +68,11 @@ class WrappedBody(Body):
         return self.body.order
 
     @property
+    def directions(self) -> tuple[str, ...]:
+        """Those of the inner body."""
+        return self.body.directions
+
+    @property
     def own_columns(self) -> tuple[Column, ...]:
         """Columns that this body adds: none."""
         return ()
