@@ -24,6 +24,7 @@ class PlainWorld:
         self.lengths = scenario.space.lengths or [math.inf] * self.m
         self.pieces = []
         self.mass = np.broadcast_to(scenario.agents.masses, self.n).tolist()
+        self.most = np.broadcast_to(getattr(scenario.agents, "force", math.inf), self.n).tolist()
         each = lambda x: [round(float(v) * NS) for v in np.broadcast_to(x, self.n)]  # noqa: E731
         self.period, self.phase, self.latency = each(held.period), each(held.phase), round(held.latency * NS)
         self.sampling, self.offset = each(info.period), each(info.phase)
@@ -82,7 +83,9 @@ class PlainWorld:
                 self.pending.append((t + self.latency, i, u))
             for time, i, u in list(self.pending):
                 if time == t:
-                    self.u[i] = u
+                    # What was computed is held, and then limited.
+                    most, size = self.most[i], math.hypot(*u)
+                    self.u[i] = [x * most / size for x in u] if size > most else u
                     self.pending.remove((time, i, u))
 
     def send(self, j, t):

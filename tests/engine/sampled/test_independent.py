@@ -7,7 +7,7 @@ import flocking as fk
 from tests.engine.sampled.plain_world import PlainWorld
 
 
-def random_world(seed, space=None):
+def random_world(seed, space=None, *, limited=False):
     """A scenario with random imperfections, and its second implementation."""
     rng = np.random.default_rng(seed)
     n, radius, gap = int(rng.integers(3, 8)), 2.0, 0.3
@@ -37,12 +37,14 @@ def random_world(seed, space=None):
         law, start, t_end=2.0, frames=5, information=information, control=control,
         agents=fk.Agents(masses=maybe(1.0, rng.uniform(0.5, 2.0, n))), space=space or fk.Open(),
     )  # fmt: skip
+    if limited:
+        scenario = scenario.with_(agents=fk.Limited(scenario.agents, force=rng.uniform(0.1, 1.0, n)))
     return scenario, PlainWorld(scenario, lambda r: stiff * (r - 1), 0.8, radius - gap, radius)
 
 
-def check(seed, space=None):
+def check(seed, space=None, *, limited=False):
     """The engine and the second implementation agree; the run, and that implementation."""
-    scenario, plain = random_world(seed, space)
+    scenario, plain = random_world(seed, space, limited=limited)
     session = fk.start(scenario)
     session.advance(scenario.t_end)
     plain.run(scenario.t_end)
@@ -59,6 +61,14 @@ def check(seed, space=None):
 @pytest.mark.parametrize("seed", range(12))
 def test_random_worlds(seed):
     check(seed)
+
+
+@pytest.mark.parametrize("seed", range(200, 204))
+def test_random_worlds_of_limited_bodies(seed):
+    run, plain = check(seed, limited=True)
+    # The limit acted somewhere and not everywhere.
+    sizes = np.linalg.norm(run.log.forces, axis=1) > np.array(plain.most)[run.log.ticks[:, 1]]
+    assert 0 < sizes.sum() < len(sizes)
 
 
 @pytest.mark.slow
