@@ -101,6 +101,10 @@ SCENARIOS = {
     "safety filter": scenario(control=fk.SafetyFilter(0.1, distance=0.2, acceleration=np.arange(1, 6) / 3, gain=0.3)),
     "impulses": scenario(agents=fk.Impulsive(speed=np.arange(1, 6) / 3, update="forward"), control=fk.Held(0.1)),
     "unicycles": scenario(agents=fk.Unicycle(0.1)),
+    "quadrotors": scenario(
+        agents=fk.Quadrotor(masses=np.arange(1, 6) / 3, reach=0.7),
+        start=fk.State(np.hstack([START.q, np.arange(5)[:, None] / 7])),
+    ),
     "single integrators": scenario(agents=fk.SingleIntegrator(headings=np.arange(5) * 0.1)),
     "energy": scenario(energy=fk.Energy("centre of mass", unlinked=0.1, name='J "tilde" \\')),
     "frames": scenario(frames=(0.0, 0.1, 0.30000000000000004 - 1e-16), tolerance=1e-7, seed=2**40, name="naïve é"),
