@@ -63,7 +63,9 @@ def test_random_worlds(seed):
     check(seed)
 
 
-@pytest.mark.parametrize("seed", range(200, 204))
+@pytest.mark.parametrize(
+    "seed", [200, pytest.param(201, marks=pytest.mark.slow), pytest.param(203, marks=pytest.mark.slow)]
+)
 def test_random_worlds_of_limited_bodies(seed):
     run, plain = check(seed, limited=True)
     # The limit acted somewhere and not everywhere.

@@ -42,13 +42,11 @@ def test_theorems_of_papers_assume_the_ideal_world():
         assert str(result.verdict) in ("hypothesis not met", "not applicable")
 
 
-@pytest.mark.parametrize(
-    "world", [{"control": fk.Held(0.1)}, {"information": fk.Delayed(0.05)}, {"information": fk.Delayed(0.0)}]
-)
+@pytest.mark.parametrize("world", [{"control": fk.Held(0.1)}, {"information": fk.Delayed(0.05)}, {}])
 def test_errors_that_nobody_estimated_are_unknown_and_not_zero(world):
     """Where agents flock for certain, so that an error of zero would let the verdict be that velocities agree."""
     start = fk.start.box(4, side=2, speed=1, seed=1)
-    run = fk.simulate(fk.Scenario(LAW, start, t_end=40, frames=81, **world), progress=False)
+    run = fk.simulate(fk.Scenario(LAW, start, t_end=30, frames=61, **world), progress=False)
     found = {result.claim.key: result for result in fk.audit(run).results}
     ideal = run.fidelity.engine == "exact"
     for key in ("velocities-agree", "distances-settle", "forces-vanish", "potential-minimal"):
