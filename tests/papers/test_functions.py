@@ -29,7 +29,8 @@ GIVEN = {
         "weights", "discrete_step", "discrete_motion", "scatter", "sufficient_condition", "pair_invariant",
         "final_distance", "final_speed", "delay_limits",
     ),
-    "vicsek-1995": ("mean_directions", "deviations", "order_series", "random_order", "binder_cumulant"),
+    "vicsek-1995": ("mean_directions", "deviations", "order_series", "random_order", "binder_cumulant",
+                    "order_values", "measured_fluctuations", "stored_study"),
     "reynolds-1987": ("boid_force", "bird_force", "next_state", "observed"),
     "vasarhelyi-2018": (
         "braking_speed", "braking_distance", "cluster_radius", "error_variances", "lone_speeds", "order_parameters",

@@ -122,3 +122,118 @@ def test_alignment_from_a_file(tmp_path) -> None:
     expected = np.einsum("ij,ijk->ik", weights, p[None] - p[:, None])
     assert_allclose(fk.control(found.law, found.start), expected, rtol=1e-12, atol=1e-13)
     assert fk.certify(found)["alignment_rate"].granted
+
+
+BOIDS = """
+format = 1
+t_end = 2.0
+frames = 3
+graph = { kind = "proximity", radius = 9.0 }
+agents = { kind = "impulsive", force = 27.0, speed = 9.0, update = "forward" }
+control = { kind = "held", period = 0.04 }
+terms = [
+    { kind = "separation", weight = 12.0, radius = 5.0, cosine = -0.707, near = 1.5 },
+    { kind = "alignment", weight = 8.0, radius = 7.5, cosine = 0.7, near = 1.5 },
+    { kind = "cohesion", weight = 8.0, radius = 9.0, cosine = -0.15, near = 1.5 },
+    { kind = "turn_back", radius = 50.0, speed = 9.0 },
+]
+
+[start]
+draw = "ball"
+n = 200
+radius = 20.0
+speed = 2.6999999999999997
+velocities = "sphere"
+dimension = 3
+seed = 3
+"""
+
+DRONES = """
+format = 1
+t_end = 4.0
+frames = 5
+graph = { kind = "proximity", radius = 45.6668 }
+control = { kind = "held", period = 0.2 }
+start = { draw = "box", n = 100, side = 250.0, corner = [-125.0, -125.0], speed = 4.0, velocities = "sphere", seed = 4 }
+
+[[terms]]
+kind = "self_propulsion"
+speed = 4.0
+
+[[terms]]
+kind = "linear_repulsion"
+slope = 0.4
+radius = 25.6668
+most = 6.19664
+
+[[terms]]
+kind = "braking_alignment"
+gain = 0.023802
+slack = 0.5
+radius = 35.6668
+slope = 0.4
+acceleration = 2.5
+range = 100.0
+
+[[terms]]
+kind = "shill_walls"
+half_width = 230.0
+speed = 6.52174
+acceleration = 2.5
+slope = 0.4
+
+[agents]
+kind = "velocity_unit"
+time_constant = 1.0
+acceleration = 6.0
+speed = 8.0
+diffusion = 0.2
+substeps = 20
+seed = 4
+
+[information]
+kind = "fixes"
+period = 0.2
+delay = 1.0
+range = 100.0
+diffusion = 0.005
+damping = 0.1
+stiffness = 0.010540925533894598
+seed = 4
+"""
+
+
+def test_boids_from_a_file_and_in_fifteen_lines(tmp_path) -> None:
+    path = tmp_path / "boids.toml"
+    path.write_text(BOIDS)
+    near = {"near": 1.5}
+    law = fk.Law(fk.Proximity(9.0), [
+        fk.Separation(12.0, 5.0, -0.707, **near), fk.Alignment(8.0, 7.5, 0.7, **near),
+        fk.Cohesion(8.0, 9.0, -0.15, **near), fk.TurnBack(50.0, 9.0),
+    ])  # fmt: skip
+    start = fk.start.ball(200, radius=20.0, speed=0.3 * 9.0, velocities="sphere", dimension=3, seed=3)
+    world = {"agents": fk.Impulsive(force=27.0, speed=9.0, update="forward"), "control": fk.Held(0.04)}
+    written = fk.simulate(fk.Scenario(law, start, t_end=2.0, frames=3, **world), progress=False)
+    packaged = fk.papers.reynolds_1987.system.boids(seed=3, duration=2.0).with_(frames=3)
+    for scenario in (fk.read_scenario(path), packaged):
+        assert fk.first_difference(fk.simulate(scenario, progress=False), written) is None
+
+
+def test_drones_from_a_file_and_in_fifteen_lines(tmp_path) -> None:
+    path = tmp_path / "drones.toml"
+    path.write_text(DRONES)
+    law = fk.Law(fk.Proximity(45.6668), [
+        fk.SelfPropulsion(4.0), fk.LinearRepulsion(0.4, 25.6668, 6.19664),
+        fk.BrakingAlignment(0.023802, 0.5, 35.6668, 2.5, 0.4, range=100.0), fk.ShillWalls(230.0, 6.52174, 2.5, 0.4),
+    ])  # fmt: skip
+    start = fk.start.box(100, side=250.0, corner=[-125.0, -125.0], speed=4.0, velocities="sphere", seed=4)
+    spring = float(np.sqrt(10.0)) / 300
+    fixes = fk.Fixes(0.2, delay=1.0, range=100.0, diffusion=0.005, damping=0.1, stiffness=spring, seed=4)
+    unit = fk.VelocityUnit(1.0, acceleration=6.0, speed=8.0, diffusion=0.2, substeps=20, seed=4)
+    world = {"agents": unit, "information": fixes, "control": fk.Held(0.2)}
+    written = fk.simulate(fk.Scenario(law, start, t_end=4.0, frames=5, **world), progress=False)
+    packaged = fk.papers.vasarhelyi_2018.system.flock(seed=4, duration=4.0)
+    for scenario in (fk.read_scenario(path), packaged):
+        found = fk.simulate(scenario, progress=False)
+        assert_allclose(found.q, written.q, atol=1e-9)
+        assert_allclose(found.p, written.p, atol=1e-9)

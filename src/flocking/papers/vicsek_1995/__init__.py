@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from flocking.papers.description import Paper
 from flocking.papers.vicsek_1995.closed_forms import binder_cumulant, deviations, mean_directions, random_order
+from flocking.papers.vicsek_1995.large_groups import HeadingGroup
 from flocking.papers.vicsek_1995.order_curves import order_series
 from flocking.papers.vicsek_1995.pictures import figures
 from flocking.papers.vicsek_1995.system import KEY, scenario, scenarios
 from flocking.papers.vicsek_1995.theorems import claims
+from flocking.papers.vicsek_1995.transition import measured_fluctuations, order_values, stored_study
 
 PAPER = Paper(
     key=KEY,
@@ -41,6 +43,7 @@ __all__ = [
     "PAPER",
     "TITLE",
     "YEAR",
+    "HeadingGroup",
     "binder_cumulant",
     "claims",
     "deviations",
@@ -49,8 +52,11 @@ __all__ = [
     "figure",
     "figures",
     "mean_directions",
+    "measured_fluctuations",
     "order_series",
+    "order_values",
     "random_order",
     "scenario",
     "scenarios",
+    "stored_study",
 ]

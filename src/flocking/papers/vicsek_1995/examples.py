@@ -15,7 +15,8 @@ from flocking.model.observables import order
 from flocking.model.state import State
 from flocking.model.terms.alignment import VelocityAverage
 from flocking.papers import examples
-from flocking.papers.vicsek_1995 import closed_forms, order_curves, system, theorems
+from flocking.papers.vicsek_1995 import closed_forms, order_curves, system, theorems, transition
+from flocking.papers.vicsek_1995.large_groups import HeadingGroup
 from flocking.study.claims.audit import audit
 from flocking.study.claims.claim import Verdict
 
@@ -101,6 +102,22 @@ def cumulants_of(scale: float) -> tuple[float, float]:
         closed_forms.binder_cumulant(np.array([0.02, 0.9 * scale])),
         closed_forms.binder_cumulant(np.array([0.5, 0.5, 0.5, 0.7 * scale])),
     )
+
+
+def large_of(scale: float) -> Array:
+    """Unit vectors of the velocities after two updates of the compiled rule, the noise scaled."""
+    group = HeadingGroup(system.group(30, 4.0, NOISE * scale, seed=3, duration=2, speed=0.5), threads=1)
+    group.update(2)
+    return group.state()[1]
+
+
+def counts_of(scale: float) -> tuple[float, ...]:
+    """Means and mean squares of numbers in boxes of two sizes, and the exponent of made-up deviations, all scaled."""
+    q = np.array([[0.5, 0.5], [0.7, 0.1], [1.5, 0.5], [3.5, 3.5], [2.1, 3.9]])
+    found = [x for row in transition.counted(q, 4.0, (1.0, 2.0)) for x in row]
+    means = [float(10.0**k) for k in range(len(transition.SIZES))]
+    made = transition.Fluctuations(1.0, 0.0, 1, 0, tuple(means), tuple(tuple(x**0.7 for x in means) for _ in range(10)))
+    return tuple(scale * x for x in (*found, made.exponent[0]))
 
 
 def judgements_of(scale: float) -> dict[str, Verdict]:

@@ -11,6 +11,7 @@ from flocking.model.bodies.discrete_bodies import Heading
 from flocking.papers.vicsek_1995 import system
 from flocking.papers.vicsek_1995.closed_forms import random_order
 from flocking.papers.vicsek_1995.order_curves import CURVES, NOISES, mean_order
+from flocking.papers.vicsek_1995.transition import FITTED, nearest_transition, stored_study
 from flocking.show.declaration import Figure
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import BLUE, GREEN, PAGE, VERMILION, axes_or_new, in_style
@@ -88,6 +89,61 @@ def _series(run: Run, *, axes: Axes | None = None) -> Axes:
     return axes
 
 
+@in_style
+def _histograms(run: Run, *, axes: Axes | None = None) -> Axes:
+    """Histograms of v_a of the smaller groups of the stored study, one above the other by the noise."""
+    axes = axes_or_new(axes)
+    for k, point in enumerate(nearest_transition(stored_study())):
+        shares = np.asarray(point.histogram)
+        edges = np.linspace(0.0, 1.0, len(shares) + 1)
+        color = (BLUE, VERMILION, GREEN)[k % 3]
+        axes.stairs(shares, edges, color=color, gid="histogram", label=rf"$\eta = {point.noise:g}$")
+    axes.set_xlabel("$v_a$")
+    axes.set_ylabel("share of updates")
+    axes.set_yscale("log")
+    axes.legend()
+    return axes
+
+
+@in_style
+def _cumulants(run: Run, *, axes: Axes | None = None) -> Axes:
+    axes = axes_or_new(axes)
+    study = stored_study()
+    for side, color in zip(sorted({point.side for point in study.points}), (BLUE, VERMILION), strict=False):
+        points = study.at(side)
+        axes.plot([p.noise for p in points], [p.cumulant for p in points], "o-", color=color, ms=3, gid="cumulant",
+                  label=f"$L = {side:g}$")  # fmt: skip
+    for level in (1.0 / 3.0, 2.0 / 3.0):
+        axes.axhline(level, color=GREEN, lw=0.6, ls=":", gid="level")
+    axes.set_xlabel(r"$\eta$")
+    axes.set_ylabel("$G$")
+    axes.legend()
+    return axes
+
+
+@in_style
+def _fluctuations(run: Run, *, axes: Axes | None = None) -> Axes:
+    axes = axes_or_new(axes)
+    found = stored_study().fluctuations
+    means, deviations = np.asarray(found.means), np.asarray(found.deviations).mean(axis=0)
+    exponent, _ = found.exponent
+    axes.loglog(means, deviations, "o", color=BLUE, ms=3, gid="deviation")
+    chosen = (means >= FITTED[0]) & (means <= FITTED[1])
+    middle = np.log(means[chosen]).mean(), np.log(deviations[chosen]).mean()
+    axes.loglog(means, np.exp(middle[1] + exponent * (np.log(means) - middle[0])), color=VERMILION, lw=0.8, gid="fit",
+                label=f"$N^{{{exponent:.2f}}}$")  # fmt: skip
+    axes.loglog(means, np.sqrt(means), color=GREEN, lw=0.6, ls=":", gid="independent", label="$N^{1/2}$")
+    axes.set_xlabel("mean number $N$ in a box")
+    axes.set_ylabel("standard deviation")
+    axes.legend()
+    return axes
+
+
+def _later(run: Run) -> Picture:
+    parts = [panel(each, run) for each in (_histograms, _cumulants, _fluctuations)]
+    return sheet(parts, columns=3, width=PAGE, ratio=0.9)
+
+
 def _transition(run: Run) -> Picture:
     return sheet([panel(_curves, run), panel(_series, run)], columns=2, width=PAGE, ratio=0.75)
 
@@ -100,4 +156,7 @@ def figures() -> dict[int, Figure]:
                   system.FIGURES[1], (system.GATHERING, system.ORDERED)),
         2: Figure("2", "The order parameter against the noise for the three smaller groups of the paper, with that of "
                   "independent headings (dotted); and over time for one of them.", _transition, system.FIGURES[2]),
+        3: Figure("3", "Not in the paper: large groups with vectorial noise, as stored. Histograms of the order "
+                  "parameter near the transition, its cumulant G, and numbers of agents in boxes of an ordered group.",
+                  _later, system.FIGURES[3]),
     }  # fmt: skip

@@ -20,7 +20,7 @@ KEY = "vicsek-1995"
 GATHERING, ORDERED, SMALL = f"{KEY}-gathering", f"{KEY}-ordered", f"{KEY}-small"
 NOISELESS, RANDOM, VECTORIAL = f"{KEY}-noiseless", f"{KEY}-random", f"{KEY}-vectorial"
 
-FIGURES = {1: KEY, 2: SMALL}
+FIGURES = {1: KEY, 2: SMALL, 3: SMALL}
 """Scenario of each figure; the first of those that it shows."""
 
 RADIUS = 1.0
@@ -126,7 +126,7 @@ def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY) -> Sc
     Parameters
     ----------
     figure
-        1 or 2.
+        1, 2, or 3, which is of later work.
     seed
         Seed of the start and of the noise.
     name
@@ -138,7 +138,7 @@ def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY) -> Sc
         If there is no such figure or scenario.
     """
     if figure is not None:
-        one_of("scenario", "figure", figure, FIGURES, "must be 1 or 2")
+        one_of("scenario", "figure", figure, FIGURES, "must be 1, 2 or 3")
         name = FIGURES[figure]
     one_of("scenario", "name", name, scenarios(), f"must be one of {', '.join(scenarios())}")
     return scenarios()[name](seed)

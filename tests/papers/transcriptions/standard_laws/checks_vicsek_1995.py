@@ -77,6 +77,19 @@ def cumulants(found):
         near(value, 1 - fourth / (3 * second**2))
 
 
+def large(found):
+    start = fk.start.box(30, side=4.0, speed=0.5, velocities="sphere", seed=3)
+    q, p = start.q, start.p
+    for tick in range(2):
+        q, p = by_hand.updated(q, p, 4.0, NOISE, 0.5, tick, seed=3)
+    near(found, [[x / 0.5 for x in v] for v in p])
+
+
+def counts(found):
+    """Sixteen boxes of one: two agents in one, one in three; four boxes of two: three, two, and none in the others."""
+    near(found, (5 / 16, (4 + 1 + 1 + 1) / 16, 5 / 4, (9 + 4) / 4, 0.7))
+
+
 def sector(found):
     assert set(found.values()) == {Verdict.HOLDS}
     assert len(found) == 5
@@ -93,5 +106,7 @@ CHECKS = {
     "Fig. 2a": curve,
     "vectorial noise": vectorial,
     "cumulant": cumulants,
+    "large groups": large,
+    "fluctuations": counts,
     "sector": sector,
 }

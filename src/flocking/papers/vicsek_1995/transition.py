@@ -1,0 +1,270 @@
+"""The transition of large groups, as later work found it: a study of long runs, with stored results.
+
+Vectorial noise, forward update, speed 0.5 and density 2 (Gregoire, Chate 2004; Chate, Ginelli, Gregoire, Raynaud 2008).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from importlib.resources import files
+
+import numpy as np
+
+from flocking.model.checks import Array, integer, number
+from flocking.papers.vicsek_1995 import system
+from flocking.papers.vicsek_1995.closed_forms import binder_cumulant
+from flocking.papers.vicsek_1995.large_groups import HeadingGroup
+from flocking.study.confidence_intervals import Interval, mean_interval
+
+FILE = "transition.json"
+"""Results of the stored study."""
+
+SETTLING = 0.2
+"""Share of a run before values are taken."""
+
+BINS = 40
+"""Bins of a histogram of the order parameter over [0, 1]."""
+
+LOW, HIGH = 0.2, 0.4
+"""Values of v_a below and above which a group of the study counts as disordered and as ordered."""
+
+SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+"""Sides of the boxes in which agents are counted."""
+
+FITTED = (4.0, 130.0)
+"""Mean numbers in a box between which the exponent of the fluctuations is fitted: larger boxes feel the torus."""
+
+BLOCKS = 10
+"""Blocks of snapshots from which the interval of the exponent is taken."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Values of the order parameter at one noise.
+
+    Parameters
+    ----------
+    side, noise, updates, seed
+        L, eta, number of updates, and seed.
+    mean, cumulant
+        Mean of v_a and its cumulant G, see `closed_forms.binder_cumulant`.
+    histogram
+        Share of the values in each of `BINS` bins over [0, 1].
+    passages
+        How often v_a went from below `LOW` to above `HIGH`, or back.
+    """
+
+    side: float
+    noise: float
+    updates: int
+    seed: int
+    mean: float
+    cumulant: float
+    histogram: tuple[float, ...]
+    passages: int
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Shares of the values below `LOW`, and above `HIGH`."""
+        edges = np.linspace(0.0, 1.0, BINS + 1)
+        shares = np.asarray(self.histogram)
+        return float(shares[edges[1:] <= LOW + 1e-9].sum()), float(shares[edges[:-1] >= HIGH - 1e-9].sum())
+
+
+@dataclass(frozen=True)
+class Fluctuations:
+    """Numbers of agents in boxes of an ordered group.
+
+    Parameters
+    ----------
+    side, noise, updates, seed
+        L, eta, number of updates, and seed.
+    means
+        Mean number in a box of each of `SIZES`.
+    deviations
+        Standard deviation of the number, for each of `BLOCKS` blocks of snapshots, shape (blocks, sizes).
+    """
+
+    side: float
+    noise: float
+    updates: int
+    seed: int
+    means: tuple[float, ...]
+    deviations: tuple[tuple[float, ...], ...]
+
+    @property
+    def exponent(self) -> tuple[float, Interval]:
+        """Exponent of the deviation in the mean number, fitted by least squares of logarithms, with its 95 % interval.
+
+        Blocks are taken as independent. The interval says nothing of a bend of the curve.
+        """
+        x = np.log(np.asarray(self.means))
+        chosen = (x >= np.log(FITTED[0])) & (x <= np.log(FITTED[1]))
+        slopes = np.array([np.polyfit(x[chosen], np.log(np.asarray(row))[chosen], 1)[0] for row in self.deviations])
+        return float(slopes.mean()), mean_interval(slopes)
+
+
+def _group(side: float, noise: float, seed: int) -> HeadingGroup:
+    agents = round(system.LATER_DENSITY * side**2)
+    return HeadingGroup(system.group(
+        agents, side, noise, seed=seed, duration=1, speed=system.LATER_SPEED, noise_kind="vectorial", update="forward",
+    ))  # fmt: skip
+
+
+def order_values(side: float, noise: float, updates: int, seed: int = 0) -> Array:
+    """V_a after each of the first updates of a large group, shape (updates,).
+
+    Parameters
+    ----------
+    side, noise, updates, seed
+        L, eta, number of updates, and seed of the start and of the noise.
+    """
+    count = integer("order_values", "updates", updates, least=1)
+    group = _group(number("order_values", "side", side, above=0.0), noise, seed)
+    found = np.empty(count)
+    for k in range(count):
+        group.update()
+        found[k] = group.order
+    group.close()
+    return found
+
+
+def point_of(side: float, noise: float, seed: int, values: Array) -> Point:
+    """What is stored of a series of the order parameter.
+
+    Parameters
+    ----------
+    side, noise, seed
+        L, eta and seed.
+    values
+        V_a after each update, shape (updates,).
+    """
+    late = np.asarray(values, dtype=np.float64)[int(SETTLING * len(values)) :]
+    histogram = np.histogram(late, np.linspace(0.0, 1.0, BINS + 1))[0] / len(late)
+    phase = np.where(late > HIGH, 1, np.where(late < LOW, -1, 0))
+    known = phase[phase != 0]
+    return Point(
+        side, noise, len(values), seed, float(late.mean()), binder_cumulant(late), tuple(float(x) for x in histogram),
+        int(np.count_nonzero(np.diff(known))),
+    )  # fmt: skip
+
+
+def counted(q: Array, side: float, sizes: Sequence[float] = SIZES) -> list[tuple[float, float]]:
+    """Mean, and mean square, of the number of agents in boxes of each size.
+
+    Parameters
+    ----------
+    q
+        Positions in the box of the torus, shape (N, 2).
+    side
+        L; boxes that do not fit a whole number of times leave a strip out.
+    sizes
+        Sides of the boxes.
+    """
+    found = []
+    for size in sizes:
+        along = int(side // size)
+        place = (np.asarray(q) / size).astype(np.int64)
+        inside = (place < along).all(axis=1)
+        numbers = np.bincount(place[inside, 0] * along + place[inside, 1], minlength=along**2).astype(np.float64)
+        found.append((float(numbers.mean()), float((numbers**2).mean())))
+    return found
+
+
+def fluctuations_of(side: float, noise: float, seed: int, updates: int, rows: Array) -> Fluctuations:
+    """What is stored of counts.
+
+    Parameters
+    ----------
+    side, noise, seed, updates
+        L, eta, seed and number of updates.
+    rows
+        Of every snapshot what `counted` gives, shape (snapshots, sizes, 2); a multiple of `BLOCKS` of them.
+    """
+    blocks = np.asarray(rows).reshape(BLOCKS, -1, len(SIZES), 2).mean(axis=1)
+    means = blocks[:, :, 0].mean(axis=0)
+    deviations = np.sqrt(blocks[:, :, 1] - blocks[:, :, 0] ** 2)
+    return Fluctuations(
+        side, noise, updates, seed, tuple(float(x) for x in means),
+        tuple(tuple(float(x) for x in row) for row in deviations),
+    )  # fmt: skip
+
+
+def measured_fluctuations(
+    side: float, noise: float, *, settling: int = 1200, snapshots: int = 100, apart: int = 30, seed: int = 7
+) -> Fluctuations:  # fmt: skip
+    """Fluctuations of an ordered group.
+
+    Parameters
+    ----------
+    side, noise
+        L and eta.
+    settling, snapshots, apart
+        Updates before the first snapshot, number of snapshots, a multiple of `BLOCKS`, and updates between two.
+    seed
+        Seed of the start and of the noise.
+    """
+    group = _group(side, noise, seed)
+    group.update(settling)
+    rows = []
+    for _ in range(snapshots):
+        group.update(apart)
+        rows.append(counted(group.state()[0], side))
+    group.close()
+    return fluctuations_of(side, noise, seed, settling + snapshots * apart, np.array(rows))
+
+
+@dataclass(frozen=True)
+class Study:
+    """The stored study.
+
+    Parameters
+    ----------
+    points
+        Order parameters at several noises and sides.
+    fluctuations
+        Fluctuations in an ordered group.
+    """
+
+    points: tuple[Point, ...]
+    fluctuations: Fluctuations
+
+    def at(self, side: float) -> tuple[Point, ...]:
+        """Points of one side, by the noise.
+
+        Parameters
+        ----------
+        side
+            L.
+        """
+        return tuple(sorted((p for p in self.points if p.side == side), key=lambda p: p.noise))
+
+    def text(self) -> str:
+        """The study as JSON."""
+        return json.dumps(asdict(self))
+
+
+@lru_cache(maxsize=1)
+def stored_study() -> Study:
+    """The study that comes with the package."""
+    data = json.loads(files("flocking.papers.vicsek_1995").joinpath(FILE).read_text(encoding="utf-8"))
+    points = tuple(Point(**{**row, "histogram": tuple(row["histogram"])}) for row in data["points"])
+    kept = data["fluctuations"]
+    deviations = tuple(tuple(row) for row in kept["deviations"])
+    return Study(points, Fluctuations(**{**kept, "means": tuple(kept["means"]), "deviations": deviations}))
+
+
+def nearest_transition(study: Study) -> tuple[Point, ...]:
+    """Points of the smallest side beside the largest fall of the mean from one noise to the next: two before, one after.
+
+    Parameters
+    ----------
+    study
+        The study.
+    """
+    points = study.at(min(p.side for p in study.points))
+    fall = int(np.argmin(np.diff([p.mean for p in points])))
+    return tuple(points[max(fall - 1, 0) : fall + 2])

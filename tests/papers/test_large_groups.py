@@ -1,0 +1,96 @@
+"""Large groups of headings: the compiled rule against the session, whatever the number of threads."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flocking as fk
+from flocking.errors import UnsupportedLaw
+from flocking.papers.vicsek_1995 import system, transition
+from flocking.papers.vicsek_1995.large_groups import HeadingGroup
+
+SEEDS = (0, 5, 2**40 + 3)
+
+
+def group(seed=5, kind="angular", update="backward", noise=0.7, side=7.3, agents=200):
+    return system.group(agents, side, noise, seed=seed, duration=4, speed=0.5, noise_kind=kind, update=update)
+
+
+def angles(u):
+    return np.arctan2(u[:, 1], u[:, 0])
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.sampled_from(SEEDS), st.sampled_from(["angular", "vectorial"]), st.sampled_from(["backward", "forward"]),
+    st.sampled_from([0.0, 0.7, 6.3]), st.floats(3.01, 12.0), st.sampled_from([1, 2]),
+)  # fmt: skip
+def test_it_computes_what_the_session_computes(seed, kind, update, noise, side, threads):
+    made = group(seed, kind, update, noise, side)
+    run = fk.simulate(made, progress=False)
+    found = HeadingGroup(made, threads=threads)
+    for k in range(4):
+        found.update()
+        q, u = found.state()
+        offset = made.space.displacement(q - run.q[k + 1])
+        assert np.abs(offset).max() < 1e-11
+        assert np.abs(u - run.p[k + 1] / 0.5).max() < 1e-11
+        assert found.order == pytest.approx(np.linalg.norm(run.p[k + 1].mean(axis=0)) / 0.5, abs=1e-12)
+    found.close()
+
+
+def test_threads_do_not_change_a_bit():
+    ends = []
+    for threads in (1, 2, 3):
+        found = HeadingGroup(group(side=20.0, agents=1500), threads=threads)
+        found.update(30)
+        ends.append(found.state())
+    assert all(np.array_equal(a, b) for end in ends[1:] for a, b in zip(ends[0], end, strict=True))
+
+
+def test_other_scenarios_are_refused():
+    made = group()
+    law = made.law
+    turns = {"agents": fk.Heading(0.5, update="sequential"), "law": fk.Law(law.graph, [fk.Cohesion(1.0, 1.0)])}
+    for other, word in (
+        (made.with_(**turns), "one state"),
+        (made.with_(control=fk.Held(1.0, phase=0.5)), "one clock"),
+        (made.with_(law=fk.Law(law.graph, [fk.VelocityAverage(0.5)])), "a gain"),
+        (made.with_(law=fk.Law(law.graph, [fk.Consensus(1.0)])), "VelocityAverage alone"),
+        (made.with_(space=fk.Periodic([7.3, 8.0])), "a square torus"),
+        (made.with_(space=fk.Periodic([2.5, 2.5])), "three radii"),
+    ):
+        with pytest.raises(UnsupportedLaw, match=word):
+            HeadingGroup(other)
+
+
+def test_the_stored_study_shows_what_later_work_found():
+    """Either phase near the transition, one sharp fall, and fluctuations above those of independent places."""
+    study = transition.stored_study()
+    for side in {point.side for point in study.points}:
+        points = study.at(side)
+        assert points[0].shares[1] > 0.99
+        assert points[-1].shares[0] > 0.99
+        assert points[0].mean - points[-1].mean > 0.6
+    exponent, interval = study.fluctuations.exponent
+    assert 0.75 < interval.low <= exponent <= interval.high < 0.9
+
+
+def test_what_is_stored_of_a_series():
+    values = np.concatenate([np.full(25, 0.9), np.tile([0.05, 0.75], 50)])
+    point = transition.point_of(32.0, 0.6, 1, values)
+    assert point.updates == 125
+    assert point.mean == pytest.approx(0.4)
+    assert point.passages == 99
+    assert point.shares == pytest.approx((0.5, 0.5))
+    assert sum(point.histogram) == pytest.approx(1.0)
+    second, fourth = (0.05**2 + 0.75**2) / 2, (0.05**4 + 0.75**4) / 2
+    assert point.cumulant == pytest.approx(1 - fourth / (3 * second**2))
+
+
+@pytest.mark.slow
+def test_a_point_of_the_study_comes_again():
+    point = transition.stored_study().at(32.0)[0]
+    values = transition.order_values(point.side, point.noise, point.updates, point.seed)
+    assert transition.point_of(point.side, point.noise, point.seed, values).mean == pytest.approx(point.mean, abs=0.01)
