@@ -258,7 +258,7 @@ def stored_study() -> Study:
 
 
 def nearest_transition(study: Study) -> tuple[Point, ...]:
-    """Points of the smallest side beside the largest fall of the mean from one noise to the next: two before, one after.
+    """Points of the smallest side beside the largest fall of the mean between two noises: two before it, one after.
 
     Parameters
     ----------
