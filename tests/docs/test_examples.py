@@ -21,6 +21,7 @@ BEFORE = {
     "safety_filter": "",
     "audit_data": "",
     "two_papers": "",
+    "large_groups": "import flocking as fk",
     "writing_laws": (
         "import flocking as fk\nlaw = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])\n"
         "state = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]])\n"

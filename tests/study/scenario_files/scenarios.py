@@ -100,6 +100,28 @@ SCENARIOS = {
     ),
     "safety filter": scenario(control=fk.SafetyFilter(0.1, distance=0.2, acceleration=np.arange(1, 6) / 3, gain=0.3)),
     "impulses": scenario(agents=fk.Impulsive(speed=np.arange(1, 6) / 3, update="forward"), control=fk.Held(0.1)),
+    "steering": scenario(
+        terms=(
+            fk.Separation(12.0, 5.0, -0.707, 1.5, "mean", 1 / 3, 7.0),
+            fk.Alignment(8.0, 7.5, 0.7, relative=False),
+            fk.Cohesion(8.0, 9.0, -0.15),
+            fk.TurnBack(50.0, 1 / 3),
+        ),
+        agents=fk.Impulsive(update="shuffled", seed=3),
+        control=fk.Held(0.1),
+    ),  # fmt: skip
+    "wanted velocities": scenario(
+        terms=(
+            fk.SelfPropulsion(1 / 3),
+            fk.LinearRepulsion(0.4, 25.6668, 6.19664),
+            fk.BrakingAlignment(0.023802, 0.5, 1 / 3, 2.5, 0.4, 100.0),
+            fk.ShillWalls(230.0, 1 / 3, 2.5, 0.4),
+            fk.ShillDisc([0.1, 1 / 3], 2.0, 6.5, 2.5, 0.4),
+        ),
+        agents=fk.VelocityUnit(np.arange(1, 6) / 3, speed=2.0, fixed=True, seed=5),
+        control=fk.Held(0.1),
+        information=fk.Fixes(0.1, delay=0.3, range=100.0, diffusion=1 / 3, damping=0.1, stiffness=0.01, seed=2),
+    ),  # fmt: skip
     "unicycles": scenario(agents=fk.Unicycle(0.1)),
     "quadrotors": scenario(
         agents=fk.Quadrotor(masses=np.arange(1, 6) / 3, reach=0.7),
