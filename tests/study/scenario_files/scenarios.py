@@ -109,7 +109,7 @@ SCENARIOS = {
         ),
         agents=fk.Impulsive(update="shuffled", seed=3),
         control=fk.Held(0.1),
-    ),  # fmt: skip
+    ),
     "wanted velocities": scenario(
         terms=(
             fk.SelfPropulsion(1 / 3),
@@ -121,7 +121,7 @@ SCENARIOS = {
         agents=fk.VelocityUnit(np.arange(1, 6) / 3, speed=2.0, fixed=True, seed=5),
         control=fk.Held(0.1),
         information=fk.Fixes(0.1, delay=0.3, range=100.0, diffusion=1 / 3, damping=0.1, stiffness=0.01, seed=2),
-    ),  # fmt: skip
+    ),
     "unicycles": scenario(agents=fk.Unicycle(0.1)),
     "quadrotors": scenario(
         agents=fk.Quadrotor(masses=np.arange(1, 6) / 3, reach=0.7),
