@@ -159,9 +159,10 @@ robustness: $(CLUSTER_READY) $(LAB_READY)
 		tests/engine/storage/test_storage_resume.py tests/apps/lab/test_access.py tests/apps/lab/test_server.py \
 		tests/formula/test_cache.py tests/study/sweeps/test_sweep_kills.py tests/study/sweeps/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
 
-# Tests that start processes or threads, send signals, wait, or have a limit of time, TIMES times over, while LOAD busy processes
-# want the processors too: what fails once waits for a time, not for what it needs to see. All others have fixed seeds and
-# read no clock: a repetition gives the same. tests/packaging/test_repeat.py checks that none is missing here.
+# Tests that start processes or threads, send signals, wait, or have a limit of time, TIMES times over, LOAD repetitions side by
+# side: they are each other's load, and busy processes take the places of those that are through. What fails once waits for a
+# time, not for what it needs to see. All others have fixed seeds and read no clock: a repetition gives the same.
+# tests/packaging/test_repeat.py checks that none is missing here; make repeat TIMED=tests/machines repeats a part.
 TIMES ?= 20
 LOAD ?= 6
 TIMED := tests/machines tests/apps/test_process.py tests/apps/test_cli.py tests/apps/commands tests/apps/lab tests/cluster \
@@ -176,11 +177,7 @@ TIMED := tests/machines tests/apps/test_process.py tests/apps/test_cli.py tests/
 	tests/model/leaders_and_obstacles/test_leaders.py tests/show/test_plane.py tests/study/potentials/test_potential_check.py \
 	tests/study/sweeps
 repeat: $(READY)
-	@busy=""; trap 'kill $$busy' EXIT; trap 'exit 130' INT TERM; \
-	for k in $$(seq $(LOAD)); do $(BIN)/python -c 'while True: pass' & busy="$$busy $$!"; done; \
-	for k in $$(seq $(TIMES)); do \
-		$(BIN)/python -m pytest -q -p no:xdist $(TIMED) $(PYTEST_ARGS) || exit 1; \
-	done
+	$(BIN)/python -m tests.repeat --times $(TIMES) --load $(LOAD) $(TIMED) $(PYTEST_ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -25,6 +25,7 @@ LEFT_OUT = {
     "tests/packaging": "builds the package, without limit",
     "tests/papers/broken": "no tests: faults for test_broken_homes.py, under a limit of processor time",
     "tests/papers/test_own_paper.py": "runs a program to its end, without limit",
+    "tests/repeat.py": "no tests: runs the repetitions",
     "tests/show/test_output.py": "runs programs to their end, without limit",
     "tests/test_floors.py": "runs ruff to its end, without limit",
     "tests/validation": "clocks are printed, not judged",
