@@ -275,6 +275,26 @@ def test_nothing_is_left_unfinished():
     assert found == []
 
 
+VAGUE_NAMES = {"told", "stray", "tops", "soft", "crowd"}
+"""Words that say nothing of what a value is."""
+
+
+def identifiers(tree: ast.Module) -> set[str]:
+    """Names that a file gives to variables, arguments, attributes, functions and classes."""
+    nodes = list(ast.walk(tree))
+    found = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    found |= {node.attr for node in nodes if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)}
+    found |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+    return found | {node.name for node in nodes if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+
+
+def test_no_name_is_vague():
+    # The checkpoints of tiles have the key "crowd", which stored runs hold.
+    found = {str(path): VAGUE_NAMES & identifiers(tree_of(path)) for path in FILES if path.stem != "checkpoint"}
+    assert {path: names for path, names in found.items() if names} == {}
+    assert identifiers(ast.parse("def f(soft):\n    self.stray = tops = 1\n")) == {"f", "soft", "stray", "tops"}
+
+
 def test_few_values_are_of_any_type():
     """`Any` switches the type checker off: it belongs to the edge of untyped libraries, and to their data."""
     found = [

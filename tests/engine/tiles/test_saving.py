@@ -103,13 +103,22 @@ def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 OPTIONS: dict[str, Any] = {"engine": "tiles", "step": 0.004, "observe": True, "progress": False}
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize(
-    ("kind", "scheme"),
-    [("proximity", "verlet"), ("proximity", "rk4"), ("hysteresis", "verlet"), ("hysteresis", "rk4"),
-     ("scheduled", "damped"), ("obstacles", "verlet"), ("uneven", "verlet"), ("two graphs", "verlet"),
-     ("one graph complete", "rk4"), ("single integrators", "rk4"), ("single integrators", "euler")],
+KINDS = (
+    ("proximity", "verlet"), ("proximity", "rk4"), ("hysteresis", "verlet"), ("hysteresis", "rk4"),
+    ("scheduled", "damped"), ("obstacles", "verlet"), ("uneven", "verlet"), ("two graphs", "verlet"),
+    ("one graph complete", "rk4"), ("single integrators", "rk4"), ("single integrators", "euler"),
 )  # fmt: skip
+SINGLE = (("proximity", "verlet"), ("hysteresis", "rk4"), ("scheduled", "damped"), ("single integrators", "euler"))
+"""Those of each scheme that run in single precision by default: nothing that is saved depends on both at once."""
+
+
+@pytest.mark.parametrize(
+    ("kind", "scheme", "precision"),
+    [
+        *(pytest.param(*each, "float64") for each in KINDS),
+        *(pytest.param(*each, "float32", marks=() if each in SINGLE else pytest.mark.slow) for each in KINDS),
+    ],
+)
 def test_a_stopped_run_goes_on_bit_for_bit_with_any_number_of_threads(
     tmp_path: Path, stop_after: Callable[[int], None], monkeypatch: pytest.MonkeyPatch,
     kind: str, scheme: str, precision: str,

@@ -91,7 +91,7 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
     proofs = {r.claim.key: guarantee_of(r.claim, certificates, scenario) for r in report.results}
     proven = {key: proof.key for key, proof in proofs.items() if proof is not None}
     if html is not None:
-        write_run_page(report, html, told={"stored run": str(folder)}, source=folder.name)
+        write_run_page(report, html, stated={"stored run": str(folder)}, source=folder.name)
     if as_json:
         found = {} if again is None else {"replay": again.as_dict()}
         print_json(report.as_dict() | {"certificates": promised, "guaranteed": proven} | found)
@@ -134,7 +134,7 @@ def _audit_samples(
         from flocking.apps.reproduction.run_page import write_run_page
 
         write_run_page(
-            report, html, law_declared=law is not None, told=_facts(path, samples, motion, law), source=path.name
+            report, html, law_declared=law is not None, stated=_facts(path, samples, motion, law), source=path.name
         )
     if as_json:
         print_json({**report.as_dict(), **_facts(path, samples, motion, law)})

@@ -259,7 +259,7 @@ def _film(film: Path, title: str) -> str:
 
 def _provenance(found: Reproduction, papers: dict[str, Paper]) -> str:
     tried = [j.tried for j in _all(found)] or [0]
-    told = {
+    stated = {
         "papers": ", ".join(papers),
         "command": f"flocking reproduce {' '.join(papers)} --seeds {min(tried)} --first-seed {found.first_seed}",
         "seeds": f"from {found.first_seed} on, {min(tried)} to {max(tried)} a scenario, and those of counter-examples",
@@ -272,7 +272,7 @@ def _provenance(found: Reproduction, papers: dict[str, Paper]) -> str:
         if name in found.runs
     }
     return (
-        f'<h2 id="provenance">Provenance</h2>\n{software_facts(told)}'
+        f'<h2 id="provenance">Provenance</h2>\n{software_facts(stated)}'
         "<p>The table lists the runs that are drawn; their laws and parameters are in their sections. The same call "
         "gives the same numbers.</p>\n" + (runs_table(rows) if rows else "")
     )

@@ -37,7 +37,7 @@ def title_of(run: Run, otherwise: str = "") -> str:
 
 
 def write_run_page(
-    report: Report, path: Path, *, law_declared: bool = True, told: Mapping[str, str] | None = None, source: str = ""
+    report: Report, path: Path, *, law_declared: bool = True, stated: Mapping[str, str] | None = None, source: str = ""
 ) -> Path:
     """Write the page of an audit: one file that asks for nothing else.
 
@@ -49,7 +49,7 @@ def write_run_page(
         The file to write.
     law_declared
         Whether the run has a law; samples judged without one have none.
-    told
+    stated
         Facts about its source, by name, such as the file of samples.
     source
         What to call a run whose scenario has no name.
@@ -89,7 +89,7 @@ def write_run_page(
         parts.append(certificates_table(run))
     own = {k: v for k, v in run.provenance.items() if k not in UNSAID}
     parts.append(
-        f'<h2 id="provenance">Provenance</h2>\n{facts([*(told or {}).items(), *own.items()])}'
+        f'<h2 id="provenance">Provenance</h2>\n{facts([*(stated or {}).items(), *own.items()])}'
         f"<h3>This page</h3>\n{software_facts({})}{runs_table({'claims': (title, run)})}"
     )
     return write_file(path, page(f"{title}: audit", "".join(parts)).encode(), "write the page")

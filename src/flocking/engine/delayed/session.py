@@ -228,13 +228,13 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         if not self._rules.ways.any():
             return np.zeros((0, 4))
         begin, end, tau = segment.t0, segment.t1, self.tau
-        whole = position_series(segment, self.n, self.m, begin)
+        positions = position_series(segment, self.n, self.m, begin)
         for first, last, known in self.history.pieces(begin - tau, end - tau):
             since = max(first + tau - begin, 0.0)
             span = min(last + tau, end) - (begin + since)
             if span <= 0.0:
                 continue
-            own = known if self._self_delayed else shifted(whole, since)
+            own = known if self._self_delayed else shifted(positions, since)
             now = self._base + begin + since
             rows = known_switches(self.scenario.space, own, known, span, now, self.known_links, self._rules)
             if len(rows):

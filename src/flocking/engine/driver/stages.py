@@ -48,5 +48,5 @@ def in_stages(
         raise InvalidInput("in_stages", "ends", rule, list(ends))
     found = engine_named(chosen_engine(scenario, engine, plant))
     check_world(found.name, scenario, found.worlds)
-    wanted = fine and "fine" in found.option_names
-    return found.in_stages(scenario, ends, found.options_from(fine_option(found, wanted)), plant=plant)
+    stored = fine and "fine" in found.option_names
+    return found.in_stages(scenario, ends, found.options_from(fine_option(found, stored)), plant=plant)

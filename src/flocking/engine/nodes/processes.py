@@ -120,7 +120,7 @@ class AgentProcesses(Agents):
         Where to listen; a free port of this machine alone when empty.
     spawn
         Whether to begin the processes here; others are waited for, which are begun on other hosts.
-    told
+    announce
         Called with a line about what to do, where processes are not begun here.
 
     Raises
@@ -133,7 +133,7 @@ class AgentProcesses(Agents):
 
     def __init__(
         self, scenario: Scenario, *, library: Path | None = None, place: str = "", spawn: bool = True,
-        told: Callable[[str], None] = print,
+        announce: Callable[[str], None] = print,
     ) -> None:  # fmt: skip
         self._scenario, self._library, self._spawned = to_data(scenario), library, spawn
         self.n, self._time = scenario.start.n, scenario.start.t
@@ -149,7 +149,7 @@ class AgentProcesses(Agents):
         try:
             self._bus.subscribe(f"flocking/{self.run}/from/*")
             if not spawn:
-                told(f"python -m flocking.engine.nodes.agent_process {self.place} {self.run} AGENT")
+                announce(f"python -m flocking.engine.nodes.agent_process {self.place} {self.run} AGENT")
             for agent in range(self.n):
                 self._begin(agent)
             self._gather(set(range(self.n)), begin=True)
@@ -170,7 +170,7 @@ class AgentProcesses(Agents):
 
     def _gather(self, agents: set[int], *, begin: bool) -> None:
         """Wait until agents have said that they are ready."""
-        stop, told = time.monotonic() + BEGINNING, set[int]()
+        stop, greeted = time.monotonic() + BEGINNING, set[int]()
         while not agents <= self._ready:
             found = self._bus.next(GLANCE)
             missing = sorted(agents - self._ready)
@@ -186,8 +186,8 @@ class AgentProcesses(Agents):
             agent, data = int(found[0]), unpacked(found[1])
             if "ready" in data:
                 self._ready.add(agent)
-            elif "hello" in data and agent in agents and agent not in told:
-                told.add(agent)
+            elif "hello" in data and agent in agents and agent not in greeted:
+                greeted.add(agent)
                 self._tell(agent, {"scenario": self._scenario, "begin": begin})
 
     def _tell(self, agent: int, data: Mapping[str, object]) -> None:

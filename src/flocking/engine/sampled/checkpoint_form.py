@@ -205,8 +205,8 @@ def _check_knowledge(arrays: Arrays, fresh: Knowledge, ticks: PeriodicTimes) -> 
     """Everyone has of everyone the newest sample that has arrived, and all samples that are in use are kept."""
     newest, taken, n = arrays["newest"], arrays["taken"], fresh.n
     room = len(arrays["sample_rows"])
-    whole = room >= FIRST_ROOM and room & (room - 1) == 0
-    must(whole, "sample_rows", f"have room for {FIRST_ROOM} times a power of 2")
+    doubled = room >= FIRST_ROOM and room & (room - 1) == 0
+    must(doubled, "sample_rows", f"have room for {FIRST_ROOM} times a power of 2")
     must(len(arrays["sample_distances"]) == room, "sample_distances", "have as much room as sample_rows")
     others = ~np.eye(n, dtype=bool)
     must((newest[~others] == START).all(), "newest", "hold no samples of an agent itself")

@@ -57,8 +57,8 @@ class SampledSession(ImperfectSession):
         self.actuation = Actuation(scenario.agents, self.n)
         self.motion = Motion(start.q, start.p, scenario.agents)
         # Agents of order 1 stand still before the start, whatever velocities it names.
-        told = start.p if scenario.agents.order == 2 else np.zeros_like(start.p)
-        self.knowledge = Knowledge(scenario.information, start.q, told, self.links, scenario.space)
+        sent = start.p if scenario.agents.order == 2 else np.zeros_like(start.p)
+        self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
         self._sampled_law = SampledLaw(without_limits(scenario), self.knowledge.degree)
         control = scenario.control
         self.filter: ForceFilter | None = None

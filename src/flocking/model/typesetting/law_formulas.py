@@ -213,9 +213,9 @@ def _vector_form(
         numbers = {s: np.array(np.exp(rng.normal())) for s in others}
         single = numbers | {symbol: drawn[name] for name, symbol in vectors.items()}
         flat = numbers | {axes[name][k]: drawn[name][k] for name in vectors for k in range(dimension)}
-        told = np.broadcast_to(value_of_vectors(one, single, names), (dimension,))
+        computed = np.broadcast_to(value_of_vectors(one, single, names), (dimension,))
         meant = np.array([_number(x, flat) for x in many])
-        if not np.allclose(told, meant, rtol=AGREEMENT, atol=AGREEMENT):
+        if not np.allclose(computed, meant, rtol=AGREEMENT, atol=AGREEMENT):
             raise ValueError("the components are not those of a vector formula")
     return names.print(one)
 

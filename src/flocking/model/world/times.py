@@ -45,10 +45,10 @@ def nanoseconds(owner: str, name: str, value: float | Array, *, positive: bool =
         raise InvalidInput(owner, name, "must be a number, or one for each agent", "no value")
     if (found > LONGEST).any():
         raise InvalidInput(owner, name, f"must be at most {LONGEST:g}", float(found.max()))
-    whole = np.rint(found * PER_SECOND).astype(np.int64)
-    if positive and (whole < 1).any():
+    nanoseconds = np.rint(found * PER_SECOND).astype(np.int64)
+    if positive and (nanoseconds < 1).any():
         raise InvalidInput(owner, name, f"must be at least {NANOSECOND:g}", float(found.min()))
-    return np.asarray(whole)
+    return np.asarray(nanoseconds)
 
 
 @dataclass(frozen=True, eq=False)

@@ -137,10 +137,10 @@ def priority(scale: float) -> tuple[State, Array, Array, Array]:
     """Agents among the obstacles, the forces of their beta-agents for c3 and for c3/100, both scaled by ``scale``, and
     the other terms of (58).
     """
-    whole = system.obstacle_scenario(0, agents=2).law
-    rest = Law(whole.graph, tuple(replace(t, repulsion_gain=0.0) if isinstance(t, Avoid) else t for t in whole.terms))
-    push = control(whole, crowd()) - control(rest, crowd())
-    return crowd(), scale * push, scale * push / 100, control(rest, crowd())
+    law = system.obstacle_scenario(0, agents=2).law
+    rest = Law(law.graph, tuple(replace(t, repulsion_gain=0.0) if isinstance(t, Avoid) else t for t in law.terms))
+    push = control(law, fourteen_agents()) - control(rest, fourteen_agents())
+    return fourteen_agents(), scale * push, scale * push / 100, control(rest, fourteen_agents())
 
 
 def contraction(scale: float) -> tuple[State, Array, Array]:
@@ -169,12 +169,12 @@ def moving_beta_velocity(scale: float) -> tuple[State, Array, Array]:
 
 def protocol_58(scale: float) -> tuple[State, Array]:
     """Agents among the obstacles and their control (58), c2 times ``scale``."""
-    return crowd(), control(
-        system.obstacle_scenario(0, tracking_gain=system.TRACKING_GAIN * scale, agents=2).law, crowd()
+    return fourteen_agents(), control(
+        system.obstacle_scenario(0, tracking_gain=system.TRACKING_GAIN * scale, agents=2).law, fourteen_agents()
     )
 
 
-def crowd() -> State:
+def fourteen_agents() -> State:
     """Fourteen agents in motion about the first obstacle, some close to it and to each other."""
     rng = np.random.default_rng(12)
     angle = 2 * np.pi * np.arange(14) / 14

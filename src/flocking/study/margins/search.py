@@ -113,16 +113,16 @@ class Search:
 
     def run(self, grids: Mapping[str, Sequence[float]]) -> None:
         """Make the runs of the grids, then bisect."""
-        wanted = {name: list(grid) for name, grid in grids.items()}
+        requested = {name: list(grid) for name, grid in grids.items()}
         for turn in range(MOST_ROUNDS + 1):
             names = [IDEAL] if turn == 0 else []
-            names += [f"{name}={level!r}" for name, levels in wanted.items() for level in levels]
+            names += [f"{name}={level!r}" for name, levels in requested.items() for level in levels]
             if not names or not self._make(names, turn):
                 return
-            for name, levels in wanted.items():
+            for name, levels in requested.items():
                 self.levels[name] |= set(levels)
-            wanted = self._next()
-        if any(wanted.values()):
+            requested = self._next()
+        if any(requested.values()):
             self.status = f"{MOST_ROUNDS} rounds of bisection did not suffice"
 
     def _make(self, names: Sequence[str], turn: int) -> bool:
@@ -151,7 +151,7 @@ class Search:
         return tuple(seen.values())
 
     def _next(self) -> dict[str, list[float]]:
-        wanted: dict[str, list[float]] = {}
+        requested: dict[str, list[float]] = {}
         for name, quantity in self._worlds.quantities.items():
             new: dict[float, None] = {}
             for key, count in self.ideal.items():
@@ -167,8 +167,8 @@ class Search:
                     if level is not None and level not in self.levels[name]:
                         new[level] = None
             if new:
-                wanted[name] = sorted(new)
-        return wanted
+                requested[name] = sorted(new)
+        return requested
 
     @property
     def ideal(self) -> dict[str, Count]:

@@ -127,8 +127,10 @@ def _differences(run: Run, world: LoggedWorld) -> dict[str, Array]:
                 others.setdefault(g, []).append((j, q, p))
             return world.force(agent, own, others, instant)
 
-        def told(numbers: list[tuple[int, int, int]], instant: int = instant) -> list[tuple[int, int, Array, Array]]:
-            return [(g, j, *world.told(world.sample(j, k, instant), instant)) for g, j, k in numbers]
+        def received(
+            numbers: list[tuple[int, int, int]], instant: int = instant
+        ) -> list[tuple[int, int, Array, Array]]:
+            return [(g, j, *world.received(world.sample(j, k, instant), instant)) for g, j, k in numbers]
 
         def exact(numbers: list[tuple[int, int, int]], instant: int = instant) -> list[tuple[int, int, Array, Array]]:
             states = []
@@ -139,7 +141,7 @@ def _differences(run: Run, world: LoggedWorld) -> dict[str, Array]:
             return states
 
         # Not the logged force: equal arguments then give equal bits, and a difference that is exactly zero.
-        before = law(mine, told(used))
+        before = law(mine, received(used))
         found["limits"][row] = world.motion.exerted(agent, log.forces[row]) - log.forces[row]
         if noisy:
             now = law(own, exact(used))

@@ -205,7 +205,7 @@ class LoggedWorld:
                 return at
         return self.base + instant * NANOSECOND
 
-    def told(self, sample: Sample, instant: int) -> tuple[Array, Array]:
+    def received(self, sample: Sample, instant: int) -> tuple[Array, Array]:
         """Position and velocity that a receiver takes a sender to have at an ``instant``, from a ``sample`` of it."""
         if self.messages is not None and self.messages.predict:
             return sample.q + (instant - sample.instant) * NANOSECOND * sample.p, sample.p
@@ -329,8 +329,8 @@ class _Replaying:
         samples = {key: world.sample(key[1], k, instant) for key, k in logged.items()}
         open_ = open_ or own.open or any(x.open for x in samples.values())
         for graph in range(len(world.graphs)):
-            told = [(key[1], *world.told(samples[key], instant)) for key in sorted(logged) if key[0] == graph]
-            others[graph] = told
+            received = [(key[1], *world.received(samples[key], instant)) for key in sorted(logged) if key[0] == graph]
+            others[graph] = received
         again = world.force(agent, (own.q, own.p), others, instant)
         stored = self.log.forces[row]
         off = float(np.abs(again - stored).max())
@@ -369,7 +369,7 @@ class _Replaying:
                 near = bool(mine[j])
                 if graph.moves:
                     sample = world.sample(j, numbers[j], instant)
-                    place, _ = world.told(sample, instant)
+                    place, _ = world.received(sample, instant)
                     distance = float(np.linalg.norm(world.space.displacement(place - own.q)))
                     radius = graph.break_radius if near else graph.appear_radius
                     level = float(np.broadcast_to(np.asarray(radius), world.n)[agent])

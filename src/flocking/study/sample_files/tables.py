@@ -54,8 +54,8 @@ def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
     if twice:
         raise InvalidInput(str(path), "line 1, columns", "must have different names", twice)
     axes, speeds = _axes(columns, header)
-    wanted = ["t", *axes, *speeds]
-    places = [header.index(columns.name(ours)) for ours in wanted]
+    needed = ["t", *axes, *speeds]
+    places = [header.index(columns.name(ours)) for ours in needed]
     agent_place = header.index(columns.name("id"))
     values, numbers, agents, known = buffer("d"), buffer("q"), buffer("q"), dict[str, int]()
     for row in lines:
@@ -63,13 +63,13 @@ def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
             continue
         if len(row) != len(header):
             raise InvalidInput(str(path), f"line {lines.line_num}", f"must have {len(header)} columns", len(row))
-        for ours, place in zip(wanted, places, strict=True):
+        for ours, place in zip(needed, places, strict=True):
             values.append(number(path, lines.line_num, columns.name(ours), row[place]))
         agents.append(known.setdefault(row[agent_place].strip(), len(known)))
         numbers.append(lines.line_num)
         if len(values) * values.itemsize > LARGEST_FILE:
             check_size(path, len(values) * values.itemsize, f"the numbers up to line {lines.line_num}")
-    table = np.frombuffer(values, dtype=np.float64).reshape(-1, len(wanted)) if values else np.zeros((0, len(wanted)))
+    table = np.frombuffer(values, dtype=np.float64).reshape(-1, len(needed)) if values else np.zeros((0, len(needed)))
     rows = np.array(numbers, dtype=np.int64)
     return _pivoted(path, columns, table, np.array(agents, dtype=np.int64), list(known), rows, len(axes), "line")
 
@@ -101,12 +101,12 @@ def read_parquet(path: Path, columns: Columns) -> Samples:
         with parquet.ParquetFile(path) as file:
             names = [str(name) for name in file.schema_arrow.names]
             axes, speeds = _axes(columns, names)
-            wanted = ["t", *axes, *speeds]
-            check_size(path, file.metadata.num_rows * 8 * (len(wanted) + 1), "its columns")
-            found = file.read(columns=[columns.name(ours) for ours in (*wanted, "id")])
+            needed = ["t", *axes, *speeds]
+            check_size(path, file.metadata.num_rows * 8 * (len(needed) + 1), "its columns")
+            found = file.read(columns=[columns.name(ours) for ours in (*needed, "id")])
     except (pyarrow.ArrowException, OSError) as error:
         raise InvalidInput(str(path), "file", f"must be a Parquet table ({error})", path.name) from None
-    numbers = [_parquet_column(path, columns.name(ours), found.column(columns.name(ours))) for ours in wanted]
+    numbers = [_parquet_column(path, columns.name(ours), found.column(columns.name(ours))) for ours in needed]
     labels = found.column(columns.name("id")).to_pylist()
     known: dict[str, int] = {}
     agents = np.array([known.setdefault(str(label), len(known)) for label in labels], dtype=np.int64)
