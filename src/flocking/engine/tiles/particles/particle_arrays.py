@@ -1,118 +1,67 @@
-"""Particle arrays: positions and velocities sorted by cell, their neighbour lists, and the rebuilds of those.
-
-Agents are in the order of the cells of the last rebuild; `ids` contains their numbers. Lists contain every pair that
-was within cutoff + skin at that time. While no agent has moved further than half the skin since (in a frame that moves
-with the group), they contain every pair within the cutoff. A bound on the displacement is updated at every step, and
-lists are rebuilt before it exceeds half the skin.
-"""
+"""Particle arrays: agents with their neighbour lists, moved by the kernels of a law."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Array, Indices, Links, Numbers32, Reals
-from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec, only_numbers_differ
+from flocking.arrays import Array, Numbers32, Reals
+from flocking.engine.tiles.kernels.spec import KernelSpec, only_numbers_differ
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
 from flocking.engine.tiles.measures import extremes_of, fastest
-from flocking.engine.tiles.neighbours.cell_list import Sorter
-from flocking.engine.tiles.neighbours.fixed_lists import complete_lists, fixed_lists
-from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond, remember_links
-from flocking.engine.tiles.neighbours.nearest_image import box_of
-from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH, ListBuilder, TileLists
+from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond
 from flocking.engine.tiles.neighbours.obstacle_lists import ObstacleLists
-from flocking.engine.tiles.neighbours.pair_count_bound import PairCountBound
-from flocking.engine.tiles.neighbours.verlet_skin import FIRST_SKIN, best_skin
-from flocking.engine.tiles.particles.displacement import CERTAIN, Displacement
 from flocking.engine.tiles.particles.graph_radii import GraphRadii
 from flocking.engine.tiles.particles.law_parameters import LawParameters
+from flocking.engine.tiles.particles.listed_agents import ListedAgents
 from flocking.engine.tiles.planted_law import PassArrays, Planted
 from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
-SAME_CELLS = 0.9
-"""Cells are reused if at least this fraction of their width is needed: at most (1/0.9)^3 = 1.4 times the pairs."""
 
-
-class ParticleArrays:
-    """Particle arrays and neighbour lists of a group under one law.
+class ParticleArrays(ListedAgents):
+    """Agents under one law.
 
     Parameters
     ----------
     scenario
         Law, agents and energy.
-    state
-        Positions, velocities and, if the law's graph has memory, links.
-    spec
-        Specification of the kernel.
-    workers
-        Threads to use.
-    memory_limit
-        Largest size of the neighbour lists in bytes.
-    skin
-        Skin of the lists; chosen at every rebuild by default.
-
-    Attributes
-    ----------
-    margin
-        What cells are wider by than the lists of the true state need.
+    state, spec, workers, memory_limit, skin
+        As for `ListedAgents`.
     """
 
     def __init__(
         self, scenario: Scenario, state: State, spec: KernelSpec, workers: Workers, memory_limit: float,
         skin: float | None = None,
     ) -> None:  # fmt: skip
-        n, m = state.q.shape
-        self.n, self.m, self.spec, self.workers = n, m, spec, workers
-        self.dtype: type[np.float32] | type[np.float64] = PRECISIONS[spec.precision]
-        self.tiles = (n + WIDTH - 1) // WIDTH
-        self.size = self.tiles * WIDTH
+        super().__init__(scenario, state, spec, workers, memory_limit, skin)
         self._take_kernels(spec)
-        self.given_skin = skin
-        self.agents: Reals = np.empty((self.size, 2 * m), self.dtype)
-        # For agents of order 1 the second half is the velocity of the last step, which no formula reads.
-        self.agents[:n, :m], self.agents[:n, m:] = state.q, state.p if spec.order == 2 else 0.0
-        self.successor: Reals = np.empty((self.size, 2 * m), self.dtype)
-        self.ids: Numbers32 = np.zeros(self.size, np.int32)
-        self.ids[:n] = np.arange(n, dtype=np.int32)
-        self._ids_buffer: Numbers32 = np.zeros(self.size, np.int32)
         self.tile_extremes: Reals = np.zeros((self.tiles, 3), self.dtype)
         self.extremes: Array = np.zeros(3)
         self.sums: Array = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
         self.planted: Planted | None = None
-        self.moving = any(not kind.fixed for kind in spec.graphs)
-        self._fill_pads()
-        self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, n)
-        self.space = scenario.space
-        self.box: Reals = box_of(self.space, m, self.dtype)
-        self.sorter = Sorter(n if self.moving else 1, workers, self.space.lengths)
-        self.pair_count_bound = PairCountBound(memory_limit)
-        self.builders = [ListBuilder(n, memory_limit, workers, self.box) for _ in scenario.law.graphs]
         self._set_parameters(scenario, state.t)
-        self.M: Array = np.zeros(2 * m, np.float64)
-        self.displacement = Displacement(self.size if self.moving else 0, m, self.dtype)
-        self.rebuilds = 0
-        self.lists: list[TileLists | None] = [None] * len(spec.graphs)
-        self._first_links = state.links
+        self.M: Array = np.zeros(2 * self.m, np.float64)
         self._set_obstacles(scenario)
-        self.lost: tuple[int, int] | None = None
-        self.top_speed = fastest(self.agents[: self.n, self.m :])
-        self.margin = 0.0
 
-    @property
-    def X(self) -> Reals:  # noqa: N802
-        """Positions and velocities, shape (2m, size): a view of `agents`, which has a row for each agent."""
-        return self.agents.T
+    def rebuild(self, step: float, skin: float | None = None) -> None:
+        """Sort the agents and rebuild all lists, see `ListedAgents.rebuild`; those of obstacles when they are needed.
 
-    @X.setter
-    def X(self, values: Reals) -> None:  # noqa: N802
-        self.agents = np.ascontiguousarray(values.T)
+        Parameters
+        ----------
+        step
+            The time step; the skin is chosen by it.
+        skin
+            Width of the skin; chosen by default.
+        """
+        super().rebuild(step, skin)
+        if self.moving and self.obstacles is not None:
+            self.obstacles.used = np.inf
 
-    @property
-    def Y(self) -> Reals:  # noqa: N802
-        """The previous or next state, shape (2m, size)."""
-        return self.successor.T
+    def _reorder(self, order: Numbers32) -> None:
+        super()._reorder(order)
+        self.parameters.reorder(order)
 
     def _set_obstacles(self, scenario: Scenario) -> None:
         met = self.spec.layout.obstacle_groups()
@@ -131,139 +80,6 @@ class ParticleArrays:
         self._set_parameters(scenario, t)
         if self.planted is not None:
             self.planted.pass_switch_time(t)
-
-    def _fill_pads(self) -> None:
-        n = self.n
-        self.agents[n:] = self.agents[n - 1]
-        self.ids[n:] = self.ids[n - 1]
-
-    @property
-    def place(self) -> Numbers32:
-        """Index of each identity, shape (n,)."""
-        found = np.empty(self.n, np.int32)
-        found[self.ids[: self.n]] = np.arange(self.n, dtype=np.int32)
-        return found
-
-    def usable(self) -> bool:
-        """Whether the lists contain every pair within the cutoffs."""
-        if not self.moving:
-            return self.lists[0] is not None
-        displacement = self.displacement
-        if displacement.bound > displacement.allowed and self.rebuilds:
-            displacement.bound = self.displacement_bound()
-        return bool(displacement.bound <= displacement.allowed)
-
-    def displacement_bound(self) -> float:
-        """Bound on the displacement of any agent since the rebuild, relative to the group."""
-        return self.displacement.measured(self.agents, self.n, self.workers)
-
-    def require_lists(self, step: float) -> None:
-        """Rebuild the lists if they may lack a pair within the cutoffs.
-
-        Parameters
-        ----------
-        step
-            The time step; the skin is chosen by it.
-        """
-        if not self.usable():
-            self.rebuild(step)
-
-    def _sort(self, step: float, skin: float | None) -> None:
-        """Sort the agents into cells for the given skin, or else the best one at the current speed."""
-        cutoff, sorter = max(self.radii.cutoffs), self.sorter
-        seen = sorter.survey(self.agents)
-        given = skin if skin is not None else self.given_skin
-        guess = float(given if given is not None else self.displacement.skin or FIRST_SKIN * cutoff)
-        cells = cutoff + self.margin
-        sorter.sort(self.agents, seen, cells + guess)
-        self._check_count()
-        if given is None:
-            stride = 2.0 * self.top_speed * step / CERTAIN
-            guess, sorted_for = best_skin(self.agents, sorter, cutoff, stride, self.space), guess
-            if not SAME_CELLS * (cells + sorted_for) <= cells + guess <= cells + sorted_for:
-                sorter.sort(self.agents, seen, cells + guess)
-                self._check_count()
-        farthest = max(float(np.abs(seen.low).max()), float(np.abs(seen.high).max()))
-        self.displacement.begin(guess, seen.velocity, farthest)
-
-    def _check_count(self) -> None:
-        q: Reals = self.agents[: self.n, : self.m]
-        if not self.space.is_open:
-            q = self.space.wrapped(q.astype(np.float64))
-        self.pair_count_bound.check(self.sorter.crowding, q, self.radii.certain_reaches)
-
-    def distances(self, i: Indices, j: Indices) -> Array:
-        """Distances of pairs of agents, by their places."""
-        x = self.X[: self.m]
-        apart = self.space.displacement((x[:, j] - x[:, i]).astype(np.float64).T)
-        square: Array = (apart**2).sum(axis=1)
-        return np.sqrt(square)
-
-    def rebuild(self, step: float, skin: float | None = None) -> None:
-        """Sort the agents and rebuild all lists; stored links are kept.
-
-        Parameters
-        ----------
-        step
-            The time step; the skin is chosen by it.
-        skin
-            Width of the skin; chosen by default.
-
-        Raises
-        ------
-        TooManyNeighboursError
-            If the lists would exceed the memory limit; positions and links are kept.
-        """
-        if not self.moving:
-            self._build_fixed()
-            return
-        self._sort(step, skin)
-        sorter, order = self.sorter, self.sorter.order
-        old_place = sorter.arrange(self.agents, self.ids, self.successor, self._ids_buffer, self.displacement.reference)
-        self.agents, self.successor = self.successor, self.agents
-        self.ids, self._ids_buffer = self._ids_buffer, self.ids
-        self.parameters.reorder(order)
-        self.radii.reorder(order)
-        self._fill_pads()
-        radii, skin = self.radii, self.displacement.skin
-        for number, kind in enumerate(self.spec.graphs):
-            if kind.fixed:
-                continue
-            each_reach = radii.each[number]
-            if kind.uneven:
-                each_reach = np.sqrt(each_reach) + self.dtype(skin)
-            old = self.lists[number]
-            inside = radii.each[number] if kind.uneven else radii.limits[number][:1]
-            self.lists[number], lost = self.builders[number].build(
-                self.agents, radii.cutoffs[number] + skin, each_reach, sorter.grid, sorter.start, old, order,
-                old_place, begin2=inside if kind.memory and old is None else None, remember=kind.memory,
-            )  # fmt: skip
-            if lost is not None and kind.barrier:
-                self.lost = (int(self.ids[lost[0]]), int(self.ids[lost[1]]))
-        self._build_fixed()
-        if self._first_links is not None:
-            self._take_links(self._first_links)
-        self.displacement.elapsed, self.displacement.bound = 0.0, 0.0
-        if self.obstacles is not None:
-            self.obstacles.used = np.inf
-        self.rebuilds += 1
-
-    def _build_fixed(self) -> None:
-        place = None
-        for number, kind in enumerate(self.spec.graphs):
-            if kind.fixed:
-                place = self.place if place is None else place
-                edges = self.radii.edges[number]
-                self.lists[number] = (
-                    complete_lists(self.n) if edges is None else fixed_lists(self.ids, place, *edges, self.workers)
-                )
-
-    def _take_links(self, links: Links) -> None:
-        """Set the links of the law's graph from the link matrix of the start."""
-        self._first_links = None
-        lists = self.lists[0]
-        if lists is not None and self.spec.graphs[0].memory:
-            remember_links(lists, np.asarray(links), self.ids)
 
     def move(
         self, t: float, *, keep: float, kick: float, drift: float, velocity_lag: float = 0.0,
@@ -381,12 +197,6 @@ class ParticleArrays:
         self.displacement.bound = np.inf
         if self.moving:
             self.rebuild(0.0)
-
-    def in_order(self, array: Reals) -> Array:
-        """Rows of ``array``, shape (k, size), as float64 columns in the order of identities, shape (n, k)."""
-        out = np.empty((self.n, len(array)))
-        out[self.ids[: self.n]] = array[:, : self.n].T
-        return out
 
     @property
     def nbytes(self) -> int:
