@@ -199,7 +199,7 @@ def test_large_groups_with_messages_choose_it():
 
 def test_lists_are_built_anew_before_anybody_is_missed():
     """Speeds that grow after the lists were built: the width that was enough then is not."""
-    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("0*r")), fk.Track(fk.Velocity([30.0, 0.0]), 0.0, 2.0)])
+    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(PSI), fk.Track(fk.Velocity([30.0, 0.0]), 0.0, 2.0)])
     start = fk.start.box(60, side=10, speed=0.1, seed=2)
     world = {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=0.3)}
     scenario = fk.Scenario(law, start, t_end=2.0, frames=5, **world)
