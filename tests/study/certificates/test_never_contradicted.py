@@ -12,10 +12,10 @@ from tests.study.certificates.random_promises import Tally, add, tallied
 
 
 def test_a_small_draw_of_all_kinds_keeps_what_is_promised():
-    tally = tallied(range(20_000, 20_010))
+    tally = tallied(range(20_000, 20_006))
     assert not tally.broken, str(tally)
-    assert tally.runs >= 6
-    assert sum(tally.held.values()) >= 15
+    assert tally.runs >= 4
+    assert sum(tally.held.values()) >= 8
 
 
 def test_a_promise_that_is_too_good_is_noticed(monkeypatch):

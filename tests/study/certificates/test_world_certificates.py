@@ -295,3 +295,21 @@ def test_delays_of_neighbours_alone_are_granted_where_they_are_harmless():
     assert "control is continuous" in held.reason
     moving = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("r**2/2"))])
     assert fk.certify(late(0.1, 1).with_(law=moving))["delay_in_world"].outcome == "not applicable"
+
+
+@pytest.mark.slow
+def test_a_hundred_agents_that_lose_messages_have_the_closed_bound():
+    """K_N whose links are lost from both sides at once: the mean square falls for T < 2/(N (1 - p) + 2 p)."""
+    n, lost = 100, 0.3
+    bound = 2.0 / (n * (1 - lost) + 2 * lost)
+    law = fk.Law(fk.Fixed.complete(n), [fk.Gradient(fk.Potential("r**2/2"))])
+    start = fk.State(np.random.default_rng(0).normal(size=(n, 1)))
+    for factor, falls in ((0.99, True), (1.01, False)):
+        period = round(factor * bound, 9)
+        world = {
+            "control": fk.Held(period), "bodies": fk.SingleIntegrator(),
+            "information": fk.Messages(period, loss=fk.Bernoulli(lost, paired=True), expires=period),
+        }  # fmt: skip
+        found = fk.certify(fk.Scenario(law, start, t_end=1.0, **world))["growth_in_world"]
+        assert found.granted == falls
+        assert falls or "does not fall" in found.reason
