@@ -136,7 +136,8 @@ def fates(found: Certificates, run: fk.Run) -> list[tuple[str, bool, str]]:
             if each.bound.hi**ticks < 1e-4 * FALLEN:
                 rows.append((key, bool(spread[-1] < FALLEN * spread[0]), f"{spread[-1] / spread[0]:.3g} of the start"))
         elif "it does not fall" in each.reason or "it is not stable" in each.reason:
-            rows.append((key, bool(spread[-1] > 1e-9 * spread[0]), f"{spread[-1] / spread[0]:.3g} of the start"))
+            moving = np.sqrt((values**2).sum(axis=(1, 2))) if "common motion" in each.reason else spread
+            rows.append((key, bool(moving[-1] > 1e-9 * moving[0]), f"{moving[-1] / moving[0]:.3g} of the start"))
     return rows
 
 

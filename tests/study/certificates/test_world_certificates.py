@@ -12,6 +12,7 @@ from flocking.study.certificates.consensus_certificates import LinearConsensus
 from flocking.study.certificates.enclosed_matrices import EnclosedMatrix, eigenvalues, exact, spectral_radius
 from flocking.study.certificates.random_recursion import RandomRecursion
 from flocking.study.certificates.sampled_consensus import SampledConsensus
+from tests.study.certificates.random_promises import random_scenario
 
 K4 = fk.Fixed.complete(4)
 
@@ -170,6 +171,16 @@ def test_a_world_that_does_not_agree_is_refused_with_a_proof():
     assert "does not fall" in found.reason
     ideal = fk.certify(consensus(K4, 0.1).with_(control=fk.Continuous()))["growth_in_world"]
     assert ideal.outcome == "not applicable"
+
+
+def test_a_common_motion_that_swings_is_no_disagreement():
+    """Late neighbours beside a true own state drive the common motion of a group whose agents agree."""
+    made = random_scenario(10612)
+    reason = fk.certify(made)["growth_in_world"].reason
+    assert "it does not fall: the factor of the disagreement and common motion" in reason
+    q = fk.simulate(made, progress=False).q
+    assert np.linalg.norm(q[-1].mean(axis=0)) > 1e3 * np.linalg.norm(q[0].mean(axis=0))
+    assert np.linalg.norm(q[-1] - q[-1].mean(axis=0)) < 1e-3 * np.linalg.norm(q[0] - q[0].mean(axis=0))
 
 
 @pytest.mark.parametrize("own", ["measured", "true"])

@@ -190,6 +190,16 @@ class SampledConsensus:
         """What is agreed on first of all."""
         return "velocities" if self.consensus.only_velocities else "positions"
 
+    @property
+    def holds_common_motion(self) -> bool:
+        """Whether `recursion` holds how all move together, no disagreement: samples that are late or kept change it."""
+        return self.delayed_samples > 0 or self.kept
+
+    @property
+    def motion(self) -> str:
+        """What the components of `recursion` are, in words."""
+        return "disagreement and common motion" if self.holds_common_motion else "disagreement"
+
     def recursion(self, period: float) -> RandomRecursion:
         """One axis of the disagreement from tick to tick, at a period that may differ from the declared one.
 
@@ -267,8 +277,7 @@ class SampledConsensus:
         if self.kept:
             ones[0, (self.delayed_samples + 1) * block :] = 1.0
         ones[1, n:block] = 1.0
-        # A common velocity is no disagreement, but neighbours that are late brake it.
-        if self.order == 2 and not self.delayed_samples:
+        if self.order == 2 and not self.holds_common_motion:
             return full.without(ones, (0, n))
         return full.without(ones[:1], (0,))
 

@@ -100,7 +100,7 @@ def _growth(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Cert
     if not world.probability:
         root = Interval.of(max(low, 0.0), high).sqrt()
         low, high = float(root.lo), float(root.hi)
-    quantity = f"factor of the {_mean(world)}disagreement from tick to tick, in the long run"
+    quantity = f"factor of the {_mean(world)}{world.motion} from tick to tick, in the long run"
     if low >= 1.0:
         reason = f"it does not fall: the {quantity} is at least {low:.9g}"
     elif not high < 1.0:
@@ -115,7 +115,8 @@ def _growth(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Cert
 
 
 def _period(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Certificate:
-    quantity = "period at which the disagreement ceases to fall"
+    both = world.holds_common_motion
+    quantity = f"period at which the {world.motion} cease{'' if both else 's'} to fall"
     size = world.recursion(world.period).size
     if world.probability and size > LARGEST_SEARCHED:
         reason = f"searched for {LARGEST_SEARCHED} numbers of an axis at most where messages are lost, of {size}"
@@ -126,9 +127,10 @@ def _period(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Cert
     reason = "" if found is not None else "no period was found below which it falls and above which it does not"
     statement = ""
     if found is not None:
+        falls, not_so, so = ("fall", "do not both", "they were") if both else ("falls", "does not", "it was")
         statement = (
-            f"With control held for a period{late}{lost}, the {_mean(world)}disagreement falls at {found.lo:.12g}, and"
-            f" does not at {found.hi:.12g}. At all shorter ones of {PLACES} periods it was computed to fall."
+            f"With control held for a period{late}{lost}, the {_mean(world)}{world.motion} {falls} at {found.lo:.12g}, "
+            f"and {not_so} at {found.hi:.12g}. At all shorter ones of {PLACES} periods {so} computed to fall."
         )
     return decided(
         "period_in_world", sources()["moments"], hypotheses, reason=reason, statement=statement, bound=found,
