@@ -81,7 +81,7 @@ def test_forces_are_compared_with_the_law(monkeypatch):
 
 
 def test_a_lost_neighbour_is_noticed(monkeypatch):
-    from flocking.engine.discrete.neighbours import Neighbours
+    from flocking.engine.discrete.linked_pairs import Neighbours
 
     near = Neighbours.near
     monkeypatch.setattr(Neighbours, "near", lambda self, q: tuple(x[1:] for x in near(self, q)))

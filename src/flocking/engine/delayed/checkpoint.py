@@ -21,7 +21,7 @@ from flocking.engine.imperfect.checkpoint_form import (
     must,
 )
 from flocking.engine.imperfect.memory import ImperfectMemory
-from flocking.engine.integrator.method import DEGREE
+from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.protocol.session import Packed
 from flocking.model.law import Scenario

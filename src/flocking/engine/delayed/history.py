@@ -9,7 +9,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.imperfect.taylor_series import shifted
-from flocking.engine.integrator.method import DEGREE
+from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import Segment
 
 BINOMIALS = np.array([comb(DEGREE, k) for k in range(DEGREE + 1)], dtype=np.float64)

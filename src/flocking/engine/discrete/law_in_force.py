@@ -9,7 +9,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.engine.discrete.cell_pairs import CellPairs
-from flocking.engine.discrete.neighbours import Neighbours
+from flocking.engine.discrete.linked_pairs import Neighbours
 from flocking.engine.fixed_step.declared_law import POWERS, SAFETY, Declared, Group, LinkedPairs, Statement
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.kernels.codegen import compiled_kernels

@@ -13,7 +13,7 @@ from flocking.arrays import Array, Indices, Links, Mask
 from flocking.engine import interruption
 from flocking.engine.discrete.checkpoint import DiscreteMemory, packed_memory, unpacked_memory
 from flocking.engine.discrete.law_in_force import DiscreteLaw, Known
-from flocking.engine.discrete.neighbours import Neighbours
+from flocking.engine.discrete.linked_pairs import Neighbours
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.runs.fidelity import Fidelity, LedgerRule

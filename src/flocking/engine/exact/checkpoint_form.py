@@ -30,7 +30,7 @@ from flocking.engine.exact.dynamics import LEDGER
 from flocking.engine.exact.extremes import NAMES
 from flocking.engine.exact.origin import OriginData
 from flocking.engine.exact.uncertain_switches import DoubtMemory
-from flocking.engine.integrator.method import DEGREE
+from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.kernels.expressions import motion_formulas
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.runs.columns import KINDS

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flocking.engine.exact.dynamics import Dynamics
-from flocking.engine.integrator.method import halves, powers, tableau
+from flocking.engine.integrator.integration_method import halves, powers, tableau
 from flocking.engine.integrator.segment import ROUNDING, Segment, powers_at, weights_at
 from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
@@ -222,7 +222,7 @@ def compare(
     middle, end, K, half
         The companion there, the slopes of its second half step, shape (16, size), and the length of that.
     dense
-        See `flocking.engine.integrator.method.Tableau`.
+        See `flocking.engine.integrator.integration_method.Tableau`.
     inside, second
         `INSIDE` and `SECOND`.
     nodes

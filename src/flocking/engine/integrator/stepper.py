@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 
 from flocking.engine import interruption
-from flocking.engine.integrator.method import (
+from flocking.engine.integrator.integration_method import (
     DEGREE,
     RELATIVE,
     STAGES,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.exact.crossings.watch_tables import BallWatches, PairWatches
-from flocking.engine.integrator.method import Tableau
+from flocking.engine.integrator.integration_method import Tableau
 from flocking.engine.integrator.segment import Motion
 
 TIME, LENGTH, ENERGY, KINETIC, RATE, GAP, BEGIN, TRIED, STOP, PROPOSED = range(10)
@@ -36,7 +36,7 @@ class Method(NamedTuple):
     tableau
         The method.
     to_bernstein
-        See `flocking.engine.integrator.method.TO_BERNSTEIN`.
+        See `flocking.engine.integrator.integration_method.TO_BERNSTEIN`.
     inside, second
         See `flocking.engine.exact.companion.INSIDE` and ``SECOND``.
     """

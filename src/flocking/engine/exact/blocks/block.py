@@ -34,7 +34,7 @@ from flocking.engine.exact.extremes import Extremes
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.precision import Precision
 from flocking.engine.exact.solution_error import SolutionError
-from flocking.engine.integrator.method import DEGREE, STAGES, TO_BERNSTEIN, tableau
+from flocking.engine.integrator.integration_method import DEGREE, STAGES, TO_BERNSTEIN, tableau
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.model.checks import Array

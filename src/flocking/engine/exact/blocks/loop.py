@@ -37,7 +37,7 @@ from flocking.engine.exact.companion import LOST, NODES, SAFETY, summary
 from flocking.engine.exact.crossings.band_guards import find_within_error
 from flocking.engine.exact.crossings.watch_tables import PairWatches, near_miss_floor
 from flocking.engine.exact.extremes import References, StepErrors, StepTimes, add_unexplained, follow_extremes
-from flocking.engine.integrator.method import DEGREE
+from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import fill_part
 from flocking.engine.kernels.law_kernels import CompiledLaw
 from flocking.formula.native.functions import native

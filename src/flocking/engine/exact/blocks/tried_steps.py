@@ -33,7 +33,7 @@ from flocking.engine.exact.crossings.watch_tables import PairWatches, slack_at
 from flocking.engine.exact.dynamics import LEDGER
 from flocking.engine.exact.narrow_features import allowed_share
 from flocking.engine.exact.precision import places_fine, times_fine
-from flocking.engine.integrator.method import DEGREE, STAGES, error_norm, next_length, polynomial
+from flocking.engine.integrator.integration_method import DEGREE, STAGES, error_norm, next_length, polynomial
 from flocking.engine.integrator.segment import Motion, fill_part, split_motion
 from flocking.engine.integrator.stepper import SPACINGS
 from flocking.engine.kernels.bernstein import NEVER

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flocking.engine.exact.crossings.ball_guards import ball_crossings, ball_slack, centre_paths, uniform_balls
 from flocking.engine.exact.crossings.watch_tables import BallWatches
-from flocking.engine.integrator.method import DEGREE
+from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.kernels.bernstein import NEVER
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances

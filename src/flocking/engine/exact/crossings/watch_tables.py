@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array, Mask
-from flocking.engine.integrator.method import DEGREE
+from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import ROUNDING
 
 
