@@ -17,6 +17,8 @@ MAY_IMPORT = {
     "__init__.py",  # gives ExactSession its public name
     "engine/driver/registry.py",
     "engine/driver/lammps_export.py",  # writes an input deck and runs nothing
+    "engine/nodes/session.py",  # the sampled engine's world, with agents in processes of their own
+    "study/certificates/safety_certificates.py",  # the braking paths of which the certificate speaks
 }
 FORMATS = {("apps/commands/storage_commands.py", "to.lower() == 'lammps'")}
 """Comparisons with a format of files that has the name of an engine."""

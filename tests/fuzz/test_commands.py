@@ -34,6 +34,7 @@ COMMANDS = [
     "info",
     "diff",
     "export",
+    "export-c",
     "plot",
     "animate",
     "audit",
@@ -159,7 +160,7 @@ def test_commands(data: Any, folder: Path) -> None:
 
 def test_every_command_is_fuzzed() -> None:
     names = {name for name in command_line() if not name.startswith("-")}
-    # These compute for minutes when all is well; tests of their own give them wrong input.
-    apart = {"reproduce", "lab", "dashboard", "margins"}
+    # These compute for minutes when all is well, or start processes; tests of their own give them wrong input.
+    apart = {"reproduce", "lab", "dashboard", "margins", "nodes"}
     assert set(COMMANDS) <= names
     assert names - set(COMMANDS) <= apart

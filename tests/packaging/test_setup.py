@@ -33,6 +33,10 @@ def test_requirements_pin_everything_the_package_and_its_tests_need() -> None:
     assert names <= pinned
 
 
+MODULES = {"zenoh": "eclipse-zenoh"}
+"""Modules whose package has another name."""
+
+
 def test_every_import_of_the_package_is_a_declared_dependency() -> None:
     declared = {re.match(r"[A-Za-z0-9_-]+", d).group() for d in PROJECT["dependencies"]}  # type: ignore[union-attr]
     extras = {
@@ -44,6 +48,7 @@ def test_every_import_of_the_package_is_a_declared_dependency() -> None:
     brought = {"cycler", "mpl_toolkits", "mpmath", "typing_extensions", "websockets"}
     given = declared | extras
     known = given | {name.replace("-", "_") for name in given} | brought | {"flocking"} | set(sys.stdlib_module_names)
+    known |= {module for module, package in MODULES.items() if package in given}
     for path in (ROOT / "src").rglob("*.py"):
         assert imported(path) <= known, path
 

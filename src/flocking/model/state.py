@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 SPACE = 3
 """Dimensions beyond which it is said that rows are agents: columns may have been meant."""
 
+CALLER = 4
+"""Stack level of a warning for the line that makes a state: this class, its constructor, and the check of names."""
+
 
 @register_part()
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ class State:
                 f"State: q has shape {q.shape}, which is {q.shape[0]} agents in {q.shape[1]} dimensions: rows are "
                 "agents. Give q.T where columns are.",
                 SuspectInput,
-                stacklevel=3,
+                stacklevel=CALLER,
             )
         object.__setattr__(self, "q", q)
         object.__setattr__(self, "p", p)

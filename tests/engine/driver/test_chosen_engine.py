@@ -25,6 +25,7 @@ def scenario(n: int = 4, law: fk.Law = LAW, **parts: object) -> fk.Scenario:
         (scenario(3000, fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)])), "exact"),
         (scenario(control=fk.Held(0.1)), "sampled"),
         (scenario(control=fk.Held(0.1), information=fk.Messages(0.1)), "sampled"),
+        (scenario(3000, control=fk.Held(0.1)), "tiles"),
         (scenario(information=fk.Delayed(0.1)), "delayed"),
         (scenario(information=fk.Delayed(0.0)), "exact"),
         (scenario(control=fk.Held(0.1), agents=fk.Impulsive()), "discrete"),
@@ -40,7 +41,7 @@ def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: st
     [
         (scenario(information=fk.Messages(0.1)), "engine='sampled' needs control=Held"),
         (scenario(control=fk.Held(0.1), information=fk.Delayed(0.1)), "engine='exact' does not run"),
-        (scenario(3000, control=fk.Held(0.1)), "'sampled' for 3000"),
+        (scenario(3000, control=fk.Held(0.1), information=fk.Messages(0.1, loss=0.3)), "'sampled' for 3000"),
         (scenario(3000, information=fk.Delayed(0.1)), "'delayed' for 3000"),
         (
             scenario(control=fk.Held(0.1), agents=fk.Impulsive(), information=fk.Messages(0.1)),

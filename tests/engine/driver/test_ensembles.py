@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -103,12 +105,21 @@ def test_after_an_interrupt_every_run_holds_what_was_computed(monkeypatch):
 
 
 def test_a_second_interrupt_ends_at_once(monkeypatch):
+    second = threading.Event()
+    looks = []
+
     def interrupted(self: Progress, done: int, failed: int) -> None:
+        looks.append(done)
+        if len(looks) == 2:
+            second.set()
         raise KeyboardInterrupt
 
+    advance = ensembles.advance_slice
     monkeypatch.setattr(Progress, "advance", interrupted)
+    monkeypatch.setattr(ensembles, "advance_slice", lambda session, to: second.wait() and advance(session, to))
     with pytest.raises(KeyboardInterrupt):
-        simulate_many([zhou(k).with_(t_end=200.0, frames=2) for k in range(2)], threads=1, progress=False)
+        simulate_many([zhou(0)], threads=1, progress=False)
+    assert len(looks) == 2
 
 
 def test_a_scenario_that_cannot_be_started_is_named():

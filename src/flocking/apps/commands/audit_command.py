@@ -191,13 +191,11 @@ def _named_columns(texts: list[str]) -> dict[str, str]:
 
 
 def _print_claims(report: Report, title: str, proven: Mapping[str, str] | None = None) -> None:
-    """The claims with their verdicts and, where keys of certificates that prove some are given, those beside them."""
+    """The claims with their verdicts and, below, keys of certificates that prove some, where they are given."""
     from flocking.apps.tables import print_table, short
 
-    head = ["claim", "verdict", "margin", "error", "measured"]
-    rows = [[r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note] for r in report.results]
+    rows = [(r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note) for r in report.results]
+    print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=title)
     if proven:
-        head.insert(2, "guaranteed by")
-        for row in rows:
-            row.insert(2, proven.get(row[0], ""))
-    print_table(tuple(head), [tuple(row) for row in rows], title=title)
+        known = [f"{key} ({proven[key]})" for key, *_ in rows if key in proven]
+        print(f"Guaranteed before the run, with the certificate that says so: {', '.join(known)}.")
