@@ -74,9 +74,9 @@ TWO = fk.State([[0, 0], [0, 0.0]])
     [
         (lambda: fk.Law("graph", [fk.Consensus()]), "graph must be a graph"),
         (lambda: fk.Law(GRAPH, []), "at least one term"),
-        (lambda: fk.Law(GRAPH, [PSI]), "must be pair or body terms"),
-        (lambda: fk.Law(GRAPH, 3), "must be pair or body terms"),
-        (lambda: fk.Law(GRAPH, None), "must be pair or body terms"),
+        (lambda: fk.Law(GRAPH, [PSI]), "must be pair, body or steering terms"),
+        (lambda: fk.Law(GRAPH, 3), "must be pair, body or steering terms"),
+        (lambda: fk.Law(GRAPH, None), "must be pair, body or steering terms"),
         (lambda: fk.Gradient("1/r"), "must be a Potential"),
         (lambda: fk.Gradient(PSI, weighting="x"), "must be 'energy' or 'force'"),
         (lambda: fk.Gradient(PSI, over=4), "over must be a graph"),
