@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import flocking as fk
 from flocking.papers.reynolds_1987 import observations, system, theorems
+from flocking.study.claims.claim import UNCOMPUTED
 from flocking.study.trajectory import run_from_samples
 from tests.papers.transcriptions.standard_laws import reynolds as by_hand
 
@@ -106,3 +108,39 @@ def test_what_is_observed_of_two_runs():
         assert found.polarisation[k, -1] == pytest.approx(np.linalg.norm(unit.mean(axis=0)), rel=1e-12)
     interval = found.at_end("polarisation")
     assert interval.low < found.polarisation[:, -1].mean() < interval.high
+
+
+@pytest.mark.parametrize(
+    "graph", [fk.Proximity(2.0), fk.Proximity(1e-3), fk.Fixed.complete(3), fk.Hysteresis(2.0, 0.3)]
+)
+def test_the_rule_is_not_asked_of_other_laws(graph):
+    made = fk.Scenario(fk.Law(graph, [fk.Consensus(0.5)]), fk.start.box(3, side=1.5, seed=3), t_end=1.0)
+    samples = np.broadcast_to(made.start.q, (4, 3, 2)), np.broadcast_to(made.start.p, (4, 3, 2))
+    found = {
+        r.claim.key: r for r in fk.audit(run_from_samples(made, np.arange(4.0), *samples), theorems.claims()).results
+    }
+    assert found["rule"].note == "the law is not one of this package"
+    assert str(found["rule"].verdict) == "not applicable"
+    assert (str(found["one-flock"].verdict) == "not applicable") == isinstance(graph, fk.Fixed)
+
+
+@pytest.mark.parametrize(("count", "reason"), [(0, "the run keeps no frames"), (1, "the run has one frame")])
+def test_too_few_frames_are_told(count, reason):
+    run = fk.simulate(system.boids(agents=10, duration=1.05), progress=False)
+    short = replace(run, **{name: getattr(run, name)[:count] for name in ("t", "q", "p", "links")})
+    found = {r.claim.key: r for r in fk.audit(short, theorems.claims()).results}
+    assert found["apart"].note == reason
+    assert {str(found[key].verdict) for key in ("apart", "force")} == {"not applicable"}
+    assert not [r.note for r in found.values() if r.note.startswith(UNCOMPUTED)]
+    if not count:
+        assert {r.note for r in found.values()} == {reason}
+        assert [len(series) for series in observations.measured(short)] == [0, 0, 0]
+
+
+def test_the_largest_force_is_judged_between_frames_that_are_not_at_updates():
+    made = system.boids(agents=10, duration=3.0)
+    step = made.control.period
+    claim = [c for c in theorems.claims() if c.key == "force"]
+    for share in (1.4, 2.4, 0.4):
+        run = fk.simulate(made.with_(frames=tuple(share * step * np.arange(1, 20))), progress=False)
+        assert [str(r.verdict) for r in fk.audit(run, claim).results] == ["holds"], share

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,3 +68,28 @@ def test_a_flock_is_ordered_and_confined():
     found = parameters.order_parameters(fk.simulate(system.flock(seed=1, duration=90.0), progress=False))
     assert np.nanmean(found.correlation[60:]) > 0.5
     assert found.overrun[60:].max() < 30.0
+
+
+def test_the_closed_form_is_asked_of_the_lone_vehicle_alone():
+    right = system.alone()
+    made = [
+        (right.with_(law=system.law()), "the law is not"),
+        (right.with_(agents=system.unit(noise=0.1)), "without noise"),
+        (right.with_(agents=replace(system.unit(noise=0.0), time_constant=2.0)), "another time constant"),
+        (system.alone(speed=40.0), "cannot accelerate"), (system.alone(speed=0.0), "at rest"),
+        (system.flock(2, duration=1.0), "more than one"),
+    ]  # fmt: skip
+    claim = [c for c in theorems.claims(system.ALONE) if c.key == "lone-speed"]
+    for scenario, reason in made:
+        (found,) = fk.audit(fk.simulate(scenario.with_(t_end=1.0, frames=6), progress=False), claim).results
+        assert (str(found.verdict), reason in found.note) == ("not applicable", True), (reason, found.note)
+
+
+def test_runs_without_frames_have_no_order_parameters():
+    run = fk.simulate(system.flock(3, duration=1.0), progress=False)
+    empty = replace(run, **{name: getattr(run, name)[:0] for name in ("t", "q", "p", "links")})
+    for name in (system.KEY, system.ALONE):
+        found = fk.audit(empty, theorems.claims(name)).results
+        assert {str(r.verdict) for r in found} == {"not applicable"}
+    assert {r.note for r in fk.audit(empty, theorems.claims()).results} == {"the run keeps no frames"}
+    assert len(parameters.order_parameters(empty).speed) == 0

@@ -51,13 +51,13 @@ class Observed:
 
 
 def measured(run: Run) -> tuple[Array, Array, Array]:
-    """Polarisation, nearest distance and fragments at each frame of a run, shape (F,) each."""
+    """Polarisation, nearest distance and fragments at each frame of a run, shape (F,) each; empty without frames."""
     space, radius = run.scenario.space, float(np.max(np.asarray(run.scenario.law.graph.break_radius)))
     found = []
     for q, p in zip(run.q, run.p, strict=True):
         distances = pair_distances(q, space)
         found.append((order_of(p), float(distances.min()), float(components(distances < radius).max()) + 1.0))
-    polarisation, nearest, fragments = np.array(found).T
+    polarisation, nearest, fragments = np.array(found).reshape(-1, 3).T
     return polarisation, nearest, fragments
 
 

@@ -13,6 +13,8 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.model.bodies.discrete_bodies import Heading, Impulsive
 from flocking.model.checks import Array
+from flocking.model.graphs.distance_graphs import Proximity
+from flocking.model.law import Law
 from flocking.model.observables import order_of
 from flocking.model.world.control import Held
 from flocking.papers.grounds import OBSERVED, Ground, grounded, proved
@@ -86,8 +88,8 @@ def force_limited(e: Evidence) -> Measure:
         raise NotMeasurable("agents have no largest force")
     if len(e.t) < 2:
         raise NotMeasurable("the run has one frame")
-    # Between frames that are not at updates there may be one update more than their time says.
-    updates = np.rint(np.diff(e.t) / _period(e))
+    # Between frames that are not at updates there may be one update more than fits into their time.
+    updates = np.maximum(np.ceil(np.diff(e.t) / _period(e) - CLOCK), 1.0)
     most = (updates * _period(e))[:, None] * np.asarray(body.force) / np.asarray(body.masses)
     share = float((np.linalg.norm(np.diff(e.p, axis=0), axis=2) / most).max())
     return below(share, 1.0 + ROUNDING, f"largest change of a velocity {share:.10g} of what the largest force allows")
@@ -103,11 +105,18 @@ def moved_with_new_velocity(e: Evidence) -> Measure:
     return below(off, 1e-6, f"displacements differ from the new velocity by at most {off:.1e} of the largest one")
 
 
+def _is_stated_here(law: Law) -> bool:
+    """Whether a law is that of boids, or that of birds of some vision."""
+    if law == system.boid_law():
+        return True
+    return type(law.graph) is Proximity and law == system.bird_law(law.graph.radius)
+
+
 @about(Subject.SPREAD, lasting=True)
 def rule_followed(e: Evidence) -> Measure:
     """Largest difference of velocities after an update from those by the rule, at the first updates of the run."""
     scenario = e.run.scenario
-    if scenario.law not in (system.boid_law(), system.bird_law(float(np.max(scenario.law.graph.break_radius)))):
+    if not _is_stated_here(scenario.law):
         raise NotMeasurable("the law is not one of this package")
     e.need_few()
     off, speed = 0.0, float(np.linalg.norm(e.p, axis=2).max())
@@ -135,7 +144,11 @@ def polarised(e: Evidence) -> Measure:
 def apart(e: Evidence) -> Measure:
     """Smallest distance of two agents at the frames after the first, against that of touching bodies."""
     e.need_few()
-    least = float(measured(e.run)[1][1:].min())
+    if len(e.t) < 2:
+        raise NotMeasurable("the run has one frame")
+    if e.run.n < 2:
+        raise NotMeasurable("there is one agent")
+    least = float(measured(e.checked)[1][1:].min())
     return above(least, TOUCHING, f"smallest distance at the frames {least:.3g}")
 
 
@@ -143,7 +156,9 @@ def apart(e: Evidence) -> Measure:
 def one_flock(e: Evidence) -> Measure:
     """Number of groups at the last frame, against one."""
     e.need_few()
-    groups = int(measured(e.run)[2][-1])
+    if not np.isfinite(e.law.graph.break_radius).all():
+        raise NotMeasurable("links of the law end at no distance")
+    groups = int(measured(e.checked)[2][-1])
     return below(groups, 1.5, f"{groups} groups at the end")
 
 

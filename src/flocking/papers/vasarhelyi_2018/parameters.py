@@ -83,7 +83,7 @@ def at(q: Array, p: Array, radius: float | None = None) -> tuple[float, float, f
 
 
 def order_parameters(run: Run) -> OrderParameters:
-    """Order parameters of a run at its frames.
+    """Order parameters of a run at its frames; empty without frames.
 
     Parameters
     ----------
@@ -91,4 +91,4 @@ def order_parameters(run: Run) -> OrderParameters:
         The run, of agents in the plane.
     """
     rows = np.array([at(q, p) for q, p in zip(run.q, run.p, strict=True)])
-    return OrderParameters(*rows.T)
+    return OrderParameters(*rows.reshape(-1, len(NAMES)).T)

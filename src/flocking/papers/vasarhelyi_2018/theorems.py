@@ -11,7 +11,9 @@ from functools import lru_cache
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.checks import Array
+from flocking.model.world.control import Held
 from flocking.papers.grounds import OBSERVED, Ground, grounded, proved
 from flocking.papers.vasarhelyi_2018 import system
 from flocking.papers.vasarhelyi_2018.closed_forms import lone_speeds
@@ -43,7 +45,7 @@ SMALLEST = 5
 def _parameters(e: Evidence) -> OrderParameters:
     if e.q.shape[2] != 2:
         raise NotMeasurable("agents do not move in the plane")
-    return order_parameters(e.run)
+    return order_parameters(e.checked)
 
 
 def _late(e: Evidence, name: str) -> Array:
@@ -68,6 +70,8 @@ def correlated(e: Evidence) -> Measure:
 @about(Subject.CLOSEST)
 def no_collisions(e: Evidence) -> Measure:
     """Share of pairs within the collision radius at the frames, against none."""
+    if e.run.n < 2:
+        raise NotMeasurable("there is one agent")
     found = float(_late(e, "collision").max())
     pairs = e.run.n * (e.run.n - 1)
     return below(found, 1.0 / pairs, f"at most {found * pairs / 2:.0f} pairs within 3 m at a frame")
@@ -101,15 +105,34 @@ def together(e: Evidence) -> Measure:
     return above(found, e.run.n / SMALLEST, f"smallest cluster of {found:.3g} agents on average")
 
 
+def _need_lone_agent(e: Evidence) -> None:
+    """Refuse runs of several agents, of other laws and vehicles, with noise, and at rest at the start."""
+    body, right, control = e.run.scenario.agents, system.unit(noise=0.0), e.run.scenario.control
+    if e.run.n != 1:
+        raise NotMeasurable("there is more than one agent")
+    if e.law != system.law(walls=False):
+        raise NotMeasurable("the law is not that of a lone agent in free space")
+    if not isinstance(control, Held) or np.any(np.asarray(control.period) != system.REFRESH) or np.any(control.phase):
+        raise NotMeasurable("the agent is not told a velocity at the ticks of the paper")
+    if not isinstance(body, VelocityUnit) or np.any(body.diffusion) or body.substeps != right.substeps:
+        raise NotMeasurable("the agent is not the vehicle of the paper without noise")
+    if np.any(np.asarray(body.time_constant) != right.time_constant):
+        raise NotMeasurable("the agent has another time constant than that of the paper")
+    if not np.any(e.p[0]):
+        raise NotMeasurable("the agent is at rest at the start")
+
+
 @about(Subject.VELOCITIES, lasting=True)
 def lone_speed(e: Evidence) -> Measure:
     """Largest difference of the speeds of a lone agent from the closed form."""
-    if e.run.n != 1:
-        raise NotMeasurable("there is more than one agent")
+    _need_lone_agent(e)
     ticks = np.rint((e.t - e.t[0]) / system.REFRESH).astype(int)
     if np.abs(ticks * system.REFRESH - (e.t - e.t[0])).max() > 1e-6:
         raise NotMeasurable("the frames are not at ticks")
     speeds = np.linalg.norm(e.p[:, 0], axis=1)
+    largest = e.run.scenario.agents.acceleration  # type: ignore[attr-defined]
+    if largest is not None and abs(speeds[0] - system.FLOCK_SPEED) > system.TIME_CONSTANT * float(np.max(largest)):
+        raise NotMeasurable("the agent cannot accelerate as much as the closed form asks for")
     off = float(np.abs(speeds - lone_speeds(float(speeds[0]), int(ticks[-1]))[ticks]).max()) / system.FLOCK_SPEED
     return below(off, ROUNDING, f"speeds differ from the closed form by at most {off:.1e} of v_flock")
 
@@ -117,8 +140,7 @@ def lone_speed(e: Evidence) -> Measure:
 @about(Subject.VELOCITIES, lasting=True)
 def straight(e: Evidence) -> Measure:
     """Largest part of the velocities across that of the start, by the speed at the start."""
-    if e.run.n != 1:
-        raise NotMeasurable("there is more than one agent")
+    _need_lone_agent(e)
     first = e.p[0, 0] / np.linalg.norm(e.p[0, 0])
     across = e.p[:, 0] - (e.p[:, 0] @ first)[:, None] * first
     off = float(np.linalg.norm(across, axis=1).max()) / system.FLOCK_SPEED
