@@ -53,6 +53,9 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
     ----------
     scenario
         What is simulated; its information is delayed.
+    longest_step
+        Longest step as a share of the delay, at most 1. Of runs that repeat another with shorter steps, which are not
+        saved: a session that is unpacked has 1 again.
 
     Attributes
     ----------
@@ -70,9 +73,10 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
     rule = FIFTEEN
     rounding_alone = False
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, longest_step: float = 1.0) -> None:
         super().__init__(scenario)
         self.options = DelayedOptions()
+        self._longest_step = longest_step
         assert isinstance(scenario.information, Delayed)
         self.tau, self._self_delayed = scenario.information.tau, scenario.information.self_delayed
         start = scenario.start
@@ -195,7 +199,7 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         bound = min(self.breaks[0] if self.breaks else math.inf, self._next_gains())
         before = self._stepper.memory
         try:
-            segment = self._stepper.step(bound, self.tau)
+            segment = self._stepper.step(bound, self._longest_step * self.tau)
             rows = self._known_switches(segment)
         except BaseException:
             self._stepper.recall(before)

@@ -110,11 +110,24 @@ def happens(measured: Measure) -> Measure:
     return replace(measured, everywhere=False, somewhere=True)
 
 
-def _with_errors_of_motion(measured: Measure, e: Evidence) -> Measure:
-    """What was ``measured``, with an unknown error where that of the motion is unknown."""
-    if not e.motion_unstated or math.isinf(measured.margin):
+def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[[Evidence], Measure]) -> Measure:
+    """What was ``measured`` by a ``conclusion``, with the error of the motion where the run states none.
+
+    It is estimated where the run can be repeated more accurately, see `flocking.study.evidence.repetitions`, and is
+    unknown elsewhere.
+    """
+    if not e.motion_unstated or math.isinf(measured.margin) or measured.unsettled:
         return measured
-    return replace(measured, error=math.nan, note=f"{measured.note}; the error of the motion is not estimated")
+    try:
+        repetitions = e.repetitions
+        again = [conclusion(type(e)(run)) for run in repetitions.runs]
+    except (NotMeasurable, NotResolvable) as reason:
+        why = f": {reason}" if isinstance(reason, NotResolvable) and str(reason) else ""
+        return replace(measured, error=math.nan, note=f"{measured.note}; the error of the motion is not estimated{why}")
+    if any(one.unsettled for one in again):
+        return replace(measured, error=math.nan, note=f"{measured.note}; more accurate runs leave it unsettled")
+    error = measured.error + repetitions.error(measured.margin, [one.margin for one in again])
+    return replace(measured, error=error, note=f"{measured.note}; {repetitions.note}")
 
 
 def granted(_: Evidence) -> Measure:
@@ -236,7 +249,7 @@ class Claim:
         if not explained:
             return Result(self, Verdict.NOT_RESOLVED, measured.margin, math.inf, evidence.ledger_note)
         if self.dynamic and self.about.subject in MEASURED_AT_FRAMES:
-            measured = _with_errors_of_motion(measured, evidence)
+            measured = _with_errors_of_motion(measured, evidence, self.conclusion)
         verdict, doubt = self._verdict(evidence, measured, hypothesis.unsettled or measured.unsettled)
         return Result(self, verdict, measured.margin, measured.error, _joined(measured.note, doubt))
 

@@ -11,11 +11,23 @@ from flocking.model.checks import Array
 from flocking.model.observables import diameters
 from flocking.model.potentials.potential import Potential
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
+from flocking.study.evidence.repetitions import Repetitions, repetitions_of
 from flocking.study.potentials.equilibrium import Equilibrium
 
 
 class MotionEvidence(RunEvidence):
     """Velocities, distances and forces."""
+
+    @cached_property
+    def repetitions(self) -> Repetitions:
+        """The run again, twice, with more accurate steps.
+
+        Raises
+        ------
+        NotResolvable
+            When it cannot be repeated, or their motions differ too much for an estimate.
+        """
+        return repetitions_of(self.checked)
 
     @cached_property
     def mean_velocity(self) -> Array:

@@ -1,0 +1,134 @@
+"""Errors of motions whose engine states none, estimated by repeating the run with more accurate steps.
+
+The difference of a run from one whose error is much smaller is its error, whether the motion amplifies the errors of
+steps or damps them (Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, section II.4, on global
+errors). A smaller tolerance alone does not make a run more accurate: steps that end at the delay are the same for all
+tolerances. So the longest step is shortened too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.arrays import Reals
+from flocking.engine.delayed.session import DelayedSession
+from flocking.engine.runs.run import Run
+from flocking.errors import FlockingError
+from flocking.study.evidence.basis import NotResolvable
+
+FINER = ((0.1, 0.7), (0.01, 0.5))
+"""Tolerance of each repetition as a share of that of the run, and its longest step as a share of the delay."""
+
+SAFETY = 4.0
+"""Ratio of stated errors to the differences found, as that of the exact engine's own estimate."""
+
+LOST = 1e-3
+"""Difference of positions or velocities, as a share of the largest extent of those of the run, beyond which margins
+that agree are no sign of a small error: motions that have nothing in common any more may have similar means.
+"""
+
+MOST_WORK = 1e7
+"""Largest work of a run that is repeated, in evaluations of pairs: about a minute, and its repetitions three."""
+
+STEP = 500
+"""Work of a step besides its pairs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Repetitions:
+    """A run repeated with more accurate steps.
+
+    Parameters
+    ----------
+    runs
+        The repetitions, the most accurate last.
+    share
+        Largest difference of the run, or of another repetition, from the last, as a share of the largest extent of its
+        positions or of its velocities.
+    """
+
+    runs: tuple[Run, ...]
+    share: float
+
+    def error(self, margin: float, margins: Sequence[float]) -> float:
+        """Estimated error of a margin.
+
+        Four times the largest difference from that of the most accurate repetition, and no less than the share by
+        which the motions differ: margins of few values, or at frames where two motions cross, may agree by chance.
+
+        Parameters
+        ----------
+        margin
+            That of the run.
+        margins
+            Those of the repetitions.
+        """
+        *others, best = margin, *margins
+        return SAFETY * max(*(abs(other - best) for other in others), self.share * abs(margin))
+
+    @property
+    def note(self) -> str:
+        """How the error was estimated, in words."""
+        tolerance, step = FINER[-1]
+        return (
+            f"error estimated from {len(self.runs)} repetitions, the last with {tolerance:g} of the tolerance "
+            f"and steps up to {step:g} of the delay"
+        )
+
+
+def repetitions_of(run: Run) -> Repetitions:
+    """Repeat a run of the engine for delayed knowledge.
+
+    Parameters
+    ----------
+    run
+        The run.
+
+    Raises
+    ------
+    NotResolvable
+        When it was made by another engine, has not finished, is too large, or differs too much from its repetitions.
+    """
+    if run.fidelity.engine != DelayedSession.engine or run.fidelity.ledger.kind != "tolerance":
+        raise NotResolvable("")
+    steps = run.provenance.get("steps")
+    if not run.finished or not isinstance(steps, int):
+        raise NotResolvable("a run that has not finished is not repeated")
+    if not steps * (STEP + run.n**2) <= MOST_WORK:
+        raise NotResolvable(f"{steps} steps of {run.n} agents are too many to repeat")
+    runs = tuple(_repeated(run, *how) for how in FINER)
+    share = max(_share(one, runs[-1], run) for one in (run, *runs[:-1]))
+    if not share <= LOST:
+        raise NotResolvable(f"repetitions with more accurate steps differ from it by {share:.1e} of its extent")
+    return Repetitions(runs, share)
+
+
+def _repeated(run: Run, tolerance: float, step: float) -> Run:
+    """The run with shares of its ``tolerance`` and of the longest ``step``."""
+    scenario = run.scenario.with_(tolerance=tolerance * run.scenario.tolerance)
+    try:
+        session = DelayedSession(scenario, step)
+        session.advance(scenario.t_end)
+        found = session.run()
+        session.close()
+    except FlockingError as error:
+        raise NotResolvable(f"a repetition failed: {error}") from None
+    if not found.finished or not np.array_equal(found.t, run.t):
+        raise NotResolvable("a repetition has other frames")
+    return found
+
+
+def _share(one: Run, best: Run, run: Run) -> float:
+    """Largest difference of two runs as a share of the extent of the positions or velocities of a ``run``."""
+    return max(_relative(one.q, best.q, run.q), _relative(one.p, best.p, run.p))
+
+
+def _relative(one: Reals, best: Reals, size: Reals) -> float:
+    difference = float(np.abs(one - best).max(initial=0.0))
+    extent = float(np.ptp(size, axis=1).max(initial=0.0))
+    if difference == 0.0:
+        return 0.0
+    return difference / extent if extent > 0.0 else np.inf

@@ -1,0 +1,109 @@
+"""Errors of delayed motions, estimated by repetitions, against the closed form by the method of steps."""
+
+from dataclasses import replace
+from fractions import Fraction
+from math import factorial
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.papers.cucker_smale_2007 import system
+from flocking.study.claims.claim import Claim, Measure
+from flocking.study.claims.subjects import Subject, about
+from flocking.study.evidence import Evidence, NotResolvable
+from flocking.study.evidence.repetitions import SAFETY, Repetitions
+
+DURATION = 12.0
+
+
+def relative_velocity(t, delay):
+    """The solution of w'(t) = -w(t - delay) with w = 1 until t = 0, in exact arithmetic (method of steps)."""
+    t, delay = Fraction(t), Fraction(delay)
+    terms, k = Fraction(1), 1
+    while t - (k - 1) * delay > 0:
+        terms += Fraction(-1) ** k * (t - (k - 1) * delay) ** k / factorial(k)
+        k += 1
+    return float(terms)
+
+
+def measured_at(frame):
+    """The relative velocity at a frame, as a margin."""
+
+    @about(Subject.VELOCITIES)
+    def velocity(e):
+        return Measure(float(e.p[frame, 0, 0] - e.p[frame, 1, 0]), 0.0, "relative velocity")
+
+    return velocity
+
+
+def late(delay, tolerance):
+    made = system.late_pair(delay, duration=DURATION).with_(frames=25, tolerance=tolerance)
+    return fk.simulate(made, progress=False)
+
+
+@pytest.mark.parametrize(("delay", "tolerance"), [(1.5, 1e-9), (1.5, 1e-6), (0.375, 1e-9), (0.375, 1e-4)])
+def test_stated_errors_cover_true_ones_and_are_of_their_size(delay, tolerance):
+    """For the delay 0.375 most steps end at the delay: a smaller tolerance alone would give the same motion."""
+    run = late(delay, tolerance)
+    claims = [Claim(f"at-{k}", "here", "Positive.", measured_at(k)) for k in range(1, 25)]
+    results = fk.audit(run, claims).results
+    exact = np.array([relative_velocity(t, delay) for t in run.t[1:]])
+    stated = np.array([result.error for result in results])
+    off = np.abs(np.array([result.margin for result in results]) - exact)
+    assert (off <= stated + 1e-15).all()
+    assert 0.0 < stated.max() <= 10.0 * SAFETY * off.max()
+
+
+def test_margins_within_the_estimate_are_left_open():
+    run = late(1.5, 1e-6)
+    values = run.p[:, 0, 0] - run.p[:, 1, 0]
+    offs = np.abs(values - [relative_velocity(t, 1.5) for t in run.t])
+    worst = int(offs.argmax())
+    value, off = float(values[worst]), float(offs[worst])
+
+    def judged(beyond):
+        @about(Subject.VELOCITIES)
+        def above_bound(e):
+            return Measure(float(e.p[worst, 0, 0] - e.p[worst, 1, 0]) - (value - beyond))
+
+        return str(fk.audit(run, [Claim("c", "here", "Above.", above_bound)])["c"].verdict)
+
+    assert off > 1e-7
+    assert [judged(share * off) for share in (0.5, -0.5, 50, -50)] == [
+        "not resolved", "not resolved", "holds", "fails",
+    ]  # fmt: skip
+
+
+GROWING = fk.Law(fk.Fixed.complete(4), [fk.Gradient(fk.Potential("(r - 1)**2/2"))])
+
+
+def test_motions_that_differ_too_much_are_no_estimate():
+    """Oscillations that a delay drives grow, and so do the errors of coarse steps."""
+    begin = fk.start.box(4, side=2, speed=1, seed=1)
+    world = fk.Delayed(0.4)
+    run = fk.simulate(
+        fk.Scenario(GROWING, begin, t_end=20, frames=21, information=world, tolerance=0.05), progress=False
+    )
+    with pytest.raises(NotResolvable, match="of its extent"):
+        Evidence(run).repetitions  # noqa: B018
+    result = fk.audit(run, [Claim("c", "here", "Positive.", measured_at(0))])["c"]
+    assert str(result.verdict) == "not resolved"
+    assert "differ from it by" in result.note
+
+
+def test_runs_that_are_not_repeated_say_why():
+    run = late(1.5, 1e-6)
+    with pytest.raises(NotResolvable, match="other frames"):
+        Evidence(run.until(6.0)).repetitions  # noqa: B018
+    with pytest.raises(NotResolvable, match="too many"):
+        Evidence(replace(run, provenance={**run.provenance, "steps": 10**6})).repetitions  # noqa: B018
+    with pytest.raises(NotResolvable, match="not finished"):
+        Evidence(replace(run, status="interrupted")).repetitions  # noqa: B018
+
+
+def test_equal_margins_do_not_make_an_error_of_zero():
+    assert Repetitions((), 1e-7).error(2.0, [2.0, 2.0]) == pytest.approx(SAFETY * 2e-7)
+    assert Repetitions((), 0.0).error(1.0, [1.5, 2.0]) == SAFETY
+    assert Repetitions((), 0.0).error(2.0, [1.5, 2.0]) == SAFETY * 0.5
+    assert np.isnan(Repetitions((), 0.0).error(2.0, [1.5, np.nan]))
