@@ -50,6 +50,7 @@ HOMES = {
     "change the relative tolerance of the exact engine's integration method": "RELATIVE =",
     "change how a crossing of a distance is located": "def crossings(",
     "change the companion solution that estimates the integration error": "class Companion",
+    "change how the error of a delayed motion is estimated": "def repetitions_of",
     "add a field to the checkpoint of the exact engine": "def pack_exact(",
     "add a column to the ledger of a run": "TRACE_FIELDS =",
     "change how the controller of one agent is called": "class Controller:",
