@@ -18,6 +18,7 @@ MAY_IMPORT = {
     "engine/driver/registry.py",
     "engine/driver/lammps_export.py",  # writes an input deck and runs nothing
     "engine/nodes/session.py",  # the sampled engine's world, with agents in processes of their own
+    "study/evidence/repetitions.py",  # repeats runs of the delayed engine with shorter steps
     "study/certificates/safety_certificates.py",  # the braking paths of which the certificate speaks
 }
 FORMATS = {("apps/commands/storage_commands.py", "to.lower() == 'lammps'")}

@@ -192,10 +192,14 @@ def _named_columns(texts: list[str]) -> dict[str, str]:
 
 def _print_claims(report: Report, title: str, proven: Mapping[str, str] | None = None) -> None:
     """The claims with their verdicts and, below, keys of certificates that prove some, where they are given."""
+    import shutil
+    import textwrap
+
     from flocking.apps.tables import print_table, short
 
     rows = [(r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note) for r in report.results]
     print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=title)
     if proven:
         known = [f"{key} ({proven[key]})" for key, *_ in rows if key in proven]
-        print(f"Guaranteed before the run, with the certificate that says so: {', '.join(known)}.")
+        text = f"Guaranteed before the run, with the certificate that says so: {', '.join(known)}."
+        print(textwrap.fill(text, shutil.get_terminal_size().columns))
