@@ -37,6 +37,8 @@ def interrupted_at(instruction: int, future: Future[int]) -> tuple[bool, bool]:
         return trace
 
     raised = False
+    # Python 3.12 traces instructions only if a frame asked for them before.
+    sys._getframe().f_trace_opcodes = True
     sys.settrace(trace)
     try:
         ended = WorkerPool().first_ended([future])
