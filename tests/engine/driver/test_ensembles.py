@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 import threading
+from functools import cache
+from types import FrameType
 
 import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine import interruption
 from flocking.engine.driver import ensembles
 from flocking.engine.driver.ensembles import simulate_many
 from flocking.engine.driver.run_progress import Progress
+from flocking.engine.protocol.session import Session
 from flocking.errors import InvalidInput, NotFinite, RunsFailed, UnsupportedLaw
 from tests.engine.driver.test_chosen_engine import LAW
 
@@ -34,10 +40,16 @@ WORLDS = {
 }
 
 
+@cache
+def simulated() -> list[fk.Run]:
+    """The runs of six scenarios, one after another."""
+    return [fk.simulate(zhou(seed), progress=False) for seed in range(6)]
+
+
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_the_runs_are_those_of_simulate(threads):
     scenarios = [zhou(seed) for seed in range(6)]
-    single = [fk.simulate(each, progress=False) for each in scenarios]
+    single = simulated()
     assert len({len(run.switches) for run in single}) > 1
     order = np.random.default_rng(threads).permutation(6)
     runs = simulate_many([scenarios[k] for k in order], threads=threads, progress=False)
@@ -91,7 +103,7 @@ def test_after_an_interrupt_every_run_holds_what_was_computed(monkeypatch):
     def interrupted(self: Progress, done: int, failed: int) -> None:
         looks.append(done)
         if len(looks) == 1:
-            raise KeyboardInterrupt
+            signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(Progress, "advance", interrupted)
     monkeypatch.setattr("flocking.engine.driver.simulate.GLANCE_SECONDS", 0.02)
@@ -105,21 +117,73 @@ def test_after_an_interrupt_every_run_holds_what_was_computed(monkeypatch):
 
 
 def test_a_second_interrupt_ends_at_once(monkeypatch):
-    second = threading.Event()
+    """It does not wait for runs whose slice of work never ends; they end with that slice."""
+    let_go, taken = threading.Event(), []
     looks = []
 
     def interrupted(self: Progress, done: int, failed: int) -> None:
         looks.append(done)
-        if len(looks) == 2:
-            second.set()
-        raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGINT)
 
-    advance = ensembles.advance_slice
+    def never_ending(session: Session, to: float) -> None:
+        taken.append(threading.current_thread())
+        let_go.wait()
+
     monkeypatch.setattr(Progress, "advance", interrupted)
-    monkeypatch.setattr(ensembles, "advance_slice", lambda session, to: second.wait() and advance(session, to))
+    monkeypatch.setattr(ensembles, "advance_slice", never_ending)
     with pytest.raises(KeyboardInterrupt):
         simulate_many([zhou(0)], threads=1, progress=False)
     assert len(looks) == 2
+    let_go.set()
+    for thread in working() + taken:
+        thread.join(LONGEST)
+        assert not thread.is_alive()
+    assert len(taken) <= 1
+
+
+LONGEST = 600.0
+"""Seconds after which a thread counts as one that never ends, on a busy machine."""
+
+
+def working() -> list[threading.Thread]:
+    return [thread for thread in threading.enumerate() if thread.name.startswith("simulate_many")]
+
+
+def test_an_interrupt_at_any_instruction_ends_all_threads(monkeypatch):
+    """Runs that never end by themselves: an interrupt that is lost, or leaves a thread at work, is seen."""
+    code = ensembles._Ensemble.run.__code__
+    monkeypatch.setattr("flocking.engine.driver.simulate.GLANCE_SECONDS", 0.002)
+    monkeypatch.setattr(ensembles, "WAIT_SECONDS", 0.002)
+    endless = [zhou(seed).with_(t_end=1e9, frames=2) for seed in range(2)]
+    shared = (threading.__file__, interruption.__file__)
+    for instruction in range(1, 1000, 13):
+        left = [instruction]
+
+        def trace(frame: FrameType, event: str, _: object, left: list[int] = left) -> object:
+            if frame.f_code is not code and frame.f_code.co_filename not in shared:
+                return None
+            frame.f_trace_opcodes = True
+            if event == "opcode":
+                left[0] -= 1
+                if left[0] == 0:
+                    signal.raise_signal(signal.SIGINT)
+            return trace
+
+        raised, runs = False, ()
+        # Python 3.12 traces instructions only if a frame asked for them before.
+        sys._getframe().f_trace_opcodes = True
+        sys.settrace(trace)
+        try:
+            runs = simulate_many(endless, threads=2, progress=False)
+        except KeyboardInterrupt:
+            raised = True
+        finally:
+            sys.settrace(None)
+        assert left[0] <= 0, instruction
+        for thread in working():
+            thread.join(LONGEST)
+        assert working() == [], f"threads go on after an interrupt at instruction {instruction}"
+        assert raised or [run.status.partition(" at ")[0] for run in runs] == ["interrupted"] * 2, instruction
 
 
 def test_a_scenario_that_cannot_be_started_is_named():

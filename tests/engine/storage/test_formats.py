@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import zipfile
 from functools import cache
 from pathlib import Path
@@ -13,9 +14,11 @@ import pytest
 
 import flocking as fk
 from flocking.engine.driver.registry import engine_names
+from flocking.engine.lammps import library
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.record import FORMAT, engine_of
 from flocking.engine.storage.stored_runs import read_run, stored_facts
+from flocking.errors import EngineMissing
 from flocking.model.serial import to_data
 
 FORMATS = Path(__file__).parent / "formats"
@@ -90,6 +93,9 @@ def stopped(name: str) -> tuple[fk.Scenario, dict[str, Any]]:
         return fk.Scenario(computed().scenario.law, computed().scenario.start, **common), {}
     if name == "tiles":
         return fk.Scenario(soft, begin, **common), {"engine": "tiles", "step": 0.01, "threads": 1}
+    if name == "lammps":
+        without_gap = fk.Law(fk.Proximity(4.0), soft.terms)
+        return fk.Scenario(without_gap, begin, **common), {"engine": "lammps", "step": 0.01}
     if name == "delayed":
         return fk.Scenario(soft, begin, information=fk.Delayed(0.15), **common), {}
     if name == "headings":
@@ -101,21 +107,49 @@ def stopped(name: str) -> tuple[fk.Scenario, dict[str, Any]]:
     return fk.Scenario(soft, begin, agents=fk.Impulsive(damping=0.5, speed=8.0), control=ticks, **common), {}
 
 
-ENDS = {"held": math.inf, "exact": 0.32, "tiles": 0.2, "delayed": 0.28, "headings": 0.1, "impulses": 0.28}
-"""Where the runs that are kept were stopped: `format2-NAME.zip`. Those of discrete time are of the commit that first
-kept them here, the others of earlier ones. That of held control was killed."""
+ENDS = {
+    "held": math.inf, "exact": 0.32, "tiles": 0.2, "delayed": 0.28, "headings": 0.1, "impulses": 0.28, "lammps": 0.7,
+}  # fmt: skip
+"""Where the runs that are kept were stopped: `format2-NAME.zip`. Those of discrete time and of LAMMPS are of the commit
+that first kept them here, the others of earlier ones. That of held control was killed."""
+
+HERE = [name for name in ENDS if name != "lammps"]
+"""Those whose engine needs no further packages; `tests/mpi/test_formats.py` goes on with that of LAMMPS."""
 
 
 def test_a_stopped_run_of_every_engine_is_kept(tmp_path: Path) -> None:
     """A change of what an engine's checkpoint holds needs a new run here, and the earlier one still goes on."""
     assert {f"format2-{name}.zip" for name in ENDS} == {path.name for path in FORMATS.glob("format*-*.zip")}
     engines = {engine_of(unpacked(name, tmp_path / name))[0] for name in ENDS}
-    assert engines == set(engine_names()) - {"auto", "lammps"}, "those of lammps belong to its machine and version"
+    assert engines == set(engine_names()) - {"auto"}
 
 
-@pytest.mark.parametrize("name", ENDS)
+def test_a_stopped_run_of_lammps_opens_without_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = unpacked("lammps", tmp_path / "run")
+    scenario, options = stopped("lammps")
+    part = read_run(folder)
+    assert to_data(part.scenario) == to_data(scenario)
+    assert part.status == "interrupted at t = 0.7"
+    assert part.t.tolist() == [0.0, 0.5]
+    assert part.fidelity.engine == "lammps"
+    # The same steps of the same method, on another engine.
+    tiles = fk.simulate(scenario, progress=False, **{**options, "engine": "tiles", "threads": 1})
+    np.testing.assert_allclose(part.q, tiles.q[:2], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(part.p, tiles.p[:2], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(part.trace["energy"][-1], tiles.trace["energy"][70], rtol=1e-9)
+    monkeypatch.setattr(library, "_files", lambda package: [])
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    with pytest.raises(EngineMissing, match=r"lammps.*flocking\[mpi\]"):
+        fk.resume(folder, progress=False)
+
+
+@pytest.mark.parametrize("name", HERE)
 def test_a_stopped_run_opens_and_goes_on(name: str, tmp_path: Path) -> None:
-    folder = unpacked(name, tmp_path / "run")
+    check_going_on(name, unpacked(name, tmp_path / "run"))
+
+
+def check_going_on(name: str, folder: Path) -> None:
+    """A stopped run that is kept opens, and goes on to what its scenario comes to now."""
     assert stored_facts(folder)["format"] == 2
     scenario, options = stopped(name)
     part, whole = read_run(folder), fk.simulate(scenario, progress=False, **options)

@@ -12,6 +12,7 @@ from flocking.engine import interruption
 from flocking.engine.driver.registry import check_name, chosen_engine, engine_named, options_of
 from flocking.engine.driver.run_progress import Progress
 from flocking.engine.driver.simulate import advance_slice, fine_option, open_session
+from flocking.engine.interruption import Deferred
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError, InvalidInput, RunsFailed, SimulationError
@@ -106,23 +107,28 @@ class _Ensemble:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def run(self, count: int, bar: Progress) -> bool:
-        """Run all scenarios in ``count`` threads; whether that was interrupted. A second interrupt is raised."""
+        """Run all scenarios in ``count`` threads; whether that was interrupted.
+
+        Ctrl-C is noted and ends the runs; a second one is raised at once. However this ends, no thread goes on for
+        longer than the slice of work it is in.
+        """
         threads = [threading.Thread(target=self._work, name=f"simulate_many {k}", daemon=True) for k in range(count)]
-        interrupted, shown = False, 0
-        for thread in threads:
-            thread.start()
-        while any(thread.is_alive() for thread in threads):
-            try:
+        deferred, shown = Deferred(), 0
+        try:
+            with deferred:
                 for thread in threads:
-                    thread.join(WAIT_SECONDS)
-                done = self._done
-                bar.advance(done - shown, 0)
-                shown = done
-            except KeyboardInterrupt:
-                if interrupted:
-                    raise
-                interrupted = self._stopped = True
-        return interrupted
+                    thread.start()
+                while any(thread.is_alive() for thread in threads):
+                    for thread in threads:
+                        self._stopped = self._stopped or interruption.noted()
+                        thread.join(WAIT_SECONDS)
+                    done = self._done
+                    bar.advance(done - shown, 0)
+                    shown = done
+                interrupted = interruption.noted()
+        finally:
+            self._stopped = True
+        return interrupted or deferred.late
 
     def _work(self) -> None:
         while (job := self._taken()) is not None:
