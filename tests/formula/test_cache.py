@@ -7,7 +7,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -250,6 +252,8 @@ def test_a_cache_that_keeps_nothing_shows_nothing(
 
 WRITER = """
 import sys
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from flocking.formula import cache
 for k in range(10**6):
@@ -283,3 +287,32 @@ def test_8_processes_meet_in_an_empty_cache(folder: Path) -> None:
         assert [p.communicate()[0] for p in several] == ["34.5\n"] * 8
         count("cache: races of 8 processes")
         cache.clear()
+
+
+def test_a_thread_never_gets_a_module_that_another_one_is_still_running(folder: Path) -> None:
+    """The first thread is held up amid the module's code until the second one has its own."""
+    begun, had = threading.Event(), threading.Event()
+
+    def pause() -> None:
+        if not begun.is_set():
+            begun.set()
+            assert had.wait(600)
+
+    source = "from tests.formula import test_cache\n\ntest_cache.PAUSES[-1]()\nvalue = 7\n"
+    PAUSES.append(pause)
+    found: list[Any] = []
+    first = threading.Thread(target=lambda: found.append(module(source)), daemon=True)
+    first.start()
+    try:
+        assert begun.wait(600)
+        second = compiled._of_source(source)
+        assert second.value == 7
+    finally:
+        had.set()
+        first.join()
+        PAUSES.pop()
+    assert found[0] is second, "functions of both are compiled once"
+
+
+PAUSES: list[Callable[[], None]] = []
+"""What a generated module calls in the test of two threads."""

@@ -148,10 +148,9 @@ def _loaded(name: str, source: str) -> ModuleType:
     module = ModuleType(name)
     module.__file__ = str(path)
     module.__dict__["SOURCE"] = source
-    sys.modules[name] = module
     try:
         exec(compile(source, str(path), "exec"), module.__dict__)
     except Exception as error:
-        del sys.modules[name]
         raise CacheError(f"The generated module {path} is damaged ({error}). Delete it and try again.") from error
-    return module
+    # Known once it is complete: another thread may ask for it meanwhile, and the first one that is complete serves all.
+    return sys.modules.setdefault(name, module)

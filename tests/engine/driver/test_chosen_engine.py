@@ -41,7 +41,11 @@ def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: st
     [
         (scenario(information=fk.Messages(0.1)), "engine='sampled' needs control=Held"),
         (scenario(control=fk.Held(0.1), information=fk.Delayed(0.1)), "engine='exact' does not run"),
-        (scenario(3000, control=fk.Held(0.1), information=fk.Messages(0.1, loss=0.3)), "'sampled' for 3000"),
+        (
+            scenario(3000, control=fk.Held(0.1), information=fk.Messages(0.1, loss=0.3)),
+            "Messages: expires must be given",
+        ),
+        (scenario(3000, information=fk.Messages(0.1)), r"tiled engine .* continuous control; use control=Held"),
         (scenario(3000, information=fk.Delayed(0.1)), "'delayed' for 3000"),
         (
             scenario(control=fk.Held(0.1), agents=fk.Impulsive(), information=fk.Messages(0.1)),

@@ -290,7 +290,8 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
     found = [name for name in moving if not left_out(scenario, engines[name].worlds)]
     found = found or (moving if scenario.agents.discrete else [GENERAL])
     able = (name for name in found if len(found) == 1 or not engines[name].why_not(scenario, plant))
-    return next(able, GENERAL if GENERAL in found else found[-1])
+    # The engine for groups of this size says what it refuses; others only that the group is too large.
+    return next(able, GENERAL if GENERAL in found else found[0])
 
 
 ARGUMENTS = ("engine", "fine", "plant", "progress", "save")

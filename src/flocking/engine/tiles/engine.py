@@ -42,8 +42,9 @@ class TilesEngine(Engine):
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> TilesSession:
         """Start a session."""
         assert isinstance(options, TilesOptions)
-        if isinstance(scenario.control, Held):
+        if not (scenario.control.ideal and scenario.information.ideal):
             self.check(scenario, plant)
+        if isinstance(scenario.control, Held):
             return HeldTilesSession(scenario, options)
         return TilesSession(scenario, options, plant=plant)
 
