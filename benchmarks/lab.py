@@ -9,7 +9,9 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import json
 import os
+import struct
 import threading
 import time
 from pathlib import Path
@@ -18,36 +20,35 @@ import numpy as np
 
 
 class Client:
-    """Connects as a page does, and counts what arrives; a slow one waits between messages."""
+    """Connects as a page does, and counts the frames that it says it has drawn; a slow one waits between messages."""
 
     def __init__(self, address: str, pause: float = 0.0) -> None:
-        self.address, self.pause = address.replace("http", "ws"), pause
+        self.address, self.pause = address.replace("http", "ws") + "live", pause
         self.origin = address.rsplit("/", 2)[0]
-        self.bytes = self.messages = 0
-        self.last = 0.0
+        self.bytes = self.frames = 0
+        self.version = -1
+        self.changed = threading.Condition()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._listen()), daemon=True)
         self._thread.start()
 
     async def _listen(self) -> None:
-        import viser
-        import websockets.asyncio.client as websockets
+        from websockets.asyncio.client import connect
 
-        protocol = f"viser-v{viser.__version__}"
-        async with websockets.connect(
-            self.address,
-            origin=self.origin,
-            max_size=None,
-            subprotocols=[protocol],
-            compression=None,
-            ping_interval=None,
-        ) as socket:
+        async with connect(
+            self.address, origin=self.origin, max_size=None, compression=None, ping_interval=None
+        ) as socket:  # fmt: skip
             while not self._stop.is_set():
                 with contextlib.suppress(TimeoutError):
                     message = await asyncio.wait_for(socket.recv(), 0.5)
                     self.bytes += len(message)
-                    self.messages += 1
-                    self.last = time.perf_counter()
+                    if isinstance(message, bytes):
+                        self.frames += 1
+                        size = struct.unpack("<I", message[:4])[0]
+                        with self.changed:
+                            self.version = json.loads(message[4 : 4 + size])["version"][0]
+                            self.changed.notify_all()
+                        await socket.send('{"kind": "drawn"}')
                     if self.pause:
                         await asyncio.sleep(self.pause)
 
@@ -75,12 +76,12 @@ def rates(page, seconds: float) -> dict[str, float]:
     client = Client(page.address)
     page.clock.play()
     time.sleep(3.0)
-    frames, sent, now, painted = page.clock.frame.number, client.bytes, page.clock.frame.time, page.scene.painted
+    frames, sent, now, drawn = page.clock.frame.number, client.bytes, page.clock.frame.time, client.frames
     begin = time.perf_counter()
     time.sleep(seconds)
     took = time.perf_counter() - begin
     found = {
-        "frames/s": (page.scene.painted - painted) / took,
+        "frames/s": (client.frames - drawn) / took,
         "simulated frames/s": (page.clock.frame.number - frames) / took,
         "time/s": (page.clock.frame.time - now) / took,
         "MB/s": (client.bytes - sent) / took / 1e6,
@@ -91,27 +92,21 @@ def rates(page, seconds: float) -> dict[str, float]:
 
 
 def latency(page, tries: int) -> np.ndarray:
-    """Milliseconds from a slider's event to the first painted frame of the changed law."""
+    """Milliseconds from a slider's event to the first frame of the changed law that reaches the client."""
     found = []
+    client = Client(page.address)
     page.clock.play()
+    time.sleep(1.0)
     for k in range(tries):
         version = page.experiment.version
-        seen = threading.Event()
-        paint = page.scene.paint
-
-        def watched(frame, paint=paint, version=version, seen=seen):
-            paint(frame)
-            if frame.versions[0] > version:
-                seen.set()
-
-        page.scene.paint = watched
         begin = time.perf_counter()
         page.send({"kind": "set", "path": ["law", "terms", 1, "gain"], "value": 0.5 + 0.01 * k}, "gain")
-        seen.wait(10.0)
+        with client.changed:
+            client.changed.wait_for(lambda version=version: client.version > version, 10.0)
         found.append(1e3 * (time.perf_counter() - begin))
-        page.scene.paint = paint
         time.sleep(0.05)
     page.clock.pause()
+    client.close()
     return np.array(found)
 
 

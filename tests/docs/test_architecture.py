@@ -99,6 +99,10 @@ HOMES = {
     "change which names in sentences are variables": "ARTICLES = ",
     "change the colour of a verdict beside the measures in the lab": "class ShownVerdict",
     "change which requests the lab refuses": "class AccessCheck",
+    "let a page of the lab ask for something else": "class Orders",
+    "change what the timeline of the lab remembers": "class Timeline",
+    "change which potentials the lab refuses": "def check_range",
+    "change what a frame carries to a page of the lab": "def packed",
 }
 """For each task, words that stand where it is done."""
 

@@ -6,7 +6,6 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from unittest.mock import MagicMock
 
 import pytest
 
@@ -83,16 +82,12 @@ def scenario_to_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[
 def slider_to_force(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     experiment = Experiment(scenario(), "exact")
     experiment.advance(0.1)
-    gui = MagicMock()
-    gui.add_slider.side_effect = lambda *_: MagicMock()
-    controls = Controls(gui, MagicMock(), lambda event, *_: experiment.apply(event))
-    controls.build(experiment.scenario)
-    slider = controls.handles["law", "terms", 1, "gain"]
-    slider.value = 1.25
-    (moved,) = slider.on_update.call_args.args
+    controls = Controls(
+        lambda: experiment.scenario, lambda: experiment.state, lambda event, _: experiment.apply(dict(event))
+    )
 
     def go() -> None:
-        moved(MagicMock())
+        controls.move(["law", "terms", 1, "gain"], 1.25)
         experiment.session.accelerations()
 
     found = entered(go)

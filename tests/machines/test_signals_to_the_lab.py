@@ -19,7 +19,7 @@ OPEN = "The lab is open at"
 @pytest.fixture(scope="module")
 def lab(machines: Machines, file: Path) -> LongCommand:
     """A lab that nobody looks at."""
-    for module in ("viser", "flocking.apps.lab.page"):
+    for module in ("websockets", "flocking.apps.lab.page"):
         machines.ask("load", name=module)
     return LongCommand(machines, 28, lambda at: ("lab", file, "--folder", at, "--no-browser"), waits=OPEN)
 

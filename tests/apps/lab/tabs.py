@@ -85,24 +85,43 @@ class Tab:
         self.tab.goto(address)
         self.tab.get_by_role("button", name=re.compile("^(Play|Pause)$")).wait_for()
 
-    def go(self, name):
-        self.tab.get_by_role("tab", name=name, exact=True).click()
-
     def press(self, name):
-        self.tab.get_by_role("button", name=name, exact=True).click()
+        self.tab.get_by_role("button", name=name, exact=True).first.click()
 
-    def buttons(self, name):
-        """How many buttons of a name the page has."""
-        return self.tab.get_by_role("button", name=name, exact=True).count()
+    def open(self, name):
+        """Open one of the dialogs."""
+        self.tab.locator(f"#{name}").click()
+        self.tab.locator("#dialog[open]").wait_for()
 
-    def choose(self, label, option):
-        self.tab.get_by_role("combobox", name=label).click()
-        self.tab.get_by_role("option", name=option, exact=True).click()
+    def ask(self, words, argument=None):
+        """A value that the page computes."""
+        return self.tab.evaluate(words, argument)
 
-    def field(self, label):
-        """The field for text or numbers that stands beside a label."""
-        words = f"//*[normalize-space(text())='{label}']/ancestor::div[.//input or .//textarea][1]"
-        return self.tab.locator(f"xpath={words}").locator("input:visible, textarea:visible").first
+    def tool(self, name):
+        """Take a hand."""
+        self.tab.locator(f"[data-tool={name}]").click()
+
+    def control(self, label):
+        """The row of a parameter of the law."""
+        return self.tab.locator("#law label.row").filter(
+            has=self.tab.locator(f"xpath=./span[1][normalize-space()='{label}']")
+        )
+
+    def claim(self, key):
+        """The button of a claim in the timeline."""
+        return self.tab.locator(f"#strips button[data-claim='{key}']")
+
+    def colours(self, x, y, size=1):
+        """Colours of a square of pixels of the scene around a place, as rows of red, green and blue."""
+        found = self.ask(
+            """([x, y, size]) => {
+            const c = lab.scene.canvas, k = c.width / c.getBoundingClientRect().width;
+            const s = Math.round(size * k), at = [x, y].map((v) => Math.round(v * k - s / 2));
+            return [...c.getContext("2d").getImageData(...at, s, s).data];
+        }""",
+            [x, y, size],
+        )
+        return np.array(found).reshape(-1, 4)[:, :3]
 
     def reads(self, text):
         """Wait until a text stands on the page."""
@@ -122,8 +141,7 @@ class Tab:
     def shot(self, name):
         self.drawn()
         SHOTS.mkdir(parents=True, exist_ok=True)
-        # A browser without a graphics card says so in front of the picture.
-        self.tab.screenshot(path=str(SHOTS / f"{name}.png"), style=".mantine-Notification-root { display: none }")
+        self.tab.screenshot(path=str(SHOTS / f"{name}.png"))
 
     def close(self):
         """Close it; nothing may have been asked of another machine, and nothing may have gone wrong in the page."""
@@ -140,53 +158,39 @@ class LabTab(Tab):
 
     def __init__(self, browser, page):
         self.page = page
-        before = len(page.server.get_clients())
+        before = len(page.hub.tabs)
         super().__init__(browser, page.address)
-        wait(lambda: len(page.server.get_clients()) > before, "the page connects")
+        self.wait(lambda: len(page.hub.tabs) > before, "the page connects")
+        self.caught_up()
 
     def caught_up(self):
-        """Wait until the page shows the last frame and the view it was told."""
+        """Wait until the page has painted the last frame."""
         page = self.page
         page.clock.do(lambda: None)
-        painted = page.scene.painted
-        page.scene.repaint()
-        wait(lambda: page.scene.painted > painted, "the frame is painted")
-        self.reads(f"t = {page.clock.frame.time:.4g}")
+        number = page.clock.frame.number
+        self.wait(lambda: self.ask("() => lab.scene.frame?.number ?? -1") >= number, "the frame arrives")
         self.drawn()
 
     def on_screen(self, point):
-        """Pixel at which a point of the scene is seen."""
-        camera = next(iter(self.page.server.get_clients().values())).camera
-        box = self.tab.locator("canvas").first.bounding_box()
-        forward = camera.look_at - camera.position
-        forward = forward / np.linalg.norm(forward)
-        right = np.cross(forward, camera.up_direction)
-        right /= np.linalg.norm(right)
-        up = np.cross(right, forward)
-        offset = np.asarray(point) - camera.position
-        depth = offset @ forward
-        scale = box["height"] / 2 / np.tan(camera.fov / 2) / depth
-        return (
-            box["x"] + box["width"] / 2 + scale * (offset @ right),
-            box["y"] + box["height"] / 2 - scale * (offset @ up),
-        )
+        """Place in the scene at which a point of the world is painted."""
+        return self.ask("(p) => lab.scene.camera.world(p).slice(0, 2)", [float(x) for x in point])
 
-    def drag(self, point, right, down, arrived):
-        """Drag what is at a point of the scene by so many pixels; try again where a busy browser took no notice."""
-        end = time.monotonic() + PATIENCE
+    def agent(self, i):
+        """Place in the scene at which an agent is painted."""
+        return self.ask("(i) => [lab.scene.sx[i], lab.scene.sy[i]]", i)
+
+    def click(self, x, y):
+        """Click a place of the scene."""
+        self.tab.locator("#canvas").click(position={"x": x, "y": y})
+
+    def drag(self, place, right, down):
+        """Drag from a place of the scene by so many pixels."""
+        box = self.tab.locator("#canvas").bounding_box()
+        x, y = box["x"] + place[0], box["y"] + place[1]
         mouse = self.tab.mouse
-        while True:
-            self.drawn()
-            x, y = self.on_screen(point)
-            mouse.move(x, y)
-            self.drawn()
-            mouse.down()
-            for k in range(1, 11):
-                mouse.move(x + right * k / 10, y + down * k / 10)
-                self.drawn()
-            mouse.up()
-            self.drawn()
-            self.page.clock.do(lambda: None)
-            if arrived():
-                return x, y
-            assert time.monotonic() < end, "the drag did not arrive"
+        mouse.move(x, y)
+        mouse.down()
+        for k in range(1, 6):
+            mouse.move(x + right * k / 5, y + down * k / 5)
+        mouse.up()
+        self.drawn()

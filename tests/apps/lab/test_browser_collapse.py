@@ -36,19 +36,19 @@ def test_pause_reset_and_the_way_back_are_obeyed_while_steps_shrink(page, tab):
     tab.tab.get_by_role("button", name="Play", exact=True).wait_for()
     tab.shot("shrunk_paused")
     stuck = page.experiment.time
-    tab.press("1")
+    tab.press("step")
     wait(lambda: page.clock.running, "a step is tried")
     tab.press("Pause")
     wait(lambda: not page.clock.running, "it is given up")
     assert page.experiment.time - stuck < 1e-3
-    order("Go back to the last good moment", lambda: page.experiment.session.steady)
+    order("go back to the last good moment", lambda: page.experiment.session.steady)
     assert not page.clock.running
     tab.tab.get_by_text("Stalled").wait_for(state="hidden")
     tab.shot("gone_back")
     tab.press("Play")
     wait(lambda: page.clock.frame.shrunk, "it collapses again")
     before = page.experiment
-    order("Reset", lambda: page.experiment is not before)
+    order("reset", lambda: page.experiment is not before)
     wait(lambda: page.clock.frame.time == 0.0, "it stands at the start")
     assert not page.clock.running
     tab.shot("reset")

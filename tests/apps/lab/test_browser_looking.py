@@ -1,4 +1,4 @@
-"""Looking, judging and keeping in a real browser."""
+"""The timeline, claims, comparison and files of the lab in a real browser: what is painted and what the charts hold."""
 
 import re
 
@@ -8,166 +8,344 @@ import pytest
 import flocking as fk
 from flocking.apps.lab.experiment.events import EventLog
 from flocking.apps.lab.experiment.experiment import replay
-from tests.apps.lab.tabs import wait
 
 pytestmark = pytest.mark.browser
 
 GAIN = ("law", "terms", 1, "gain")
 
 
-def test_what_is_kept_repeats_the_run(page, tab):
-    tab.go("Files")
-    tab.press("Save scenario")
-    wait(lambda: page.file_panel.saved, "the scenario is saved")
-    kept = fk.read_scenario(page.file_panel.saved[0])
+def points(tab, name, run=0):
+    """Times and values of a curve as the page draws them."""
+    found = tab.ask("([name, run]) => lab.timeline.points(name)[run] ?? []", [name, run])
+    return np.array(found, dtype=float).reshape(-1, 2)
+
+
+def ink(tab, name):
+    """Columns and rows of a curve's picture at which its ink begins and ends, as shares of the size."""
+    found = tab.ask(
+        """(name) => {
+        const c = document.querySelector(`[data-curve="${name}"]`);
+        const d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
+        let at = [Infinity, -Infinity, Infinity, -Infinity];
+        for (let k = 3; k < d.length; k += 4) if (d[k]) {
+            const x = ((k - 3) / 4) % c.width, y = Math.floor((k - 3) / 4 / c.width);
+            at = [Math.min(at[0], x), Math.max(at[1], x), Math.min(at[2], y), Math.max(at[3], y)];
+        }
+        return [at[0] / c.width, at[1] / c.width, at[2] / c.height, at[3] / c.height];
+    }""",
+        name,
+    )
+    return np.array(found)
+
+
+def play_until(page, tab, t):
+    tab.press("Play")
+    tab.wait(lambda: page.experiment.time > t, "time runs")
+    tab.press("Pause")
+    tab.wait(lambda: not page.clock.running, "it stands still")
+    page.clock.do(lambda: None)
+
+
+def measured(page, tab):
+    """Wait until the charts have reached the present."""
+    now = float(f"{page.experiment.time:.6g}")
+    tab.wait(lambda: len(points(tab, "energy")) and points(tab, "energy")[-1, 0] == now, "the charts reach the present")
+
+
+def test_before_the_run_no_axis_is_invented(page, tab):
+    measured(page, tab)
+    assert points(tab, "energy").shape == (1, 2)
+    assert points(tab, "energy")[0, 0] == 0.0
+
+
+def test_charts_are_those_of_the_run_after_play_compare_and_reset(page, tab):
+    play_until(page, tab, 1.0)
+    measured(page, tab)
+    t, y = points(tab, "energy").T
+    assert (np.diff(t) > 0).all()
+    left, right, top, bottom = ink(tab, "energy")
+    assert right == pytest.approx(page.experiment.time / 40.0, abs=0.01)
+    assert left < 0.01
+    assert 0 < top < bottom < 1, "the curve is clipped"
+    title = tab.tab.locator("[data-curve=energy]").get_attribute("title")
+    low, high = (float(x) for x in re.findall(r"[-\d.]+(?:e[+-]?\d+)?", title))
+    assert (low, high) == pytest.approx((y.min(), y.max()), rel=1e-3)
+    tab.open("compare")
+    tab.tab.locator("[data-which]").select_option(label="Consensus: gain")
+    tab.tab.locator("#dialog [data-value]").fill("0.1")
+    tab.tab.locator("#dialog [data-go]").click()
+    tab.wait(lambda: len(page.clock.experiments) == 2, "two run")
+    tab.wait(lambda: len(points(tab, "energy")) == 1, "the charts begin anew")
+    assert [e.scenario.law.terms[1].gain for e in page.clock.experiments] == [1.0, 0.1]
+    play_until(page, tab, 1.0)
+    measured(page, tab)
+    for run in range(2):
+        t, y = points(tab, "energy", run).T
+        assert t[0] == 0.0
+        assert t.max() <= page.experiment.time * (1 + 1e-5)
+        assert np.isfinite(y).all()
+    assert ink(tab, "energy")[1] == pytest.approx(page.experiment.time / 40.0, abs=0.01)
+    first, second = page.clock.experiments
+    tab.wait(lambda: first.time == second.time, "both stand at one time")
+    assert not np.array_equal(first.state.p, second.state.p)
+    # The view has room for both: each half of the scene shows agents.
+    tab.caught_up()
+    width, height = tab.ask("() => { const s = lab.scene.size(); return [s.width, s.height]; }")
+    for half in (0.25, 0.75):
+        pixels = tab.colours(half * width, height / 2, 0.45 * min(width, height))
+        assert (pixels.max(axis=1) > 120).sum() > 100, "no agents in this half"
+    tab.shot("compared")
+    page.send({"kind": "set", "path": list(GAIN), "value": 0.7})
+    page.clock.do(lambda: None)
+    assert [e.scenario.law.terms[1].gain for e in page.clock.experiments] == [0.7, 0.1]
+    again = replay(second.log)
+    again.advance(second.time)
+    assert np.array_equal(again.state.q, second.state.q)
+    tab.open("compare")
+    tab.press("only one")
+    tab.wait(lambda: len(page.clock.experiments) == 1, "one goes on")
+    tab.press("reset")
+    tab.wait(lambda: page.experiment.time == 0.0, "it begins anew")
+    tab.wait(lambda: len(points(tab, "energy")) == 1, "the charts of the run before are gone")
+    assert points(tab, "energy")[0, 0] == 0.0
+
+
+def test_the_record_is_looked_at_and_a_run_branches_from_it(page, tab):
+    play_until(page, tab, 1.5)
+    page.send({"kind": "set", "path": list(GAIN), "value": 0.2})
+    page.clock.do(lambda: None)
+    play_until(page, tab, 3.0)
+    measured(page, tab)
+    end, q = page.experiment.time, page.experiment.state.q
+    assert tab.tab.locator("#ticks i").count() == 1
+    strip = tab.tab.locator("[data-curve=energy]")
+    box = strip.bounding_box()
+    strip.click(position={"x": box["width"] * 1.0 / 40, "y": 8})
+    tab.wait(lambda: tab.ask("() => lab.scene.frame.live === false"), "the record is shown")
+    looked = tab.ask("() => lab.timeline.looking")
+    assert looked == pytest.approx(1.0, abs=0.1)
+    shown = tab.ask("() => lab.scene.frame")
+    recorded = page.measuring.timeline.at(looked)[0]
+    assert shown["t"] == recorded.t <= looked
+    assert page.experiment.time == end, "looking back does not change the run"
+    tab.press("to the present")
+    tab.wait(lambda: tab.ask("() => lab.scene.frame.live"), "the present is shown")
+    strip.click(position={"x": box["width"] * 1.0 / 40, "y": 8})
+    tab.tab.get_by_role("button", name="branch here").click()
+    tab.wait(lambda: page.experiment.time < 1.2, "the run begins from there")
+    looked = page.experiment.time
+    assert page.experiment.log.entries == []
+    assert page.experiment.scenario.law.terms[1].gain == 1.0
+    fresh = fk.simulate(page.experiment.original.with_(frames=(0.0, looked)), progress=False)
+    assert np.array_equal(fresh.q[-1], page.experiment.state.q)
+    tab.wait(lambda: points(tab, "energy")[-1, 0] <= looked + 1e-5, "what came after is gone from the charts")
+    tab.shot("branched")
+    play_until(page, tab, end)
+    assert not np.array_equal(q, page.experiment.state.q)
+
+
+def test_lamps_of_a_paused_run_are_those_of_its_last_moment(page, tab):
+    play_until(page, tab, 2.0)
+    tab.wait(lambda: page.measuring.timeline.judged == page.experiment.time, "it is judged once more")
+    tab.reads(f"Judged up to t = {float(f'{page.experiment.time:.4g}'):g}".rstrip("0"))
+    judged = tab.ask("() => lab.timeline.record.record.judged")
+    assert judged == pytest.approx(page.experiment.time)
+
+
+def test_a_flock_is_fragmented_and_its_strip_turns_at_its_time(page, tab):
+    for path, value in ((("formula",), "k*log(1 + r)"), (("k",), 0.0)):
+        page.send({"kind": "set", "path": ["law", "terms", 0, "potential", *path], "value": value})
+    page.send({"kind": "set", "path": list(GAIN), "value": 0.0})
+    page.clock.do(lambda: None)
+    page.clock.speed = 2.0
+    tab.press("Play")
+    broken = "() => lab.timeline.record.claims.some((c) => c.key === 'connected' && c.word === 'fails')"
+    tab.wait(lambda: tab.ask(broken), "it falls apart")
+    tab.press("Pause")
+    tab.wait(lambda: page.measuring.timeline.judged == page.experiment.time, "it is judged")
+    claim = next(v for v in page.measuring.verdicts if v.claim.key == "connected")
+    tab.wait(lambda: len(tab.ask("() => lab.timeline.record.record.strips.connected")) > 1, "the strip has turned")
+    segments = tab.ask("() => lab.timeline.record.record.strips.connected")
+    assert segments[-1][1] == "fails"
+    assert segments[-1][0] == pytest.approx(claim.witness.time, abs=1e-9)
+    # The painted strip turns red at that time, and the lamp has the shape of a failure.
+    row = tab.tab.locator(".line:has(button[data-claim='connected'])")
+    strip, red = row.locator(".strip"), row.locator(".strip .s-fails")
+    whole, part = strip.bounding_box(), red.bounding_box()
+    assert (part["x"] - whole["x"]) / whole["width"] == pytest.approx(claim.witness.time / 40.0, abs=0.005)
+    shapes = {x: tab.ask("(k) => document.querySelector(`[data-claim='${k}'] svg`).innerHTML", x)
+              for x in ("connected", "velocities-agree")}  # fmt: skip
+    assert shapes["connected"] != shapes["velocities-agree"]
+    lamp = tab.claim("velocities-agree")
+    assert "hypothesis not met" in lamp.get_attribute("title")
+    lamp.click()
+    tab.reads("While the graph stays connected")
+    chosen = tab.ask("() => [...lab.scene.chosen]")
+    assert 0 < len(chosen) < 10
+    tab.caught_up()
+    x, y = tab.agent(chosen[0])
+    ring = tab.colours(x, y, 26)
+    assert ((ring[:, 0] > 180) & (ring[:, 1] < 130) & (ring[:, 2] > 150)).sum() > 20, "the agent is not marked"
+    tab.shot("lamp")
+
+
+def test_colours_trails_and_virtual_agents_in_light_and_dark(page, tab):
+    q = page.experiment.state.q
+    beside = q[q[:, 0].argmax()] + [2.0, 0.0]
+    page.send({"kind": "move", "path": ["law", "terms", 2, "obstacles", 0, "centre"], "to": beside.tolist()})
+    page.clock.step(0.05)
+    tab.wait(lambda: page.experiment.time == 0.05, "a step is made")
+    tab.caught_up()
+    seen = {}
+    for light in (False, True):
+        for kind in ("heading", "flock", "energy", "speed"):
+            tab.open("view")
+            tab.tab.locator("[data-look=light]").set_checked(light)
+            tab.tab.locator("[data-colour]").select_option(kind)
+            tab.press("close")
+            tab.wait(lambda kind=kind: tab.ask("() => lab.scene.legend.kind") == kind, "the colours change")
+            tab.drawn()
+            x, y = tab.agent(3)
+            pixels = tab.colours(x, y, 4).astype(float)
+            seen[kind, light] = pixels.mean(axis=0)
+        ground = tab.colours(30, 460, 4).mean()
+        assert (ground > 200) == light
+        tab.shot("light" if light else "dark")
+    assert np.abs(seen["heading", False] - seen["speed", False]).max() > 30
+    tab.open("view")
+    for name in ("trails", "virtual"):
+        tab.tab.locator(f"[data-look={name}]").check()
+    tab.press("close")
+    tab.wait(lambda: tab.ask("() => lab.scene.frame.groups[0].ghosts") > 0, "beta-agents are drawn")
+    play_until(page, tab, 1.0)
+    # A trail shows a share of the scenario's time, however many frames were painted.
+    past = tab.ask("() => lab.scene.past.map((x) => x.t)")
+    assert past[-1] - past[0] == pytest.approx(min(40.0 / 25, past[-1]), abs=0.3)
+    tab.shot("trails")
+
+
+def test_a_law_that_blows_up_says_so_and_goes_back(page, tab):
+    tab.press("Play")
+    tab.wait(lambda: page.experiment._moments and page.experiment.time > 0.3, "a moment is kept")
+    for path, value in ((("formula",), "-k/r**2"), (("k",), 50.0)):
+        page.send({"kind": "set", "path": ["law", "terms", 0, "potential", *path], "value": value})
+    page.clock.do(lambda: None)
+    page.clock.play()
+    back = tab.tab.get_by_role("button", name="go back to the last good moment")
+    back.wait_for()
+    tab.reads(re.compile("Stopped:|Stalled:"))
+    tab.shot("blown_up")
+    back.click()
+    tab.wait(lambda: not page.experiment.failure and not page.experiment.shrunk, "it went back")
+    back.wait_for(state="hidden")
+    assert dict(page.experiment.scenario.law.terms[0].potential.parameters) == {"R": 4.0}
+    assert np.isfinite(page.experiment.state.q).all()
+    now = page.experiment.time
+    tab.press("Play")
+    tab.wait(lambda: page.experiment.time > now + 0.1, "it goes on")
+
+
+def test_what_is_kept_repeats_the_run_and_a_picture_is_what_was_painted(page, tab):
+    tab.open("files")
+    tab.press("save the scenario")
+    tab.wait(lambda: page.files.saved, "the scenario is saved")
+    kept = fk.read_scenario(page.files.saved[0])
     assert np.array_equal(kept.start.q, page.experiment.original.start.q)
     page.clock.step(0.5)
-    wait(lambda: page.experiment.time == 0.5, "a step is made")
+    tab.wait(lambda: page.experiment.time == 0.5, "a step is made")
     run = fk.simulate(kept.with_(frames=(0.0, 0.5)), progress=False)
     assert np.array_equal(run.q[-1], page.experiment.state.q)
     page.send({"kind": "kick", "agents": [1, 2], "speed": 1.0, "seed": 5})
     page.clock.step(0.5)
-    wait(lambda: page.experiment.time == 1.0, "another step is made")
-    tab.press("Save scenario")
-    wait(lambda: len(page.file_panel.saved) == 3, "the log is saved")
-    again = replay(EventLog.read(page.file_panel.saved[1]))
+    tab.wait(lambda: page.experiment.time == 1.0, "another step is made")
+    tab.press("save the scenario")
+    tab.wait(lambda: len(page.files.saved) == 3, "the log is saved")
+    again = replay(EventLog.read(page.files.saved[1]))
     assert np.array_equal(again.state.q, page.experiment.state.q)
-    tab.press("Save picture")
-    wait(lambda: len(page.file_panel.saved) == 4, "the picture is saved")
-    assert page.file_panel.saved[3].read_bytes()[:4] == b"\x89PNG"
-    tab.press("Record a film")
+    tab.caught_up()
+    tab.press("save a picture")
+    tab.wait(lambda: len(page.files.saved) == 4, "the picture is saved")
+    import matplotlib.image
+
+    painted = (255 * matplotlib.image.imread(page.files.saved[3])[:, :, :3]).round()
+    x, y = (round(v) for v in tab.agent(3))
+    assert painted[y - 2 : y + 2, x - 2 : x + 2].mean(axis=(0, 1)) == pytest.approx(
+        tab.colours(x, y, 4).mean(axis=0), abs=2
+    )
+    tab.press("record a film")
     page.clock.play()
-    wait(lambda: page.experiment.time > 2.0, "something moves")
+    tab.wait(lambda: page.experiment.time > 2.0, "something moves")
     page.clock.pause()
-    tab.press("Stop and save the film")
-    wait(lambda: len(page.file_panel.saved) == 5, "the film is saved")
-    film = page.file_panel.saved[4]
+    tab.press("stop and save the film")
+    tab.wait(lambda: len(page.files.saved) == 5, "the film is saved")
+    film = page.files.saved[4]
     assert film.read_bytes()[4:8] == b"ftyp" if film.suffix == ".mp4" else film.read_bytes()[:4] == b"GIF8"
-    assert film.stat().st_size > 10_000
     tab.shot("kept")
-    tab.go("Run")
-    log = page.file_panel.saved[1].name
-    for path in page.file_panel.saved[:3]:
-        wait(lambda path=path: path.name in page.transport.scenario.options, "what was saved can be opened")
-    tab.choose("scenario", log)
-    wait(lambda: page.experiment.time == 1.0, "the log is replayed")
+    log = page.files.saved[1].name
+    tab.press("close")
+    tab.open("pick")
+    tab.tab.locator(f"[data-name='{log}']").click()
+    tab.wait(lambda: page.experiment.time == 1.0, "the log is replayed")
     assert np.array_equal(again.state.q, page.experiment.state.q)
 
 
 def test_a_stored_run_is_opened_and_scrubbed(page, tab, tmp_path):
     run = fk.simulate(page.experiment.original.with_(t_end=2.0, frames=11), progress=False)
     fk.write_run(run, tmp_path / "stored")
-    tab.go("Files")
-    tab.tab.reload()
-    tab.go("Files")
-    wait(lambda: page.file_panel.folder.value == "stored", "it is offered")
-    tab.press("Open")
-    tab.reads("Stored run ten: t = 0,")
-    thumb = tab.tab.get_by_role("slider").first
-    thumb.focus()
-    thumb.press("End")
-    tab.reads("Stored run ten: t = 2,")
-    wait(lambda: page.scene._stored is not None, "it is shown")
-    assert np.array_equal(page.scene._stored.states[0].q, run.q[-1])
+    tab.open("files")
+    tab.press("open")
+    tab.reads("stored run ten")
+    tab.wait(lambda: tab.ask("() => lab.scene.frame.t") == 0.0, "its first frame is shown")
+    assert points(tab, "energy")[:, 1] == pytest.approx(run.trace["energy"], rel=1e-6)
+    scrub = tab.tab.get_by_label("Time", exact=True)
+    scrub.focus()
+    scrub.press("End")
+    tab.wait(lambda: tab.ask("() => lab.scene.frame.t") == 2.0, "its last frame is shown")
+    q = np.array(tab.ask("() => [...lab.scene.frame.groups[0].q]")).reshape(-1, 2)
+    assert q + run.q[-1].mean(axis=0) == pytest.approx(run.q[-1], abs=1e-5)
     tab.shot("stored")
-    tab.press("Back to the live run")
-    wait(lambda: page.scene._stored is None, "the live run is shown again")
+    tab.open("files")
+    tab.press("back to the live run")
+    tab.wait(lambda: tab.ask("() => lab.scene.frame.live"), "the live run is shown again")
 
 
-def test_two_runs_are_compared(page, tab):
-    tab.go("View")
-    tab.choose("differ in", "2 Consensus: gain")
-    tab.field("value in the second").fill("0.1")
-    wait(lambda: page.comparison.value.value == 0.1, "the value arrives")
-    tab.press("Compare")
-    wait(lambda: len(page.clock.experiments) == 2, "two run")
-    assert [e.scenario.law.terms[1].gain for e in page.clock.experiments] == [1.0, 0.1]
-    tab.press("Play")
-    wait(lambda: page.experiment.time > 1.0, "both run")
-    tab.press("Pause")
-    wait(lambda: not page.clock.playing, "both stand still")
-    page.clock.do(lambda: None)
-    first, second = page.clock.experiments
-    wait(lambda: first.time == second.time, "both stand at one time")
-    assert not np.array_equal(first.state.p, second.state.p)
-    page.send({"kind": "set", "path": list(GAIN), "value": 0.7})
-    page.clock.do(lambda: None)
-    assert [e.scenario.law.terms[1].gain for e in page.clock.experiments] == [0.7, 0.1]
-    tab.go("Run")
-    tab.reads("second (grey curves)")
-    tab.caught_up()
-    tab.shot("compared")
-    again = replay(second.log)
-    again.advance(second.time)
-    assert np.array_equal(again.state.q, second.state.q)
-    tab.go("View")
-    tab.press("Only one")
-    wait(lambda: len(page.clock.experiments) == 1, "one goes on")
+def test_a_scenario_that_opens_says_so(page, tab, monkeypatch):
+    import threading
+
+    from flocking.apps.lab import page as pages
+
+    gate, make = threading.Event(), pages.Experiment
+    monkeypatch.setattr(pages, "Experiment", lambda *given: gate.wait(60) and make(*given))
+    tab.ask("() => lab.link.send('load', {name: 'zhou-2015'})")
+    tab.reads(re.compile("opening zhou-2015"))
+    tab.wait(lambda: re.search(r"· \d+ s", tab.tab.locator("#opening").text_content()), "the seconds are counted")
+    tab.shot("opening")
+    gate.set()
+    tab.wait(lambda: page.experiment.original.name == "zhou-2015", "it is open")
+    tab.tab.locator("#opening").wait_for(state="hidden")
 
 
-def test_colours_trails_and_ghosts_in_light_and_dark(page, tab):
-    q = page.experiment.state.q
-    beside = q[q[:, 0].argmax()] + [2.0, 0.0]
-    page.send({"kind": "move", "path": ["law", "terms", 2, "obstacles", 0, "centre"], "to": beside.tolist()})
-    page.clock.step(0.05)
-    wait(lambda: page.experiment.time == 0.05, "a step is made")
-    tab.go("View")
-    seen = {}
-    for dark in (False, True):
-        if dark:
-            tab.tab.get_by_role("checkbox", name="dark").check()
-            wait(lambda: page.scene.look.dark, "it is dark")
-        for kind in ("heading", "flock", "energy", "speed"):
-            tab.choose("colour by", kind)
-            wait(lambda kind=kind: page.scene.legend.kind == kind, "the colours change")
-            seen[kind, dark] = np.array(page.scene._groups[0].agents.batched_colors)
-        if not dark:
-            for name in ("trails", "beta- and gamma-agents"):
-                tab.tab.get_by_role("checkbox", name=name).check()
-            wait(lambda: page.scene._groups[0].trails.visible, "trails are drawn")
-            wait(lambda: page.scene._groups[0].ghosts.visible, "beta-agents are drawn")
-        tab.shot("dark" if dark else "light")
-    assert len(np.unique(seen["flock", False], axis=0)) == 1
-    assert len(np.unique(seen["energy", False], axis=0)) > 5
-    assert seen["heading", False].tolist() != seen["speed", False].tolist()
+def test_a_phone_shows_the_flock_above_a_sheet(page, tab):
+    tab.tab.set_viewport_size({"width": 390, "height": 844})
+    for sheet in ("law", "claims"):
+        tab.tab.locator(f"#show-{sheet}").click()
+        box = tab.tab.locator("#scene").bounding_box()
+        assert box["height"] > 0.35 * 844
+        tab.drawn()
+        tab.shot(f"phone_{sheet}")
+    assert tab.ask("() => document.documentElement.scrollWidth") <= 390
+    assert tab.tab.locator("#strips").bounding_box()["height"] > 100
 
 
-def test_a_law_that_blows_up_says_so_and_goes_back(page, tab):
-    tab.press("Play")
-    wait(lambda: page.experiment._moments and page.experiment.time > 0.3, "a moment is kept")
-    for path, value in ((("formula",), "-k/r**2"), (("k",), 50.0)):
-        page.send({"kind": "set", "path": ["law", "terms", 0, "potential", *path], "value": value})
-    tab.press("Play") if not page.clock.playing else None
-    back = tab.tab.get_by_role("button", name="Go back to the last good moment")
-    back.wait_for()
-    assert page.experiment.failure
-    tab.reads(re.compile("^Stopped: "))
-    tab.shot("blown_up")
-    back.click()
-    wait(lambda: not page.experiment.failure, "it went back")
-    back.wait_for(state="hidden")
-    assert dict(page.experiment.scenario.law.terms[0].potential.parameters) == {"R": 4.0}
-    assert np.isfinite(page.experiment.state.q).all()
-    now = page.experiment.time
-    tab.press("Play")
-    wait(lambda: page.experiment.time > now + 0.1, "it goes on")
+def test_an_automatic_accessibility_check_is_clean(page, tab):
+    from axe_playwright_python.sync_playwright import Axe
+
+    play_until(page, tab, 0.5)
+    tab.wait(lambda: tab.ask("() => lab.timeline.record.claims.length") > 0, "claims are judged")
+    assert found(Axe().run(tab.tab)) == []
+    tab.open("view")
+    assert found(Axe().run(tab.tab)) == []
 
 
-def test_a_flock_is_fragmented_and_the_lamp_names_who_left(page, tab):
-    page.send({"kind": "set", "path": ["law", "terms", 0, "potential", "formula"], "value": "k*log(1 + r)"})
-    page.send({"kind": "set", "path": ["law", "terms", 0, "potential", "k"], "value": 0.0})
-    page.send({"kind": "set", "path": list(GAIN), "value": 0.0})
-    page.clock.do(lambda: None)
-    tab.go("Claims")
-    page.clock.speed = 2.0
-    tab.press("Play")
-    tab.tab.get_by_role("button", name=re.compile("^connected: fails")).wait_for()
-    tab.press("Pause")
-    wait(lambda: not page.clock.playing, "it stands still")
-    lamp = tab.tab.get_by_role("button", name=re.compile("^velocities-agree: hypothesis not met"))
-    lamp.click()
-    wait(lambda: page.scene.look.highlight, "the agents are highlighted")
-    assert 0 < len(page.scene.look.highlight) < 10
-    tab.reads("While the graph stays connected")
-    tab.caught_up()
-    tab.shot("lamp")
+def found(result):
+    return [(x["id"], [node["target"] for node in x["nodes"]][:3]) for x in result.response["violations"]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from types import SimpleNamespace
 from typing import Any
@@ -29,7 +30,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         def close(self) -> None:
             seen.append("closed")
 
-    stopped = SimpleNamespace(server=SimpleNamespace(stop=lambda: seen.append("stopped")))
+    stopped = SimpleNamespace(stop=lambda: seen.append("stopped"))
     monkeypatch.setattr(server, "opened", lambda port: stopped)
     monkeypatch.setattr(pages, "Page", Page)
     return seen
@@ -61,13 +62,32 @@ def test_the_server_of_a_scenario_that_is_refused_ends(seen: list[str], monkeypa
 def test_an_interrupt_while_a_page_closes_waits_for_its_end() -> None:
     closing = SimpleNamespace(
         clock=SimpleNamespace(close=lambda: signal.raise_signal(signal.SIGINT)),
-        scene=threading.Thread(target=int), measurement_panel=threading.Thread(target=int),
+        hub=threading.Thread(target=int), measuring=threading.Thread(target=int),
         server=SimpleNamespace(stop=lambda: stopped.append(True)),
     )  # fmt: skip
     stopped: list[bool] = []
-    closing.scene.start()
-    closing.measurement_panel.start()
+    closing.hub.start()
+    closing.measuring.start()
 
     with pytest.raises(KeyboardInterrupt):
         pages.Page.close(closing)  # type: ignore[arg-type]
     assert stopped
+
+
+def test_a_browser_is_opened_but_not_from_a_notebook_whose_cell_shows_the_page(
+    seen: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pages.Page, "__init__", lambda *_: None)
+    monkeypatch.setattr("webbrowser.open", lambda address: seen.append(f"opened {address}"))
+    monkeypatch.delitem(sys.modules, "IPython", raising=False)
+    server.lab()
+    assert seen == ["opened nowhere"]
+    kernel = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=1))
+    monkeypatch.setitem(sys.modules, "IPython", kernel)
+    server.lab()
+    assert seen == ["opened nowhere"]
+    server.lab(browser=True)
+    assert seen == ["opened nowhere"] * 2
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: None))
+    server.lab()
+    assert seen == ["opened nowhere"] * 3

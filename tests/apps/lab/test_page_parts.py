@@ -1,5 +1,7 @@
 """Settings, clock, history and lamps: what stands behind a page, without one."""
 
+import json
+import struct
 import threading
 import time
 
@@ -7,19 +9,25 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.apps.lab.access.confinement import Folder
 from flocking.apps.lab.experiment.clock import Clock
 from flocking.apps.lab.experiment.events import outcome
 from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.apps.lab.experiment.history import History
+from flocking.apps.lab.experiment.potential_ranges import check_quickly, check_range, reach_of
 from flocking.apps.lab.experiment.settings import sections
+from flocking.apps.lab.experiment.timeline import Timeline
+from flocking.apps.lab.live.frame_bytes import Wanted, link_pairs, packed
+from flocking.apps.lab.panels.agent_forces import agent_content
+from flocking.apps.lab.panels.catalogue import catalogue, small_picture
 from flocking.apps.lab.panels.choices import in_space
-from flocking.apps.lab.panels.interventions import agents_of
+from flocking.apps.lab.panels.controls import potentials
 from flocking.apps.lab.panels.measures import claims_of, ledger, measured, verdicts_on
-from flocking.apps.lab.scene.glyphs import colors, link_segments, turns
 from flocking.apps.lab.scene.solids import solids, virtual_agents
 from flocking.apps.scenario_names import paper_scenarios
 from flocking.engine.runs.run import Closest
 from flocking.errors import FormulaError
+from flocking.formula.grammar import Formula
 from flocking.model.parts.structure import changed, value_at
 
 
@@ -211,7 +219,7 @@ def test_a_claim_about_the_end_has_not_failed_before_it():
     experiment = Experiment(scenario)
     early = words(watched(experiment, np.linspace(0.1, 1.0, 10)), experiment)
     assert early["coincide"].word == "not yet"
-    assert early["coincide"].color == "orange"
+    assert early["coincide"].style == "not yet"
     assert early["energy"].word == "holds"
     late = words(watched(experiment, np.linspace(1.5, scenario.t_end, 60)), experiment)
     assert late["coincide"].word == "fails"
@@ -228,13 +236,6 @@ def test_the_ledger_of_the_instruments_balances():
     change = trace[-1][1] - trace[0][1]
     assert change == pytest.approx(-found["dissipated"] + found["supplied"] + found["jumped"], abs=1e-5)
     assert found["residual"] == pytest.approx(change + found["dissipated"] - found["supplied"] - found["jumped"])
-
-
-def test_agents_are_named_by_numbers_and_ranges():
-    assert agents_of("3, 5-8 1") == [1, 3, 5, 6, 7, 8]
-    for text in ("a", "1-", "-3", "1.5", "9" * 40):
-        with pytest.raises(fk.InvalidInput):
-            agents_of(text)
 
 
 def test_a_history_stays_small_and_keeps_its_beginning():
@@ -255,31 +256,116 @@ def test_measures_of_a_moment():
     assert found["velocity spread"] == 1.0
 
 
-def rotated(w, x):
-    """A vector turned by a unit quaternion."""
-    s, v = w[0], w[1:]
-    return x + 2 * np.cross(v, np.cross(v, x) + s * x)
+def named(formula):
+    """A value for each parameter of a formula."""
+    return dict.fromkeys(Formula(formula, "test").names - {"r"}, 4.0)
 
 
-@pytest.mark.parametrize("dimension", [1, 2, 3])
-def test_agents_point_where_they_go(dimension):
-    rng = np.random.default_rng(dimension)
-    p = rng.normal(size=(20, dimension))
-    p[0] = -np.eye(dimension)[0]
-    for w, v in zip(turns(p), p, strict=True):
-        full = np.zeros(3)
-        full[:dimension] = v / np.linalg.norm(v)
-        assert rotated(w.astype(float), np.array([1.0, 0, 0])) == pytest.approx(full, abs=1e-5)
-    before = turns(p)
-    assert np.array_equal(turns(np.zeros_like(p), before), before)
+def unpacked(data):
+    """Header and arrays of a frame, as a page reads them."""
+    size = struct.unpack("<I", data[:4])[0]
+    assert size % 4 == 0
+    return json.loads(data[4 : 4 + size]), np.frombuffer(data[4 + size :], dtype=np.float32)
+
+
+def test_a_frame_becomes_bytes_and_back_far_from_the_origin():
+    rng = np.random.default_rng(0)
+    q = 1e7 + rng.normal(size=(20, 2))
+    state = fk.State(q, rng.normal(size=(20, 2)), 3.0, fk.Proximity(1.0).initial(q))
+    scenario = fk.Scenario(fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)]), state, t_end=4.0)
+    frame = Clock([Experiment(scenario)]).frame
+    head, numbers = unpacked(packed(frame, Wanted()))
+    group = head["groups"][0]
+    assert (head["t"], group["n"], group["d"]) == (3.0, 20, 2)
+    # Relative to the centre nothing of single precision is lost to the distance from the origin.
+    assert numbers[:40].reshape(20, 2) + np.array(group["centre"]) == pytest.approx(q, abs=1e-6)
+    assert numbers[40:80].reshape(20, 2) == pytest.approx(state.p, abs=1e-6)
+    pairs = numbers[80 : 80 + 2 * group["links"]].view(np.uint32).reshape(-1, 2)
+    found = np.zeros((20, 20), dtype=bool)
+    found[pairs[:, 0], pairs[:, 1]] = True
+    assert np.array_equal(found | found.T, state.links)
 
 
 def test_links_beyond_the_budget_are_thinned_and_counted():
     state = fk.start.box(60, side=1, seed=0)
     state = fk.State(state.q, state.p, 0.0, fk.Fixed.complete(60).initial(state.q))
-    segments, count = link_segments(state, np.zeros((60, 3), np.float32), 100)
-    assert (len(segments), count) == (100, 1770)
-    assert len(np.unique(colors(state, "flock", 1.0), axis=0)) == 1
+    pairs, count = link_pairs(state, 100)
+    assert (len(pairs), count) == (100, 1770)
+
+
+def test_a_record_is_looked_at_thinned_and_cut():
+    line, scenario = Timeline(), zhou()
+    for k in range(2000):
+        line.take(fk.State(scenario.start.q, scenario.start.p, 0.01 * k), scenario, (float(k), 0.0, 1.0, np.nan))
+    assert len(line.times) <= 601
+    assert (line.times[0], line.times[-1]) == (0.0, 0.01 * 1999)
+    assert line.at(7.0)[0].t == pytest.approx(7.0, abs=0.2)
+    assert line.at(7.0)[0].t <= 7.0
+    content = line.content([])
+    assert content["curves"][0]["energy"][-1] == 1999.0
+    assert content["curves"][0]["connectivity"][0] is None
+    line.judge("a", 5.0, "holds", 0.0, 1.0)
+    line.judge("a", 9.0, "fails", 8.0, -2.0)
+    assert line.strips["a"].segments == [(0.0, "holds"), (8.0, "fails")]
+    assert line.strips["a"].largest == 2.0
+    line.take(fk.State(scenario.start.q, scenario.start.p, 6.0), scenario, (0.0, 0.0, 1.0, 0.0))
+    assert line.times[-1] == 6.0
+    assert line.strips["a"].segments == [(0.0, "holds")]
+    assert max(line.content([])["times"]) == 6.0
+
+
+@pytest.mark.parametrize(
+    ("formula", "why"),
+    [
+        ("x + y + z", "must depend on the distance r"),
+        ("1/(r - 2)", "infinite at r = 2"),
+        ("1/r + 1/(R - r)**2 - log(abs(r - R/2))", "infinite at r = 2"),
+        ("log(r - 1)", "must be a real number"),
+    ],
+)
+def test_what_is_no_potential_within_its_range_is_refused(formula, why):
+    psi = fk.Potential(formula, **named(formula))
+    with pytest.raises(fk.InvalidInput, match=why):
+        check_range(psi, 4.0)
+
+
+@pytest.mark.parametrize("formula", ["1/r + 1/(R - r)", "1/r + 1/(R - r)**2", "-k/r**2", "k*(r - 2)**2", "abs(r - 2)"])
+def test_poles_at_the_ends_of_the_range_and_smooth_wells_are_potentials(formula):
+    psi = fk.Potential(formula, **named(formula))
+    check_range(psi, 4.0)
+    check_quickly(psi, 4.0)
+
+
+@pytest.mark.parametrize("at", [0.3, 1.7, 2.0, 3.99])
+@pytest.mark.parametrize("power", [1, 2])
+def test_a_slider_that_would_move_a_pole_into_the_range_is_noticed(at, power):
+    with pytest.raises(fk.InvalidInput, match="must be finite at all distances"):
+        check_quickly(fk.Potential("1/r + 1/(R - r)**m", R=at, m=float(power)), 4.0)
+
+
+def test_the_potentials_of_all_scenarios_are_accepted():
+    for _, make in paper_scenarios().values():
+        scenario = make(0)
+        for each in potentials(scenario):
+            check_range(each.potential, reach_of(each.graph, scenario.start))
+            check_quickly(each.potential, reach_of(each.graph, scenario.start))
+
+
+def test_forces_of_an_agent_add_up_to_its_control():
+    scenario = paper_scenarios()["olfati-saber-2003"][1](0)
+    found = agent_content(scenario, scenario.start, 7)
+    u = fk.control(scenario.law, scenario.start, agents=scenario.agents)[7]
+    assert np.sum([x["force"] for x in found["forces"]], axis=0) == pytest.approx(u, rel=1e-12)
+
+
+def test_every_scenario_of_the_papers_is_offered_with_its_title(tmp_path):
+    groups = catalogue(Folder(tmp_path))["groups"]
+    offered = {x["name"]: x["title"] for group in groups for x in group["scenarios"]}
+    assert set(paper_scenarios()) <= set(offered)
+    assert offered["zhou-2015"] == "Ten agents without a leader"
+    assert groups[1]["title"] == "Tanner, Jadbabaie and Pappas 2003"
+    picture = small_picture(paper_scenarios()["olfati-saber-2003"][1](0))
+    assert (picture["n"], len(picture["q"]), len(picture["obstacles"])) == (100, 100, 6)
 
 
 def test_obstacles_and_leaders_can_be_drawn_and_moved():
@@ -291,7 +377,7 @@ def test_obstacles_and_leaders_can_be_drawn_and_moved():
     assert [s.kind for s in found] == ["obstacle", "obstacle", "leader"]
     for s in found:
         assert isinstance(value_at(scenario, s.path), fk.Leader)
-    assert np.linalg.norm(found[0].vertices[1:, :2], axis=1) == pytest.approx(1.0)
+    assert np.linalg.norm(found[0].outline[:, :2], axis=1) == pytest.approx(1.0)
     points = virtual_agents(scenario, scenario.start)
     assert points[0] == pytest.approx([2.0, 0.0, 0.0])
     assert points[1] == pytest.approx([4.0, 0.0, 0.0])

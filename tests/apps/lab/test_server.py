@@ -3,9 +3,6 @@
 import asyncio
 import http.client
 import re
-import signal
-import subprocess
-import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -13,6 +10,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.apps.lab.panels.catalogue import catalogue
 from tests.apps.lab.foreign import HOSTS, ORIGINS, OWN, PORT, TOKENS, WAYS_OUT, handshake
 from tests.apps.lab.tabs import wait
 from tests.counting import count
@@ -22,12 +20,12 @@ pytestmark = pytest.mark.server
 
 def here(text, page):
     """What was written for another port and token, for this page's."""
-    text = text.replace(str(PORT + 1), "1").replace(str(PORT), str(page.server.get_port()))
-    return text.replace("secret", page._guarded.access.token)
+    text = text.replace(str(PORT + 1), "1").replace(str(PORT), str(page.server.port))
+    return text.replace("secret", page.server.access.token)
 
 
 def answer(page, path, headers):
-    connection = http.client.HTTPConnection("127.0.0.1", page.server.get_port(), timeout=30)
+    connection = http.client.HTTPConnection("127.0.0.1", page.server.port, timeout=30)
     connection.putrequest("GET", path, skip_host=True)
     for name, value in headers:
         connection.putheader(name, value)
@@ -45,13 +43,13 @@ def test_the_lab_s_own_page_is_answered(page):
     assert b"<html" in words
     assert headers["Referrer-Policy"] == "no-referrer"
     assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{32}/", page.address)
-    assert answer(page, here("/secret", page), handshake(here(OWN, page), f"http://{here(OWN, page)}"))[0] == 101
+    assert answer(page, here("/secret/live", page), handshake(here(OWN, page), f"http://{here(OWN, page)}"))[0] == 101
 
 
 def test_pages_of_other_origins_are_refused(page):
     for origin in ORIGINS:
         origin = here(origin, page)
-        status, words, _ = answer(page, here("/secret", page), handshake(here(OWN, page), origin))
+        status, words, _ = answer(page, here("/secret/live", page), handshake(here(OWN, page), origin))
         assert (status, b"<html" in words) == (403, False), origin
         headers = [("Host", here(OWN, page)), ("Origin", origin)]
         assert answer(page, here("/secret/", page), headers)[0] == 403, origin
@@ -63,7 +61,7 @@ def test_forged_hosts_are_refused(page):
         host = here(host, page)
         # A browser trims what stands around a value.
         expected = {101} if host.strip() == here(OWN, page) else {400, 403}
-        assert answer(page, here("/secret", page), handshake(host, f"http://{host.strip()}"))[0] in expected, host
+        assert answer(page, here("/secret/live", page), handshake(host, f"http://{host.strip()}"))[0] in expected, host
         count("lab: requests with a forged host to its server", 101 not in expected)
 
 
@@ -76,16 +74,47 @@ def test_addresses_without_the_token_are_refused(page):
     assert answer(page, "/", own)[1].startswith(b"This address lacks the lab's token")
 
 
+def test_the_page_and_its_files_are_answered_and_nothing_else(page):
+    own = [("Host", here(OWN, page))]
+    for name, kind in (("style.css", "text/css"), ("main.js", "text/javascript"), ("mathematics.woff", "font/woff")):
+        status, _, headers = answer(page, here(f"/secret/{name}", page), own)
+        assert status == 200
+        assert headers["Content-Type"].startswith(kind)
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+        assert answer(page, here(f"/{name}", page), own)[0] == 403
+        assert answer(page, here(f"/wrong/{name}", page), own)[0] == 403
+    for path in (
+        "/secret/absent.js",
+        "/secret/../page.py",
+        "/secret/%2e%2e/page.py",
+        "/secret/live",
+        "/secret//main.js",
+    ):
+        assert answer(page, here(path, page), own)[0] == 404, path
+    other = handshake(here(OWN, page), f"http://{here(OWN, page)}")
+    for path in ("/secret/", "/secret/main.js", "/secret/live/more"):
+        assert answer(page, here(path, page), other)[0] == 404, path
+    status, _, headers = answer(page, here("/secret", page), own)
+    assert (status, headers["Location"]) == (301, here("/secret/", page))
+
+
+def test_only_a_lab_that_a_notebook_shows_may_be_shown_inside_one(page):
+    own = [("Host", here(OWN, page))]
+    shown = page._repr_html_()
+    assert f'src="{page.address}"' in shown
+    policy = answer(page, here("/secret/", page), own)[2]["Content-Security-Policy"]
+    assert policy.endswith("frame-ancestors http://localhost:* http://127.0.0.1:* vscode-webview:")
+
+
 def order(page, origin, path, *messages):
     """Send a page's orders as a script would; whether the server took them."""
-    import viser
     from websockets.asyncio.client import connect
     from websockets.exceptions import InvalidStatus
 
     async def send():
-        address = f"ws://127.0.0.1:{page.server.get_port()}{path}"
+        address = f"ws://127.0.0.1:{page.server.port}{path}"
         try:
-            async with connect(address, origin=origin, subprotocols=[f"viser-v{viser.__version__}"]) as socket:
+            async with connect(address, origin=origin) as socket:
                 await socket.recv()
                 for message in messages:
                     await socket.send(message)
@@ -99,27 +128,43 @@ def order(page, origin, path, *messages):
         return another.submit(asyncio.run, send()).result()
 
 
-def pressed(handle):
-    """The messages that a browser sends when it has opened a page, and a button is pressed."""
-    import msgspec
-
-    camera = {
-        "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [0.0, 0.0, 9.0], "fov": 1.0,
-        "near": 0.1, "far": 99.0, "image_height": 9, "image_width": 9, "look_at": [0.0, 0.0, 0.0],
-        "up_direction": [0.0, 1.0, 0.0],
-    }  # fmt: skip
-    button = {"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": {"value": True}}
-    return [msgspec.msgpack.encode(message) for message in (camera, button)]
+PLAY = '{"kind": "play"}'
 
 
 def test_play_is_pressed_by_the_lab_s_own_page_alone(page):
-    own, path = f"http://{here(OWN, page)}", here("/secret", page)
-    for origin, way in (("http://elsewhere.invalid", path), (None, path), (own, "/"), (own, "/wrong")):
-        assert order(page, origin, way, *pressed(page.banner.toggle)) == 403
+    own, path = f"http://{here(OWN, page)}", here("/secret/live", page)
+    for origin, way in (("http://elsewhere.invalid", path), (None, path), (own, "/live"), (own, "/wrong/live")):
+        assert order(page, origin, way, PLAY) == 403
         page.clock.do(lambda: None)
         assert not page.clock.playing
     # The same message from the own page is obeyed: it would have been seen.
-    assert order(page, own, path, *pressed(page.banner.toggle)) == 101
+    assert order(page, own, path, PLAY) == 101
+    wait(lambda: page.clock.playing, "it plays")
+
+
+STRANGE = (
+    "", "null", "[]", "{}", '{"kind": 3}', '{"kind": "nothing"}', '{"kind": "set"}', '{"kind": "set", "path": 3}',
+    '{"kind": "set", "path": ["law", "terms", 99], "value": 1}', '{"kind": "event", "event": {"kind": "set"}}',
+    '{"kind": "event", "event": 5}', '{"kind": "event", "event": {"kind": "kick", "agents": [0], "velocity": [1]}}',
+    '{"kind": "event", "event": {"kind": "place", "agent": 77, "to": [0, 0]}}', '{"kind": "look", "t": "now"}',
+    '{"kind": "branch", "t": 1e9}', '{"kind": "step", "duration": -1}', '{"kind": "speed", "speed": NaN}',
+    '{"kind": "load", "name": "../outside.toml"}', '{"kind": "open run", "name": "/etc"}',
+    '{"kind": "agent", "agent": -1}',
+    '{"kind": "save picture", "data": "AAAA"}', '{"kind": "small picture", "name": "../x.toml"}',
+    '{"kind": "try", "path": ["law"], "text": "r"}', '{"kind": "compare", "path": [], "value": 1}', "[" * 100_000,
+)  # fmt: skip
+"""Messages that are no orders, or ask for what is not possible."""
+
+
+def test_strange_messages_change_nothing_and_end_nothing(page):
+    before = page.experiment.session
+    assert order(page, f"http://{here(OWN, page)}", here("/secret/live", page), *STRANGE) == 101
+    page.clock.do(lambda: None)
+    assert page.experiment.session is before
+    assert page.experiment.untouched
+    assert page.experiment.time == 0.0
+    assert page.files.saved == []
+    assert order(page, f"http://{here(OWN, page)}", here("/secret/live", page), PLAY) == 101
     wait(lambda: page.clock.playing, "it plays")
 
 
@@ -132,17 +177,14 @@ def test_no_file_outside_the_folder_is_opened(page, tmp_path):
     (tmp_path / "out.toml").symlink_to(outside / "there.toml")
     (tmp_path / "nothing.toml").symlink_to(outside / "absent.toml")
     (tmp_path / "door").symlink_to(outside)
-    page.offer()
-    assert not {"out.toml", "nothing.toml", "door"} & {
-        *page.transport.scenario.options,
-        *page.file_panel.folder.options,
-    }
+    offered = [x["name"] for group in catalogue(page.folder)["groups"] for x in group["scenarios"]]
+    assert not {"out.toml", "nothing.toml", "door"} & {*offered, *page.files.stored_runs()}
     before = page.experiment
     page._requests.take = lambda: True  # how often is asked elsewhere
     for name in WAYS_OUT:
         if name in ("below/chunk",):
             continue
-        for way in (page.load, page.file_panel.open_run):
+        for way in (page.load, page.past.open_run):
             page.last_error = ""
             try:
                 way(name.format(out=outside))
@@ -152,43 +194,36 @@ def test_no_file_outside_the_folder_is_opened(page, tmp_path):
             count("lab: names that lead out of its folder")
     for name in (f"{outside}/run", "door/run", "../" + outside.name + "/run"):
         with pytest.raises(fk.InvalidInput):
-            page.file_panel.open_run(name)
+            page.past.open_run(name)
     assert page.experiment is before
-    assert page.file_panel.stored is None
+    assert page.past.stored is None
     fk.write_run(run, tmp_path / "run")
-    page.file_panel.open_run("run")
-    assert np.array_equal(page.file_panel.stored.q, run.q)
+    page.past.open_run("run")
+    assert np.array_equal(page.past.stored.q, run.q)
     fk.write_scenario(page.experiment.original, tmp_path / "here.toml")
     page.load("here.toml")
     assert page.experiment is not before
 
 
 def test_saving_does_not_follow_a_link_out_of_the_folder(page, tmp_path, monkeypatch):
-    from flocking.apps.lab.panels import file_panel
+    from flocking.apps.lab.panels import saved_files
 
-    monkeypatch.setattr(file_panel.time, "strftime", lambda *_: "now")
+    monkeypatch.setattr(saved_files.time, "strftime", lambda *_: "now")
     target = tmp_path.parent / f"{tmp_path.name}-taken"
     (tmp_path / "ten-now.toml").symlink_to(target)
-    page.file_panel.save_scenario()
-    assert page.file_panel.saved[-1].name == "ten-now-2.toml"
+    page.files.save_scenario()
+    assert page.files.saved[-1].name == "ten-now-2.toml"
     assert not target.exists()
 
 
 def test_orders_that_come_too_often_are_refused(page):
+    said = []
     for _ in range(40):
-        page.load("absent.toml")
-    assert "must be at most" in page.last_error
-
-
-def test_a_server_that_asks_nobody_is_not_trusted(monkeypatch):
-    """As when another version of viser served in another way."""
-    from contextlib import nullcontext
-
-    from flocking.apps.lab import server
-
-    monkeypatch.setattr(server, "guarding", lambda access: nullcontext())
-    with pytest.raises(fk.InvalidInput, match="connections can be checked"):
-        server.opened(None)
+        with pytest.raises(fk.InvalidInput) as refused:
+            page.load("absent.toml")
+        said.append("must be at most" in str(refused.value))
+    assert said[0] is False
+    assert said[-1] is True
 
 
 def test_a_lab_ends_by_an_interrupt_that_was_raised_where_a_library_drops_it(monkeypatch, tmp_path):
@@ -201,30 +236,3 @@ def test_a_lab_ends_by_an_interrupt_that_was_raised_where_a_library_drops_it(mon
     running.join(60.0)
     assert found
     assert found[0].clock.closed
-
-
-STRUCK = """
-import http.client, os, signal, sys, time
-
-close = http.client.HTTPResponse.close
-
-def struck(self):
-    http.client.HTTPResponse.close = close
-    os.kill(os.getpid(), signal.{number})
-    time.sleep(0)
-    close(self)
-
-http.client.HTTPResponse.close = struck
-sys.argv = ["flocking", "lab", "--folder", {folder!r}, "--no-browser"]
-from flocking.__main__ import main
-sys.exit(main())
-"""
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_lab_ends_by_a_signal_while_an_answer_of_its_server_is_closed(tmp_path, number):
-    """Python itself closes what nobody holds, and drops what is raised there."""
-    program = STRUCK.format(number=number.name, folder=str(tmp_path))
-    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
-    assert (found.returncode, found.stderr) == (130, "flocking: interrupted; no file was left incomplete.\n")
-    assert "The lab is open" not in found.stdout

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import logging
 import socket
+import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flocking.apps.lab.access.guarded_server import Guarded, guarding, is_guarded
+from flocking.apps.lab.access.page_files import page_files
 from flocking.apps.lab.access.request_checks import AccessCheck
+from flocking.apps.lab.access.web_server import HOST, WebServer
 from flocking.engine import interruption
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
@@ -17,7 +19,6 @@ from flocking.model.law import Scenario
 if TYPE_CHECKING:
     from flocking.apps.lab.page import Page
 
-HOST = "127.0.0.1"
 PORT = 8080
 """First port that is tried: the usual one of local web servers."""
 TRIES = 50
@@ -32,7 +33,7 @@ def lab(
     *,
     port: int | None = None,
     folder: str | Path | None = None,
-    browser: bool = True,
+    browser: bool | None = None,
     wait: bool | None = None,
 ) -> Page:
     """Open the live lab: a page in which a running scenario can be changed.
@@ -50,7 +51,7 @@ def lab(
     folder
         The only folder in which the page opens and saves files; the working folder when absent.
     browser
-        Open the page in a browser.
+        Open the page in a browser; true when absent, but in a notebook, whose cell shows the page.
     wait
         Print the address and wait until interrupted; false when absent.
 
@@ -62,7 +63,7 @@ def lab(
     Raises
     ------
     InvalidInput
-        When viser is not installed, the port is taken, or there is no such scenario or folder.
+        When websockets is not installed, the port is taken, or there is no such scenario or folder.
     """
     from flocking.apps.lab.page import Page
 
@@ -72,15 +73,15 @@ def lab(
     try:
         # Ctrl-C waits: raised while this thread holds a lock of the server, it would leave it held.
         with interruption.uninterrupted():
-            guarded = opened(port)
+            opened_server = opened(port)
             try:
-                page = Page(guarded, scenario, folder)
+                page = Page(opened_server, scenario, folder)
             except BaseException:
-                guarded.server.stop()
+                opened_server.stop()
                 raise
         if wait:
             print(f"The lab is open at {page.address}", flush=True)
-        if browser:
+        if browser or (browser is None and not in_notebook()):
             import webbrowser
 
             webbrowser.open(page.address)
@@ -95,6 +96,13 @@ def lab(
     return page
 
 
+def in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook."""
+    shell = sys.modules.get("IPython")
+    found = None if shell is None else shell.get_ipython()
+    return found is not None and hasattr(found, "kernel")
+
+
 def _wait() -> None:
     """Wait until interrupted."""
     try:
@@ -105,46 +113,29 @@ def _wait() -> None:
         interruption.answered()
 
 
-def opened(port: int | None) -> Guarded:
-    """A viser server on the loopback address behind an access check, without its share button.
+def opened(port: int | None) -> WebServer:
+    """A server on the loopback address that checks every request.
 
     Raises
     ------
     InvalidInput
-        When viser is not installed, its connections cannot be checked, or the port is taken.
+        When websockets is not installed, or the port is taken.
     """
-    try:
-        import viser
-    except ImportError:
+    if find_spec("websockets") is None:
         raise InvalidInput(
-            "lab", "viser", "must be installed", "no module named viser", "Install it: pip install 'flocking[lab]'."
-        ) from None
-    free = next((p for p in ([port] if port else range(PORT, PORT + TRIES)) if _is_free(p)), None)
-    if free is None:
-        raise InvalidInput(
-            "lab", "port", "must be free", port or f"{PORT} to {PORT + TRIES - 1}", "Give another --port."
-        )
-    # Connections that end early are no reason for a traceback.
-    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-    access = AccessCheck()
-    with guarding(access):
-        server = viser.ViserServer(host=HOST, port=free, label="flocking lab", verbose=False)
-    access.ports.add(server.get_port())
-    if not is_guarded(HOST, server.get_port(), access.token):
-        server.stop()
-        raise InvalidInput(
-            "lab", "viser", "must be a version whose connections can be checked", viser.__version__,
-            "Install another one: pip install 'viser>=1.1,<2'.",
+            "lab", "websockets", "must be installed", "no module named websockets",
+            "Install it: pip install 'flocking[lab]'.",
         )  # fmt: skip
-    server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="large")
-    server.gui.main_panel.dock_right()
-    # No other way to the public tunnel either.
-    server.request_share_url = _no_tunnel
-    return Guarded(server, access)
-
-
-def _no_tunnel(verbose: bool = True) -> None:
-    raise InvalidInput("lab", "share", "is not possible: the lab stays on this machine", "a share URL")
+    free = next((p for p in ([port] if port else range(PORT, PORT + TRIES)) if _is_free(p)), None)
+    taken = InvalidInput("lab", "port", "must be free", port or f"{PORT} to {PORT + TRIES - 1}", "Give another --port.")
+    if free is None:
+        raise taken
+    server = WebServer(free, AccessCheck(), page_files())
+    try:
+        server.start()
+    except OSError:
+        raise taken from None
+    return server
 
 
 def _is_free(port: int) -> bool:

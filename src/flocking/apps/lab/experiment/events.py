@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from flocking.apps.lab.experiment.selection import selected, state_of
-from flocking.arrays import Indices
+from flocking.arrays import Array, Indices
 from flocking.engine.storage.atomic_files import write_through
 from flocking.errors import InvalidInput
-from flocking.model.checks import NO_LESS, integer, number
+from flocking.model.checks import NO_LESS, array, integer, number
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Leader
@@ -108,14 +108,31 @@ def _move(event: Event, scenario: Scenario, base: Scenario, state: State) -> Out
 
 
 def _kick(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
-    speed = number("lab", "speed", event["speed"], least=0.0)
     agents = _agents(event["agents"], state.n)
+    if "velocity" in event:
+        added = np.array(state.p)
+        added[agents] += _vector("velocity", event["velocity"], state.dimension)
+        return Outcome(scenario, base, replace(state, p=added))
+    speed = number("lab", "speed", event["speed"], least=0.0)
     draws = np.random.default_rng(integer("lab", "seed", event["seed"], least=0)).normal(
         size=(len(agents), state.dimension)
     )
     p = np.array(state.p)
     p[agents] += speed * draws / np.maximum(np.linalg.norm(draws, axis=1, keepdims=True), NO_LESS)
     return Outcome(scenario, base, replace(state, p=p))
+
+
+def _place(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
+    """One agent at another place ``to``: its links are those of the graph's rule there."""
+    (agent,) = _agents([event["agent"]], state.n)
+    q = np.array(state.q)
+    q[agent] = _vector("to", event["to"], state.dimension)
+    links = None
+    if state.links is not None:
+        links = np.array(state.links)
+        found = scenario.law.graph.start_links(q, scenario.agents.headings)
+        links[agent], links[:, agent] = found[agent], found[:, agent]
+    return Outcome(scenario, base, replace(state, q=q, links=links))
 
 
 def _kill(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
@@ -230,10 +247,16 @@ def _agents(given: Sequence[int], n: int) -> Indices:
     return np.array(numbers, dtype=np.intp)
 
 
+def _vector(name: str, given: object, dimension: int) -> Array:
+    found = array("lab", name, given, ndim=1)
+    if found.shape != (dimension,):
+        raise InvalidInput("lab", name, f"must have {dimension} components", given)
+    return found
+
+
 _KINDS: dict[str, Callable[[Event, Scenario, Scenario, State], Outcome]] = {
-    "set": _set, "scale": _scale, "move": _move, "kick": _kick, "kill": _kill, "add": _add, "cut": _cut,
-    "term": _term, "drop": _drop, "obstacle": _obstacle, "remove": _remove,
-    "clear obstacles": _clear,
+    "set": _set, "scale": _scale, "move": _move, "kick": _kick, "place": _place, "kill": _kill, "add": _add,
+    "cut": _cut, "term": _term, "drop": _drop, "obstacle": _obstacle, "remove": _remove, "clear obstacles": _clear,
 }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 
@@ -15,6 +16,12 @@ from flocking.model.state import State
 
 Moment = tuple[Callable[[], Session], Scenario, int, float]
 """Restores a session; the scenario that factors multiply then, the number of events before, and the time."""
+
+MOST_MOMENTS = 32
+"""Moments that are kept to begin from again; when there are more, every second of the older ones goes."""
+MOST_MOMENT_NUMBERS = 4e6
+"""Positions, velocities and entries of link matrices that moments hold together, a bound on memory: about 100 MB with
+what engines keep beside them."""
 
 MOST_EVENTS = 100_000
 """Longest log, a bound on memory; an experiment with more interventions cannot be replayed."""
@@ -148,26 +155,76 @@ class Experiment:
             self.log.entries.append((self.time, event))
 
     def save_moment(self) -> None:
-        """Save this moment for `go_back`, unless the run failed or its steps shrink. The last two are stored."""
+        """Save this moment for `go_back` and `branch`, unless the run failed or its steps shrink."""
         if self.failure or not self.session.steady:
             return
-        self._moments = [*self._moments[-1:], self._moment()]
+        self._moments = [*self._moments, self._moment()]
+        state = self.state
+        size = 4 * state.q.size + (state.n**2 if state.links is not None else 0)
+        if len(self._moments) > min(MOST_MOMENTS, max(2, MOST_MOMENT_NUMBERS // size)):
+            # The last two stay: `go_back` returns to the older of them.
+            self._moments = [*self._moments[:-2:2], *self._moments[-2:]]
+            if size > MOST_MOMENT_NUMBERS / 4:
+                self._moments = self._moments[-2:]
 
     def _moment(self) -> Moment:
         return self.session.moment(), self.base, len(self.log.entries), self.time
 
     def go_back(self) -> None:
         """Return to the older saved moment, or the start; later events are removed from the log."""
-        back, self.base, events, time = self._moments[0] if self._moments else self._begin
-        self._moments = self._moments[:1]
+        back, self.base, events, time = self._moments[-2:][0] if self._moments else self._begin
+        self._moments = self._moments[:-1] if len(self._moments) > 1 else self._moments
         self.session = back()
-        trace, switches = self.records()
-        trace[:] = [row for row in trace if row[0] <= time]
-        switches[:] = [row for row in switches if row[0] <= time]
+        self._forget_after(time)
         del self.log.entries[events:]
         self.log.end = self.changed_at = time
         self.failure = ""
         self.version += 1
+
+    def _forget_after(self, time: float) -> None:
+        """Drop records that lie after a time."""
+        trace, switches = self.records()
+        trace[:] = [row for row in trace if row[0] <= time]
+        switches[:] = [row for row in switches if row[0] <= time]
+
+    def branch(self, to: float, proceed: Callable[[], bool] = lambda: True) -> Experiment:
+        """Another experiment in the state that this one had at time ``to``, bit for bit; this one stays as it is.
+
+        It is computed from the last saved moment before, with the events since.
+
+        Parameters
+        ----------
+        to
+            A time between the start and now.
+        proceed
+            Called every `REPLAY_SECONDS`; returns false to cancel.
+
+        Raises
+        ------
+        InvalidInput
+            When the time lies outside, the log is not complete, or the computation is cancelled.
+        SimulationError
+            When the run fails before.
+        """
+        start = self._begin[3]
+        if not start <= to <= self.time:
+            raise InvalidInput("lab", "time", f"must lie between {start:.6g} and {self.time:.6g}", to)
+        if not self.complete:
+            raise InvalidInput("lab", "time", "can be chosen only where the log holds all events", to)
+        moments = [m for m in (self._begin, *self._moments) if m[3] <= to]
+        back, base, events, _ = moments[-1]
+        found = copy.copy(self)
+        found.session, found.base, found.failure = back(), base, ""
+        found.log = EventLog(self.original, self.engine, self.log.entries[:events], found.session.time)
+        found._moments = moments[1:]
+        found._forget_after(found.session.time)
+        found.changed_at = found.log.entries[-1][0] if found.log.entries else start
+        for time, event in [entry for entry in self.log.entries[events:] if entry[0] <= to]:
+            _advance_to(found, time, proceed)
+            found.apply(event)
+        _advance_to(found, to, proceed)
+        found.version = self.version + 1
+        return found
 
     def records(self) -> tuple[list[tuple[float, ...]], list[SwitchRow]]:
         """The last rows of the ledger and the last switches; engines that locate none record none."""
@@ -213,16 +270,17 @@ def replay(log: EventLog, proceed: Callable[[], bool] = lambda: True) -> Experim
         When the run fails, as it did then.
     """
     found = Experiment(log.scenario, log.engine)
-
-    def advance_to(to: float) -> None:
-        while not found.reached(to):
-            if not proceed():
-                raise InvalidInput("lab", "replay", "was cancelled", f"t = {found.time:.6g}")
-            found.advance(to, REPLAY_SECONDS)
-
     for time, event in log.entries:
-        advance_to(time)
+        _advance_to(found, time, proceed)
         found.apply(event)
     if math.isfinite(log.end):
-        advance_to(log.end)
+        _advance_to(found, log.end, proceed)
     return found
+
+
+def _advance_to(experiment: Experiment, to: float, proceed: Callable[[], bool]) -> None:
+    """Advance an experiment in pieces, between which it can be cancelled."""
+    while not experiment.reached(to):
+        if not proceed():
+            raise InvalidInput("lab", "replay", "was cancelled", f"t = {experiment.time:.6g}")
+        experiment.advance(to, REPLAY_SECONDS)

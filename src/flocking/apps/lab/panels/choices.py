@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from flocking.apps.lab.access.confinement import Folder
-from flocking.apps.lab.scene.glyphs import spacing
+from flocking.apps.lab.scene.points import spacing
 from flocking.apps.scenario_names import find_scenario, paper_scenarios
 from flocking.errors import InvalidInput
 from flocking.model import starts

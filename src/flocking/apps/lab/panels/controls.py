@@ -1,136 +1,204 @@
-"""Controls generated from the settings of a scenario: sliders, fields, choices, with errors shown in place."""
+"""The law as a page shows it: its formula, its potentials, and a control for every parameter."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from flocking.apps.lab.experiment.events import Event
+from flocking.apps.lab.experiment.potential_ranges import check_quickly, check_range, curves, reach_of
 from flocking.apps.lab.experiment.settings import Section, Setting, sections
-from flocking.errors import FlockingError
-from flocking.formula.grammar import Formula
+from flocking.errors import FlockingError, InvalidInput
+from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.law import Scenario
-from flocking.model.parts.structure import Step
+from flocking.model.parts.structure import Step, changed, children, value_at
+from flocking.model.potentials.potential import Potential
+from flocking.model.state import State
+from flocking.model.typesetting.law_formulas import law_latex
+from flocking.model.typesetting.law_html import formula_html, law_legend
+from flocking.study.potentials.potential_check import check_potential
 
-if TYPE_CHECKING:
-    from viser import GuiApi, GuiEvent, GuiFolderHandle, GuiInputHandle, GuiMarkdownHandle
+STEPS = 200
+"""Steps of a slider from end to end, rounded to a power of ten."""
+LONGEST_FORMULA = 2000
+"""Characters of a formula that is checked while it is typed."""
 
-Send = Callable[[Event, object, Callable[[str], None]], None]
-"""Sends an event; of those with the same key only the last counts; the function shows an error, or clears it."""
 
-
-class Controls:
-    """The part of a page that changes the law.
+@dataclass(frozen=True)
+class PlacedPotential:
+    """A potential in a law.
 
     Parameters
     ----------
-    gui
-        GUI of a viser server.
-    container
-        Tab or folder that holds them.
-    send
-        Sends an event.
+    path
+        Where it is in the scenario.
+    potential
+        The potential.
+    graph
+        The graph over which its term acts.
     """
 
-    def __init__(self, gui: GuiApi, container: GuiFolderHandle, send: Send) -> None:
-        self._gui, self._container, self._send = gui, container, send
-        self._folders: list[GuiFolderHandle] = []
-        self.handles: dict[tuple[Step, ...], GuiInputHandle] = {}
-        """Handle of every setting by its path."""
-        self.errors: dict[str, GuiMarkdownHandle] = {}
-        """Error message of each section, by its number and title."""
-
-    def build(self, scenario: Scenario) -> None:
-        """Make the controls of a scenario and remove the previous ones."""
-        for folder in self._folders:
-            folder.remove()
-        self._folders, self.handles, self.errors = [], {}, {}
-        with self._container:
-            for number, section in enumerate(sections(scenario)):
-                self._section(number, section)
-
-    def show(self, scenario: Scenario) -> None:
-        """Put the values of a scenario with the same settings into the controls, without events."""
-        for section in sections(scenario):
-            for setting in section.settings:
-                handle = self.handles.get(setting.path)
-                if handle is not None and setting.kind in ("number", "flag", "choice", "formula"):
-                    if setting.kind == "number":
-                        handle.min, handle.max = min(handle.min, setting.value), max(handle.max, setting.value)
-                    if handle.value != setting.value:
-                        handle.value = setting.value
-
-    def _section(self, number: int, section: Section) -> None:
-        folder = self._gui.add_folder(section.title, expand_by_default=len(section.settings) <= 8)
-        self._folders.append(folder)
-        with folder:
-            fault = self._gui.add_markdown("", visible=False)
-            self.errors[f"{number} {section.title}"] = fault
-            for setting in section.settings:
-                self.handles[setting.path] = self._control(setting, _message_writer(fault))
-            if section.removal is not None:
-                self._remover(section, _message_writer(fault))
-
-    def _remover(self, section: Section, show_message: Callable[[str], None]) -> None:
-        button = self._gui.add_button(f"Remove {section.title.split(': ')[0].lower()}", color="gray")
-        button.on_click(lambda _: self._send(dict(section.removal or {}), None, show_message))
-
-    def _control(self, setting: Setting, show_message: Callable[[str], None]) -> GuiInputHandle:
-        if setting.kind == "formula":
-            return self._formula(setting, show_message)
-        kind = "scale" if setting.kind == "factor" else "set"
-        handle = self._widget(setting)
-
-        @handle.on_update
-        def _(event: GuiEvent) -> None:
-            if event.client is not None:  # set by a person, not by `show`
-                value = handle.value
-                change = {"kind": kind, "path": list(setting.path), "value": value}
-                self._send(change, (kind, setting.path), show_message)
-
-        return handle
-
-    def _widget(self, setting: Setting) -> GuiInputHandle:
-        gui, label = self._gui, setting.label
-        if setting.kind == "flag":
-            return gui.add_checkbox(label, setting.value)
-        if setting.kind == "choice":
-            return gui.add_dropdown(label, setting.choices, initial_value=setting.value)
-        if setting.kind == "count":
-            return gui.add_number(label, setting.value, min=0, step=1)
-        step = 10.0 ** math.floor(math.log10((setting.high - setting.low) / 200))
-        return gui.add_slider(label, setting.low, setting.high, step, float(setting.value))
-
-    def _formula(self, setting: Setting, show_message: Callable[[str], None]) -> GuiInputHandle:
-        """A field whose errors show while typing; the law changes when the button is pressed."""
-        field = self._gui.add_text(setting.label, setting.value, multiline=len(setting.value) > 40)
-        button = self._gui.add_button("Use formula", hint="New names get the value 1 and a slider of their own.")
-
-        @field.on_update
-        def _(_: object) -> None:
-            try:
-                Formula(field.value, "formula")
-                show_message("")
-            except FlockingError as error:
-                show_message(str(error))
-
-        @button.on_click
-        def _(_: object) -> None:
-            change = {"kind": "set", "path": list(setting.path), "value": field.value}
-            self._send(change, ("set", setting.path), show_message)
-
-        return field
+    path: tuple[Step, ...]
+    potential: Potential
+    graph: Graph
 
 
-def _message_writer(fault: GuiMarkdownHandle) -> Callable[[str], None]:
-    def show_message(message: str) -> None:
-        fault.content = f"**{_plain(message)}**" if message else ""
-        fault.visible = bool(message)
+def potentials(scenario: Scenario) -> list[PlacedPotential]:
+    """The potentials of the terms of a scenario's law."""
+    law = scenario.law
+    return [
+        PlacedPotential(("law", "terms", k, step), child, getattr(term, "over", None) or law.graph)
+        for k, term in enumerate(law.terms)
+        for step, child in children(term).items()
+        if isinstance(child, Potential)
+    ]
 
-    return show_message
+
+def law_content(scenario: Scenario, state: State) -> dict[str, object]:
+    """The law of a scenario as JSON data: formula, controls, and curves of the potentials.
+
+    Parameters
+    ----------
+    state
+        The present state.
+    """
+    try:
+        formula = formula_html(law_latex(scenario.law, state.dimension))
+    except FlockingError as error:
+        formula = f"<p>{error}</p>"
+    placed = potentials(scenario)
+    return {
+        "kind": "law", "formula": formula, "legend": law_legend(scenario.law),
+        "sections": [_section(section) for section in sections(scenario)],
+        "potentials": [_potential(each, state) for each in placed],
+    }  # fmt: skip
 
 
-def _plain(text: str) -> str:
-    """Text that Markdown shows as it is."""
-    return "".join(f"\\{c}" if c in "*_`#<>[]{}$\\|" else c for c in text)
+def _potential(each: PlacedPotential, state: State) -> dict[str, object]:
+    reach = reach_of(each.graph, state)
+    return {
+        "path": list(each.path), "formula": each.potential.formula.text, "reach": reach,
+        "parameters": dict(each.potential.parameters), "curves": curves(each.potential, reach),
+    }  # fmt: skip
+
+
+def _section(section: Section) -> dict[str, object]:
+    return {
+        "title": section.title, "removal": section.removal,
+        "settings": [_setting(each) for each in section.settings],
+    }  # fmt: skip
+
+
+def _setting(setting: Setting) -> dict[str, object]:
+    found: dict[str, object] = {
+        "path": list(setting.path), "kind": setting.kind, "label": setting.label, "value": setting.value,
+        "choices": list(setting.choices),
+    }  # fmt: skip
+    if setting.kind in ("number", "factor"):
+        step = 10.0 ** math.floor(math.log10((setting.high - setting.low) / STEPS))
+        found |= {"low": setting.low, "high": setting.high, "step": step}
+    return found
+
+
+def values_of(scenario: Scenario) -> Iterator[tuple[list[Step], Any]]:
+    """Paths and values of all settings: what the controls must show after a change, or after one that was refused."""
+    for section in sections(scenario):
+        for setting in section.settings:
+            if setting.kind != "factor":
+                yield list(setting.path), setting.value
+
+
+def tried(scenario: Scenario, state: State, path: Sequence[Step], text: str) -> dict[str, object]:
+    """What a formula at ``path`` would be: its curves, its properties, and why it is refused, if it is.
+
+    Parameters
+    ----------
+    scenario
+        The scenario, which does not change.
+    state
+        The present state.
+    text
+        The formula.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no potential at that path, or the formula is refused.
+    """
+    if len(text) > LONGEST_FORMULA:
+        raise InvalidInput("lab", "formula", f"must have at most {LONGEST_FORMULA} characters", len(text))
+    other = changed(scenario, (*path, "formula"), text)
+    each = next((x for x in potentials(other) if list(x.path) == list(path)), None)
+    if each is None:
+        raise InvalidInput("lab", "path", "must lead to a potential", list(path))
+    reach = reach_of(each.graph, state)
+    check_quickly(each.potential, reach)
+    return {"parameters": dict(each.potential.parameters), "reach": reach, "curves": curves(each.potential, reach)}
+
+
+def properties(scenario: Scenario, state: State, path: Sequence[Step]) -> list[dict[str, object]]:
+    """Properties of the potential at ``path``, by name.
+
+    Parameters
+    ----------
+    scenario, state
+        The scenario and its present state.
+    """
+    each = next((x for x in potentials(scenario) if list(x.path) == list(path)), None)
+    if each is None:
+        return []
+    report = check_potential(each.potential, radius=reach_of(each.graph, state))
+    return [{"name": row.name, "holds": row.holds, "explanation": row.explanation} for row in report.rows]
+
+
+class Controls:
+    """Changes of the law that a page asks for.
+
+    Parameters
+    ----------
+    scenario
+        Gives the present scenario.
+    state
+        Gives the present state.
+    send
+        Sends an event; of those with the same key only the last counts.
+    """
+
+    def __init__(
+        self, scenario: Callable[[], Scenario], state: Callable[[], State], send: Callable[[Event, object], None]
+    ) -> None:
+        self._scenario, self._state, self._send = scenario, state, send
+
+    def move(self, path: Sequence[Step], value: object, *, factor: bool = False) -> None:
+        """Set the value at a path.
+
+        Parameters
+        ----------
+        path
+            Where it is in the scenario.
+        value
+            The value.
+        factor
+            Whether the values there are multiplied by it.
+
+        Raises
+        ------
+        InvalidInput
+            When it would make a potential infinite where pairs are linked.
+        """
+        if not factor:
+            self._check(path, value)
+        kind = "scale" if factor else "set"
+        self._send({"kind": kind, "path": list(path), "value": value}, (kind, *path))
+
+    def _check(self, path: Sequence[Step], value: object) -> None:
+        scenario = self._scenario()
+        for each in potentials(scenario):
+            if list(path[: len(each.path)]) == list(each.path):
+                other = changed(scenario, path, value)
+                psi = value_at(other, each.path)
+                if isinstance(psi, Potential):
+                    check = check_range if path[-1] == "formula" else check_quickly
+                    check(psi, reach_of(each.graph, self._state()))

@@ -93,6 +93,8 @@ class ShownVerdict:
         The certificate that proves the claim of the motion from the last intervention on, where there is one.
     running
         Whether the motion goes on, so that what holds and is not guaranteed holds so far.
+    margin
+        How far the measured value is inside its bound, in its own unit; not a number where there is none.
     """
 
     claim: Claim
@@ -101,6 +103,7 @@ class ShownVerdict:
     witness: Witness | None = None
     guarantee: Certificate | None = None
     running: bool = False
+    margin: float = float("nan")
 
     @property
     def lamp(self) -> str:
@@ -112,13 +115,11 @@ class ShownVerdict:
         return self.word
 
     @property
-    def color(self) -> str:
-        """Green, red, orange while undecided, violet without its hypothesis, grey where it does not apply."""
+    def style(self) -> str:
+        """How a page shows it, by shape and colour: a verdict, or that the failure was expected."""
         if self.word == str(self.claim.expected) == "fails":
-            return "teal"  # known to fail
-        return {"holds": "green", "fails": "red", "hypothesis not met": "violet", "not yet": "orange"}.get(
-            self.word, "gray"
-        )
+            return "known to fail"
+        return self.word
 
 
 def claims_of(scenario_name: str) -> tuple[Claim, ...]:
@@ -184,7 +185,8 @@ def verdicts_on(run: Run, claims: Sequence[Claim], guarantees: Certificates | No
             result, witness = Result(claim, Verdict.NOT_APPLICABLE, note=f"{type(error).__name__}: {error}"), None
         proof = None if guarantees is None else guarantee_of(claim, guarantees, run.scenario)
         word = _word(claim, result.verdict, run)
-        found.append(ShownVerdict(claim, word, result.note, witness, proof, running=run.status == "running"))
+        going = run.status == "running"
+        found.append(ShownVerdict(claim, word, result.note, witness, proof, going, float(result.margin)))
     return found
 
 

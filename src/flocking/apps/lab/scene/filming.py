@@ -1,15 +1,15 @@
-"""Pictures and films of the scene, drawn by `flocking.show`."""
+"""Films of a run while it goes on, drawn by `flocking.show`."""
 
 from __future__ import annotations
 
 import threading
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flocking.apps.lab.experiment.clock import Clock, Frame
-from flocking.apps.lab.scene.scene import Look
 from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
@@ -28,6 +28,25 @@ PLAIN = "plain"
 _drawing = threading.Lock()
 
 
+@dataclass(frozen=True)
+class Look:
+    """What a film shows, and how.
+
+    Parameters
+    ----------
+    color
+        The quantity that colours the agents.
+    links
+        Whether links are drawn.
+    dark
+        Whether the background is dark.
+    """
+
+    color: str = "speed"
+    links: bool = True
+    dark: bool = True
+
+
 def _options(scenario: Scenario, look: Look) -> NetOptions:
     obstacles = [x for term in scenario.law.terms if isinstance(term, ObstacleTerm) for x in term.obstacles]
     color = look.color if look.color in ("speed", "heading", "flock") else PLAIN
@@ -36,29 +55,6 @@ def _options(scenario: Scenario, look: Look) -> NetOptions:
 
 def _theme(look: Look) -> str:
     return "dark" if look.dark else "light"
-
-
-def picture(state: State, scenario: Scenario, look: Look, path: Path) -> Path:
-    """Draw one moment.
-
-    Parameters
-    ----------
-    look
-        What is shown, and how.
-
-    Raises
-    ------
-    InvalidInput
-        When the picture cannot be drawn.
-    """
-    from flocking.show.plot import plot
-
-    options = _options(scenario, look)
-    if state.dimension > 2:
-        options.pop("obstacles")
-    with _drawing:
-        plot(_run([state], scenario), "net", save_as=path.with_suffix(""), theme=_theme(look), **options)
-    return path
 
 
 def _run(states: list[State], scenario: Scenario) -> Run:

@@ -1,15 +1,15 @@
-"""Obstacles and leaders as bodies that can be drawn and dragged, and beta- and gamma-agents."""
+"""Obstacles and leaders as shapes that can be drawn and dragged, and beta- and gamma-agents."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flocking.apps.lab.scene.glyphs import in_space
+from flocking.apps.lab.scene.points import in_space
 from flocking.model.checks import NO_LESS, Array
 from flocking.model.law import Scenario
+from flocking.model.leaders_and_obstacles.leaders import Leader, Sink
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Wall
 from flocking.model.parts.structure import Step
 from flocking.model.state import State
@@ -17,8 +17,6 @@ from flocking.model.terms.avoidance import Avoid, ObstacleTerm
 
 OUTLINE = 48
 """Corners of the polygon that stands for a round outline: its sides differ from a circle by 0.2 % of the radius."""
-RINGS = 8
-"""Rings of the mesh of a sphere: the edges of its faces differ from it by 2 % of the radius."""
 WALL_DEPTH = 0.03
 """Thickness of a drawn wall in its extent."""
 
@@ -28,7 +26,7 @@ MOVERS = {"Ball": "centre", "Wall": "point", "ConvexPolygon": "motion"}
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A body of the scene.
+    """A shape of the scene.
 
     Parameters
     ----------
@@ -36,23 +34,25 @@ class Solid:
         ``"obstacle"`` or ``"leader"``.
     path
         Path of the leader it moves with in the scenario; empty when it cannot be moved.
+    part
+        Path of the obstacle or leader itself.
     position
         Where it is, shape (3,).
-    vertices, faces
-        Its shape around that place; a leader's has size 1.
-    dimension
-        Its dimension.
-    shape
-        Key that changes when it must be drawn again.
+    outline
+        Corners of its outline around that place, shape (K, 3); empty for balls in space and for leaders.
+    radius
+        Radius of a ball in space; 0 for other shapes.
+    name
+        What it is called on a page.
     """
 
     kind: str
     path: tuple[Step, ...]
+    part: tuple[Step, ...]
     position: Array
-    vertices: NDArray[np.floating]
-    faces: NDArray[np.uint32]
-    dimension: int
-    shape: tuple[object, ...]
+    outline: Array
+    radius: float
+    name: str
 
 
 def solids(scenario: Scenario, t: float) -> list[Solid]:
@@ -70,66 +70,48 @@ def solids(scenario: Scenario, t: float) -> list[Solid]:
             seen.add(id(leader))
             place = leader.at(t)[0]
             if np.isfinite(place).all():
-                vertices, faces = _sphere(1.0)
-                shape = ("leader", leader.dimension)
-                found.append(
-                    Solid("leader", (*path, "leader"), in_space(place[None])[0].astype(float), vertices, faces,
-                          leader.dimension, shape)
-                )  # fmt: skip
+                here = (*path, "leader")
+                found.append(Solid("leader", here, here, _space(place), np.zeros((0, 3)), 0.0, _leader_name(leader)))
     return found
+
+
+def _leader_name(leader: Leader) -> str:
+    """What a leader is called: a sink stays where it is."""
+    return "sink" if isinstance(leader, Sink) else "leader"
+
+
+def _space(place: Array) -> Array:
+    return np.asarray(in_space(place[None])[0], dtype=np.float64)
 
 
 def _obstacle(obstacle: Obstacle, path: tuple[Step, ...], t: float) -> Solid:
     field = MOVERS.get(type(obstacle).__name__)
     mover = obstacle.mover
     place = mover.at(t)[0] if mover is not None else np.zeros(obstacle.dimension)
-    if isinstance(obstacle, Ball) and obstacle.dimension == 3:
-        vertices, faces = _sphere(obstacle.radius)
-    elif isinstance(obstacle, Wall):
-        vertices, faces = _slab(obstacle)
-    else:
-        vertices, faces = _fan(in_space(obstacle.outline(OUTLINE, t) - place).astype(np.float64))
     movable = (*path, field) if field is not None and mover is not None else ()
-    shape = (type(obstacle).__name__, vertices.tobytes())
-    return Solid(
-        "obstacle", movable, in_space(place[None])[0].astype(float), vertices, faces, obstacle.dimension, shape
-    )
+    outline, radius = np.zeros((0, 3)), 0.0
+    if isinstance(obstacle, Ball) and obstacle.dimension == 3:
+        radius = float(obstacle.radius)
+    elif isinstance(obstacle, Wall):
+        outline = _slab(obstacle)
+    else:
+        outline = in_space(obstacle.outline(OUTLINE, t) - place).astype(np.float64)
+    return Solid("obstacle", movable, path, _space(place), outline, radius, "obstacle")
 
 
-def _fan(outline: Array) -> tuple[Array, NDArray[np.uint32]]:
-    """A flat body from its outline."""
-    count = len(outline)
-    faces = [(0, 1 + k, 1 + (k + 1) % count) for k in range(count)]
-    return np.round(np.concatenate([outline.mean(axis=0)[None], outline]), 9), np.array(faces, dtype=np.uint32)
-
-
-def _slab(wall: Wall) -> tuple[Array, NDArray[np.uint32]]:
-    """The face of a wall with a strip behind it."""
+def _slab(wall: Wall) -> Array:
+    """Corners of the face of a wall with a strip behind it; in space, of its face."""
     normal = in_space(wall.normal[None])[0].astype(float)
     along = np.cross(normal, (0.0, 0.0, 1.0)) if wall.dimension < 3 or abs(normal[2]) < 0.9 else np.array([1.0, 0, 0])
     along /= np.linalg.norm(along)
-    second = -normal * WALL_DEPTH if wall.dimension < 3 else np.cross(normal, along)
-    corners = [along, -along] if wall.dimension < 3 else [along - second, -along - second]
-    points = np.array([*corners, corners[1] + (1 + (wall.dimension == 3)) * second, corners[0]
-                       + (1 + (wall.dimension == 3)) * second])  # fmt: skip
-    return wall.extent * points, np.array([(0, 1, 2), (0, 2, 3)], dtype=np.uint32)
-
-
-def _sphere(radius: float) -> tuple[Array, NDArray[np.uint32]]:
-    """A ball of rings."""
-    across = np.pi * np.arange(1, RINGS) / RINGS
-    around = 2 * np.pi * np.arange(2 * RINGS) / (2 * RINGS)
-    rings = np.stack([np.outer(np.sin(across), np.cos(around)), np.outer(np.sin(across), np.sin(around)),
-                      np.outer(np.cos(across), np.ones_like(around))], axis=2)  # fmt: skip
-    points = np.concatenate([rings.reshape(-1, 3), [(0, 0, 1), (0, 0, -1)]])
-    n, top = 2 * RINGS, len(points) - 2
-    faces = []
-    for k in range(n):
-        faces += [(top, k, (k + 1) % n), (top + 1, top - n + (k + 1) % n, top - n + k)]
-        for ring in range(RINGS - 2):
-            a, b = ring * n + k, ring * n + (k + 1) % n
-            faces += [(a, a + n, b), (b, a + n, b + n)]
-    return radius * points, np.array(faces, dtype=np.uint32)
+    if wall.dimension < 3:
+        behind = -normal * WALL_DEPTH
+        corners = [along, -along, behind - along, behind + along]
+    else:
+        second = np.cross(normal, along)
+        corners = [along + second, second - along, -along - second, along - second]
+    shape: Array = wall.extent * np.array(corners)
+    return shape
 
 
 def virtual_agents(scenario: Scenario, state: State) -> Array:

@@ -1,0 +1,1 @@
+"""Open pages: frames and measurements go out, orders come in."""

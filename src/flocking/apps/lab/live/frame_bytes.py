@@ -1,0 +1,115 @@
+"""Frames as bytes for a page: a header in JSON, then arrays of 32 bits.
+
+The length of the header, in bytes, stands in four bytes before it; it is padded so that the arrays begin at a multiple
+of four. For each group they are positions relative to its centre, velocities, and, where the header says so, pairs of
+linked agents, energies, and beta- and gamma-agents.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.apps.lab.experiment.clock import Frame
+from flocking.apps.lab.scene.solids import solids, virtual_agents
+from flocking.arrays import Array
+from flocking.model.law import Scenario
+from flocking.model.state import State
+
+LINK_BUDGET = 6000
+"""Links that are drawn at most: more would delay the page and hide each other."""
+MOST_ENERGIES = 500
+"""Agents up to which colours show energies: their cost grows with the number of pairs."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What pages want to see of a frame beside its agents and links.
+
+    Parameters
+    ----------
+    energies
+        The potential energy of each agent.
+    virtual_agents
+        Beta- and gamma-agents.
+    """
+
+    energies: bool = False
+    virtual_agents: bool = False
+
+
+def link_pairs(state: State, budget: int = LINK_BUDGET) -> tuple[NDArray[np.uint32], int]:
+    """Linked pairs, shape (L, 2), at most ``budget`` of them evenly chosen; and how many there are.
+
+    Parameters
+    ----------
+    state
+        The state.
+    """
+    if state.links is None:
+        return np.zeros((0, 2), dtype=np.uint32), 0
+    i, j = np.nonzero(state.links)
+    once = (i < j) | ~state.links[j, i]
+    pairs = np.stack([i[once], j[once]], axis=1).astype(np.uint32)
+    count = len(pairs)
+    if count > budget:
+        pairs = pairs[np.linspace(0, count - 1, budget).astype(np.intp)]
+    return pairs, count
+
+
+def packed(frame: Frame, wanted: Wanted, *, live: bool = True) -> bytes:
+    """A frame as bytes.
+
+    Parameters
+    ----------
+    wanted
+        What is added.
+    live
+        Whether it is the present one, not one of the record.
+    """
+    groups, arrays = [], []
+    for state, scenario in zip(frame.states, frame.scenarios, strict=True):
+        header, parts = _group(state, scenario, wanted)
+        groups.append(header)
+        arrays += parts
+    head = {"number": frame.number, "t": frame.time, "live": live, "groups": groups, "version": list(frame.versions)}
+    text = json.dumps(head, allow_nan=False, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    return b"".join([struct.pack("<I", len(text)), text, *(np.ascontiguousarray(a).tobytes() for a in arrays)])
+
+
+def _group(state: State, scenario: Scenario, wanted: Wanted) -> tuple[dict[str, object], list[NDArray[np.generic]]]:
+    centre = state.q.mean(axis=0)
+    pairs, count = link_pairs(state)
+    parts: list[NDArray[np.generic]] = [_single(state.q - centre), _single(state.p), pairs]
+    header: dict[str, object] = {
+        "n": state.n, "d": state.dimension, "centre": centre.tolist(), "links": len(pairs), "all_links": count,
+        "linked": state.links is not None, "energies": False, "ghosts": 0,
+        "solids": [
+            {
+                "kind": x.kind, "path": list(x.path), "of": list(x.part), "position": x.position.tolist(),
+                "outline": np.round(x.outline, 6).tolist(), "radius": x.radius, "name": x.name,
+            }
+            for x in solids(scenario, state.t)
+        ],
+    }  # fmt: skip
+    if wanted.energies and state.n <= MOST_ENERGIES:
+        from flocking.study.potentials.state_energy import agent_energies
+
+        energies = agent_energies(scenario.law, state, scenario.energy)
+        if np.isfinite(energies).all():
+            header["energies"] = True
+            parts.append(_single(energies))
+    if wanted.virtual_agents:
+        ghosts = virtual_agents(scenario, state)
+        header["ghosts"] = len(ghosts)
+        parts.append(_single(ghosts - np.pad(centre, (0, max(0, 3 - len(centre))))[:3]))
+    return header, parts
+
+
+def _single(values: Array) -> NDArray[np.float32]:
+    return np.asarray(values, dtype=np.float32)

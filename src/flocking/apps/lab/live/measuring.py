@@ -1,0 +1,207 @@
+"""Measurements and verdicts while a run goes on, computed on a thread of their own."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+
+from flocking.apps.lab.experiment.clock import Clock, Frame
+from flocking.apps.lab.experiment.history import History
+from flocking.apps.lab.experiment.timeline import CURVES, Timeline
+from flocking.apps.lab.panels.measures import (
+    LEDGER,
+    MOST_CLAIMS,
+    NAMES,
+    ShownVerdict,
+    claims_of,
+    guarantees_of,
+    ledger,
+    measured,
+    verdicts_on,
+)
+from flocking.engine.runs.run import LedgerRow, Run
+from flocking.formula.markup.text_formulas import set_text
+from flocking.model.law import Law
+from flocking.study.certificates.certificate import Certificates
+
+READ_SECONDS = 0.2
+"""Least seconds between two measurements: five in a second can still be read."""
+JUDGE_SECONDS = 1.0
+"""Least seconds between two judgements of the claims, which take longer than measurements."""
+PATIENCE = 5.0
+"""The next judgement of a run that goes on waits at least this many times the duration of the last."""
+
+
+class Measuring:
+    """Measures and judges the frames of a clock, and keeps their record.
+
+    Parameters
+    ----------
+    clock
+        The clock.
+    changed
+        Called when there is something new to show.
+    """
+
+    def __init__(self, clock: Clock, changed: Callable[[], None]) -> None:
+        self._clock, self._changed = clock, changed
+        self.timeline = Timeline()
+        self.history = History()
+        self.verdicts: list[ShownVerdict] = []
+        self.numbers: list[dict[str, float]] = []
+        """The last measurements, of each experiment."""
+        self.reads = 0
+        self.fault = ""
+        """Why the last measurement failed; empty when it did not."""
+        self._certified: tuple[float, Law, Certificates | None] | None = None
+        self._judged_frame = -1
+        self._lock = threading.Lock()
+        self._judging = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="flocking-lab-measurements", daemon=True)
+
+    def begin(self) -> None:
+        """Start reading."""
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait for the thread; the clock must be closed."""
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def reset(self) -> None:
+        """Clear all measurements, as for another run."""
+        with self._lock:
+            self.timeline.reset()
+            self.history.clear()
+            self.verdicts, self.numbers = [], []
+            self._judged_frame = -1
+        self._changed()
+
+    def go_on_from(self, t: float) -> None:
+        """Forget what lies after ``t``: the run goes on from there."""
+        with self._lock:
+            self.timeline.cut(t)
+            self.history.clear()
+            self._judged_frame = -1
+        self._changed()
+
+    def _run(self) -> None:
+        number, judged, pause = 0, 0.0, JUDGE_SECONDS
+        while not self._clock.closed:
+            frame = self._clock.next_frame(number, timeout=READ_SECONDS)
+            begin = time.perf_counter()
+            at_rest = not self._clock.running
+            if frame is not None:
+                number = frame.number
+                self._guarded(self._read, frame)
+            elif not at_rest:
+                continue
+            last = self._clock.frame
+            # A run that stands still is judged once more: else its lamps would be those of a moment before.
+            due = begin - judged > pause if not at_rest else self._judged_frame != last.number
+            if due and last.states[0].n <= MOST_CLAIMS:
+                self._guarded(self.judge, last)
+                judged = time.perf_counter()
+                pause = max(JUDGE_SECONDS, PATIENCE * (judged - begin))
+            if frame is not None:
+                time.sleep(max(READ_SECONDS, 2 * (time.perf_counter() - begin)))
+
+    def _guarded(self, act: Callable[[Frame], None], frame: Frame) -> None:
+        try:
+            act(frame)
+            self.fault = ""
+        except Exception as error:  # a measure may fail for a changed law
+            self.fault = f"The measurements failed: {type(error).__name__}: {error}"
+            self._judged_frame = frame.number
+        self._changed()
+
+    def _read(self, frame: Frame) -> None:
+        numbers = [_numbers(frame, k) for k in range(len(frame.states))]
+        with self._lock:
+            self.history.take(frame)
+            self.numbers = numbers
+            values = [_curve(each, name) for each in numbers for name in CURVES]
+            self.timeline.take(frame.states[0], frame.scenarios[0], values)
+        self.reads += 1
+
+    def window(self) -> Run | None:
+        """The motion since the last intervention, as a run."""
+        session = self._clock.experiments[0].session
+        closest, accuracy = session.known
+        with self._lock:
+            return self.history.run(closest, accuracy, session.fidelity)
+
+    def judge(self, frame: Frame) -> None:
+        """Judge the claims by the motion since the last intervention."""
+        self._judged_frame = frame.number
+        with self._judging:
+            run = self.window()
+            if run is None or not run.links.size:
+                return
+            law = run.scenario.law
+            if self._certified is None or self._certified[:2] != (float(run.t[0]), law):
+                self._certified = float(run.t[0]), law, guarantees_of(run)
+            found = verdicts_on(run, claims_of(frame.scenarios[0].name), self._certified[2])
+        until = float(run.t[-1])
+        with self._lock:
+            if not self.history.frames or self.history.frames[-1].t < until:
+                return  # another run began meanwhile
+            self.verdicts = found
+            before = self.timeline.judged
+            for verdict in found:
+                since = float(run.t[0]) if before is None else until
+                if verdict.witness is not None and verdict.word == "fails":
+                    since = min(max(verdict.witness.time, float(run.t[0])), until)
+                self.timeline.judge(verdict.claim.key, until, verdict.style, since, verdict.margin)
+
+    def content(self) -> dict[str, object]:
+        """The measurements, the record and the verdicts as JSON data."""
+        clock = self._clock
+        experiment = clock.experiments[0]
+        events = [(t, str(event["kind"])) for t, event in list(experiment.log.entries)]
+        with self._lock:
+            record = self.timeline.content(events)
+            shown = [v for v in self.verdicts if v.word != "not applicable"]
+            claims = [_claim(v, self.timeline.strips[v.claim.key].largest) for v in shown]
+            numbers = [{k: _finite(v) for k, v in each.items()} for each in self.numbers]
+        return {
+            "kind": "record", "now": experiment.time, "end": float(experiment.scenario.t_end), "record": record,
+            "claims": claims, "numbers": numbers, "fault": self.fault,
+            "too_many": experiment.scenario.start.n > MOST_CLAIMS and MOST_CLAIMS,
+            "reached": _finite(clock.reached), "speed": clock.speed, "playing": clock.playing,
+            "running": clock.running, "complete": experiment.complete, "failure": clock.frame.failure,
+            "shrunk": clock.frame.shrunk,
+        }  # fmt: skip
+
+
+def _claim(verdict: ShownVerdict, largest: float) -> dict[str, object]:
+    claim, witness = verdict.claim, verdict.witness
+    return {
+        "key": claim.key, "source": claim.source, "sentence": set_text(claim.statement), "word": verdict.word,
+        "style": verdict.style, "lamp": verdict.lamp, "note": verdict.note, "reason": claim.reason,
+        "margin": _finite(verdict.margin), "largest": _finite(largest),
+        "time": None if witness is None else _finite(witness.time),
+        "agents": [] if witness is None else [int(i) for i in witness.agents],
+        "guarantee": "" if verdict.guarantee is None else verdict.guarantee.statement,
+    }  # fmt: skip
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None
+
+
+def _curve(numbers: dict[str, float], name: str) -> float:
+    return numbers.get(name, math.nan)
+
+
+def _numbers(frame: Frame, k: int) -> dict[str, float]:
+    """Measurements of one of a frame's runs, with its ledger since the last intervention."""
+    rows = list(frame.rows[k][0])
+    found = dict.fromkeys((*LEDGER, "departed"), math.nan)
+    if rows:
+        since = next((row for row in rows if row[0] >= frame.changed_at[k]), rows[-1])
+        found = ledger(since, rows[-1]) | {"departed": LedgerRow(*rows[-1]).departed}
+    measures = measured(frame.states[k], rows[-1][1] if rows else math.nan)
+    return {name: measures[name] for name in NAMES} | found

@@ -1,0 +1,45 @@
+"""Messages that tell pages about scenarios, values and stored runs."""
+
+from __future__ import annotations
+
+from flocking.apps.lab.experiment.experiment import Experiment
+from flocking.apps.lab.live.hub import Message
+from flocking.apps.lab.panels.catalogue import about
+from flocking.apps.lab.panels.controls import values_of
+from flocking.apps.lab.panels.ready_terms import TERMS
+from flocking.engine.runs.run import Run
+from flocking.model.law import Scenario
+
+
+def scenario_message(name: str, experiment: Experiment, speed: float) -> dict[str, object]:
+    """What is open.
+
+    Parameters
+    ----------
+    name
+        The name that it was opened by.
+    experiment
+        The experiment.
+    speed
+        Simulated time per second.
+    """
+    scenario = experiment.scenario
+    return {
+        "kind": "scenario", "name": name, "seed": experiment.original.seed, "n": scenario.start.n,
+        "d": scenario.start.dimension, "start": float(scenario.start.t), "end": float(scenario.t_end),
+        "engine": experiment.engine, "speed": speed, "terms": list(TERMS), **about(name, scenario),
+    }  # fmt: skip
+
+
+def values_message(scenario: Scenario) -> Message:
+    """The values that hold in a scenario."""
+    return {"kind": "values", "values": [[path, value] for path, value in values_of(scenario)]}
+
+
+def stored_message(run: Run) -> Message:
+    """A stored run: its times, and its energy over time."""
+    trace = run.trace
+    return {
+        "kind": "stored", "name": run.scenario.name, "t": [float(t) for t in run.t], "status": run.status,
+        "times": [float(x) for x in trace["time"]], "energy": [float(x) for x in trace["energy"]],
+    }  # fmt: skip

@@ -1,0 +1,120 @@
+"""The first view: scenarios grouped by paper, with their titles, and pictures of how they begin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from flocking.apps.lab.access.confinement import Folder
+from flocking.apps.lab.panels.choices import LARGER_GROUPS, library
+from flocking.apps.lab.scene.solids import solids
+from flocking.apps.scenario_names import paper_scenarios
+from flocking.model.law import Scenario
+from flocking.papers import keys, paper
+from flocking.papers.description import Paper
+
+MOST_POINTS = 150
+"""Agents of a small picture: more would hide each other."""
+
+GROUP_TITLES = {
+    "group-1000": "1,000 agents in the plane", "group-10000": "10,000 agents in the plane",
+    "group-100000": "100,000 agents in the plane", "group-1000-3d": "1,000 agents in space",
+}  # fmt: skip
+"""Titles of the larger groups."""
+
+
+def catalogue(folder: Folder) -> dict[str, object]:
+    """All scenarios that a page offers, as JSON data.
+
+    Parameters
+    ----------
+    folder
+        The folder of the user's files.
+    """
+    groups: list[dict[str, object]] = []
+    for key in keys():
+        found = paper(key)
+        names = list(found.scenarios())
+        title = found.titles.get(names[0], names[0])
+        groups.append(
+            {
+                "title": _short(found),
+                "about": found.title,
+                "first": title,
+                "scenarios": [{"name": name, "title": found.title_of(name)} for name in names],
+            }
+        )
+    groups.append(
+        {
+            "title": "Larger groups",
+            "about": "A bounded spring and velocity consensus over links with hysteresis",
+            "scenarios": [{"name": name, "title": GROUP_TITLES.get(name, name)} for name in LARGER_GROUPS],
+        }
+    )
+    built_in = {*paper_scenarios(), *LARGER_GROUPS}
+    files = [name for name in library(folder) if name not in built_in]
+    if files:
+        groups.append(
+            {"title": "Your files", "about": "In the folder of this lab",
+             "scenarios": [{"name": name, "title": name} for name in files]}
+        )  # fmt: skip
+    return {"kind": "catalogue", "groups": groups}
+
+
+def about(name: str, scenario: Scenario) -> dict[str, str]:
+    """Title, one sentence and the paper of an open scenario.
+
+    Parameters
+    ----------
+    name
+        The name that it was opened by.
+    scenario
+        The scenario.
+    """
+    known = paper_scenarios().get(name)
+    n = scenario.start.n
+    size = f"{n} agent{'s' if n != 1 else ''} in {scenario.start.dimension} dimensions, until t = {scenario.t_end:g}"
+    if known is None:
+        title = GROUP_TITLES.get(name, scenario.name or name)
+        return {"title": title, "paper": "", "short": "", "sentence": f"{size}."}
+    found = paper(known[0])
+    return {"title": found.title_of(name), "paper": found.citation, "short": _short(found), "sentence": f"{size}."}
+
+
+def _short(found: Paper) -> str:
+    return f"{_surnames(found.authors)} {found.year}"
+
+
+def _surnames(authors: str) -> str:
+    """The authors without their initials, at most three of them."""
+    names = [part.split()[-1] for part in authors.replace(" and ", ", ").split(", ") if part.strip()]
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if len(names) < 4 else (
+        f"{names[0]} and others"
+    )  # fmt: skip
+
+
+def small_picture(scenario: Scenario) -> dict[str, object]:
+    """Positions, velocities, links and obstacles of a start, for a small picture.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    start = scenario.start
+    some = np.unique(np.linspace(0, start.n - 1, min(start.n, MOST_POINTS)).astype(int))
+    return {
+        "n": start.n, "d": start.dimension, "open": scenario.space.is_open,
+        "q": _rounded(start.q[some, :2]), "p": _rounded(start.p[some, :2]),
+        "obstacles": [
+            _rounded((x.outline + x.position)[:, :2]) for x in solids(scenario, start.t) if len(x.outline)
+        ],
+    }  # fmt: skip
+
+
+def _rounded(values: Iterable[object]) -> list[list[float]]:
+    table = np.asarray(values, dtype=np.float64)
+    if table.ndim == 2 and table.shape[1] == 1:
+        table = np.column_stack([table, np.zeros(len(table))])
+    return [[float(f"{x:.4g}") for x in row] for row in table]

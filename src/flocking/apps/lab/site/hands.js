@@ -1,0 +1,297 @@
+// Hands: what the pointer does in the scene. Choose, drag, add, kick and remove agents and obstacles; move the view.
+
+import { fragment } from "./law.js";
+import { inside, short } from "./scene.js";
+import { escaped } from "./timeline.js";
+
+const TOOLS = [
+  ["view", "Move the view; click chooses an agent, an obstacle or a leader can be dragged", '<path d="M12 3v18M3 12h18M12 3l-3 3M12 3l3 3M12 21l-3-3M12 21l3-3M3 12l3-3M3 12l3 3M21 12l-3-3M21 12l-3 3"/>'],
+  ["drag", "Drag an agent to another place", '<path d="M8 11V6a1.5 1.5 0 0 1 3 0v5M11 10V4.5a1.5 1.5 0 0 1 3 0V10M14 10.5V6a1.5 1.5 0 0 1 3 0v8c0 4-2 7-5.5 7S6.5 19 5 15.5L4 13a1.5 1.5 0 0 1 2.7-1.2L8 14"/>'],
+  ["add", "Click to add an agent with the flock's mean velocity", '<path d="M12 5v14M5 12h14"/>'],
+  ["lasso", "Draw around agents to choose them", '<ellipse cx="12" cy="10" rx="8" ry="6" stroke-dasharray="3 2.5"/><path d="M8 15c-1 2 0 4-2 5"/>'],
+  ["kick", "Drag from an agent: it gets a velocity along the arrow; with agents chosen, all of them", '<path d="M4 17h12M12 12l5 5-5 5M4 9c3-4 6 3 9-1s3-4 6-3"/>'],
+  ["obstacle", "Drag to add a round obstacle", '<circle cx="12" cy="12" r="7" fill="currentColor"/>'],
+  ["erase", "Click to remove an agent or an obstacle", '<path d="M9 6h11v12H9l-6-6zM12 9.5l5 5M17 9.5l-5 5"/>'],
+];
+const INKS = ["#ffffff", "#e09f3e", "#7fd1ff", "#ff8fa3", "#b7e36b", "#d6b3ff"];
+
+export class Hands {
+  constructor(link, scene) {
+    this.link = link;
+    this.scene = scene;
+    this.tool = "view";
+    const at = (id) => document.getElementById(id);
+    this.parts = { tools: at("tools"), hover: at("hover"), chosen: at("chosen"), hint: at("hint") };
+    this.parts.tools.innerHTML = TOOLS.map(([name, title, icon]) => `<button data-tool="${name}" title="${title}" aria-label="${title}" aria-pressed="${name === "view"}"><svg viewBox="0 0 24 24" aria-hidden="true">${icon}</svg></button>`).join("");
+    for (const button of this.parts.tools.children) button.onclick = () => this.take(button.dataset.tool);
+    const canvas = scene.canvas;
+    canvas.addEventListener("pointerdown", (e) => this.down(e));
+    canvas.addEventListener("pointermove", (e) => this.move(e));
+    canvas.addEventListener("pointerup", (e) => this.up(e));
+    canvas.addEventListener("pointercancel", () => this.cancel());
+    canvas.addEventListener("pointerleave", () => this.hover(null));
+    canvas.addEventListener("contextmenu", (e) => e.preventDefault());
+    canvas.addEventListener("wheel", (e) => {
+      e.preventDefault();
+      const [x, y] = this.at(e);
+      scene.camera.zoom(Math.exp(-0.0015 * e.deltaY), x, y);
+      scene.repaint();
+    }, { passive: false });
+    canvas.addEventListener("keydown", (e) => this.key(e));
+    this.fingers = new Map();
+  }
+
+  take(tool) {
+    this.tool = tool;
+    for (const button of this.parts.tools.children) button.setAttribute("aria-pressed", button.dataset.tool === tool);
+    this.showHint();
+  }
+
+  showHint() {
+    const box = this.parts.hint;
+    box.hidden = this.tool === "view";
+    box.textContent = TOOLS.find(([name]) => name === this.tool)[1];
+    if (this.tool !== "lasso") return;
+    box.append(fragment('<br><label>or by number <input aria-label="agents" placeholder="3, 5-8"></label> <button>a random tenth</button>'));
+    const field = box.querySelector("input");
+    field.onchange = () => {
+      const found = agentsOf(field.value, this.group.n);
+      field.setCustomValidity(found ? "" : "numbers such as 3, 5-8");
+      if (found) this.choose(found); else field.reportValidity();
+    };
+    box.querySelector("button").onclick = () => {
+      const every = [...Array(this.group.n).keys()].map((i) => [Math.random(), i]).sort((a, b) => a[0] - b[0]);
+      this.choose(every.slice(0, Math.max(1, Math.round(this.group.n / 10))).map(([, i]) => i));
+    };
+  }
+
+  get group() { return this.scene.frame?.groups[0]; }
+  get dimension() { return this.group?.d ?? 2; }
+
+  at(event) {
+    const box = this.scene.canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  }
+
+  point(x, y) { return this.scene.camera.point(x, y).slice(0, this.dimension); }
+
+  down(event) {
+    const [x, y] = this.at(event);
+    this.scene.canvas.setPointerCapture(event.pointerId);
+    this.fingers.set(event.pointerId, [x, y]);
+    if (!this.group) return;
+    if (this.fingers.size > 1) {
+      this.held = { kind: "pinch", far: this.spread() };
+      return;
+    }
+    const agent = this.scene.agentAt(x, y), solid = this.scene.solidAt(x, y), from = [x, y];
+    this.held = { kind: "pan", from, last: from, agent, button: event.button, moved: false };
+    if (this.tool === "view" && solid && solid.path.length && agent === null) {
+      this.held = { ...this.held, kind: "solid", solid, offset: this.scene.camera.world(solid.position).slice(0, 2).map((v, k) => v - from[k]) };
+    } else if (this.tool === "drag" && agent !== null) this.held.kind = "agent";
+    else if (this.tool === "lasso") {
+      this.held.kind = "lasso";
+      this.scene.lasso = [from];
+    } else if (this.tool === "kick" && (agent !== null || this.scene.chosen.size)) this.held.kind = "kick";
+    else if (this.tool === "obstacle") this.held.kind = "obstacle";
+    else if (this.tool === "add" || this.tool === "erase") this.held.kind = "click";
+  }
+
+  spread() {
+    const [a, b] = [...this.fingers.values()];
+    return Math.hypot(a[0] - b[0], a[1] - b[1]);
+  }
+
+  move(event) {
+    const [x, y] = this.at(event), h = this.held, scene = this.scene;
+    if (this.fingers.has(event.pointerId)) this.fingers.set(event.pointerId, [x, y]);
+    if (!h) {
+      this.hover([x, y]);
+      return;
+    }
+    if (h.kind === "pinch") {
+      if (this.fingers.size > 1) {
+        const far = this.spread(), [a, b] = [...this.fingers.values()];
+        scene.camera.zoom(far / h.far, (a[0] + b[0]) / 2, (a[1] + b[1]) / 2);
+        h.far = far;
+        scene.repaint();
+      }
+      return;
+    }
+    h.moved ||= Math.hypot(x - h.from[0], y - h.from[1]) > 4;
+    if (!h.moved) return;
+    const [dx, dy] = [x - h.last[0], y - h.last[1]];
+    h.last = [x, y];
+    if (h.kind === "pan") {
+      if (this.dimension > 2 && h.button === 0 && !event.shiftKey) {
+        scene.camera.yaw -= 0.008 * dx;
+        scene.camera.pitch = Math.min(Math.max(scene.camera.pitch + 0.008 * dy, 0), Math.PI / 2);
+      } else scene.camera.pan(dx, dy);
+    } else if (h.kind === "solid") {
+      this.link.send("move", { path: h.solid.path, to: this.point(x + h.offset[0], y + h.offset[1]) });
+    } else if (h.kind === "lasso") scene.lasso.push([x, y]);
+    else if (h.kind === "kick" || h.kind === "agent") scene.drawing = { kind: "line", from: this.origin(h), to: [x, y] };
+    else if (h.kind === "obstacle") scene.drawing = { kind: "obstacle", from: h.from, to: [x, y] };
+    scene.repaint();
+  }
+
+  origin(h) { return h.agent === null ? h.from : [this.scene.sx[h.agent], this.scene.sy[h.agent]]; }
+
+  up(event) {
+    const h = this.held, scene = this.scene, [x, y] = this.at(event);
+    this.fingers.delete(event.pointerId);
+    if (this.fingers.size) return;
+    this.held = null;
+    scene.drawing = null;
+    if (!h) return;
+    const clicked = !h.moved;
+    if (h.kind === "lasso") {
+      const found = clicked ? [] : [...scene.sx.keys()].filter((i) => inside(scene.lasso, scene.sx[i], scene.sy[i]));
+      scene.lasso = null;
+      this.choose(event.shiftKey ? [...scene.chosen, ...found] : found);
+    } else if (h.kind === "agent" && h.moved) this.event({ kind: "place", agent: h.agent, to: this.point(x, y) });
+    else if (h.kind === "kick" && h.moved) {
+      const a = this.point(...this.origin(h)), b = this.point(x, y);
+      const agents = scene.chosen.size ? [...scene.chosen] : [h.agent];
+      this.event({ kind: "kick", agents, velocity: b.map((v, k) => v - a[k]) });
+    } else if (h.kind === "obstacle") {
+      const centre = this.point(...h.from), edge = this.point(x, y);
+      const radius = clicked ? 20 / scene.camera.scale : Math.hypot(...edge.map((v, k) => v - centre[k]));
+      this.event({ kind: "obstacle", centre, radius });
+    } else if (h.kind === "click" && clicked && this.tool === "add") {
+      this.event({ kind: "add", q: this.point(x, y), p: this.meanVelocity() });
+    } else if (h.kind === "click" && clicked) {
+      const solid = scene.solidAt(x, y);
+      if (h.agent !== null) this.event({ kind: "kill", agents: [h.agent] });
+      else if (solid?.kind === "obstacle") this.event({ kind: "remove", path: solid.of });
+    } else if (h.kind === "pan" && clicked) {
+      if (h.agent === null) this.choose([]);
+      else if (scene.chosen.has(h.agent)) this.choose([...scene.chosen].filter((i) => i !== h.agent));
+      else this.choose([...scene.chosen, h.agent]);
+    }
+    scene.repaint();
+  }
+
+  cancel() {
+    this.held = this.scene.lasso = this.scene.drawing = null;
+    this.fingers.clear();
+    this.scene.repaint();
+  }
+
+  meanVelocity() {
+    const { p, n, d } = this.group, sum = new Array(d).fill(0);
+    for (let i = 0; i < n * d; i++) sum[i % d] += p[i];
+    return sum.map((x) => x / n);
+  }
+
+  async event(event) {
+    if (event.kind === "kill") this.choose([]);
+    try {
+      await this.link.ask("event", { event });
+    } catch { /* the refusal is shown */ }
+  }
+
+  choose(agents) {
+    this.scene.chosen = new Set([...agents].sort((a, b) => a - b));
+    this.scene.forces = null;
+    this.asked = null;
+    this.showChosen();
+    this.scene.repaint();
+    if (this.scene.frame) this.frame(this.scene.frame);
+  }
+
+  showChosen() {
+    const box = this.parts.chosen, agents = [...this.scene.chosen];
+    box.hidden = !agents.length;
+    if (!agents.length) return;
+    const names = agents.length > 12 ? `${agents.slice(0, 12).join(", ")} and ${agents.length - 12} more` : agents.join(", ");
+    box.innerHTML = `<b>agent${agents.length > 1 ? "s" : ""} ${names}</b><div data-forces></div>
+      <label>kick by <input type="number" step="any" min="0" value="${this.speed ?? 1}" aria-label="Kick speed" style="width:5em"></label>
+      <button data-do="kick">kick</button><button data-do="kill">remove</button><button data-do="cut">cut links</button><button data-do="clear">clear</button>`;
+    const speed = box.querySelector("input");
+    speed.onchange = () => (this.speed = Number(speed.value));
+    const act = {
+      kick: () => this.event({ kind: "kick", agents, speed: Number(speed.value), seed: Math.floor(Math.random() * 1e6) }),
+      kill: () => this.event({ kind: "kill", agents }),
+      cut: () => this.cut(agents),
+      clear: () => this.choose([]),
+    };
+    for (const button of box.querySelectorAll("button")) button.onclick = act[button.dataset.do];
+    this.showForces();
+  }
+
+  cut(agents) {
+    const who = new Set(agents), { pairs } = this.group, found = [];
+    for (let k = 0; k < pairs.length; k += 2) if (who.has(pairs[k]) || who.has(pairs[k + 1])) found.push([pairs[k], pairs[k + 1]]);
+    if (found.length) this.event({ kind: "cut", pairs: found });
+  }
+
+  // A frame was painted: of one chosen agent the forces are asked for, a few times a second.
+  async frame(frame) {
+    if (this.scene.chosen.size !== 1 || !frame.live || this.asking) return;
+    const [agent] = this.scene.chosen;
+    if (this.asked === `${agent} ${frame.t} ${frame.version}` || performance.now() - (this.askedAt ?? 0) < 200) return;
+    this.asking = true;
+    this.asked = `${agent} ${frame.t} ${frame.version}`;
+    this.askedAt = performance.now();
+    try {
+      const found = await this.link.ask("agent", { agent }, true);
+      if (this.scene.chosen.size === 1 && this.scene.chosen.has(agent)) {
+        this.scene.forces = { agent, list: found.forces.map((f, k) => ({ ...f, colour: INKS[k % INKS.length] })), found };
+        this.showForces();
+        this.scene.repaint();
+      }
+    } catch { this.scene.forces = null; }
+    this.asking = false;
+  }
+
+  showForces() {
+    const box = this.parts.chosen.querySelector("[data-forces]"), forces = this.scene.forces;
+    if (!box || !forces) return;
+    const { found } = forces, count = found.neighbours.length;
+    box.innerHTML = `speed ${short(found.speed)} · ${count} neighbour${count === 1 ? "" : "s"}<br>` + forces.list
+      .map((f) => `<span class="bar" style="background:${f.colour}"></span>${escaped(f.term)} ${short(Math.hypot(...f.force))}`).join(" &nbsp; ");
+  }
+
+  hover(place) {
+    const agent = place ? this.scene.agentAt(...place) : null, box = this.parts.hover;
+    if (agent !== this.scene.hovered) {
+      this.scene.hovered = agent;
+      this.scene.repaint();
+    }
+    box.hidden = agent === null;
+    if (agent === null) return;
+    const { p, d, pairs, linked } = this.group, speed = Math.hypot(...p.subarray(agent * d, agent * d + d));
+    let count = 0;
+    for (const i of pairs) count += i === agent;
+    box.style.left = `${place[0]}px`;
+    box.style.top = `${place[1]}px`;
+    box.textContent = `agent ${agent} · speed ${short(speed)}${linked ? ` · ${count} neighbour${count === 1 ? "" : "s"}` : ""}\nclick for its forces`;
+  }
+
+  key(event) {
+    const step = 40, cam = this.scene.camera, { width, height } = this.scene.size();
+    const moves = { ArrowLeft: [step, 0], ArrowRight: [-step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
+    if (moves[event.key]) cam.pan(...moves[event.key]);
+    else if (event.key === "+" || event.key === "=") cam.zoom(1.2, width / 2, height / 2);
+    else if (event.key === "-") cam.zoom(1 / 1.2, width / 2, height / 2);
+    else if (event.key === "0") this.scene.aim();
+    else if (event.key === "Escape") this.choose([]);
+    else if (event.key === "Enter" && this.tool === "add") this.event({ kind: "add", q: this.point(width / 2, height / 2), p: this.meanVelocity() });
+    else if (event.key === "Enter" && this.tool === "obstacle") this.event({ kind: "obstacle", centre: this.point(width / 2, height / 2), radius: 20 / cam.scale });
+    else return;
+    event.preventDefault();
+    this.scene.repaint();
+  }
+}
+
+// Numbers of agents in a text such as "3, 5-8"; null where it has another form.
+export function agentsOf(text, n) {
+  const found = new Set();
+  for (const word of text.replaceAll(",", " ").split(/\s+/).filter(Boolean)) {
+    const parts = word.match(/^(\d{1,7})(?:-(\d{1,7}))?$/);
+    if (!parts) return null;
+    for (let i = Number(parts[1]); i <= Math.min(Number(parts[2] ?? parts[1]), n - 1); i++) if (i < n) found.add(i);
+  }
+  return [...found].sort((a, b) => a - b);
+}

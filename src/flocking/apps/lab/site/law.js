@@ -1,0 +1,316 @@
+// The law beside its picture: the formula, the potentials with their curves, and a control for every parameter.
+
+import { pairDistances } from "./frames.js";
+import { short } from "./scene.js";
+import { escaped } from "./timeline.js";
+
+const BINS = 40;
+const key = (path) => JSON.stringify(path);
+
+export class LawPanel {
+  constructor(link, area) {
+    this.link = link;
+    this.area = area;
+    this.controls = new Map();
+    this.plots = [];
+    this.numbers = document.createElement("dl");
+    this.numbers.className = "numbers";
+    this.counted = 0;
+  }
+
+  scenario(message) {
+    this.terms = message.terms;
+    this.engine = `${message.engine} engine`;
+  }
+
+  build(law) {
+    const typing = document.activeElement?.closest?.(".pot")?.dataset.path;
+    this.law = law;
+    this.controls.clear();
+    this.plots = [];
+    this.area.replaceChildren();
+    this.area.append(fragment(`<h2>The law</h2>${law.formula}<details><summary>What the symbols mean</summary>${law.legend}</details>`));
+    const rest = law.sections.map((s) => ({ ...s, settings: [...s.settings] }));
+    for (const potential of law.potentials) {
+      const own = [];
+      for (const section of rest) {
+        own.push(...section.settings.filter((s) => starts(s.path, potential.path)));
+        section.settings = section.settings.filter((s) => !starts(s.path, potential.path));
+      }
+      this.area.append(this.potential(potential, own));
+    }
+    for (const section of rest) if (section.settings.length || section.removal) this.area.append(this.section(section));
+    this.area.append(this.adding(), fragment("<h3>Numbers</h3>"), this.numbers);
+    if (typing) this.area.querySelector(`.pot[data-path='${typing}'] textarea`)?.focus();
+    this.drawPlots();
+    this.check();
+  }
+
+  potential(potential, settings) {
+    const box = document.createElement("div");
+    box.className = "pot";
+    box.dataset.path = key(potential.path);
+    const many = this.law.potentials.length > 1 ? ` of term ${potential.path[2] + 1}` : "";
+    box.append(fragment(`<h3>Potential ψ(r)${many}</h3>
+      <canvas role="img" aria-label="The potential, the force, and how often each distance occurs"></canvas>
+      <div class="keys"><span><i style="color:var(--accent)"></i>ψ(r)</span><span><i style="color:var(--force);border-top-style:dashed"></i>force ψ′(r)</span><span>bars: how often each distance occurs</span></div>
+      <textarea aria-label="Formula of the potential" spellcheck="false"></textarea>
+      <p class="fault" role="alert" hidden></p><button class="small" disabled>use this formula</button><ul class="checks"></ul>`));
+    const [canvas, field, fault, use, checks] = ["canvas", "textarea", ".fault", ".small", ".checks"].map((s) => box.querySelector(s));
+    field.value = potential.formula;
+    const plot = { potential, canvas, curves: potential.curves, reach: potential.reach, checks, field, fault, use, number: 0 };
+    this.plots.push(plot);
+    field.oninput = () => this.typed(plot);
+    field.onkeydown = (event) => {
+      if (event.key === "Enter" && (event.ctrlKey || event.metaKey) && !use.disabled) use.click();
+    };
+    use.onclick = () => this.link.send("set", { path: [...potential.path, "formula"], value: field.value });
+    for (const setting of settings) if (setting.kind !== "formula") box.append(this.control(setting));
+    return box;
+  }
+
+  // Redraw the curves of what is typed; the law changes when it is used.
+  typed(plot) {
+    const number = ++plot.number, same = plot.field.value === plot.potential.formula;
+    clearTimeout(plot.wait);
+    plot.use.disabled = true;
+    plot.wait = setTimeout(async () => {
+      try {
+        const found = await this.link.ask("try", { path: plot.potential.path, text: plot.field.value }, true);
+        if (number !== plot.number) return;
+        [plot.curves, plot.reach] = [found.curves, found.reach];
+        plot.fault.hidden = true;
+        plot.use.disabled = same;
+        this.drawPlots();
+      } catch (reason) {
+        if (number !== plot.number) return;
+        plot.fault.textContent = String(reason);
+        plot.fault.hidden = false;
+      }
+    }, 150);
+  }
+
+  section(section) {
+    const box = document.createElement("div");
+    box.append(fragment(`<h3><span>${escaped(section.title)}</span></h3>`));
+    if (section.removal) {
+      const button = fragment('<button class="small">remove</button>').firstChild;
+      button.setAttribute("aria-label", `Remove ${section.title}`);
+      button.onclick = () => this.link.send("event", { event: section.removal });
+      box.querySelector("h3").append(button);
+    }
+    const fold = section.settings.length > 10 ? document.createElement("details") : box;
+    if (fold !== box) {
+      fold.append(fragment(`<summary>${section.settings.length} values</summary>`));
+      box.append(fold);
+    }
+    for (const setting of section.settings) fold.append(this.control(setting));
+    return box;
+  }
+
+  control(setting) {
+    const row = document.createElement("label");
+    row.className = "row";
+    row.append(fragment(`<span>${escaped(setting.label)}</span>`));
+    const send = (value) => this.link.send("set", { path: setting.path, value, factor: setting.kind === "factor" });
+    let show;
+    if (setting.kind === "flag" || setting.kind === "choice") {
+      const field = document.createElement(setting.kind === "flag" ? "input" : "select");
+      if (setting.kind === "flag") field.type = "checkbox";
+      else field.append(...setting.choices.map((c) => new Option(c, c)));
+      show = (value) => (setting.kind === "flag" ? (field.checked = value) : (field.value = value));
+      field.onchange = () => send(setting.kind === "flag" ? field.checked : field.value);
+      row.append(field);
+    } else if (setting.kind === "formula") {
+      const field = document.createElement("input");
+      show = (value) => (field.value = value);
+      field.onchange = () => send(field.value);
+      field.style.gridColumn = "2 / 4";
+      row.append(field);
+    } else {
+      show = this.slider(row, setting, send);
+    }
+    show(setting.value);
+    this.controls.set(key(setting.path), show);
+    return row;
+  }
+
+  // A slider, whose ends move away when it is let go there, and a field that takes any number.
+  slider(row, setting, send) {
+    const field = fragment('<input type="number" step="any">').firstChild;
+    if (setting.kind === "count") {
+      field.step = 1;
+      field.onchange = () => send(Math.round(Number(field.value)));
+      row.append(document.createElement("span"), field);
+      return (value) => (field.value = value);
+    }
+    const range = fragment('<input type="range">').firstChild;
+    range.setAttribute("aria-label", `${setting.label}, slider`);
+    Object.assign(range, { min: setting.low, max: setting.high, step: setting.step });
+    const widen = (value) => {
+      if (value >= Number(range.max)) range.max = Math.max(2 * Math.abs(value), Number(range.max));
+      if (value <= Number(range.min) && Number(range.min) < 0) range.min = -2 * Math.abs(value);
+      if (value < Number(range.min)) range.min = value;
+    };
+    range.oninput = () => {
+      field.value = short(Number(range.value));
+      send(Number(range.value));
+    };
+    range.onchange = () => widen(Number(range.value));
+    field.onchange = () => Number.isFinite(Number(field.value)) && field.value !== "" && send(Number(field.value));
+    row.append(range, field);
+    return (value) => {
+      if (range.matches(":active")) return;
+      if (value > Number(range.max) || value < Number(range.min)) widen(value);
+      range.value = value;
+      field.value = Number(value.toPrecision(6));
+    };
+  }
+
+  adding() {
+    const box = document.createElement("div");
+    box.append(fragment('<h3>Another term</h3><div class="row" style="grid-template-columns:1fr auto"><select aria-label="Term to add"></select><button class="small">add</button></div>'));
+    const choice = box.querySelector("select");
+    choice.append(...(this.terms ?? []).map((t) => new Option(t, t)));
+    box.querySelector("button").onclick = () => this.link.send("add term", { name: choice.value });
+    if (this.law.sections.filter((s) => s.removal?.kind === "remove").length > 1) {
+      const clear = fragment('<button class="small">remove all obstacles</button>').firstChild;
+      clear.onclick = () => this.link.send("event", { event: { kind: "clear obstacles" } });
+      box.append(clear);
+    }
+    return box;
+  }
+
+  // Values that hold: after a change, and after one that was refused.
+  values(values) {
+    for (const [path, value] of values) this.controls.get(key(path))?.(value);
+  }
+
+  curves(law) {
+    for (const plot of this.plots) {
+      const found = law.potentials.find((p) => key(p.path) === key(plot.potential.path));
+      if (!found) continue;
+      plot.potential = found;
+      [plot.curves, plot.reach] = [found.curves, found.reach];
+      if (document.activeElement !== plot.field) plot.field.value = found.formula;
+    }
+    this.drawPlots();
+    clearTimeout(this.checking);
+    this.checking = setTimeout(() => this.check(), 500);
+  }
+
+  async check() {
+    for (const plot of this.plots) {
+      try {
+        const { rows } = await this.link.ask("properties", { path: plot.potential.path }, true);
+        plot.checks.innerHTML = rows.map((row) => {
+          const [style, mark] = row.holds === true ? ["yes", "✓"] : row.holds === false ? ["no", "✗"] : ["open", "○"];
+          return `<li class="${style}" title="${escaped(row.explanation)}">${mark} ${escaped(row.name)}</li>`;
+        }).join("");
+      } catch { plot.checks.innerHTML = ""; }
+    }
+  }
+
+  // The histogram follows the frames, a few times a second.
+  frame(frame) {
+    const now = performance.now();
+    if (now - this.counted < 250) return;
+    this.counted = now;
+    this.group = frame.groups[0];
+    if (this.area.offsetParent !== null || this.area.offsetWidth) this.drawPlots();
+  }
+
+  drawPlots() {
+    const style = getComputedStyle(document.documentElement), ink = (name) => style.getPropertyValue(name);
+    for (const plot of this.plots) {
+      const { canvas, curves, reach } = plot, box = canvas.getBoundingClientRect(), ratio = window.devicePixelRatio || 1;
+      if (!box.width) continue;
+      [canvas.width, canvas.height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+      const c = canvas.getContext("2d"), w = box.width, h = box.height - 14;
+      c.setTransform(ratio, 0, 0, ratio, 0, 0);
+      if (this.group) {
+        const counts = pairDistances(this.group, reach, BINS), most = Math.max(...counts, 1);
+        plot.counts = counts;
+        c.fillStyle = ink("--bar");
+        counts.forEach((x, k) => c.fillRect((k * w) / BINS + 0.5, h - (0.42 * h * x) / most, w / BINS - 1, (0.42 * h * x) / most));
+      }
+      c.strokeStyle = ink("--line");
+      c.beginPath();
+      c.moveTo(0, h + 0.5);
+      c.lineTo(w, h + 0.5);
+      c.stroke();
+      c.fillStyle = ink("--soft");
+      c.font = "10px system-ui, sans-serif";
+      c.fillText("0", 1, h + 11);
+      const end = `r = ${short(reach)}`;
+      c.fillText(end, w - c.measureText(end).width - 1, h + 11);
+      plot.drawn = {
+        psi: line(c, curves.r, curves.psi, reach, w, h, ink("--accent"), []),
+        force: line(c, curves.r, curves.force, reach, w, h, ink("--force"), [5, 4], true),
+      };
+    }
+  }
+
+  showNumbers(record) {
+    const runs = record.numbers, names = Object.keys(runs[0] ?? {}).filter((name) => runs.some((run) => run[name] !== null));
+    const cells = (name) => runs.map((run) => `<dd>${short(run[name])}</dd>`).join("") + (runs.length < 2 ? "<dd></dd>" : "");
+    const pace = record.playing && record.reached !== null ? `${short(record.reached)} of ${short(record.speed)}` : "paused";
+    const rows = [`<dt>${escaped(this.engine ?? "")}</dt><dd>time per second: ${pace}</dd><dd></dd>`];
+    if (runs.length > 1) rows.push("<dt></dt><dd>first</dd><dd>second</dd>");
+    rows.push(...names.map((name) => `<dt>${escaped(name)}</dt>${cells(name)}`));
+    if (!record.complete) rows.push("<dt>log</dt><dd>full: this can no longer be replayed</dd><dd></dd>");
+    if (record.fault) rows.push(`<dt>${escaped(record.fault)}</dt><dd></dd><dd></dd>`);
+    this.numbers.innerHTML = rows.join("");
+  }
+}
+
+// A curve between its usual values: poles leave the picture. With `zero`, the line of zero is drawn, too.
+function line(c, r, values, reach, w, h, colour, dash, zero = false) {
+  const finite = values.filter((x) => x !== null).sort((a, b) => a - b);
+  if (!finite.length) return null;
+  const at = (share) => finite[Math.min(finite.length - 1, Math.floor(share * finite.length))];
+  let [low, high] = [at(0.0), at(0.999)];
+  const [inner, outer] = [at(0.04), at(0.96)];
+  if (high - outer > 3 * (outer - inner)) high = outer + 0.6 * (outer - inner);
+  if (inner - low > 3 * (outer - inner)) low = inner - 0.6 * (outer - inner);
+  if (zero) [low, high] = [Math.min(low, 0), Math.max(high, 0)];
+  const room = high > low ? high - low : Math.max(Math.abs(high), 1), y = (v) => h - 6 - ((h - 14) * (v - low)) / room;
+  if (zero) {
+    c.strokeStyle = colour;
+    c.globalAlpha = 0.3;
+    c.lineWidth = 1;
+    c.beginPath();
+    c.moveTo(0, y(0));
+    c.lineTo(w, y(0));
+    c.stroke();
+    c.globalAlpha = 1;
+  }
+  c.save();
+  c.beginPath();
+  c.rect(0, 0, w, h);
+  c.clip();
+  c.strokeStyle = colour;
+  c.lineWidth = zero ? 1.3 : 2;
+  c.setLineDash(dash);
+  c.beginPath();
+  let open = false;
+  values.forEach((v, k) => {
+    if (v === null) {
+      open = false;
+      return;
+    }
+    const x = (w * r[k]) / reach, clipped = Math.min(Math.max(y(v), -1e4), 1e4);
+    if (open) c.lineTo(x, clipped); else c.moveTo(x, clipped);
+    open = true;
+  });
+  c.stroke();
+  c.restore();
+  c.setLineDash([]);
+  return { low, high };
+}
+
+const starts = (path, head) => head.every((step, k) => path[k] === step);
+
+export function fragment(html) {
+  return document.createRange().createContextualFragment(html);
+}

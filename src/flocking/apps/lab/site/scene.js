@@ -1,0 +1,437 @@
+// The scene: obstacles, links, trails, agents and leaders of the last frame, painted when something changed.
+
+import { Camera } from "./camera.js";
+import { binned, gradient, wheel, css } from "./colours.js";
+import { flocks, speeds } from "./frames.js";
+
+const MOST_TRAILS = 500, MOST_DARTS = 10000;
+const TRAIL_SHARE = 1 / 25; // length of a trail in time, as a share of the scenario
+
+export class Scene {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.camera = new Camera();
+    this.look = { colour: "speed", links: true, trails: false, virtual: false, light: false };
+    this.chosen = new Set();
+    this.hovered = null;
+    this.forces = null; // of the chosen agent: [{term, force, colour}]
+    this.lasso = null;
+    this.drawing = null; // a shape that a hand is making: {kind, from, to}
+    this.past = [];
+    this.fastest = 0;
+    this.frame = null;
+    this.span = 1;
+    this.needsFit = true;
+    this.painted = 0;
+    this.after = () => {};
+    new ResizeObserver(() => this.repaint()).observe(canvas);
+  }
+
+  show(frame) {
+    const before = this.frame;
+    this.frame = frame;
+    const one = frame.groups[0];
+    if (before && (frame.t < before.t || before.groups[0].n !== one.n || before.live !== frame.live)) this.past = [];
+    if (!this.past.length || frame.t > this.past[this.past.length - 1].t) {
+      if (one.n <= MOST_TRAILS) this.past.push({ t: frame.t, groups: frame.groups.map((g) => ({ q: g.q, centre: g.centre, d: g.d, n: g.n })) });
+    }
+    const since = frame.t - this.span * TRAIL_SHARE;
+    while (this.past.length > 1 && this.past[1].t <= since) this.past.shift();
+    this.fresh = true;
+    this.repaint();
+  }
+
+  aim() {
+    this.needsFit = true;
+    this.fastest = 0;
+    this.repaint();
+  }
+
+  repaint() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.paint();
+    });
+  }
+
+  get dark() { return !this.look.light; }
+
+  size() {
+    const box = this.canvas.getBoundingClientRect(), ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const [w, h] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+    if (this.canvas.width !== w || this.canvas.height !== h) {
+      // What was in view stays in view.
+      const before = Math.min(this.canvas.width, this.canvas.height), now = Math.min(w, h);
+      if (before && now && !this.needsFit) this.camera.scale *= now / before;
+      [this.canvas.width, this.canvas.height] = [w, h];
+    }
+    return { width: box.width, height: box.height, ratio };
+  }
+
+  paint() {
+    const { width, height, ratio } = this.size(), c = this.context;
+    if (!width || !height) return;
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.fillStyle = this.dark ? "#0f1720" : "#f7f9fb";
+    c.fillRect(0, 0, width, height);
+    if (this.frame) {
+      const count = this.frame.groups.length, each = width / count;
+      if (this.needsFit) {
+        this.camera.fit(this.frame.groups[0], each, height);
+        this.needsFit = false;
+      }
+      this.frame.groups.forEach((group, k) => {
+        c.save();
+        c.translate(k * each, 0);
+        c.beginPath();
+        c.rect(0, 0, each, height);
+        c.clip();
+        this.camera.look(group.centre, each, height);
+        this.group(group, k, each, height);
+        c.restore();
+      });
+      if (count > 1) {
+        c.fillStyle = this.dark ? "#2a3948" : "#c9d2da";
+        c.fillRect(each - 0.5, 0, 1, height);
+        this.text("first", 64, height - 16);
+        this.text("second", each + 16, height - 16);
+      }
+      this.camera.look(this.frame.groups[0].centre, each, height);
+    }
+    this.painted++;
+    const fresh = this.fresh;
+    this.fresh = false;
+    this.after(fresh);
+  }
+
+  text(words, x, y, colour) {
+    this.context.font = "12px system-ui, sans-serif";
+    this.context.fillStyle = colour ?? (this.dark ? "#a9b7c4" : "#56646f");
+    this.context.fillText(words, x, y);
+  }
+
+  group(group, k, width, height) {
+    const c = this.context, d = group.d, n = group.n, cam = this.camera;
+    this.grid(width, height);
+    const sx = new Float32Array(n), sy = new Float32Array(n), depth = d > 2 ? new Float32Array(n) : null;
+    for (let i = 0; i < n; i++) {
+      const at = cam.put(group.q[i * d], d > 1 ? group.q[i * d + 1] : 0, d > 2 ? group.q[i * d + 2] : 0);
+      sx[i] = at[0];
+      sy[i] = at[1];
+      if (depth) depth[i] = at[2];
+    }
+    if (k === 0) [this.sx, this.sy] = [sx, sy];
+    this.solids(group);
+    if (this.look.links) this.links(group, sx, sy);
+    if (this.look.trails && n <= MOST_TRAILS) this.trails(k);
+    const values = this.values(group);
+    if (n >= MOST_DARTS) this.density(group, sx, sy, values, width, height);
+    else this.agents(group, sx, sy, depth, values);
+    for (let i = 0; i < group.virtual.length; i += 3) {
+      const [x, y] = cam.put(group.virtual[i], group.virtual[i + 1], group.virtual[i + 2]);
+      c.strokeStyle = "#e09f3e";
+      c.strokeRect(x - 3, y - 3, 6, 6);
+    }
+    this.leaders(group);
+    if (k === 0) this.marks(group, sx, sy);
+  }
+
+  grid(width, height) {
+    const c = this.context, cam = this.camera;
+    if (cam.pitch !== Math.PI / 2 || cam.yaw !== 0) return;
+    const unit = 10 ** Math.ceil(Math.log10(60 / cam.scale)), [x0, y1] = cam.point(0, 0), [x1, y0] = cam.point(width, height);
+    c.lineWidth = 1;
+    c.strokeStyle = this.dark ? "#17222e" : "#e8edf1";
+    c.beginPath();
+    for (let x = Math.ceil(x0 / unit) * unit; x <= x1; x += unit) {
+      const at = Math.round(cam.world([x, 0, 0])[0]) + 0.5;
+      c.moveTo(at, 0);
+      c.lineTo(at, height);
+    }
+    for (let y = Math.ceil(y0 / unit) * unit; y <= y1; y += unit) {
+      const at = Math.round(cam.world([0, y, 0])[1]) + 0.5;
+      c.moveTo(0, at);
+      c.lineTo(width, at);
+    }
+    c.stroke();
+  }
+
+  solids(group) {
+    const c = this.context, cam = this.camera;
+    for (const s of group.solids) {
+      if (s.kind !== "obstacle") continue;
+      c.fillStyle = "rgba(178,85,90,.85)";
+      c.strokeStyle = "#e7a5a8";
+      c.lineWidth = 1;
+      c.beginPath();
+      if (s.outline.length) {
+        s.outline.forEach((p, i) => {
+          const [x, y] = cam.world(p.map((v, k) => v + s.position[k]));
+          if (i) c.lineTo(x, y); else c.moveTo(x, y);
+        });
+        c.closePath();
+      } else {
+        const [x, y] = cam.world(s.position);
+        c.arc(x, y, s.radius * cam.scale, 0, 7);
+      }
+      c.fill();
+      c.stroke();
+    }
+  }
+
+  links(group, sx, sy) {
+    const c = this.context, count = group.pairs.length / 2;
+    if (!count) return;
+    const alpha = Math.min(0.5, Math.max(0.07, 0.5 * Math.sqrt(120 / count)));
+    c.strokeStyle = this.dark ? `rgba(124,147,171,${alpha})` : `rgba(80,100,120,${alpha})`;
+    c.lineWidth = 1;
+    c.beginPath();
+    for (let k = 0; k < group.pairs.length; k += 2) {
+      c.moveTo(sx[group.pairs[k]], sy[group.pairs[k]]);
+      c.lineTo(sx[group.pairs[k + 1]], sy[group.pairs[k + 1]]);
+    }
+    c.stroke();
+  }
+
+  trails(k) {
+    const c = this.context, cam = this.camera;
+    c.lineWidth = 1.2;
+    for (let s = 1; s < this.past.length; s++) {
+      const [a, b] = [this.past[s - 1].groups[k], this.past[s].groups[k]];
+      if (!a || !b || a.n !== b.n) continue;
+      c.strokeStyle = this.dark ? `rgba(120,190,235,${0.6 * (s / this.past.length)})` : `rgba(40,110,190,${0.6 * (s / this.past.length)})`;
+      c.beginPath();
+      for (let i = 0; i < a.n; i++) {
+        const from = cam.world([0, 1, 2].map((x) => (x < a.d ? a.q[i * a.d + x] + a.centre[x] : 0)));
+        const to = cam.world([0, 1, 2].map((x) => (x < b.d ? b.q[i * b.d + x] + b.centre[x] : 0)));
+        c.moveTo(from[0], from[1]);
+        c.lineTo(to[0], to[1]);
+      }
+      c.stroke();
+    }
+  }
+
+  // What colours the agents, with the ends of its scale.
+  values(group) {
+    let kind = this.look.colour;
+    if ((kind === "energy" && !group.energy) || (kind === "flock" && !group.linked)) kind = "speed";
+    if (kind === "flock") return { kind, values: flocks(group), low: 0, high: 1 };
+    if (kind === "heading") return { kind, values: null, low: 0, high: 1 };
+    const values = kind === "energy" ? group.energy : speeds(group);
+    let low = Infinity, high = -Infinity;
+    for (const x of values) {
+      low = Math.min(low, x);
+      high = Math.max(high, x);
+    }
+    if (kind === "speed") {
+      // The scale follows the fastest agent, and falls slowly, so that a decrease of speeds is visible.
+      this.fastest = Math.max(0.995 * this.fastest, high, 1e-9);
+      [low, high] = [0, this.fastest];
+    }
+    return { kind, values, low, high };
+  }
+
+  agents(group, sx, sy, depth, { kind, values, low, high }) {
+    const c = this.context, d = group.d, n = group.n, cam = this.camera;
+    this.legend = { kind, low, high };
+    const { bin, colours } = binned(kind, group, values, low, high, this.dark);
+    const size = n <= 60 ? 9 : n <= 400 ? 7 : n <= 2000 ? 5 : 3;
+    const order = Array.from(colours, () => []);
+    const sorted = depth ? Array.from(depth.keys()).sort((a, b) => depth[b] - depth[a]) : null;
+    for (let m = 0; m < n; m++) {
+      const i = sorted ? sorted[m] : m;
+      order[bin[i]].push(i);
+    }
+    order.forEach((who, b) => {
+      if (!who.length) return;
+      c.fillStyle = colours[b];
+      c.beginPath();
+      for (const i of who) {
+        const px = group.p[i * d], py = d > 1 ? group.p[i * d + 1] : 0, pz = d > 2 ? group.p[i * d + 2] : 0;
+        const right = cam.cy * px + cam.sy * py, ahead = -cam.sy * px + cam.cy * py;
+        const up = cam.sp * ahead + cam.cp * pz, speed = Math.hypot(right, up);
+        const ux = speed > 1e-12 ? right / speed : 1, uy = speed > 1e-12 ? -up / speed : 0;
+        const x = sx[i], y = sy[i];
+        c.moveTo(x + size * ux, y + size * uy);
+        c.lineTo(x - 0.8 * size * ux - 0.55 * size * uy, y - 0.8 * size * uy + 0.55 * size * ux);
+        c.lineTo(x - 0.4 * size * ux, y - 0.4 * size * uy);
+        c.lineTo(x - 0.8 * size * ux + 0.55 * size * uy, y - 0.8 * size * uy - 0.55 * size * ux);
+        c.closePath();
+      }
+      c.fill();
+    });
+  }
+
+  // Many agents as a picture of their density: each cell shines by how many are in it, in their mean colour.
+  density(group, sx, sy, { kind, values, low, high }, width, height) {
+    this.legend = { kind, low, high };
+    const cell = group.n > 50000 ? 2 : 3, w = Math.ceil(width / cell), h = Math.ceil(height / cell);
+    const count = new Float32Array(w * h), red = new Float32Array(w * h), green = new Float32Array(w * h), blue = new Float32Array(w * h);
+    const { bin, colours } = binned(kind, group, values ?? speeds(group), low, high, this.dark);
+    const inks = colours.map((x) => (x[0] === "#" ? [1, 3, 5].map((k) => parseInt(x.slice(k, k + 2), 16)) : x.match(/\d+/g).map(Number)));
+    for (let i = 0; i < group.n; i++) {
+      const x = Math.floor(sx[i] / cell), y = Math.floor(sy[i] / cell);
+      if (x < 0 || y < 0 || x >= w || y >= h) continue;
+      const k = y * w + x, ink = inks[bin[i]];
+      count[k]++;
+      red[k] += ink[0];
+      green[k] += ink[1];
+      blue[k] += ink[2];
+    }
+    this.shade ??= document.createElement("canvas");
+    [this.shade.width, this.shade.height] = [w, h];
+    const context = this.shade.getContext("2d"), image = context.createImageData(w, h);
+    for (let k = 0; k < w * h; k++) {
+      if (!count[k]) continue;
+      image.data[4 * k] = red[k] / count[k];
+      image.data[4 * k + 1] = green[k] / count[k];
+      image.data[4 * k + 2] = blue[k] / count[k];
+      image.data[4 * k + 3] = 255 * (1 - Math.exp(-0.9 * count[k]));
+    }
+    context.putImageData(image, 0, 0);
+    this.context.imageSmoothingEnabled = false;
+    this.context.drawImage(this.shade, 0, 0, w * cell, h * cell);
+  }
+
+  leaders(group) {
+    const c = this.context, cam = this.camera;
+    for (const s of group.solids) {
+      if (s.kind !== "leader") continue;
+      const [x, y] = cam.world(s.position);
+      c.strokeStyle = this.dark ? "#f5d76e" : "#9a7400";
+      c.lineWidth = 2;
+      c.beginPath();
+      c.arc(x, y, 9, 0, 7);
+      c.stroke();
+      this.text(s.name, x + 14, y + 4, c.strokeStyle);
+    }
+  }
+
+  marks(group, sx, sy) {
+    const c = this.context;
+    c.strokeStyle = "#ff4fd0";
+    c.lineWidth = 2;
+    for (const i of this.chosen) {
+      if (i >= group.n) continue;
+      c.beginPath();
+      c.arc(sx[i], sy[i], 10, 0, 7);
+      c.stroke();
+    }
+    if (this.hovered !== null && this.hovered < group.n) {
+      c.strokeStyle = "#ffffff";
+      c.lineWidth = 1.2;
+      c.beginPath();
+      c.arc(sx[this.hovered], sy[this.hovered], 11, 0, 7);
+      c.stroke();
+    }
+    if (this.forces && this.forces.agent < group.n) {
+      const most = Math.max(...this.forces.list.map((f) => Math.hypot(...f.force)), 1e-12);
+      for (const f of this.forces.list) {
+        const size = Math.hypot(...f.force);
+        if (size > 1e-3 * most) this.arrow(sx[this.forces.agent], sy[this.forces.agent], f.force, (70 * size) / most, f.colour);
+      }
+    }
+    if (this.lasso) {
+      c.strokeStyle = "#ff4fd0";
+      c.setLineDash([5, 4]);
+      c.lineWidth = 1.4;
+      c.beginPath();
+      this.lasso.forEach(([x, y], k) => (k ? c.lineTo(x, y) : c.moveTo(x, y)));
+      c.closePath();
+      c.stroke();
+      c.setLineDash([]);
+    }
+    if (this.drawing) {
+      const { kind, from, to } = this.drawing;
+      c.strokeStyle = "#ffffff";
+      c.lineWidth = 1.4;
+      c.beginPath();
+      if (kind === "obstacle") c.arc(from[0], from[1], Math.hypot(to[0] - from[0], to[1] - from[1]), 0, 7);
+      else {
+        c.moveTo(...from);
+        c.lineTo(...to);
+      }
+      c.stroke();
+    }
+  }
+
+  arrow(x, y, vector, length, colour) {
+    const c = this.context, cam = this.camera, [px, py, pz] = [vector[0], vector[1] ?? 0, vector[2] ?? 0];
+    const right = cam.cy * px + cam.sy * py, ahead = -cam.sy * px + cam.cy * py, up = cam.sp * ahead + cam.cp * pz;
+    const size = Math.hypot(px, py, pz), dx = (length * right) / size, dy = (-length * up) / size, flat = Math.hypot(dx, dy);
+    if (flat < 2) return;
+    const [ux, uy] = [dx / flat, dy / flat];
+    c.strokeStyle = c.fillStyle = colour;
+    c.lineWidth = 2;
+    c.beginPath();
+    c.moveTo(x, y);
+    c.lineTo(x + dx - 4 * ux, y + dy - 4 * uy);
+    c.stroke();
+    c.beginPath();
+    c.moveTo(x + dx, y + dy);
+    c.lineTo(x + dx - 8 * ux - 4 * uy, y + dy - 8 * uy + 4 * ux);
+    c.lineTo(x + dx - 8 * ux + 4 * uy, y + dy - 8 * uy - 4 * ux);
+    c.fill();
+  }
+
+  // The agent nearest to a pixel of the first group, within some pixels; null for none.
+  agentAt(x, y, within = 14) {
+    if (!this.sx) return null;
+    let best = null, least = within * within;
+    for (let i = 0; i < this.sx.length; i++) {
+      const far = (this.sx[i] - x) ** 2 + (this.sy[i] - y) ** 2;
+      if (far < least) [best, least] = [i, far];
+    }
+    return best;
+  }
+
+  // The obstacle or leader at a pixel; null for none.
+  solidAt(x, y) {
+    const group = this.frame?.groups[0];
+    if (!group) return null;
+    for (const s of [...group.solids].reverse()) {
+      if (s.kind === "leader" || !s.outline.length) {
+        const [sx, sy] = this.camera.world(s.position);
+        if (Math.hypot(sx - x, sy - y) <= Math.max(s.kind === "leader" ? 14 : 0, s.radius * this.camera.scale)) return s;
+        continue;
+      }
+      const corners = s.outline.map((p) => this.camera.world(p.map((v, k) => v + s.position[k])));
+      if (inside(corners, x, y)) return s;
+    }
+    return null;
+  }
+
+  legendHtml() {
+    const { kind, low, high } = this.legend ?? { kind: "speed", low: 0, high: 0 };
+    if (kind === "flock") return "colour: one for each flock";
+    if (kind === "heading")
+      return "colour: heading" + ["right", "up", "left", "down"].map((w, k) => `<b style="background:${css(wheel((k * Math.PI) / 2))}"></b>${w}`).join("");
+    return `colour: ${kind} <i style="background:${gradient(this.dark)}"></i>${short(low)} – ${short(high)}`;
+  }
+
+  // A length that is a round number, between 50 and 130 pixels.
+  scaleBar() {
+    const most = 130 / this.camera.scale, ten = 10 ** Math.floor(Math.log10(most));
+    const unit = [5, 2, 1].map((k) => k * ten).find((x) => x <= most);
+    return { length: unit, pixels: unit * this.camera.scale };
+  }
+}
+
+export function inside(corners, x, y) {
+  let found = false;
+  for (let i = 0, j = corners.length - 1; i < corners.length; j = i++) {
+    const [xi, yi] = corners[i], [xj, yj] = corners[j];
+    if (yi > y !== yj > y && x < ((xj - xi) * (y - yi)) / (yj - yi) + xi) found = !found;
+  }
+  return found;
+}
+
+export function short(x) {
+  if (x === null || x === undefined || !Number.isFinite(x)) return "–";
+  if (x === 0) return "0";
+  const size = Math.abs(x);
+  return size >= 1e5 || size < 1e-3 ? x.toExponential(2) : String(Number(x.toPrecision(4)));
+}
