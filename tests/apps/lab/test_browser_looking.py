@@ -312,7 +312,7 @@ def test_a_stored_run_is_opened_and_scrubbed(page, tab, tmp_path):
 def test_a_scenario_that_opens_says_so(page, tab, monkeypatch):
     import threading
 
-    from flocking.apps.lab import page as pages
+    from flocking.apps.lab.live import openings as pages
 
     gate, make = threading.Event(), pages.Experiment
     monkeypatch.setattr(pages, "Experiment", lambda *given: gate.wait(60) and make(*given))

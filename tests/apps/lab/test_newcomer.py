@@ -62,7 +62,9 @@ def test_within_a_minute_a_newcomer_sees_which_hypothesis_broke(lab, browser):
     gain.focus()
     gain.press("Home")
     lamp = tab.claim("velocities-agree")
-    tab.tab.locator("#strips button[title$='hypothesis not met'][data-claim='velocities-agree']").wait_for()
+    tab.tab.locator("#strips button[title$='hypothesis not met'][data-claim='velocities-agree']").wait_for(
+        timeout=110_000
+    )
     tab.press("Pause")
     lamp.click()
     tab.reads(re.compile("Its hypothesis is not met: fell apart at t = "))

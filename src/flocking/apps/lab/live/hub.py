@@ -130,7 +130,7 @@ class Hub:
             tab.tell(message)
 
     def repaint(self, tab: Tab) -> None:
-        """Send the last frame to a page again."""
+        """Send the last frame to the page of a ``tab`` again."""
         tab.show(self._bytes(self._clock.frame))
 
     def _bytes(self, frame: Frame) -> bytes:

@@ -152,7 +152,7 @@ class Lab:
             self.hub.tell(self.measuring.content())
 
     def tell_catalogue(self, tab: Tab) -> None:
-        """Send a page all scenarios and stored runs."""
+        """Send the page of a ``tab`` all scenarios and stored runs."""
         tab.tell({**catalogue(self.folder), "runs": self.files.stored_runs()})
 
     def tell_law(self) -> None:
@@ -165,7 +165,7 @@ class Lab:
             self.tell_record()
 
     def saved(self, message: str) -> dict[str, object]:
-        """What a page is told about files that were saved."""
+        """What a page is told by a ``message`` about files that were saved; all pages get the new list of files."""
         self.hub.tell({**catalogue(self.folder), "runs": self.files.stored_runs()})
         return {"message": message}
 
