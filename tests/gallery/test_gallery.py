@@ -138,8 +138,9 @@ def vasarhelyi_2018(made):
     np.testing.assert_allclose(made["distances"], [2.5, 10.0, (64 + 6.25**2) / 5])
     np.testing.assert_allclose(made["article"].braking_speed(made["distances"], 2.5, 0.4), made["speeds"])
     assert len([a for a in made["flocks"].axes if any(x.get_gid() == "walls" for x in a.lines)]) == 5
-    plain, _, stronger, _ = made["late"].values()
-    assert plain < 0.4 < stronger
+    plain, program, optimized, _ = made["late"].values()
+    assert max(plain, program) < 0.4
+    assert optimized > 0.8
 
 
 def olfati_saber_2006(made):

@@ -23,6 +23,12 @@ PAPER = Paper(
     scenarios=scenarios,
     claims=claims,
     figures=figures,
+    titles={
+        "reynolds-1987": "200 boids with the parameters of the later library",
+        "reynolds-1987-sequential": "The same, one after another as in the library",
+        "reynolds-1987-comparison-small": "Comparison of frameworks, small: 200 birds",
+        "reynolds-1987-comparison-large": "Comparison of frameworks, large: 400 birds",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

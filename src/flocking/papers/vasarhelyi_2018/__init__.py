@@ -1,7 +1,8 @@
 """Vasarhelyi et al.: Optimized flocking of autonomous drones in confined environments (Sci. Robot. 3, 2018).
 
 In its own imperfect world: late and inaccurate knowledge of others, vehicles that follow wanted velocities with a lag,
-and noise. Parameters are those that the authors released with their program; the text of the paper was not at hand.
+and noise. Two sets of parameters: those of the file that the authors released with their program, with which no order
+arises, and those that their optimisation found, as commonly cited. The text of the paper was not at hand.
 """
 
 from __future__ import annotations
@@ -9,9 +10,9 @@ from __future__ import annotations
 from flocking.model.terms.braking import braking_distance, braking_speed
 from flocking.papers.description import Paper
 from flocking.papers.vasarhelyi_2018.closed_forms import error_variances, lone_speeds
-from flocking.papers.vasarhelyi_2018.parameters import OrderParameters, cluster_radius, order_parameters
+from flocking.papers.vasarhelyi_2018.parameters import OrderParameters, order_parameters
 from flocking.papers.vasarhelyi_2018.pictures import figures
-from flocking.papers.vasarhelyi_2018.system import KEY, scenario, scenarios
+from flocking.papers.vasarhelyi_2018.system import KEY, cluster_radius, scenario, scenarios
 from flocking.papers.vasarhelyi_2018.theorems import claims
 
 PAPER = Paper(
@@ -24,6 +25,13 @@ PAPER = Paper(
     scenarios=scenarios,
     claims=claims,
     figures=figures,
+    titles={
+        "vasarhelyi-2018": "A hundred agents with the parameters of the released file",
+        "vasarhelyi-2018-program": "The same as the released program runs it",
+        "vasarhelyi-2018-optimized": "A hundred agents with the parameters that the optimisation found",
+        "vasarhelyi-2018-obstacles": "The optimised flock among three obstacles",
+        "vasarhelyi-2018-alone": "One agent in free space",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

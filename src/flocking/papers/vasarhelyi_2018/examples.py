@@ -11,7 +11,7 @@ from flocking.engine.reference.control import control
 from flocking.model import starts
 from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.checks import Array
-from flocking.model.graphs.distance_graphs import Proximity
+from flocking.model.graphs.distance_graphs import Proximity, pair_distances
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.terms.braking import (
@@ -47,12 +47,12 @@ def _wanted(term: Steering, state: State | None = None) -> Array:
 
 def curve_of(scale: float) -> Array:
     """The braking curve at several distances, its acceleration scaled."""
-    return braking_speed(np.array(POINTS), scale * system.FRICTION_ACCELERATION, system.FRICTION_SLOPE)
+    return braking_speed(np.array(POINTS), scale * system.FILE.friction_acceleration, system.FILE.friction_slope)
 
 
 def distances_of(scale: float) -> Array:
     """The inverse of the braking curve at several speeds, its acceleration scaled."""
-    return braking_distance(np.array(SPEEDS), scale * system.FRICTION_ACCELERATION, system.FRICTION_SLOPE)
+    return braking_distance(np.array(SPEEDS), scale * system.FILE.friction_acceleration, system.FILE.friction_slope)
 
 
 def propulsion_of(scale: float) -> Array:
@@ -63,28 +63,28 @@ def propulsion_of(scale: float) -> Array:
 def repulsion_of(scale: float) -> Array:
     """Repulsion of the examples' agents, radius and largest speed scaled."""
     return _wanted(
-        LinearRepulsion(system.REPULSION_SLOPE, scale * system.REPULSION_RADIUS, scale * system.REPULSION_SPEED)
+        LinearRepulsion(system.FILE.repulsion_slope, scale * system.FILE.repulsion_radius, scale * system.FILE.repulsion_speed)
     )
 
 
 def alignment_of(scale: float) -> Array:
     """Alignment of the examples' agents, the gain scaled."""
-    radius = system.REPULSION_RADIUS + system.FRICTION_OFFSET
+    x = system.FILE
     return _wanted(BrakingAlignment(
-        scale * system.FRICTION_GAIN, system.FRICTION_SLACK, radius, system.FRICTION_ACCELERATION,
-        system.FRICTION_SLOPE, system.RANGE,
+        scale * x.friction_gain, x.friction_slack, x.friction_radius, x.friction_acceleration, x.friction_slope,
+        system.RANGE,
     ))  # fmt: skip
 
 
 def walls_of(scale: float) -> Array:
     """What the walls of a small arena want of the examples' agents, their speed scaled."""
-    return _wanted(ShillWalls(28.0, scale * system.SHILL_SPEED, system.SHILL_ACCELERATION, system.SHILL_SLOPE))
+    return _wanted(ShillWalls(28.0, scale * system.FILE.shill_speed, system.FILE.shill_acceleration, system.FILE.shill_slope))
 
 
 def obstacle_of(scale: float) -> Array:
     """What a round obstacle wants of the examples' agents, its radius scaled."""
     return _wanted(
-        ShillDisc((5.0, -3.0), scale * 12.0, system.SHILL_SPEED, system.SHILL_ACCELERATION, system.SHILL_SLOPE)
+        ShillDisc((5.0, -3.0), scale * 12.0, system.FILE.shill_speed, system.FILE.shill_acceleration, system.FILE.shill_slope)
     )
 
 
@@ -96,8 +96,8 @@ def sum_of(scale: float) -> Array:
 def limits_of(scale: float) -> tuple[Array, Array]:
     """Wanted velocities cut at v_max, and all scaled to v_flock; the limits scaled."""
     found = []
-    for released in (False, True):
-        unit = system.unit(released=released)
+    for scaled in (False, True):
+        unit = system.unit(scaled=scaled)
         assert unit.speed is not None
         body = replace(unit, speed=scale * unit.speed)
         agents = np.arange(15)
@@ -157,6 +157,37 @@ def settings_of(scale: float) -> tuple[float, ...]:
         float(np.max(body.time_constant)), body.diffusion,
         *(float(getattr(fixes, name)) for name in ("range", "delay", "period", "diffusion")),
         float(np.max(np.asarray(made.law.graph.break_radius))),
+    )  # fmt: skip
+    return tuple(scale * x for x in values)
+
+
+def found_of(scale: float) -> tuple[float, ...]:
+    """Numbers of the optimised flock, as the terms of its scenario hold them, scaled."""
+    made = system.scenario(name=system.OPTIMIZED)
+    propulsion, repulsion, alignment, walls = made.law.terms
+    assert isinstance(propulsion, SelfPropulsion)
+    assert isinstance(repulsion, LinearRepulsion)
+    assert isinstance(alignment, BrakingAlignment)
+    assert isinstance(walls, ShillWalls)
+    values = (
+        propulsion.speed, repulsion.radius, repulsion.slope, repulsion.most, alignment.radius, alignment.gain,
+        alignment.slack, alignment.acceleration, alignment.slope, alignment.range, walls.half_width, walls.speed,
+        walls.acceleration, walls.slope, walls.offset, float(np.max(np.asarray(made.law.graph.break_radius))),
+    )  # fmt: skip
+    return tuple(scale * x for x in values)
+
+
+def program_start_of(scale: float) -> tuple[float, ...]:
+    """Of the program's start: least distance of two agents, largest coordinate, largest speed; and whether every wanted
+    velocity is scaled and to what; scaled.
+    """
+    made = system.scenario(name=system.PROGRAM)
+    body = made.agents
+    assert isinstance(body, VelocityUnit)
+    apart = pair_distances(made.start.q) + np.diag(np.full(made.start.n, np.inf))
+    values = (
+        float(apart.min()), float(np.abs(made.start.q).max()), float(np.abs(made.start.p).max()), float(body.fixed),
+        float(body.speed or 0.0), made.t_end, float(made.start.n),
     )  # fmt: skip
     return tuple(scale * x for x in values)
 

@@ -10,7 +10,7 @@ from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import components
 from flocking.model.graphs.distance_graphs import pair_distances
-from flocking.model.terms.braking import braking_distance
+from flocking.model.terms.braking import ShillWalls
 from flocking.papers.vasarhelyi_2018 import system
 
 
@@ -47,13 +47,7 @@ NAMES = ("correlation", "collision", "overrun", "speed", "disconnected", "smalle
 """Names of the order parameters."""
 
 
-def cluster_radius() -> float:
-    """Distance below which agents belong to one cluster: r0_rep + r0_fr and the distance to brake from v_flock."""
-    stop = braking_distance(system.FLOCK_SPEED, system.FRICTION_ACCELERATION, system.FRICTION_SLOPE)
-    return system.REPULSION_RADIUS + system.FRICTION_OFFSET + float(stop)
-
-
-def at(q: Array, p: Array, radius: float | None = None) -> tuple[float, float, float, float, float, float]:
+def at(q: Array, p: Array, radius: float, half_width: float = system.HALF_WIDTH) -> tuple[float, float, float, float, float, float]:
     """The order parameters of one state, in the order of `NAMES`.
 
     Parameters
@@ -61,11 +55,12 @@ def at(q: Array, p: Array, radius: float | None = None) -> tuple[float, float, f
     q, p
         Positions and velocities, shape (N, 2).
     radius
-        That of clusters; `cluster_radius` when absent.
+        That of clusters.
+    half_width
+        Half the width of the arena.
     """
-    reach = cluster_radius() if radius is None else radius
     distances = pair_distances(np.asarray(q, dtype=np.float64))
-    labels = components(distances < reach)
+    labels = components(distances < radius)
     sizes = np.bincount(labels)
     speeds = np.linalg.norm(p, axis=1)
     unit = p / np.where(speeds > 0.0, speeds, 1.0)[:, None]
@@ -74,7 +69,7 @@ def at(q: Array, p: Array, radius: float | None = None) -> tuple[float, float, f
     pairs = float((sizes * (sizes - 1) / 2.0).sum())
     cosines = 0.5 * float((sums**2).sum() - (unit**2).sum())
     near = int(np.count_nonzero(distances < system.COLLISION_RADIUS))
-    outside = np.linalg.norm(np.maximum(np.abs(q) - system.HALF_WIDTH, 0.0), axis=1)
+    outside = np.linalg.norm(np.maximum(np.abs(q) - half_width, 0.0), axis=1)
     groups = sizes[sizes > 1]
     return (
         cosines / pairs if pairs else float("nan"), near / max(len(q) * (len(q) - 1), 1), float(outside.mean()),
@@ -88,7 +83,10 @@ def order_parameters(run: Run) -> OrderParameters:
     Parameters
     ----------
     run
-        The run, of agents in the plane.
+        The run, of agents in the plane. Its links are those of clusters; without an arena nobody overruns it.
     """
-    rows = np.array([at(q, p) for q, p in zip(run.q, run.p, strict=True)])
+    law = run.scenario.law
+    radius = float(np.max(np.asarray(law.graph.break_radius)))
+    half_width = next((term.half_width for term in law.terms if isinstance(term, ShillWalls)), np.inf)
+    rows = np.array([at(q, p, radius, half_width) for q, p in zip(run.q, run.p, strict=True)])
     return OrderParameters(*rows.reshape(-1, len(NAMES)).T)

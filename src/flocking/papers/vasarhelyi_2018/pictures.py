@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.engine.runs.run import Run
-from flocking.model.terms.braking import ShillDisc, braking_speed
+from flocking.model.terms.braking import ShillDisc, ShillWalls, braking_speed
 from flocking.papers.vasarhelyi_2018 import system
 from flocking.papers.vasarhelyi_2018.parameters import NAMES, order_parameters
 from flocking.show.declaration import Figure
@@ -33,10 +33,11 @@ def _arena(run: Run, *, frame: int = -1, axes: Axes | None = None) -> Axes:
     for k in range(run.n):
         axes.plot(path[:, k, 0], path[:, k, 1], color=GREEN, lw=0.5, gid="path", zorder=1)
     axes.plot(*run.q[frame].T, ".", color=BLUE, ms=2.5, gid="agents", zorder=2)
-    w = system.HALF_WIDTH
-    axes.plot([-w, w, w, -w, -w], [-w, -w, w, w, -w], color=VERMILION, lw=0.8, gid="walls")
     angle = np.linspace(0.0, 2.0 * np.pi, 100)
     for term in run.scenario.law.terms:
+        if isinstance(term, ShillWalls):
+            w = term.half_width
+            axes.plot([-w, w, w, -w, -w], [-w, -w, w, w, -w], color=VERMILION, lw=0.8, gid="walls")
         if isinstance(term, ShillDisc):
             x, y = term.centre
             axes.plot(x + term.radius * np.cos(angle), y + term.radius * np.sin(angle), color=VERMILION, lw=0.8,
@@ -52,40 +53,49 @@ def _arena(run: Run, *, frame: int = -1, axes: Axes | None = None) -> Axes:
 def _curve(run: Run, *, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     x = np.linspace(-2.0, 30.0, 300)
-    axes.plot(x, braking_speed(x, system.FRICTION_ACCELERATION, system.FRICTION_SLOPE), color=BLUE, gid="curve")
-    meet = system.FRICTION_ACCELERATION / system.FRICTION_SLOPE
-    axes.axhline(meet, color=VERMILION, lw=0.6, ls=":", gid="meet")
+    for label, found, color in (("file", system.FILE, BLUE), ("optimised", system.FOUND, VERMILION)):
+        a, p = found.friction_acceleration, found.friction_slope
+        axes.plot(x, braking_speed(x, a, p), color=color, gid="curve", label=label)
+        axes.axhline(a / p, color=color, lw=0.6, ls=":", gid="meet")
+    axes.legend()
     axes.set_xlabel("$x$ (m)")
     axes.set_ylabel("$D(x)$ (m/s)")
     return axes
 
 
-def _flocks(run: Run, released: Run, stronger: Run, obstacles: Run) -> Picture:
+def _flocks(run: Run, program: Run, optimized: Run, obstacles: Run) -> Picture:
     return sheet(
-        [panel(_arena, run, frame=0), panel(_arena, run), panel(_curve, run), panel(_arena, released),
-         panel(_arena, stronger), panel(_arena, obstacles)],
+        [panel(_arena, run, frame=0), panel(_arena, run), panel(_curve, run), panel(_arena, program),
+         panel(_arena, optimized), panel(_arena, obstacles)],
         columns=3, width=PAGE, ratio=1.0,
     )  # fmt: skip
 
 
 @in_style
-def _series(run: Run, *, name: str, axes: Axes | None = None) -> Axes:
+def _series(run: Run, *, optimized: Run, name: str, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
-    axes.plot(run.t, getattr(order_parameters(run), name), color=BLUE, lw=0.7, gid="curve")
+    for each, color in ((run, BLUE), (optimized, VERMILION)):
+        axes.plot(each.t, getattr(order_parameters(each), name), color=color, lw=0.7, gid="curve")
+    axes.set_xlim(0.0, optimized.t[-1])
     axes.set_xlabel("$t$ (s)")
     axes.set_ylabel(f"{name} ({UNITS[name]})" if name in UNITS else name)
     return axes
 
 
-def _parameters(run: Run) -> Picture:
-    return sheet([panel(_series, run, name=name) for name in NAMES], columns=3, width=PAGE, ratio=0.8)
+def _parameters(run: Run, optimized: Run) -> Picture:
+    return sheet(
+        [panel(_series, run, optimized=optimized, name=name) for name in NAMES], columns=3, width=PAGE, ratio=0.8
+    )
 
 
 def figures() -> dict[int, Figure]:
     """Figures by number."""
     return {
-        1: Figure("1", "The flock at the start and at the end, with the paths of the last ten seconds; the braking "
-                  "curve; the flock of the released program; one with stronger alignment, and one among obstacles.",
-                  _flocks, system.FIGURES[1], (system.RELEASED, system.STRONGER, system.OBSTACLES)),
-        2: Figure("2", "The six order parameters over time.", _parameters, system.FIGURES[2]),
+        1: Figure("1", "(a), (b) The flock with the parameters of the released file at the start and at the end, with the "
+                  "paths of the last ten seconds; (c) braking curves of alignment, dotted where line and root meet; "
+                  "(d) the flock as the released program runs it; (e) with the parameters that the optimisation found, "
+                  "(f) and among obstacles.",
+                  _flocks, system.FIGURES[1], (system.PROGRAM, system.OPTIMIZED, system.OBSTACLES)),
+        2: Figure("2", "The six order parameters over time, with the parameters of the released file (blue) and those that "
+                  "the optimisation found (red).", _parameters, system.FIGURES[2], (system.OPTIMIZED,)),
     }  # fmt: skip

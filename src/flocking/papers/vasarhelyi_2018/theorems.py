@@ -110,7 +110,7 @@ def _need_lone_agent(e: Evidence) -> None:
     body, right, control = e.run.scenario.agents, system.unit(noise=0.0), e.run.scenario.control
     if e.run.n != 1:
         raise NotMeasurable("there is more than one agent")
-    if e.law != system.law(walls=False):
+    if e.law != system.law(half_width=None):
         raise NotMeasurable("the law is not that of a lone agent in free space")
     if not isinstance(control, Held) or np.any(np.asarray(control.period) != system.REFRESH) or np.any(control.phase):
         raise NotMeasurable("the agent is not told a velocity at the ticks of the paper")

@@ -125,6 +125,20 @@ def settings(found):
     near(found, (100.0, 600.0, 230.0, 8.0, 6.0, 1.0, 0.2, 100.0, 1.0, 0.2, 0.005, 25.6668 + 10.0 + 10.0))
 
 
+def optimised(found):
+    """As public ports of the model state them; the range and the arena of the scenario beside them."""
+    stop = (4.0**2 + (4.16 / 3.2) ** 2) / (2 * 4.16)
+    near(found, (4.0, 25.6, 0.13, 3.328, 85.3, 0.05, 0.63, 4.16, 3.2, 100.0, 125.0, 13.6, 3.02, 3.55, 0.3, 85.3 + stop))
+
+
+def program_start(found):
+    apart, far, *rest = found
+    assert 8.0 < apart < 20.0
+    # The largest of 200 even coordinates is below this with a probability of 1e-9.
+    assert 230.0 * (1 - 0.1) < far <= 230.0
+    near(rest, (0.0, 1.0, 4.0, 120.0, 100.0))
+
+
 def lone(found):
     speed, expected = 1.0, [1.0]
     for _ in range(5):
@@ -155,6 +169,8 @@ CHECKS = {
     "errors": errors,
     "order parameters": parameters,
     "settings": settings,
+    "optimised": optimised,
+    "program start": program_start,
     "lone speed": lone,
     "judgements": judged,
 }
