@@ -16,11 +16,13 @@ from tests.papers.homes import (
     nets,
     olfati_saber_2006,
     papers,
+    reynolds,
     shapes,
     shi,
     states,
     structure,
     terms,
+    vasarhelyi,
     vicsek,
 )
 
@@ -30,6 +32,8 @@ _WHOLE: dict[str, Callable[[], None]] = {
     **cucker_smale.HOMES,
     **olfati_saber_2006.HOMES,
     **vicsek.HOMES,
+    **reynolds.HOMES,
+    **vasarhelyi.HOMES,
 }  # fmt: skip
 
 

@@ -222,7 +222,8 @@ def scenarios():
     still = system.scenario(name=f"{system.KEY}-noiseless")
     angles = np.arctan2(still.start.p[:, 1], still.start.p[:, 0])
     assert 1.2 < np.abs(angles).max() < 0.49 * math.pi
-    assert [system.scenario(figure).name for figure in system.FIGURES] == ["vicsek-1995", *2 * ["vicsek-1995-small"]]
+    assert [system.scenario(figure).name for figure in system.FIGURES] == [
+        "vicsek-1995", "vicsek-1995-small", "vicsek-1995-vectorial"]  # fmt: skip
     assert (system.scenario().name, system.scenario().seed) == ("vicsek-1995", 0)
     for wrong, word in (({"figure": 4}, "figure"), ({"name": "vicsek"}, "name")):
         with pytest.raises(fk.InvalidInput, match=f"scenario: {word}"):

@@ -23,7 +23,7 @@ PATH = 3
 ARROW = 0.04
 """Length of a heading in the picture, by its width."""
 
-SEEDS = range(8)
+SEEDS = range(5)
 """Seeds of the intervals in the figure."""
 
 
@@ -90,6 +90,6 @@ def figures() -> dict[int, Figure]:
         1: Figure("1", "Boids from above at the start, later and at the end, with headings and the circle from which "
                   "they turn back; the birds of the two settings of the comparison at the end.", _flocks,
                   system.FIGURES[1], (system.SMALL, system.LARGE)),
-        2: Figure("2", "Polarisation, nearest distance and number of groups over time, of one run (blue) and of eight "
+        2: Figure("2", "Polarisation, nearest distance and number of groups over time, of one run (blue) and of five "
                   "seeds (green); the 95 % interval of the mean at the end.", _observations, system.FIGURES[2]),
     }  # fmt: skip

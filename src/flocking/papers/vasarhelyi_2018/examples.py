@@ -63,7 +63,9 @@ def propulsion_of(scale: float) -> Array:
 def repulsion_of(scale: float) -> Array:
     """Repulsion of the examples' agents, radius and largest speed scaled."""
     return _wanted(
-        LinearRepulsion(system.FILE.repulsion_slope, scale * system.FILE.repulsion_radius, scale * system.FILE.repulsion_speed)
+        LinearRepulsion(
+            system.FILE.repulsion_slope, scale * system.FILE.repulsion_radius, scale * system.FILE.repulsion_speed
+        )
     )
 
 
@@ -78,13 +80,17 @@ def alignment_of(scale: float) -> Array:
 
 def walls_of(scale: float) -> Array:
     """What the walls of a small arena want of the examples' agents, their speed scaled."""
-    return _wanted(ShillWalls(28.0, scale * system.FILE.shill_speed, system.FILE.shill_acceleration, system.FILE.shill_slope))
+    return _wanted(
+        ShillWalls(28.0, scale * system.FILE.shill_speed, system.FILE.shill_acceleration, system.FILE.shill_slope)
+    )
 
 
 def obstacle_of(scale: float) -> Array:
     """What a round obstacle wants of the examples' agents, its radius scaled."""
     return _wanted(
-        ShillDisc((5.0, -3.0), scale * 12.0, system.FILE.shill_speed, system.FILE.shill_acceleration, system.FILE.shill_slope)
+        ShillDisc(
+            (5.0, -3.0), scale * 12.0, system.FILE.shill_speed, system.FILE.shill_acceleration, system.FILE.shill_slope
+        )
     )
 
 

@@ -47,7 +47,9 @@ NAMES = ("correlation", "collision", "overrun", "speed", "disconnected", "smalle
 """Names of the order parameters."""
 
 
-def at(q: Array, p: Array, radius: float, half_width: float = system.HALF_WIDTH) -> tuple[float, float, float, float, float, float]:
+def at(
+    q: Array, p: Array, radius: float, half_width: float = system.HALF_WIDTH
+) -> tuple[float, float, float, float, float, float]:
     """The order parameters of one state, in the order of `NAMES`.
 
     Parameters

@@ -90,8 +90,8 @@ FOUND = FlockParameters(
     friction_acceleration=4.16, friction_slope=3.2,
     shill_speed=13.6, shill_acceleration=3.02, shill_slope=3.55, shill_offset=0.3,
 )  # fmt: skip
-"""What the optimisation found for v_flock = 4 m/s, as commonly cited: public ports of the model state these numbers. They
-state no v_rep; here it is the repulsion at no distance, which limits nothing."""
+"""What the optimisation found for v_flock = 4 m/s, as commonly cited: public ports of the model state these numbers.
+They state no v_rep; here it is the repulsion at no distance, which limits nothing."""
 
 HALF_WIDTH = 230.0
 """Half the width of the square arena in m (released)."""
@@ -296,9 +296,7 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
     return {
         KEY: lambda seed: flock(seed=seed, name=KEY),
         PROGRAM: lambda seed: program(seed=seed, duration=SHORT, name=PROGRAM),
-        OPTIMIZED: lambda seed: flock(
-            seed=seed, duration=SHORT, parameters=FOUND, half_width=NARROW, name=OPTIMIZED
-        ),
+        OPTIMIZED: lambda seed: flock(seed=seed, duration=SHORT, parameters=FOUND, half_width=NARROW, name=OPTIMIZED),
         OBSTACLES: lambda seed: flock(
             seed=seed, duration=SHORT, parameters=FOUND, half_width=NARROW, circles=CIRCLES, name=OBSTACLES
         ),

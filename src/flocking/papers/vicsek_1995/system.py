@@ -20,7 +20,7 @@ KEY = "vicsek-1995"
 GATHERING, ORDERED, SMALL = f"{KEY}-gathering", f"{KEY}-ordered", f"{KEY}-small"
 NOISELESS, RANDOM, VECTORIAL = f"{KEY}-noiseless", f"{KEY}-random", f"{KEY}-vectorial"
 
-FIGURES = {1: KEY, 2: SMALL, 3: SMALL}
+FIGURES = {1: KEY, 2: SMALL, 3: VECTORIAL}
 """Scenario of each figure; the first of those that it shows."""
 
 RADIUS = 1.0
