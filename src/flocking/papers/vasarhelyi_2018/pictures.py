@@ -93,8 +93,8 @@ def figures() -> dict[int, Figure]:
     return {
         1: Figure("1", "(a), (b) The flock with the parameters of the released file at the start and at the end, with "
                   "the paths of the last ten seconds; (c) braking curves of alignment, dotted where line and root "
-                  "meet; (d) the flock as the released program runs it; (e) with the parameters that the optimisation found, "
-                  "(f) and among obstacles.",
+                  "meet; (d) the flock as the released program runs it; (e) with the parameters that the "
+                  "optimisation found, (f) and among obstacles.",
                   _flocks, system.FIGURES[1], (system.PROGRAM, system.OPTIMIZED, system.OBSTACLES)),
         2: Figure("2", "The six order parameters over time, with the parameters of the released file (blue) and those "
                   "that the optimisation found (red).", _parameters, system.FIGURES[2], (system.OPTIMIZED,)),
