@@ -43,6 +43,57 @@ speed = 1.0
 seed = 3
 """
 
+THIRD_ALGORITHM = """
+format = 1
+t_end = 2.0
+frames = 5
+start = { draw = "box", n = 12, side = 20.0, speed = 1.0, seed = 3 }
+
+[graph]
+kind = "smooth"
+radius = 8.4
+onset = 0.2
+sigma_norm = 0.1
+
+[[terms]]
+kind = "gradient"
+weighting = "force"
+formula = "5*sqrt(1 + ((sqrt(1 + eps*r**2) - 1)/eps - d)**2)"
+parameters = { eps = 0.1, d = 14.289915602982239 }
+
+[[terms]]
+kind = "consensus"
+gain = 2.0
+weighted = true
+
+[[terms]]
+kind = "track"
+position_gain = 1.2
+velocity_gain = 0.0
+saturated = true
+leader = { kind = "velocity", value = [5.0, 0.0] }
+
+[[terms]]
+kind = "track"
+velocity_gain = 2.1908902300206643
+leader = { kind = "velocity", value = [5.0, 0.0] }
+
+[[terms]]
+kind = "avoid"
+obstacles = [{ kind = "ball", centre = { kind = "sink", point = [8.0, 4.0] }, radius = 2.0 }]
+range = 4.2
+repulsion_gain = 4.5
+damping_gain = 4.242640687119285
+onset = 0.9
+sigma_norm = 0.1
+fading_damping = true
+gamma_agents = false
+
+[terms.repulsion]
+formula = "sqrt(1 + ((sqrt(1 + eps*r**2) - 1)/eps - d)**2) - ((sqrt(1 + eps*r**2) - 1)/eps - d)"
+parameters = { eps = 0.1, d = 6.625281952496325 }
+"""
+
 ALIGNMENT = """
 format = 1
 t_end = 2.0
@@ -108,6 +159,46 @@ def test_algorithm_3_in_fifteen_lines() -> None:
     system = fk.papers.olfati_saber_2006.system
     packaged = system.law(system.Algorithm(3, obstacles=(fk.Ball([8.0, 4.0], 2.0),), goal=goal))
     assert_allclose(fk.control(law, begin), fk.control(packaged, begin), rtol=1e-9, atol=1e-10)
+
+
+def test_algorithm_3_from_a_file(tmp_path) -> None:
+    path = tmp_path / "third.toml"
+    path.write_text(THIRD_ALGORITHM)
+    found = fk.read_scenario(path)
+    system = fk.papers.olfati_saber_2006.system
+    goal = fk.Velocity([5.0, 0.0])
+    packaged = system.law(system.Algorithm(3, obstacles=(fk.Ball([8.0, 4.0], 2.0),), goal=goal))
+    near = np.linalg.norm(found.start.q - [8.0, 4.0], axis=1) - 2.0
+    assert near.min() < 4.2
+    assert_allclose(fk.control(found.law, found.start), fk.control(packaged, found.start), rtol=1e-9, atol=1e-10)
+
+
+def test_algorithms_1_and_2_in_fifteen_lines() -> None:
+    reach = (np.sqrt(1 + 0.1 * 7.0**2) - 1) / 0.1
+    psi = fk.Potential("5*sqrt(1 + ((sqrt(1 + eps*r**2) - 1)/eps - d)**2)", eps=0.1, d=reach)
+    goal = fk.Velocity([5.0, 0.0])
+    first = [fk.Gradient(psi, weighting="force"), fk.Consensus(1.0, weighted=True)]
+    net = fk.Smooth(8.4, 0.2, sigma_norm=0.1)
+    begin = fk.start.box(12, side=20.0, speed=1.0, seed=3)
+    system = fk.papers.olfati_saber_2006.system
+    for law, algorithm in (
+        (fk.Law(net, first), system.Algorithm(1)),
+        (fk.Law(net, [*first, fk.Track(goal, 0.05, 2 * np.sqrt(0.05))]), system.Algorithm(2, (1, 1, 0.05), goal=goal)),
+    ):
+        assert_allclose(fk.control(law, begin), fk.control(system.law(algorithm), begin), rtol=1e-9, atol=1e-10)
+
+
+def test_alignment_in_fifteen_lines() -> None:
+    law = fk.Law(fk.Complete(), fk.CuckerSmale(0.3, 0.4))
+    begin = fk.start.ball(9, radius=3.0, speed=3.0, seed=4)
+    packaged = fk.papers.cucker_smale_2007.system.law(0.3, 0.4)
+    assert law == packaged
+    late = {"information": fk.Delayed(0.4)}
+    for world in ({}, late, {"agents": fk.Impulsive(), "control": fk.Held(0.1)}):
+        runs = [
+            fk.simulate(fk.Scenario(x, begin, t_end=1.0, frames=5, **world), progress=False) for x in (law, packaged)
+        ]
+        assert fk.first_difference(*runs) is None
 
 
 def test_alignment_from_a_file(tmp_path) -> None:
