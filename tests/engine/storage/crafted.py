@@ -56,6 +56,13 @@ def scenario(engine: str) -> fk.Scenario:
                 predict=True, seed=5,
             ),
         )  # fmt: skip
+    if engine == "bodies":
+        robots = fk.Disturbed(fk.Lagged(fk.Disturbed(fk.Unicycle(0.3, damping=0.5), 0.5, 0.03), 0.1), 0.2, 0.07, 3)
+        avoid = fk.Avoid([fk.Ball([3.0, 2.0], 0.5)], range=2.5, gamma_agents=False, repulsion_gain=1.0)
+        law = scenario("sampled").law
+        return scenario("sampled").with_(
+            agents=fk.Limited(robots, force=20.0, rate=200.0), law=fk.Law(law.graph, [*law.terms, avoid])
+        )
     if engine == "delayed":
         return scenario("sampled").with_(control=fk.Continuous(), information=fk.Delayed(0.06))
     if engine == "discrete":
@@ -72,7 +79,7 @@ def scenario(engine: str) -> fk.Scenario:
 def records(engine: str) -> fk.Run:
     """What that group had recorded by then."""
     session = fk.start(scenario(engine))
-    if engine in ("sampled", "delayed", "discrete"):
+    if engine in ("sampled", "bodies", "delayed", "discrete"):
         session.advance(0.25)
     return session.run("unfinished")
 

@@ -38,7 +38,8 @@ def gone_on(data: bytes, engine: str, seconds: float = 0.0) -> bool:
     if engine == "lammps":
         restored(ReadsRestarts(), read_checkpoint(data, engine, WHERE), STORED(made), WHERE, {})
         return True
-    session = unpack(data, records(engine), None, WHERE, name=engine, threads=1)
+    name = "sampled" if engine == "bodies" else engine
+    session = unpack(data, records(engine), None, WHERE, name=name, threads=1)
 
     def advance() -> None:
         try:
@@ -66,7 +67,7 @@ def refused(data: bytes, engine: str) -> str:
     return message
 
 
-@pytest.mark.parametrize("engine", ["exact", "sampled", "delayed", "discrete", "tiles", "lammps"])
+@pytest.mark.parametrize("engine", ["exact", "sampled", "bodies", "delayed", "discrete", "tiles", "lammps"])
 def test_an_untouched_checkpoint_is_one(engine: str) -> None:
     assert gone_on(checkpoint(engine), engine)
     assert gone_on(written(*contents(checkpoint(engine))), engine)
@@ -165,6 +166,42 @@ def test_wrong_arrays_of_the_sampled_engine(name: str, change: Any, said: str) -
     numbers, arrays = contents(checkpoint("sampled"))
     with pytest.raises(StorageError, match=said):
         gone_on(written(numbers, {**arrays, name: change(arrays[name])}), "sampled")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("gusts", lambda x: x + 1, "gusts must be those of the time reached"),
+        ("wanted", lambda x: x * 0.5, "force must be what bodies make of the wanted one"),
+        ("lag", lambda x: x + 1.0, "coefficients must be those of the motion under the force"),
+        ("lag", lambda x: x[:3].copy(), "lag must have the shape"),
+        ("heading", lambda x: x * 0.5, "heading must be unit vectors"),
+        ("heading", lambda x: x[:, :1].copy(), "heading must have the shape"),
+        ("near_obstacles", np.logical_not, "near_obstacles must fit the distances"),
+        ("meeting", lambda x: np.array([[0, 0, 9]]), "meeting must not hold values above 7"),
+        ("meeting", lambda x: np.array([[0, 0, 0]]), "meeting must have as many rows as meeting_time"),
+    ],
+)
+def test_wrong_arrays_of_bodies(name: str, change: Any, said: str) -> None:
+    numbers, arrays = contents(checkpoint("bodies"))
+    with pytest.raises(StorageError, match=said):
+        gone_on(written(numbers, {**arrays, name: change(arrays[name])}), "bodies")
+
+
+@pytest.mark.parametrize(
+    ("time", "row", "said"),
+    [
+        (0.2501, [0, 5, 0], "meeting must name agents and groups"),
+        (0.2501, [0, 0, 3], "meeting must name obstacles that there are"),
+        (0.3, [0, 0, 0], "meeting_time must lie between now and the next change"),
+        (0.2501, [0, 0, 0], "meeting_time must be when an agent is at the range"),
+    ],
+)
+def test_meetings_that_cannot_be(time: float, row: list[int], said: str) -> None:
+    numbers, arrays = contents(checkpoint("bodies"))
+    changed = {**arrays, "meeting_time": np.array([time]), "meeting": np.array([row])}
+    with pytest.raises(StorageError, match=said):
+        gone_on(written(numbers, changed), "bodies")
 
 
 @pytest.mark.parametrize("name", ["crossing", "noise"])
@@ -333,7 +370,7 @@ def test_another_runs_restart_of_lammps() -> None:
     assert unpacked(changed, arrays, scenario("lammps"))[1].keep_log is None
 
 
-@pytest.mark.parametrize("engine", ["exact", "sampled", "delayed", "discrete", "tiles", "lammps"])
+@pytest.mark.parametrize("engine", ["exact", "sampled", "bodies", "delayed", "discrete", "tiles", "lammps"])
 @pytest.mark.parametrize("cases", [24, pytest.param(170, marks=pytest.mark.slow)])
 def test_crafted_checkpoints(engine: str, cases: int) -> None:
     """Whatever is changed, going on works or is refused in one sentence; nothing else ever happens."""

@@ -1,5 +1,7 @@
 """Verdicts on runs in which other forces act than those of the law on the present state."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -42,30 +44,27 @@ def test_theorems_of_papers_assume_the_ideal_world():
         assert str(result.verdict) in ("hypothesis not met", "not applicable")
 
 
-@pytest.mark.parametrize("world", [{"control": fk.Held(0.1)}, {}])
-def test_errors_that_nobody_estimated_are_unknown_and_not_zero(world):
+def test_errors_that_nobody_estimated_are_unknown_and_not_zero():
     """Where agents flock for certain, so that an error of zero would let the verdict be that velocities agree."""
     start = fk.start.box(4, side=2, speed=1, seed=1)
-    run = fk.simulate(fk.Scenario(LAW, start, t_end=30, frames=61, **world), progress=False)
+    run = fk.simulate(fk.Scenario(LAW, start, t_end=30, frames=61, control=fk.Held(0.1)), progress=False)
+    # Too many steps to be repeated.
+    run = replace(run, provenance={**run.provenance, "steps": 10**6})
     found = {result.claim.key: result for result in fk.audit(run).results}
-    ideal = run.fidelity.engine == "exact"
     for key in ("velocities-agree", "distances-settle", "forces-vanish", "potential-minimal"):
         result = found[key]
-        if ideal:
-            assert str(result.verdict) == "holds"
-            continue
         assert str(result.verdict) == "not resolved", key
         assert not result.error < np.inf
         assert result.as_dict()["error"] is None
         assert result.margin > 0
-    assert ("the error of the motion is not estimated" in found["velocities-agree"].note) != ideal
+    assert "the error of the motion is not estimated" in found["velocities-agree"].note
 
 
-def test_errors_of_delayed_motions_are_estimated_and_not_zero():
+@pytest.mark.parametrize("world", [{"information": fk.Delayed(0.1)}, {"control": fk.Held(0.1)}])
+def test_errors_of_imperfect_motions_are_estimated_and_not_zero(world):
     """Agents that flock for certain, with delays far below the shortest time constant; repetitions show the error."""
     start = fk.start.box(4, side=2, speed=1, seed=1)
-    world = fk.Delayed(0.1)
-    run = fk.simulate(fk.Scenario(LAW, start, t_end=30, frames=61, information=world), progress=False)
+    run = fk.simulate(fk.Scenario(LAW, start, t_end=30, frames=61, **world), progress=False)
     keys = ("velocities-agree", "distances-settle")
     results = fk.audit(run, [claim for claim in GENERAL if claim.key in keys]).results
     assert len(results) == len(keys)

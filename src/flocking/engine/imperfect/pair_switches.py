@@ -19,8 +19,8 @@ from flocking.engine.imperfect.pair_polynomials import (
 from flocking.engine.kernels.bernstein import NEVER, all_rows, first_above, part_from
 from flocking.formula.native.functions import native_apart
 
-MOST_CROSSINGS = 16
-"""Crossings of one level by one image of a pair within one piece: a polynomial of degree 14 has no more."""
+MOST_CROSSINGS = 20
+"""Crossings of one level by one image of a pair within one piece: a polynomial of degree 18 has no more."""
 
 
 def first_beyond(square: Array, level: float, inside: bool, x: float) -> float:

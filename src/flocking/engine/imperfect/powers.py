@@ -94,7 +94,7 @@ class LawInForce(NamedTuple):
 
 @native_apart
 def node_powers(
-    law: LawInForce, start: float, S: Array, force: Array, times: Array, frames: Array, found: Array
+    law: LawInForce, start: float, S: Array, forces: Array, times: Array, frames: Array, found: Array
 ) -> None:
     """Work, dissipation, supply and departure at some times.
 
@@ -106,8 +106,8 @@ def node_powers(
         Time about which the polynomials are.
     S
         Taylor coefficients of the positions, shape (degree + 1, N, m).
-    force
-        The force that acts, shape (N, m).
+    forces
+        Taylor coefficients of the forces that act, shape (terms, N, m).
     times
         Times since ``start``, shape (nodes,).
     frames
@@ -117,7 +117,7 @@ def node_powers(
     """
     degree, n, m, pairs, slots = S.shape[0] - 1, S.shape[1], S.shape[2], law.pairs, law.slots
     q, p, u, rates, none = np.empty((n, m)), np.empty((n, m)), np.empty((n, m)), np.empty(3), np.empty(0)
-    seen = np.empty((n, m))
+    seen, force, terms = np.empty((n, m)), np.empty((n, m)), forces.shape[0]
     for node in range(times.shape[0]):
         s = times[node]
         for i in range(n):
@@ -129,6 +129,10 @@ def node_powers(
                         v = v * s + a * S[a, i, k]
                 q[i, k], p[i, k] = x, v
                 seen[i, k] = v if law.order == 2 else 0.0
+                f = forces[terms - 1, i, k]
+                for a in range(terms - 2, -1, -1):
+                    f = f * s + forces[a, i, k]
+                force[i, k] = f
         _control(
             law.control, start + s, q, seen, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces,
             pairs.spans, slots.P, slots.A, slots.W, law.functionals, u, rates, none,

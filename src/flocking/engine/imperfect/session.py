@@ -125,6 +125,10 @@ class ImperfectSession(Session):
             Time since the start, from the last change on.
         """
 
+    def columns_at(self, seconds: float) -> dict[str, Array]:
+        """Further columns of the agents at a time, by name: none."""
+        return {}
+
     @abstractmethod
     def _series(self, seconds: float) -> Array:
         """Taylor coefficients of the positions about a time since the start, shape (degree + 1, N, m)."""
@@ -324,7 +328,8 @@ class ImperfectSession(Session):
             if t - self._base > until:
                 return
             q, p = self.motion_at(t - self._base)
-            records.frame(t, q, p if self._law.order == 2 else np.zeros_like(p), self.links[0])
+            seen = p if self._law.order == 2 else np.zeros_like(p)
+            records.frame(t, q, seen, self.links[0], columns=self.columns_at(t - self._base))
 
     # Saving.
 
@@ -367,7 +372,7 @@ class ImperfectSession(Session):
         """State at the session's time, with the true links."""
         q, p = self.motion_at(self.time - self._base)
         p = p if self._law.order == 2 else np.zeros_like(p)
-        return State(q, p, self.time, self.links[0].copy())
+        return State(q, p, self.time, self.links[0].copy(), self.columns_at(self.time - self._base))
 
     @property
     def known(self) -> tuple[tuple[Closest, Closest], None]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
-from flocking.model.bodies.actuators import Limited
+from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.law import Law, Scenario
 
@@ -12,7 +12,9 @@ MOST_AGENTS = 2000
 """Largest group of these engines, which hold several numbers for every pair."""
 
 
-def check_law(engine: str, scenario: Scenario, plant: Law | None, *, limits: bool = False) -> None:
+def check_law(
+    engine: str, scenario: Scenario, plant: Law | None, points: Body | None = None, *, obstacles: bool = False
+) -> None:
     """Refuse what these engines do not know.
 
     Parameters
@@ -21,8 +23,10 @@ def check_law(engine: str, scenario: Scenario, plant: Law | None, *, limits: boo
         Name of the engine, for messages.
     plant
         The law that agents follow, if it is another.
-    limits
-        Whether forces may be limited.
+    points
+        The points that the law sees; the agents themselves when absent.
+    obstacles
+        Whether there may be obstacles.
 
     Raises
     ------
@@ -31,13 +35,13 @@ def check_law(engine: str, scenario: Scenario, plant: Law | None, *, limits: boo
     UnsupportedLaw
         When there is another such part; the message names it.
     """
-    n, law, bodies = scenario.start.n, scenario.law, scenario.agents
+    n, law = scenario.start.n, scenario.law
+    points = scenario.agents if points is None else points
     if n > MOST_AGENTS:
         raise InvalidInput(
             "start", "engine", f"must be another one for more than {MOST_AGENTS} agents", f"{engine!r} for {n}",
             "It keeps what everybody knows of everybody.",
         )  # fmt: skip
-    points = bodies.body if limits and isinstance(bodies, Limited) else bodies
     if points.structure not in (PointMass().structure, SingleIntegrator().structure):
         raise UnsupportedLaw(
             f"engine={engine!r} moves point masses and single integrators, not {type(points).__name__}."
@@ -59,9 +63,8 @@ def check_law(engine: str, scenario: Scenario, plant: Law | None, *, limits: boo
             raise UnsupportedLaw(
                 f"engine={engine!r} follows links by two distances; {type(graph).__name__} has another rule."
             )
-    for term in law.body_terms:
-        if getattr(term, "groups", ()):
-            raise UnsupportedLaw(f"engine={engine!r} knows no obstacles yet. Leave Avoid out.")
+    if not obstacles and any(getattr(term, "groups", ()) for term in law.body_terms):
+        raise UnsupportedLaw(f"engine={engine!r} knows no obstacles yet. Leave Avoid out.")
     layout = Layout(law, scenario.energy, points, scenario.space)
     if layout.places:
         raise UnsupportedLaw(

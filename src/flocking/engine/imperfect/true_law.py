@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
-from flocking.arrays import Array, Links
+from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.powers import LawInForce, Powers, node_powers
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots, free_pairs
@@ -45,15 +46,17 @@ class TrueLaw:
         module = self.kernels.module
         return int(module.control.address), int(module.flow.address) if self.order == 1 else 0
 
-    def pairs(self, links: Links) -> Pairs:
-        """Ordered pairs of linked agents, graph by graph.
+    def pairs(self, links: Links, met: Sequence[tuple[Indices, Indices]] = ()) -> Pairs:
+        """Ordered pairs of linked agents, graph by graph, then agents and the obstacles that they have met.
 
         Parameters
         ----------
         links
             Links of each graph, shape (graphs, N, N).
+        met
+            Agents within range of obstacles, and the obstacles, of every group of obstacles.
         """
-        return free_pairs([(i, j) for i, j in map(np.nonzero, links)])
+        return free_pairs([*((i, j) for i, j in map(np.nonzero, links)), *met])
 
     def energy(self, t: float, q: Array, p: Array, pairs: Pairs, linked: int) -> tuple[float, float]:
         """Energy and kinetic energy of the true state.
@@ -70,7 +73,7 @@ class TrueLaw:
         apart = 0.5 * (self.n * (self.n - 1) - linked) * self.scenario.energy.unlinked
         return stored + bodies + kinetic + apart, kinetic
 
-    def powers(self, t: float, S: Array, force: Array, pairs: Pairs) -> Powers:
+    def powers(self, t: float, S: Array, forces: Array, pairs: Pairs) -> Powers:
         """Powers of the ledger as functions of the time since ``t``.
 
         Parameters
@@ -79,8 +82,8 @@ class TrueLaw:
             The scenario's time about which the polynomials are.
         S
             Taylor coefficients of the positions, shape (degree + 1, N, m).
-        force
-            The force that acts, shape (N, m); of agents of order 1 their velocity.
+        forces
+            Taylor coefficients of the forces that act, shape (terms, N, m); of agents of order 1 their velocities.
         pairs
             Pairs linked in truth.
         """
@@ -88,7 +91,7 @@ class TrueLaw:
 
         def at(times: Array) -> Array:
             found = np.empty((len(times), 4))
-            node_powers(law, t, S, force, times, self._frames(t, times, S), found)
+            node_powers(law, t, S, forces, times, self._frames(t, times, S), found)
             return found
 
         return at

@@ -14,6 +14,9 @@ from flocking.model.terms.avoidance import ObstacleGroup, ObstacleTerm
 
 Indices = NDArray[np.intp]
 
+SPEED_STEP = 1e-6
+"""Time on each side over which the speed of a crossing is a difference quotient: near the root of its rounding."""
+
 
 @dataclass(frozen=True)
 class Level:
@@ -71,3 +74,17 @@ class ObstacleDistances:
     def clearance(self, group: int, points: Array, t: Array, obstacle: Indices) -> Array:
         """Signed distances of points, shape (k, m), at times ``t`` from one obstacle of a group each; shape (k,)."""
         return self._distance[group](points, t, list(self._rows[group][:, obstacle]))
+
+    def speed(self, group: int, t: float, q: Array, p: Array, obstacle: int) -> float:
+        """Rate at which the distance of one agent from one obstacle of a group grows.
+
+        Parameters
+        ----------
+        q, p
+            Position and velocity of the agent at time ``t``, shape (m,).
+        """
+        low, high = (
+            self.clearance(group, (q + s * p)[None], np.array([t + s]), np.array([obstacle]))[0]
+            for s in (-SPEED_STEP, SPEED_STEP)
+        )
+        return float(high - low) / (2 * SPEED_STEP)

@@ -73,6 +73,8 @@ def check_nodes(scenario: Scenario, *, real_time: float | None, exported: bool) 
     SAMPLED.check_space(scenario)
     if scenario.agents.order == 1:
         raise UnsupportedLaw("Processes of agents run bodies of order 2, not SingleIntegrator.")
+    if any(getattr(term, "groups", ()) for term in scenario.law.body_terms):
+        raise UnsupportedLaw("Processes of agents know no obstacles yet. Leave Avoid out.")
     if exported and scenario.start.links is not None:
         raise UnsupportedLaw(
             "Exported C begins with the links of its graph: a start with links of its own is for Python agents."
@@ -216,7 +218,7 @@ class NodeSession(SampledSession):
         for _, agents, force in reversed(self.waiting):
             if agent in agents:
                 return np.asarray(force[agents.tolist().index(agent)])
-        return np.asarray(self.motion.force[agent])
+        return np.asarray(self.wanted[agent])
 
     def _request(self, row: int, agent: int, known: Known) -> Request:
         m = self.m

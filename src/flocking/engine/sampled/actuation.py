@@ -1,18 +1,33 @@
-"""What bodies exert of the forces that agents computed: limits that hold as long as the force does."""
+"""What bodies make of held forces: limits, gusts and a lag between the wanted force and the point that moves."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.errors import UnsupportedLaw
-from flocking.model.bodies.actuators import Limited
+from flocking.model.bodies.actuators import Lagged, Limited
 from flocking.model.bodies.body import Body
+from flocking.model.bodies.disturbances import Disturbed
+from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
+from flocking.model.bodies.unicycles import Unicycle
+from flocking.model.bodies.wrapped import WrappedBody
 from flocking.model.law import Scenario
 
 
-def check_limits(engine: str, body: Body) -> None:
-    """Refuse limits that do not stay as they are while a force is held.
+def chain_of(body: Body) -> tuple[list[WrappedBody], Body]:
+    """The bodies that stand between the wanted force and the innermost one, the outermost first, and that one."""
+    found: list[WrappedBody] = []
+    while isinstance(body, WrappedBody):
+        found.append(body)
+        body = body.body
+    return found, body
+
+
+def check_bodies(engine: str, body: Body) -> None:
+    """Refuse bodies that do not move in closed form while a force is held.
 
     Parameters
     ----------
@@ -24,45 +39,175 @@ def check_limits(engine: str, body: Body) -> None:
     Raises
     ------
     UnsupportedLaw
-        When there is one.
+        When there is one; the message names it.
     """
-    if isinstance(body, Limited) and body.order == 2 and body.speed is not None:
+    chain, inner = chain_of(body)
+    strange = [x for x in chain if type(x) not in (Limited, Lagged, Disturbed)]
+    point = type(inner) is Unicycle or inner.structure in (PointMass().structure, SingleIntegrator().structure)
+    if strange or not point:
+        name = type(strange[0] if strange else inner).__name__
         raise UnsupportedLaw(
-            f"engine={engine!r} holds forces, and a largest speed would act between two ticks. Limit the force alone."
+            f"engine={engine!r} moves point masses, single integrators and unicycles, limited, lagged or disturbed, "
+            f"not {name}."
         )
+    lagged = any(isinstance(x, Lagged) for x in chain)
+    behind = False
+    for each in chain:
+        if isinstance(each, Limited):
+            if each.speed is not None and body.order == 2:
+                raise UnsupportedLaw(
+                    f"engine={engine!r} holds forces, and a largest speed would act between two ticks. Limit the force "
+                    "alone."
+                )
+            if (behind and each.force is not None) or (lagged and each.speed is not None):
+                raise UnsupportedLaw(
+                    f"engine={engine!r} holds forces, and a limit of what a lagged body exerts would act between two "
+                    "ticks. Limit the force before the lag, as Limited(Lagged(...), force=...) does."
+                )
+        behind = behind or isinstance(each, Lagged)
 
 
-def without_limits(scenario: Scenario) -> Scenario:
-    """The scenario of the bodies inside the limits, whose law and energy are the same."""
-    body = scenario.agents
-    return scenario.with_(agents=body.body) if isinstance(body, Limited) else scenario
+def point_of(body: Body) -> Body:
+    """The body without what stands between it and the wanted force; of a unicycle its hand point, a point mass."""
+    inner = chain_of(body)[1]
+    return PointMass(inner.masses, inner.damping) if isinstance(inner, Unicycle) else inner
 
 
-class Actuation:
-    """Scales forces back to what bodies can exert; of agents of order 1 velocities.
+def of_points(scenario: Scenario) -> Scenario:
+    """The scenario of the points that the law sees, whose law and energy are the same."""
+    point = point_of(scenario.agents)
+    return scenario if point is scenario.agents else scenario.with_(agents=point)
+
+
+@dataclass
+class Gusts:
+    """One source of gusts.
 
     Parameters
     ----------
     body
-        What the agents are.
-    n
-        Number of agents.
+        What it is of.
+    period
+        How long a gust lasts, in nanoseconds.
+    number
+        The gust in force.
+    values
+        What it adds to the force, shape (N, m).
     """
 
-    def __init__(self, body: Body, n: int) -> None:
-        self._most: Array | None = None
-        if isinstance(body, Limited):
-            most = body.speed if body.order == 1 else body.force
-            self._most = np.broadcast_to(np.asarray(most, dtype=np.float64), n).copy()
-            self._each_axis = body.order == 2 and body.shape == "box"
+    body: Disturbed
+    period: int
+    number: int
+    values: Array
 
-    def exerted(self, agents: Indices, force: Array) -> Array:
-        """What ``agents`` exert of a ``force``, shape (agents, m) each."""
-        if self._most is None:
-            return force
-        most = self._most[agents, None]
-        if self._each_axis:
+    def take(self, number: int) -> None:
+        """Let a gust be in force."""
+        self.number = number
+        sigma = np.broadcast_to(np.asarray(self.body.sigma, dtype=np.float64), len(self.values))[:, None]
+        self.values = sigma * self.body.gust(number, *self.values.shape)
+
+
+@dataclass(frozen=True)
+class _Limit:
+    """A largest force, or velocity of agents of order 1.
+
+    Parameters
+    ----------
+    most
+        Of each agent, shape (N, 1).
+    each_axis
+        Whether axes are limited one by one.
+    """
+
+    most: Array
+    each_axis: bool
+
+    def of(self, agents: Indices, force: Array) -> Array:
+        """A force of ``agents`` scaled back to it, shape (agents, m)."""
+        most = self.most[agents]
+        if self.each_axis:
             return np.clip(force, -most, most)
         length = np.sqrt((force**2).sum(axis=1, keepdims=True))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(length > most, force * (most / length), force)
+
+
+class Actuation:
+    """The way from the forces that agents computed to what acts; of agents of order 1 velocities.
+
+    Parameters
+    ----------
+    body
+        What the agents are, see `check_bodies`.
+    n, m
+        Numbers of agents and axes.
+
+    Attributes
+    ----------
+    gusts
+        All sources of gusts.
+    time_constant
+        That of the lag, shape (N, 1); None where there is none.
+    rate
+        Largest rate of a lagged force, shape (N, 1); infinite where there is none.
+    offset
+        How far hand points lie in front of their axles, shape (N,); None where agents are no unicycles.
+    """
+
+    def __init__(self, body: Body, n: int, m: int) -> None:
+        def each(value: float | Array | None) -> Array:
+            return np.broadcast_to(np.asarray(value, dtype=np.float64), n)[:, None].copy()
+
+        self._axes = m
+        self.gusts: list[Gusts] = []
+        self.time_constant: Array | None = None
+        self.rate = np.full((n, 1), np.inf)
+        chain, inner = chain_of(body)
+        self.offset = each(inner.offset)[:, 0] if isinstance(inner, Unicycle) else None
+        self._stages: list[_Limit | Gusts] = []
+        """What happens to a force before it is lagged, in order."""
+        self._beside: list[Gusts] = []
+        """What is added to a lagged force."""
+        last: list[_Limit] = []
+        for part in chain:
+            if isinstance(part, Disturbed):
+                source = Gusts(part, part.period_in_nanoseconds, 0, np.zeros((n, m)))
+                source.take(0)
+                self.gusts.append(source)
+                (self._stages if self.time_constant is None else self._beside).append(source)
+            elif isinstance(part, Lagged):
+                self.time_constant = each(part.time_constant)
+            elif isinstance(part, Limited):
+                if part.force is not None:
+                    self._stages.append(_Limit(each(part.force), part.shape == "box"))
+                if part.speed is not None:
+                    last.insert(0, _Limit(each(part.speed), each_axis=False))
+                if part.rate is not None:
+                    self.rate = np.minimum(self.rate, each(part.rate))
+        self._stages += last
+
+    def exerted(self, agents: Indices, force: Array) -> Array:
+        """What ``agents`` exert of a ``force``, or what a lagged force tends to, shape (agents, m) each."""
+        for stage in self._stages:
+            force = stage.of(agents, force) if isinstance(stage, _Limit) else force + stage.values[agents]
+        return force
+
+    def beside(self, agents: Indices) -> Array | None:
+        """What acts on ``agents`` beside a lagged force, shape (agents, m); None where nothing is lagged."""
+        if self.time_constant is None:
+            return None
+        found = np.zeros((len(agents), self._axes))
+        for source in self._beside:
+            found = found + source.values[agents]
+        return found
+
+    def next_gust(self) -> int | None:
+        """When a gust ends next, in nanoseconds; None where there are none."""
+        return min(((g.number + 1) * g.period for g in self.gusts), default=None)
+
+    def begin_gusts(self, instant: int) -> bool:
+        """Let the gusts begin that begin at an ``instant``; whether there is one."""
+        begun = [g for g in self.gusts if (g.number + 1) * g.period == instant]
+        for source in begun:
+            source.take(source.number + 1)
+        return bool(begun)

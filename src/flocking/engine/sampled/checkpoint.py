@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.protocol.session import Packed
 from flocking.engine.sampled.checkpoint_form import check_sampled
+from flocking.engine.sampled.meetings import Meeting
+from flocking.engine.sampled.motion import SERIES_DEGREE, Motion
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
+
+EARLIER_TERMS = 8
+"""Coefficients of damped agents in checkpoints of earlier versions, whose velocities left out 2e-13 of their change."""
+
+AXES = 3
+"""Axes of coefficients: terms, agents and directions."""
 
 
 def packed_memory(memory: SampledMemory) -> Packed:
@@ -31,6 +41,18 @@ def packed_memory(memory: SampledMemory) -> Packed:
         "known_links": knowledge.links, "newest": knowledge.newest, "taken": knowledge.taken,
         "sample_rows": knowledge.samples.rows, "sample_distances": knowledge.samples.distances,
     }  # fmt: skip
+    if memory.actuation.gusts:
+        arrays["wanted"] = memory.wanted
+        arrays["gusts"] = np.array([g.number for g in memory.actuation.gusts], dtype=np.int64)
+    if motion.lag is not None:
+        arrays["lag"] = motion.lag
+    if motion.heading is not None:
+        arrays["heading"] = motion.heading
+    if (meetings := memory.meetings).groups:
+        due = sorted(meetings.due)
+        arrays["near_obstacles"] = np.concatenate(meetings.near, axis=1)
+        arrays["meeting_time"] = np.array([x.seconds for x in due], dtype=np.float64)
+        arrays["meeting"] = np.array([x[1:] for x in due], dtype=np.int64).reshape(-1, 3)
     if knowledge.errors is not None:
         arrays["noise"] = knowledge.errors
     if (found := memory.filter) is not None:
@@ -57,10 +79,18 @@ def unpacked_memory(fresh: SampledMemory, packed: Packed, scenario: Scenario) ->
         When the data are no session of this scenario.
     """
     data, arrays = packed
+    arrays = {**arrays, "coefficients": _with_further_terms(arrays.get("coefficients"), fresh.motion)}
     fresh.truth.recall(arrays, check_sampled(data, arrays, scenario, fresh))
     motion, knowledge = fresh.motion, fresh.knowledge
     fresh.ticked, fresh.applied = arrays["ticked"], arrays["applied"]
     motion.begin, motion.coefficients, motion.force = arrays["begin"], arrays["coefficients"], arrays["force"]
+    motion.lag, motion.heading = arrays.get("lag"), arrays.get("heading")
+    fresh.wanted = arrays.get("wanted", motion.force.copy())
+    if (meetings := fresh.meetings).groups:
+        ends = np.cumsum([there.shape[1] for there in meetings.near])[:-1]
+        meetings.near = [x.copy() for x in np.split(arrays["near_obstacles"], ends, axis=1)]
+        rows = zip(arrays["meeting_time"].tolist(), arrays["meeting"].tolist(), strict=True)
+        meetings.due = [Meeting(time, *row) for time, row in rows]
     times = arrays["waiting_time"]
     for time in np.unique(times):
         rows = times == time
@@ -71,3 +101,15 @@ def unpacked_memory(fresh: SampledMemory, packed: Packed, scenario: Scenario) ->
     if fresh.filter is not None:
         fresh.filter.normals = arrays["filter_normals"]
         fresh.filter.changed, fresh.filter.relaxed, fresh.filter.first_relaxed = arrays["filter_counts"].tolist()
+
+
+def _with_further_terms(C: object, motion: Motion) -> Any:
+    """Coefficients with the terms that earlier versions left out of the motion of damped agents."""
+    if not (isinstance(C, np.ndarray) and C.dtype == np.float64 and C.ndim == AXES and len(C) == EARLIER_TERMS):
+        return C
+    if motion.degree != SERIES_DEGREE or C.shape[1:] != motion.coefficients.shape[1:] or motion.order == 1:
+        return C
+    terms = list(C)
+    for k in range(EARLIER_TERMS, SERIES_DEGREE + 1):
+        terms.append(-motion.rate / k * terms[-1])
+    return np.array(terms)

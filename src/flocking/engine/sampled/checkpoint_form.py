@@ -25,7 +25,8 @@ from flocking.engine.imperfect.checkpoint_form import (
 )
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
 from flocking.engine.sampled.knowledge import FIRST_ROOM, START, Knowledge
-from flocking.engine.sampled.motion import Motion
+from flocking.engine.sampled.meetings import Meetings
+from flocking.engine.sampled.motion import Drive, Motion
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
 from flocking.model.space import Space
@@ -78,12 +79,18 @@ def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: Sampl
     must(ticked.max() <= numbers["steps"] <= ticked.sum(), "steps", "be the number of times at which agents acted")
     _check_waiting(arrays, ticks, latency)
     began = np.where(applied > 0, ticks.at(np.arange(n), applied - 1) + latency, 0)
-    _check_motion(arrays, fresh.motion, began, (earliest, latest))
+    _take_gusts(arrays, fresh, (earliest, latest))
+    _check_motion(arrays, fresh, began, (earliest, latest))
     rules = link_rules(scenario.law.graphs, n)
     check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.truth.links)
-    pieces = np.minimum(ticks.at(np.arange(n), applied) + latency, arrays["begin"] + fresh.motion.longest)
+    pieces = np.minimum(ticks.at(np.arange(n), applied) + latency, _ends(arrays, fresh.motion))
+    if (gust := fresh.actuation.next_gust()) is not None:
+        pieces = np.minimum(pieces, gust)
     _check_crossings(arrays, rules, now, (slack, pieces * NANOSECOND), scenario.space)
     check_closest(arrays["closest"], n, accounted)
+    fresh.meetings.ends = pieces * NANOSECOND
+    if fresh.meetings.groups:
+        _check_meetings(arrays, fresh.meetings, (base, now, slack))
     _check_knowledge(arrays, fresh.knowledge, ticks)
     return numbers
 
@@ -99,6 +106,20 @@ def _forms(n: int, m: int, graphs: int, fresh: SampledMemory) -> Names:
         return Table("f8", shape, least=-LARGEST, most=LARGEST)
 
     noise = {"noise": vectors(n, 2 * m)} if fresh.knowledge.draws_errors else {}
+    motion = fresh.motion
+    bodies: dict[str, Table] = {}
+    if fresh.actuation.gusts:
+        bodies |= {"wanted": vectors(n, m), "gusts": Table("i8", (len(fresh.actuation.gusts),), 0, MOST_COUNT)}
+    if motion.lag is not None:
+        bodies["lag"] = vectors(n, m)
+    if fresh.meetings.groups:
+        every = sum(there.shape[1] for there in fresh.meetings.near)
+        bodies |= {
+            "near_obstacles": Table("?", (n, every)), "meeting_time": Table("f8", (None,), least=0.0),
+            "meeting": Table("i8", (None, 3), least=0, most=max(n, every) - 1),
+        }  # fmt: skip
+    if motion.heading is not None:
+        bodies["heading"] = Table("f8", motion.heading.shape, -1.0 - NEAR, 1.0 + NEAR)
     if fresh.filter is not None:
         noise |= {
             "filter_normals": Table("f8", (n, n, m), -1.0 - NEAR, 1.0 + NEAR),
@@ -113,7 +134,7 @@ def _forms(n: int, m: int, graphs: int, fresh: SampledMemory) -> Names:
         "closest": Table("f8", (2, 4), finite=False), "sums": Table("f8", (4,), finite=False),
         "errors": Table("f8", (4,), least=0.0, finite=False),
         "newest": Table("i8", (n, n), least=START, most=MOST_COUNT), "sample_rows": vectors(room, n, 2 * m),
-        "sample_distances": Table("f8", (room, shown, shown), least=0.0, most=LARGEST),
+        "sample_distances": Table("f8", (room, shown, shown), least=0.0, most=LARGEST), **bodies,
     }, noise)  # fmt: skip
 
 
@@ -131,20 +152,52 @@ def _check_waiting(arrays: Arrays, ticks: PeriodicTimes, latency: int) -> None:
     must((arrays["waiting_agent"] == agents[order]).all(), "waiting_agent", "be whose ticks they are")
 
 
-def _check_motion(arrays: Arrays, motion: Motion, began: Instants, now: tuple[float, float]) -> None:
+def _take_gusts(arrays: Arrays, fresh: SampledMemory, now: tuple[float, float]) -> None:
+    """The gusts in force are those of the time reached."""
+    for source, number in zip(fresh.actuation.gusts, arrays.get("gusts", np.zeros(0)).tolist(), strict=True):
+        least, most = (int(at) // source.period for at in now)
+        must(least <= number <= most, "gusts", "be those of the time reached")
+        source.take(number)
+    fresh.motion.beside = fresh.actuation.beside(np.arange(len(arrays["begin"])))
+
+
+def _ends(arrays: Arrays, motion: Motion) -> Instants:
+    """When pieces of motion end, under the forces of a checkpoint."""
+    motion.begin, motion.force, motion.lag = arrays["begin"], arrays["force"], arrays.get("lag")
+    return motion.ends()
+
+
+def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tuple[float, float]) -> None:
     """Pieces begin where forces change or the last piece ends, and follow from the force that acts."""
-    begin, C, force = arrays["begin"], arrays["coefficients"], arrays["force"]
+    motion, begin, C, force = fresh.motion, arrays["begin"], arrays["coefficients"], arrays["force"]
+    everyone = np.arange(len(begin))
+    for source in fresh.actuation.gusts:
+        began = np.maximum(began, source.number * source.period)
     age = begin - began
-    fits = (age >= 0) & (age % motion.longest == 0) & (begin <= now[1])
+    steady = np.isfinite(motion.largest_rate).any()
+    fits = (age >= 0) & (steady | (age % motion.longest == 0)) & (begin <= now[1])
     fits &= np.minimum(begin, MOST_COUNT - motion.longest) + motion.longest >= min(now[0], float(MOST_COUNT))
     must(fits.all(), "begin", "be when the pieces of motion began")
-    must(not force[arrays["applied"] == 0].any(), "force", "be zero until a force acts")
-    first, everyone = begin == 0, np.arange(len(begin))
+    wanted = arrays.get("wanted", force)
+    must(not wanted[arrays["applied"] == 0].any(), "force", "be zero until a force acts")
+    if fresh.actuation.gusts:
+        with np.errstate(over="ignore", invalid="ignore"):
+            again = fresh.actuation.exerted(everyone, wanted)
+            fits = np.abs(again - force) <= ROUNDED * np.abs(force)
+        must(fits.all(), "force", "be what bodies make of the wanted one")
+    first = begin == 0
     given = C[: motion.order]
     must((given == motion.coefficients[: motion.order])[:, first].all(), "coefficients", "begin at the start")
+    for name, at_start in (("lag", motion.lag), ("heading", motion.heading)):
+        if at_start is not None:
+            must((arrays[name] == at_start)[first].all(), name, "begin at the start")
+    if motion.heading is not None:
+        lengths = np.sqrt((arrays["heading"] ** 2).sum(axis=1))
+        must((np.abs(lengths - 1.0) <= NEAR).all(), "heading", "be unit vectors")
     with np.errstate(over="ignore", invalid="ignore"):
-        again = motion.piece(everyone, given[0], given[-1], force)
-        size = np.abs(motion.piece(everyone, given[0], -np.abs(given[-1]), np.abs(force)))
+        drive = Drive(force, motion.beside, arrays.get("lag"))
+        again = motion.piece(everyone, given[0], given[-1], drive)
+        size = motion.piece(everyone, given[0], given[-1], drive, sizes=True)
         must((np.abs(again - C) <= ROUNDED * size).all(), "coefficients", "be those of the motion under the force")
         span = np.minimum(motion.longest, now[1] - begin + PER_SECOND) * NANOSECOND
         reach = sum(np.abs(C[k]) * span[:, None] ** k for k in range(len(C)))
@@ -199,6 +252,42 @@ def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[
             fits = np.where(there[k], apart <= break_ * (1.0 + NEAR) + size, apart >= appear * (1.0 - NEAR) - size)
             np.fill_diagonal(fits, True)
             must(fits.all(), name, "fit the distances of the agents")
+
+
+def _check_meetings(arrays: Arrays, meetings: Meetings, when: tuple[float, float, float]) -> None:
+    """Agents are where they are said to be within range of obstacles, and meetings are ahead, at the range."""
+    (base, now, slack), time, rows = when, arrays["meeting_time"], arrays["meeting"]
+    must(len(time) == len(rows), "meeting", "have as many rows as meeting_time")
+    counts = np.array([there.shape[1] for there in meetings.near])
+    agents, group, obstacle = rows.T
+    must((agents < len(meetings.ends)).all() and (group < len(counts)).all(), "meeting", "name agents and groups")
+    must((obstacle < counts[group]).all(), "meeting", "name obstacles that there are")
+    must(len(np.unique(rows, axis=0)) == len(rows), "meeting", "name an agent and an obstacle once")
+    must((np.diff(time) >= 0.0).all(), "meeting_time", "be in order")
+    late = time <= meetings.ends[agents] + slack + 2.0 * NANOSECOND
+    must((late & (time >= now - slack - 2.0 * NANOSECOND)).all(), "meeting_time", "lie between now and the next change")
+    begin, C = arrays["begin"] * NANOSECOND, arrays["coefficients"]
+
+    def places(agents: Indices, at: Array) -> Array:
+        s: Array = (at - begin[agents])[:, None]
+        found: Array = C[-1][agents]
+        for k in range(len(C) - 2, -1, -1):
+            found = found * s + C[k][agents]
+        return found
+
+    everyone = np.arange(len(begin))
+    here = places(everyone, np.full(len(begin), now))
+    first = 0
+    for number, there in enumerate(meetings.near):
+        near = arrays["near_obstacles"][:, first : first + there.shape[1]]
+        first += there.shape[1]
+        level, size = meetings.ranges[number], NEAR * (1.0 + float(np.abs(here).max()))
+        away = meetings.distances(number, here, base + now)
+        must(np.where(near, away <= level + size, away >= level - size).all(), "near_obstacles", "fit the distances")
+        mine = group == number
+        which = agents[mine], time[mine]
+        at = meetings.clearance(number, places(*which), base + which[1], obstacle[mine])
+        must((np.abs(at - level) <= size).all(), "meeting_time", "be when an agent is at the range of an obstacle")
 
 
 def _check_knowledge(arrays: Arrays, fresh: Knowledge, ticks: PeriodicTimes) -> None:

@@ -10,9 +10,10 @@ from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
-from flocking.engine.sampled.actuation import check_limits
+from flocking.engine.sampled.actuation import check_bodies, point_of
 from flocking.engine.sampled.session import SampledOptions, SampledSession
 from flocking.errors import UnsupportedLaw
+from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
@@ -40,12 +41,12 @@ class SampledEngine(Engine):
         if not isinstance(scenario.information, Instant | Messages):
             raise UnsupportedLaw("engine='sampled' knows no information but Instant and Messages.")
         check_nanoseconds(scenario)
-        if isinstance(scenario.control, SafetyFilter) and (
-            scenario.agents.order == 1 or np.any(np.asarray(scenario.agents.damping)) or not scenario.agents.ideal
+        if isinstance(scenario.control, SafetyFilter) and not (
+            is_point_mass(scenario.agents) and not np.any(np.asarray(scenario.agents.damping))
         ):
             raise UnsupportedLaw("SafetyFilter is for undamped point masses, which brake by their force alone.")
-        check_law(self.name, scenario, plant, limits=True)
-        check_limits(self.name, scenario.agents)
+        check_bodies(self.name, scenario.agents)
+        check_law(self.name, scenario, plant, point_of(scenario.agents), obstacles=True)
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
         """Start a session."""

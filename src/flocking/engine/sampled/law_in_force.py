@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from flocking.arrays import Array, Indices
@@ -27,7 +29,13 @@ class SampledLaw(TrueLaw):
         super().__init__(scenario)
         self._known = known_kernels(self.layout, self.m, degree)
 
-    def forces(self, t: float, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
+    def forces(
+        self,
+        t: float,
+        known: Known,
+        pairs: tuple[Indices, Indices, Indices],
+        met: Sequence[tuple[Indices, Indices]] = (),
+    ) -> Array:
         """Forces of the agents that act now, from what each knows, shape (agents, m).
 
         Parameters
@@ -36,6 +44,8 @@ class SampledLaw(TrueLaw):
             The scenario's time.
         known, pairs
             What they know, and their neighbours, as `Knowledge.pairs` gives them.
+        met
+            Agents within range of obstacles by what they know, and the obstacles, of every group of obstacles.
         """
         q, p = np.zeros((self.n, self.m)), np.zeros((self.n, self.m))
         q[known.agents] = known.own[:, : self.m]
@@ -45,6 +55,11 @@ class SampledLaw(TrueLaw):
         times, rows = known.polynomials(np.searchsorted(known.agents, senders), sensed, self.m)
         if self.order == 1:
             rows[:, :, self.m :] = 0.0
+        if met:
+            ends = offsets[-1] + np.cumsum([len(i) for i, _ in met])
+            senders = np.concatenate([senders, *(i for i, _ in met)])
+            sensed = np.concatenate([sensed, *(o for _, o in met)])
+            offsets = np.concatenate([offsets, ends])
         u = np.zeros((self.n, self.m))
         start = self.scenario.start.t
         self._known.control(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,13 +12,17 @@ from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.powers import Powers
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.protocol.session import Packed, Stored
-from flocking.engine.sampled.actuation import Actuation, without_limits
+from flocking.engine.runs.run import is_tangential
+from flocking.engine.sampled.actuation import Actuation, of_points
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.knowledge import Knowledge, Known
 from flocking.engine.sampled.law_in_force import SampledLaw
+from flocking.engine.sampled.meetings import Meetings
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.safety import ForceFilter
 from flocking.engine.sampled.snapshot import SampledMemory
+from flocking.model.bodies.actuators import APPLIED
+from flocking.model.bodies.unicycles import HEADING
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.safety_filters import SafetyFilter
@@ -54,17 +59,23 @@ class SampledSession(ImperfectSession):
         self.ticked = np.zeros(self.n, dtype=np.int64)
         self.applied = np.zeros(self.n, dtype=np.int64)
         self.waiting: list[tuple[int, Indices, Array]] = []
-        self.actuation = Actuation(scenario.agents, self.n)
-        self.motion = Motion(start.q, start.p, scenario.agents)
+        self.wanted = np.zeros((self.n, self.m))
+        """The forces that agents computed last and that have begun to act, shape (N, m)."""
+        self.actuation = Actuation(scenario.agents, self.n, self.m)
+        columns = start.columns
+        self.motion = Motion(
+            start.q, start.p, scenario.agents, self.actuation, columns.get(APPLIED), columns.get(HEADING)
+        )
         # Agents of order 1 stand still before the start, whatever velocities it names.
         sent = start.p if scenario.agents.order == 2 else np.zeros_like(start.p)
         self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
-        self._sampled_law = SampledLaw(without_limits(scenario), self.knowledge.degree)
+        self._sampled_law = SampledLaw(of_points(scenario), self.knowledge.degree)
+        self.meetings = Meetings(scenario.law, start.q, start.t)
         control = scenario.control
         self.filter: ForceFilter | None = None
         if isinstance(control, SafetyFilter):
             self.filter = ForceFilter(control, np.asarray(scenario.agents.masses), start.q, scenario.space)
-        self._instant = 0
+        self._instant, self._meets = 0, False
         self.begin()
         self._watch_pieces(0, np.ones(self.n, dtype=bool))
         self._record_frames(0.0)
@@ -81,7 +92,19 @@ class SampledSession(ImperfectSession):
         return self.motion.shifted(seconds)
 
     def _powers(self, seconds: float) -> Powers:
-        return self._law.powers(self._base + seconds, self._series(seconds), self.motion.force, self._pairs)
+        acting = self.motion.acting_from(seconds)
+        return self._law.powers(self._base + seconds, self._series(seconds), acting, self._pairs)
+
+    def columns_at(self, seconds: float) -> dict[str, Array]:
+        """Further columns of the agents at ``seconds`` from the start, shape (N, width) each, by name."""
+        found = {APPLIED: self.motion.lagged_at(seconds), HEADING: self.motion.heading_at(seconds)}
+        every = {name: values for name, values in found.items() if values is not None}
+        return {column.name: every[column.name] for column in self.scenario.agents.columns}
+
+    def relink(self) -> None:
+        """Take true links and obstacles within range as they are now."""
+        self._pairs = self._law.pairs(self.links, self.meetings.pairs)
+        self._linked = int(self.links[0].sum())
 
     # Events.
 
@@ -94,16 +117,24 @@ class SampledSession(ImperfectSession):
         found = min(int(self._next_tick().min()), int(self.motion.ends().min()))
         if self.waiting:
             found = min(found, self.waiting[0][0])
+        if (gust := self.actuation.next_gust()) is not None:
+            found = min(found, gust)
         if self.knowledge.schedule is not None:
             found = min(found, int(self.knowledge.next_sample.min()))
         self._instant = found
-        return found * NANOSECOND if found < NEVER else float("inf")
+        next_ = found * NANOSECOND if found < NEVER else math.inf
+        due = self.meetings.due
+        self._meets = bool(due) and due[0].seconds <= next_
+        return due[0].seconds if self._meets else next_
 
     def _next_tick(self) -> Instants:
         return self._ticks.at(np.arange(self.n), self.ticked)
 
     def _change(self) -> None:
         """What falls on an instant: samples, what arrives, links, controls, and forces that begin to act."""
+        if self._meets:
+            self._meet()
+            return
         instant = self._instant
         seconds = instant * NANOSECOND
         knowledge, motion = self.knowledge, self.motion
@@ -131,17 +162,42 @@ class SampledSession(ImperfectSession):
         begun = []
         while self.waiting and self.waiting[0][0] == instant:
             begun.append(self.waiting.pop(0)[1:])
-        if not begun and not renewed.size:
+        gusty = self.actuation.begin_gusts(instant)
+        if not begun and not renewed.size and not gusty:
             return
         self._account(seconds)
         motion.exert(instant, renewed)
         changed[renewed] = True
         for agents, force in begun:
-            motion.exert(instant, agents, self.actuation.exerted(agents, force))
+            self.wanted[agents] = force
             self.applied[agents] += 1
             changed[agents] = True
+            if not gusty:
+                self._exert(instant, agents)
+        if gusty:
+            changed[:] = True
+            self._exert(instant, np.arange(self.n))
         self._record_row(seconds)
         self._watch_pieces(instant, changed)
+
+    def _exert(self, instant: int, agents: Indices) -> None:
+        """Let the forces that ``agents`` computed last act on their bodies from an ``instant`` on."""
+        given = self.actuation.exerted(agents, self.wanted[agents])
+        self.motion.exert(instant, agents, given, self.actuation.beside(agents))
+
+    def _meet(self) -> None:
+        """Let an agent come within range of an obstacle, or leave it."""
+        seconds = self.meetings.due[0].seconds
+        self._account(seconds)
+        self._record_row(seconds)
+        found = self.meetings.meet(self._base, self._series(seconds))
+        self.relink()
+        t, (q, p) = self._base + seconds, self.motion_at(seconds, np.array([found.agent]))
+        speed = self.meetings.speed(found.group, t, q[0], p[0], found.obstacle)
+        number = self.meetings.groups[found.group].numbers[found.obstacle]
+        row = (t, found.agent, number, "obstacle", found.group, speed, is_tangential(speed, p[0]))
+        self.records.switches.append((*row, math.nan, math.nan))
+        self._record_row(seconds)
 
     def _measure(self, measuring: Indices, seconds: float) -> None:
         """Let agents take a sample."""
@@ -150,12 +206,19 @@ class SampledSession(ImperfectSession):
 
     def _wanted(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
         """Forces that the law wants of the agents that act, shape (agents, m)."""
-        return self._law.forces(self._base + instant * NANOSECOND, known, pairs)
+        t = self._base + instant * NANOSECOND
+        met = self.meetings.met_by(known.own[:, : self.m], t, known.agents)
+        return self._law.forces(t, known, pairs, met)
 
     def _watch_pieces(self, instant: int, changed: Links) -> None:
         """Find the switches of the pairs of changed agents until a piece ends."""
         applies = self._ticks.at(np.arange(self.n), self.applied) + self._latency
         ends = np.minimum(applies, self.motion.ends())
+        if (gust := self.actuation.next_gust()) is not None:
+            ends = np.minimum(ends, gust)
+        seconds = instant * NANOSECOND
+        self.meetings.ends = ends * NANOSECOND
+        self.meetings.watch(self._base, seconds, self.motion.shifted(seconds), np.flatnonzero(changed))
         self._watch(instant * NANOSECOND, (ends - instant) * NANOSECOND, changed)
 
     # What others ask.
@@ -174,7 +237,10 @@ class SampledSession(ImperfectSession):
     def _memory(self) -> SampledMemory:
         """What the session goes on from."""
         memory = None if self.filter is None else self.filter.memory
-        return SampledMemory(self.truth, self.motion, self.knowledge, self.ticked, self.applied, self.waiting, memory)
+        return SampledMemory(
+            self.truth, self.motion, self.knowledge, self.ticked, self.applied, self.waiting, self.wanted,
+            self.actuation, self.meetings, memory,
+        )  # fmt: skip
 
     @property
     def about(self) -> dict[str, object]:
@@ -197,6 +263,7 @@ class SampledSession(ImperfectSession):
         session = cls(stored.scenario)
         memory = session._memory
         unpacked_memory(memory, packed, stored.scenario)
-        session.ticked, session.applied = memory.ticked, memory.applied
+        session.ticked, session.applied, session.wanted = memory.ticked, memory.applied, memory.wanted
+        session.meetings = memory.meetings
         session.recall(memory.truth, stored)
         return session

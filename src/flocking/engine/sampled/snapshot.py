@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.memory import ImperfectMemory
+from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.knowledge import Knowledge
+from flocking.engine.sampled.meetings import Meetings
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.safety import FilterMemory
 from flocking.model.world.times import Instants
@@ -26,6 +28,12 @@ class SampledMemory:
         How often each agent has acted, and how often its force has changed, shape (N,).
     waiting
         Forces that do not act yet: when they will, in nanoseconds, whose they are, and the forces.
+    wanted
+        The forces that agents computed last and that have begun to act, shape (N, m).
+    actuation
+        What stands between these and the motion: the gusts in force.
+    meetings
+        Agents within range of obstacles.
     filter
         What a safety filter goes on from; None where there is none.
     """
@@ -36,4 +44,7 @@ class SampledMemory:
     ticked: Instants
     applied: Instants
     waiting: list[tuple[int, Indices, Array]]
+    wanted: Array
+    actuation: Actuation
+    meetings: Meetings
     filter: FilterMemory | None = None

@@ -87,6 +87,22 @@ class Disturbed(WrappedBody):
             k -= 1
         return max(k, 0)
 
+    @property
+    def period_in_nanoseconds(self) -> int:
+        """How long a gust lasts."""
+        return int(nanoseconds("Disturbed", "period", self.period, positive=True))
+
+    def gust(self, number: int, n: int, dimension: int) -> Array:
+        """The gust of intensity 1 of a ``number``, shape (n, dimension).
+
+        Parameters
+        ----------
+        n, dimension
+            Numbers of agents and axes.
+        """
+        found = normal_axes(self.seed, Purpose.GUST, np.arange(n), number, dimension)
+        return np.stack(found, axis=1) / self._seconds**0.5
+
     def own_held(self, dimension: int) -> tuple[str, ...]:
         """The gust of intensity 1 along each axis."""
         return tuple(f"gust_{k}" for k in range(dimension))
@@ -101,9 +117,8 @@ class Disturbed(WrappedBody):
         n, dimension
             Numbers of agents and axes.
         """
-        found = normal_axes(self.seed, Purpose.GUST, np.arange(n), self._gust(elapsed), dimension)
-        gusts = (x / self._seconds**0.5 for x in found)
-        return dict(zip(self.own_held(dimension), gusts, strict=True))
+        gusts = self.gust(self._gust(elapsed), n, dimension)
+        return dict(zip(self.own_held(dimension), gusts.T, strict=True))
 
     def drawn_until(self, elapsed: float) -> float:
         """When the next gust begins, here or in the inner body.

@@ -1,22 +1,32 @@
-"""Errors of motions whose engine states none, estimated by repeating the run with more accurate steps.
+"""Errors of motions whose engine states none, estimated by repeating the run.
 
+With delays it is repeated with more accurate steps.
 The difference of a run from one whose error is much smaller is its error, whether the motion amplifies the errors of
 steps or damps them (Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, section II.4, on global
 errors). A smaller tolerance alone does not make a run more accurate: steps that end at the delay are the same for all
 tolerances. So the longest step is shortened too.
+
+Under held control the motion between two changes is exact to rounding. What rounding grows to is shown by repetitions
+with random errors that are larger than those of rounding, as in stochastic arithmetic (Vignes, A stochastic arithmetic
+for reliable scientific computation, Mathematics and Computers in Simulation 35, 1993).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from flocking.arrays import Reals
 from flocking.engine.delayed.session import DelayedSession
+from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import Run
+from flocking.engine.sampled.session import SampledSession
+from flocking.engine.sampled.shaken import ShakenSession
 from flocking.errors import FlockingError
+from flocking.model.law import Scenario
 from flocking.study.evidence.basis import NotResolvable
 
 FINER = ((0.1, 0.7), (0.01, 0.5))
@@ -37,26 +47,33 @@ STEP = 500
 """Work of a step besides its pairs."""
 
 
+SEEDS = (1, 2)
+"""Seeds of the errors of repetitions under held control."""
+
+
 @dataclass(frozen=True, eq=False)
 class Repetitions:
-    """A run repeated with more accurate steps.
+    """A run repeated.
 
     Parameters
     ----------
     runs
-        The repetitions, the most accurate last.
+        The repetitions; where one is more accurate than another, the most accurate last.
     share
         Largest difference of the run, or of another repetition, from the last, as a share of the largest extent of its
         positions or of its velocities.
+    note
+        How errors are estimated, in words.
     """
 
     runs: tuple[Run, ...]
     share: float
+    note: str = ""
 
     def error(self, margin: float, margins: Sequence[float]) -> float:
         """Estimated error of a margin.
 
-        Four times the largest difference from that of the most accurate repetition, and no less than the share by
+        Four times the largest difference from that of the last repetition, and no less than the share by
         which the motions differ: margins of few values, or at frames where two motions cross, may agree by chance.
 
         Parameters
@@ -69,18 +86,9 @@ class Repetitions:
         *others, best = margin, *margins
         return SAFETY * max(*(abs(other - best) for other in others), self.share * abs(margin))
 
-    @property
-    def note(self) -> str:
-        """How the error was estimated, in words."""
-        tolerance, step = FINER[-1]
-        return (
-            f"error estimated from {len(self.runs)} repetitions, the last with {tolerance:g} of the tolerance "
-            f"and steps up to {step:g} of the delay"
-        )
-
 
 def repetitions_of(run: Run) -> Repetitions:
-    """Repeat a run of the engine for delayed knowledge.
+    """Repeat a run of the engine for delayed knowledge, or of that for held control.
 
     Parameters
     ----------
@@ -92,26 +100,39 @@ def repetitions_of(run: Run) -> Repetitions:
     NotResolvable
         When it was made by another engine, has not finished, is too large, or differs too much from its repetitions.
     """
-    if run.fidelity.engine != DelayedSession.engine or run.fidelity.ledger.kind != "tolerance":
+    engine, ledger = run.fidelity.engine, run.fidelity.ledger.kind
+    delayed = engine == DelayedSession.engine and ledger == "tolerance"
+    if not (delayed or (engine == SampledSession.engine and ledger == "estimate")):
         raise NotResolvable("")
     steps = run.provenance.get("steps")
     if not run.finished or not isinstance(steps, int):
         raise NotResolvable("a run that has not finished is not repeated")
     if not steps * (STEP + run.n**2) <= MOST_WORK:
         raise NotResolvable(f"{steps} steps of {run.n} agents are too many to repeat")
-    runs = tuple(_repeated(run, *how) for how in FINER)
+    if delayed:
+        tolerance, step = FINER[-1]
+        kind = "with more accurate steps"
+        how = f"the last with {tolerance:g} of the tolerance and steps up to {step:g} of the delay"
+        runs = tuple(_repeated(run, partial(_finer, run.scenario, *each)) for each in FINER)
+    else:
+        kind = how = "with errors larger than those of rounding"
+        runs = tuple(_repeated(run, partial(ShakenSession, run.scenario, seed)) for seed in SEEDS)
     share = max(_share(one, runs[-1], run) for one in (run, *runs[:-1]))
     if not share <= LOST:
-        raise NotResolvable(f"repetitions with more accurate steps differ from it by {share:.1e} of its extent")
-    return Repetitions(runs, share)
+        raise NotResolvable(f"repetitions {kind} differ from it by {share:.1e} of its extent")
+    return Repetitions(runs, share, f"error estimated from {len(runs)} repetitions, {how}")
 
 
-def _repeated(run: Run, tolerance: float, step: float) -> Run:
-    """The run with shares of its ``tolerance`` and of the longest ``step``."""
-    scenario = run.scenario.with_(tolerance=tolerance * run.scenario.tolerance)
+def _finer(scenario: Scenario, tolerance: float, step: float) -> Session:
+    """A session with shares of the ``tolerance`` of a scenario and of the longest ``step``."""
+    return DelayedSession(scenario.with_(tolerance=tolerance * scenario.tolerance), step)
+
+
+def _repeated(run: Run, opened: Callable[[], Session]) -> Run:
+    """The run once more, by a session that is ``opened`` for it."""
     try:
-        session = DelayedSession(scenario, step)
-        session.advance(scenario.t_end)
+        session = opened()
+        session.advance(run.scenario.t_end)
         found = session.run()
         session.close()
     except FlockingError as error:

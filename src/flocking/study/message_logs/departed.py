@@ -13,6 +13,7 @@ from flocking.errors import UnsupportedLaw
 from flocking.formula.compiled import Reading
 from flocking.model.world.information import Messages
 from flocking.model.world.times import NANOSECOND
+from flocking.study.message_logs.forced_motion import ForcedMotion
 from flocking.study.message_logs.replay import LoggedWorld, logged
 
 CAUSES = ("delay", "loss", "noise", "links", "hold", "limits")
@@ -59,11 +60,16 @@ def departed_causes(run: Run) -> Departed:
     InvalidInput
         When there is no log.
     UnsupportedLaw
-        When a safety filter changed the forces, or agents are of order 1, whose forces are no work along the motion.
+        When a safety filter changed the forces, agents are of order 1, whose forces are no work along the motion, or
+        forces change between ticks, by a lag or by gusts.
     """
     scenario, log = logged(run)
     if scenario.agents.order == 1:
         raise UnsupportedLaw("departed_causes splits the work of forces; agents of order 1 have none.")
+    if not ForcedMotion(scenario, log).follows_wanted:
+        raise UnsupportedLaw(
+            f"departed_causes splits the work of forces that change at ticks alone, and {scenario.agents.summary}."
+        )
     world = LoggedWorld(scenario, log)
     trace = run.trace
     with Reading():

@@ -1,18 +1,43 @@
-"""Motion under logged forces, in closed form: exponentials where agents are damped, no polynomials of any engine."""
+"""Motion under logged forces, in closed form: exponentials where something is damped or lags, and no series."""
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_left
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.runs.message_log import MessageLog
-from flocking.model.bodies.actuators import Limited
+from flocking.model.bodies.actuators import APPLIED, Lagged, Limited
+from flocking.model.bodies.body import Body
+from flocking.model.bodies.disturbances import Disturbed
+from flocking.model.bodies.wrapped import WrappedBody
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
-from flocking.model.world.times import NANOSECOND
+from flocking.model.world.times import NANOSECOND, PER_SECOND
+
+
+class Piece(NamedTuple):
+    """An agent when something about its force changes.
+
+    Parameters
+    ----------
+    q, p
+        Position and velocity, shape (m,).
+    force
+        What acts from then on, or what a lagged force tends to, shape (m,).
+    beside, lag
+        What acts beside a lagged force, and that force; zero where nothing lags.
+    """
+
+    q: Array
+    p: Array
+    force: Array
+    beside: Array
+    lag: Array
 
 
 class ForcedMotion:
@@ -31,7 +56,6 @@ class ForcedMotion:
         bodies, start = scenario.agents, scenario.start
         self.n, self.m = start.q.shape
         self.order = bodies.order
-        self._body = bodies
         self.masses = np.broadcast_to(np.asarray(bodies.masses, dtype=np.float64), self.n)
         self.damping = np.broadcast_to(np.asarray(bodies.damping, dtype=np.float64), self.n)
         latency = scenario.control.latency_in_nanoseconds
@@ -39,28 +63,78 @@ class ForcedMotion:
         """Nanoseconds at which each agent's forces begin to act."""
         self.rows: list[list[int]] = [[-1] for _ in range(self.n)]
         """Acts of the log whose forces these are; -1 for none."""
-        none = np.zeros(self.m)
-        self._pieces: list[list[tuple[Array, Array, Array]]] = [
-            [(q, p, none)] for q, p in zip(start.q, start.p, strict=True)
+        none, lagged = np.zeros(self.m), start.columns.get(APPLIED, np.zeros_like(start.q))
+        self._chain: list[WrappedBody] = []
+        inner: Body = bodies
+        while isinstance(inner, WrappedBody):
+            self._chain.append(inner)
+            inner = inner.body
+        self.follows_wanted = not any(isinstance(x, Lagged | Disturbed) for x in self._chain)
+        """Whether forces act at once, and nothing else does."""
+        self._forces = [none] * self.n
+        """The force that each agent computed last and that has begun to act."""
+        self._lagged = any(isinstance(x, Lagged) for x in self._chain)
+        self._pieces: list[list[Piece]] = [
+            [Piece(q, p, *self._given(i, none, 0), lagged[i])]
+            for i, (q, p) in enumerate(zip(start.q, start.p, strict=True))
         ]
-        for row, (instant, agent, _) in enumerate(log.ticks.tolist()):
-            at = instant + latency
-            q, p = self.state(agent, at * NANOSECOND, at)
-            self.begins[agent].append(at)
-            self.rows[agent].append(row)
-            self._pieces[agent].append((q, p, self.exerted(agent, log.forces[row])))
+        changes: list[tuple[int, int, int]] = [
+            (instant + latency, agent, row) for row, (instant, agent, _) in enumerate(log.ticks.tolist())
+        ]
+        last = scenario.t_end - start.t
+        for source in self._chain:
+            if isinstance(source, Disturbed):
+                period = round(source.period * PER_SECOND)
+                for at in range(period, math.ceil(last * PER_SECOND) + 1, period):
+                    changes += [(at, agent, -1) for agent in range(self.n)]
+        for at, agent, row in sorted(changes):
+            self._change(at, agent, row, none if row < 0 else log.forces[row])
 
-    def exerted(self, agent: int, force: Array) -> Array:
-        """What an ``agent`` exerts of a ``force`` that it computed, shape (m,): a limit acts on what is held."""
-        body = self._body
-        if not isinstance(body, Limited):
-            return force
-        most = body.speed if self.order == 1 else body.force
+    def _change(self, at: int, agent: int, row: int, force: Array) -> None:
+        """Let a force begin to act, or keep the one that acts under other gusts."""
+        q, p, lag = self._moved(agent, at * NANOSECOND, at)
+        if row < 0:
+            row = self.rows[agent][-1]
+            force = self._forces[agent]
+        self._forces[agent] = force
+        piece = Piece(q, p, *self._given(agent, force, at), lag)
+        if self.begins[agent][-1] == at and at > 0:
+            # Two changes at one instant: the first one never acts.
+            self.rows[agent][-1], self._pieces[agent][-1] = row, piece
+            return
+        self.begins[agent].append(at)
+        self.rows[agent].append(row)
+        self._pieces[agent].append(piece)
+
+    def _given(self, agent: int, force: Array, at: int) -> tuple[Array, Array]:
+        """What acts from an instant on, or what a lagged force tends to, and what acts beside the latter."""
+        found, beside, behind, speeds = force, np.zeros(self.m), False, []
+        for part in self._chain:
+            if isinstance(part, Disturbed):
+                number = at // round(part.period * PER_SECOND)
+                strength = float(np.broadcast_to(np.asarray(part.sigma, dtype=np.float64), self.n)[agent])
+                gust = strength * part.gust(number, self.n, self.m)[agent]
+                found, beside = (found, beside + gust) if behind else (found + gust, beside)
+            elif isinstance(part, Limited):
+                if part.force is not None:
+                    found = self._limited(agent, found, part.force, part.shape)
+                if part.speed is not None:
+                    speeds.append(part.speed)
+            behind = behind or isinstance(part, Lagged)
+        for speed in reversed(speeds):
+            found = self._limited(agent, found, speed, "ball")
+        return found, beside
+
+    def _limited(self, agent: int, force: Array, most: float | Array, shape: str) -> Array:
         limit = float(np.broadcast_to(np.asarray(most, dtype=np.float64), self.n)[agent])
-        if self.order == 2 and body.shape == "box":
+        if shape == "box":
             return np.array([min(max(float(x), -limit), limit) for x in force])
         length = math.hypot(*force)
         return force if length <= limit else force / length * limit
+
+    def exerted(self, agent: int, force: Array) -> Array:
+        """What an ``agent`` exerts of a ``force`` that it computed, shape (m,): a limit acts on what is held."""
+        return self._given(agent, force, 0)[0]
 
     def piece(self, agent: int, instant: float) -> int:
         """Which piece of an agent's motion it is on until an ``instant``, that nanosecond included."""
@@ -76,9 +150,52 @@ class ForcedMotion:
         instant
             The same in nanoseconds, where it is a whole number of them.
         """
+        q, p, _ = self._moved(agent, seconds, instant)
+        return q, p
+
+    def _moved(self, agent: int, seconds: float, instant: float | None) -> tuple[Array, Array, Array]:
+        """Position, velocity and lagged force of an agent."""
         k = self.piece(agent, seconds / NANOSECOND if instant is None else instant)
-        q, p, force = self._pieces[agent][k]
+        begin = self._pieces[agent][k]
         s = seconds - self.begins[agent][k] * NANOSECOND
+        if self._lagged:
+            return self._lagging(agent, begin, s)
+        return (*self._pushed(agent, begin, s), begin.lag)
+
+    def _lagging(self, agent: int, begin: Piece, s: float) -> tuple[Array, Array, Array]:
+        """Position, velocity and lagged force after a time: first at the largest rate of the force, then free."""
+        tau, most = self._lag_of(agent)
+        far = math.hypot(*(begin.force - begin.lag))
+        if far > most * tau:
+            until = min(s, far / most - tau)
+            slope = (begin.force - begin.lag) / far * most
+            begin = self._linear(agent, begin, until, slope)
+            s -= until
+        last = self._linear(agent, begin, s, None)
+        return last.q, last.p, last.lag
+
+    def _lag_of(self, agent: int) -> tuple[float, float]:
+        """Time constant of an agent's lag, and its largest rate."""
+        tau, most = math.inf, math.inf
+        for part in self._chain:
+            if isinstance(part, Lagged):
+                tau = float(np.broadcast_to(np.asarray(part.time_constant, dtype=np.float64), self.n)[agent])
+            if isinstance(part, Limited) and part.rate is not None:
+                most = min(most, float(np.broadcast_to(np.asarray(part.rate, dtype=np.float64), self.n)[agent]))
+        return tau, most
+
+    def _linear(self, agent: int, begin: Piece, s: float, slope: Array | None) -> Piece:
+        """An agent after a time: its lagged force changes at the rate ``slope``, or tends to what it is given."""
+        tau = math.inf if slope is not None else self._lag_of(agent)[0]
+        body = float(self.masses[agent]), float(self.damping[agent])
+        change = _change_within(s, tau, body if self.order == 2 else None)
+        given = begin.force if slope is None else slope
+        q, p, lag = change @ np.array([begin.q, begin.p, begin.lag, given, begin.beside])
+        return Piece(q, p if self.order == 2 else lag + begin.beside, begin.force, begin.beside, lag)
+
+    def _pushed(self, agent: int, begin: Piece, s: float) -> tuple[Array, Array]:
+        """Position and velocity after a time under a constant force."""
+        q, p, force = begin.q, begin.p, begin.force
         if self.order == 1:
             return q + force * s, force
         mass, damping = self.masses[agent], self.damping[agent]
@@ -97,3 +214,35 @@ class ForcedMotion:
         """
         both = [self.state(agent, seconds, instant) for agent in range(self.n)]
         return np.array([q for q, _ in both]), np.array([p for _, p in both])
+
+
+@lru_cache(maxsize=4096)
+def _change_within(s: float, tau: float, body: tuple[float, float] | None) -> Array:
+    """The matrix that leads an agent a time on, by the exponential of that of its linear equation, shape (3, 5).
+
+    Parameters
+    ----------
+    s
+        The time.
+    tau
+        Time constant of its lag; infinite where its force changes at a given rate.
+    body
+        Mass and damping; None where it has no velocity of its own.
+
+    Returns
+    -------
+    array
+        Position, velocity and lagged force from the same, from what the force tends to, or its rate, and from what acts
+        beside it.
+    """
+    from scipy.linalg import expm
+
+    rate = np.zeros((5, 5))
+    if body is None:
+        rate[0, [2, 4]] = 1.0
+    else:
+        mass, damping = body
+        rate[0, 1] = 1.0
+        rate[1, 1:] = [-damping / mass, 1.0 / mass, 0.0, 1.0 / mass]
+    rate[2, 2:4] = [-1.0 / tau, 1.0 / tau] if tau < math.inf else [0.0, 1.0]
+    return np.asarray(expm(rate * s)[:3])

@@ -1,0 +1,155 @@
+"""Which agents are within range of obstacles in truth, and when that changes while they move on polynomials."""
+
+from __future__ import annotations
+
+import heapq
+from typing import NamedTuple
+
+import numpy as np
+
+from flocking.arrays import Array, Indices, Links
+from flocking.engine.imperfect.pair_polynomials import ROUNDING
+from flocking.engine.kernels.obstacle_crossings import first_crossings, speed_bound
+from flocking.engine.kernels.obstacle_distances import ObstacleDistances
+from flocking.formula.compiled import Reading
+from flocking.model.law import Law
+
+
+class Meeting(NamedTuple):
+    """When an agent comes within range of an obstacle, or leaves it.
+
+    Parameters
+    ----------
+    seconds
+        When, since the start.
+    agent, group, obstacle
+        Who, the number of the group of obstacles, and that of the obstacle within it.
+    """
+
+    seconds: float
+    agent: int
+    group: int
+    obstacle: int
+
+
+class Meetings(ObstacleDistances):
+    """Agents within range of obstacles, and the next change of that for every agent and obstacle.
+
+    Parameters
+    ----------
+    law
+        The law.
+    q, t
+        Positions and time at the start.
+
+    Attributes
+    ----------
+    near
+        Which agents are within range of which obstacles, of every group, shape (N, K) each.
+    ranges
+        The range of every group.
+    ends
+        When the motion of every agent changes next, in seconds from the start, shape (N,).
+    due
+        Heap of the meetings until then, at most one for an agent and an obstacle.
+    """
+
+    def __init__(self, law: Law, q: Array, t: float) -> None:
+        super().__init__(law)
+        self._reading = Reading()
+        self.ranges = [level.distance for level in self.levels if level.kind == "obstacle"]
+        with self._reading:
+            levels = [level for level in self.levels if level.kind == "obstacle"]
+            self.near: list[Links] = [self.within(level, q, t) for level in levels]
+        self.ends = np.zeros(len(q))
+        self.due: list[Meeting] = []
+
+    @property
+    def pairs(self) -> list[tuple[Indices, Indices]]:
+        """Agents within range of an obstacle, and the obstacles, of every group."""
+        return [(i, o) for i, o in map(np.nonzero, self.near)]
+
+    def met_by(self, q: Array, t: float, agents: Indices) -> list[tuple[Indices, Indices]]:
+        """Agents that take themselves to be within range of an obstacle, and the obstacles, of every group.
+
+        Parameters
+        ----------
+        q
+            Where ``agents`` take themselves to be, shape (agents, m).
+        t
+            The scenario's time.
+        """
+        with self._reading:
+            return [(agents[i], o) for i, o in super().met(q, t)]
+
+    def watch(self, base: float, seconds: float, S: Array, agents: Indices) -> None:
+        """Find the next meetings of ``agents``, whose motion goes on until `ends`.
+
+        Parameters
+        ----------
+        base
+            The scenario's time at the start.
+        seconds
+            Now, since the start.
+        S
+            Taylor coefficients of the positions about now, shape (degree + 1, N, m).
+        """
+        if not self.groups or not agents.size:
+            return
+        gone = set(agents.tolist())
+        self.due = [x for x in self.due if x.agent not in gone]
+        heapq.heapify(self.due)
+        for group, there in enumerate(self.near):
+            who, which = (x.ravel() for x in np.broadcast_arrays(agents[:, None], np.arange(there.shape[1])))
+            self._find(base, seconds, S, group, (who, which))
+
+    def meet(self, base: float, S: Array) -> Meeting:
+        """Let the next meeting take place, and find the one after it of the same two.
+
+        Parameters
+        ----------
+        base
+            The scenario's time at the start.
+        S
+            Taylor coefficients of the positions about that moment, shape (degree + 1, N, m).
+        """
+        found = heapq.heappop(self.due)
+        there = self.near[found.group]
+        there[found.agent, found.obstacle] = not there[found.agent, found.obstacle]
+        pair = np.array([found.agent]), np.array([found.obstacle])
+        self._find(base, found.seconds, S, found.group, pair)
+        return found
+
+    def _find(self, base: float, seconds: float, S: Array, group: int, pairs: tuple[Indices, Indices]) -> None:
+        """Put the first meeting of every pair (agent, obstacle) of a group into the heap."""
+        agents, obstacles = pairs
+        span = self.ends[agents] - seconds
+        kept = span > 0.0
+        agents, obstacles, span = agents[kept], obstacles[kept], span[kept]
+        if not len(agents):
+            return
+        powers = span[:, None] ** np.arange(len(S))
+        paths = np.einsum("ba,ka,akx->kbx", _bernstein(len(S) - 1), powers, S[:, agents])
+        until = base + seconds + float(span.max())
+        fastest = np.array([speed_bound(x, base + seconds, until) for x in self.groups[group].obstacles])
+        sign = np.where(self.near[group][agents, obstacles], 1.0, -1.0)
+        level = self.ranges[group]
+        border = level + sign * ROUNDING * max(level, float(np.abs(S[0]).max()))
+
+        def above(points: Array, x: Array, which: Indices) -> Array:
+            times = base + seconds + span[which] * x
+            return np.asarray(sign[which] * (self.clearance(group, points, times, obstacles[which]) - border[which]))
+
+        with self._reading:
+            when = first_crossings(above, np.ascontiguousarray(paths), span * fastest[obstacles])
+        for k in np.flatnonzero(when <= 1.0).tolist():
+            at = float(seconds + span[k] * when[k])
+            heapq.heappush(self.due, Meeting(at, int(agents[k]), group, int(obstacles[k])))
+
+
+def _bernstein(degree: int) -> Array:
+    """Matrix from power coefficients on [0, 1] to Bernstein coefficients of the same degree."""
+    from math import comb
+
+    rows = range(degree + 1)
+    return np.array([[comb(i, k) / comb(degree, k) if k <= i else 0.0 for k in rows] for i in rows])

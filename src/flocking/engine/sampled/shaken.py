@@ -1,0 +1,58 @@
+"""A second run of the same scenario, with rounding errors of its own: what it differs by is what rounding does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.arrays import Array, Indices
+from flocking.engine.sampled.knowledge import Known
+from flocking.engine.sampled.motion import Motion
+from flocking.engine.sampled.session import SampledSession
+from flocking.model.law import Scenario
+
+UNITS = 16.0 * float(np.finfo(np.float64).eps)
+"""Size of the errors: a polynomial of degree 9 by Horner's rule takes 18 operations, each of which errs by half a
+unit of rounding at most, so that at most 9 units of the largest value are exceeded nearly twice."""
+
+
+class ShakenSession(SampledSession):
+    """Held control in which every new position, velocity and force has a random error of some units of rounding.
+
+    Positions and velocities err by shares of the largest ones of the group, of which they are differences, and forces
+    by shares of the largest force at that instant: a force may be a difference of larger ones, which then follow from
+    positions that err.
+
+    Parameters
+    ----------
+    scenario
+        What is simulated.
+    seed
+        Seed of the errors.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int) -> None:
+        super().__init__(scenario)
+        self._errors = np.random.default_rng(seed)
+        self.motion = _Shaken(self.motion, self._errors)
+
+    def _wanted(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
+        force = super()._wanted(instant, known, pairs)
+        return _shaken(self._errors, force, float(np.abs(force).max(initial=0.0)))
+
+
+class _Shaken(Motion):
+    """A motion whose pieces begin with errors."""
+
+    def __init__(self, motion: Motion, errors: np.random.Generator) -> None:
+        vars(self).update(vars(motion))
+        self._errors = errors
+
+    def _restart(self, agents: Indices, q: Array, p: Array) -> None:
+        sizes = (float(np.abs(x).max(initial=0.0)) for x in self.coefficients[:2])
+        place, speed = (max(a, float(np.abs(x).max(initial=0.0))) for a, x in zip(sizes, (q, p), strict=True))
+        super()._restart(agents, _shaken(self._errors, q, place), _shaken(self._errors, p, speed))
+
+
+def _shaken(errors: np.random.Generator, values: Array, size: float) -> Array:
+    """Values with errors of up to `UNITS` of a size."""
+    return np.asarray(values + UNITS * size * errors.uniform(-1.0, 1.0, values.shape))
