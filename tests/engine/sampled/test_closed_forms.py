@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_discrete_lyapunov
 
 import flocking as fk
 from flocking.model.world.losses import Bernoulli
@@ -35,7 +36,9 @@ def grows(x):
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("samples", [0, 1, 3])
+@pytest.mark.parametrize(
+    "samples", [0, 1, pytest.param(2, marks=pytest.mark.slow), 3, pytest.param(4, marks=pytest.mark.slow)]
+)
 def test_first_order_held_with_whole_samples_of_delay(seed, samples):
     """0 < T lambda_N < 2 sin(pi/(2(2d + 1))), d samples of delay of the own state too (Levin and May 1976)."""
     graph = fk.Fixed.random_connected(6, 0.5, seed)
@@ -47,7 +50,7 @@ def test_first_order_held_with_whole_samples_of_delay(seed, samples):
         assert grows(x) == unstable
 
 
-@pytest.mark.parametrize("samples", [1, 2, 4])
+@pytest.mark.parametrize("samples", [1, 2, pytest.param(3, marks=pytest.mark.slow), 4])
 def test_delay_of_the_neighbours_alone_on_a_complete_graph_of_4(samples):
     """K4 with held control stays stable up to T = 1/3 for any number of samples of delay.
 
@@ -126,6 +129,20 @@ def test_measurement_noise_spreads_consensus_as_the_sampled_lyapunov_equation_sa
     expected = sigma**2 / graph.n * (period * values / (2 - period * values)).sum()
     # All modes forget within 1/(T lambda) = 2 steps, so that some 600 samples of each of 4 modes are independent.
     assert (spread**2).mean() == pytest.approx(expected, rel=0.12)
+
+
+@pytest.mark.slow
+def test_measured_neighbours_of_agents_that_know_themselves_spread_as_the_discrete_lyapunov_equation_says():
+    """x(k + 1) = (I - T L) x(k) + T A v(k), v the errors of the neighbours' samples, on a path."""
+    graph, period, sigma, steps = fk.Fixed(4, [(0, 1), (1, 2), (2, 3)]), 0.1, 0.2, 6000
+    information = fk.Messages(period, noise=fk.WhiteNoise(sigma), seed=4)
+    x = consensus(graph, fk.Held(period), information, steps=steps, period=period)
+    spread = (x - x.mean(axis=1, keepdims=True))[400:]
+    L, P = laplacian(graph), np.eye(4) - 0.25
+    F, G = P @ (np.eye(4) - period * L), P @ (np.diag(np.diag(L)) - L) * period * sigma
+    expected = np.trace(solve_discrete_lyapunov(F, G @ G.T)) / 4
+    # The slowest mode forgets within 1/(T lambda_2) = 17 steps: some 330 independent samples of it.
+    assert (spread**2).mean() == pytest.approx(expected, rel=0.15)
 
 
 def test_neighbours_that_are_known_late_slow_a_moving_pair():
