@@ -126,7 +126,13 @@ class ImperfectSession(Session):
         """
 
     def columns_at(self, seconds: float) -> dict[str, Array]:
-        """Further columns of the agents at a time, by name: none."""
+        """Further columns of the agents at a time, by name: none.
+
+        Parameters
+        ----------
+        seconds
+            The time since the start.
+        """
         return {}
 
     @abstractmethod

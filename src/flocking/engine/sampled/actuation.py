@@ -18,7 +18,13 @@ from flocking.model.law import Scenario
 
 
 def chain_of(body: Body) -> tuple[list[WrappedBody], Body]:
-    """The bodies that stand between the wanted force and the innermost one, the outermost first, and that one."""
+    """The bodies that stand between the wanted force and the innermost one, the outermost first, and that one.
+
+    Parameters
+    ----------
+    body
+        What the agents are.
+    """
     found: list[WrappedBody] = []
     while isinstance(body, WrappedBody):
         found.append(body)
@@ -101,7 +107,13 @@ class Gusts:
     values: Array
 
     def take(self, number: int) -> None:
-        """Let a gust be in force."""
+        """Let a gust be in force.
+
+        Parameters
+        ----------
+        number
+            Its number.
+        """
         self.number = number
         sigma = np.broadcast_to(np.asarray(self.body.sigma, dtype=np.float64), len(self.values))[:, None]
         self.values = sigma * self.body.gust(number, *self.values.shape)
