@@ -149,7 +149,7 @@ def test_a_published_attitude_loop_has_its_published_overshoot_and_settling_time
     """The attitude loop of the course quadcontrol.io for a Crazyflie 2.1 (Insper), of which the gains are published.
 
     Inertia 20e-6, 20e-6, 40e-6 kg m^2, kp = 240.28 1/s^2 and kd = 26.67 1/s about roll and pitch, designed for a
-    settling time of 0.3 s, by T_s = 4/(z w), and an overshoot of 0.5 % (stated as OS = 0.005; one listing prints 0,05 %,
+    settling time of 0.3 s, by T_s = 4/(z w), and an overshoot of 0.5 % (stated as OS = 0.005; a listing prints 0,05 %,
     which these gains do not have). The settling time of the design is that of the envelope: it falls to exp(-4) there.
     """
     kp, kd, settling, overshoot = 240.28, 26.67, 0.3, 0.005
