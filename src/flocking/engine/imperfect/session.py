@@ -125,15 +125,12 @@ class ImperfectSession(Session):
             Time since the start, from the last change on.
         """
 
-    def columns_at(self, seconds: float) -> dict[str, Array]:
-        """Further columns of the agents at a time, by name: none.
-
-        Parameters
-        ----------
-        seconds
-            The time since the start.
-        """
+    def _columns_at(self, seconds: float) -> dict[str, Array]:
         return {}
+
+    def _seen_at(self, seconds: float) -> tuple[Array, Array, dict[str, Array]]:
+        q, p = self.motion_at(seconds)
+        return q, p if self._law.order == 2 else np.zeros_like(p), self._columns_at(seconds)
 
     @abstractmethod
     def _series(self, seconds: float) -> Array:
@@ -333,9 +330,8 @@ class ImperfectSession(Session):
             t = float(records.frame_times[records.count])
             if t - self._base > until:
                 return
-            q, p = self.motion_at(t - self._base)
-            seen = p if self._law.order == 2 else np.zeros_like(p)
-            records.frame(t, q, seen, self.links[0], columns=self.columns_at(t - self._base))
+            q, p, columns = self._seen_at(t - self._base)
+            records.frame(t, q, p, self.links[0], columns=columns)
 
     # Saving.
 
@@ -376,9 +372,8 @@ class ImperfectSession(Session):
     @property
     def state(self) -> State:
         """State at the session's time, with the true links."""
-        q, p = self.motion_at(self.time - self._base)
-        p = p if self._law.order == 2 else np.zeros_like(p)
-        return State(q, p, self.time, self.links[0].copy(), self.columns_at(self.time - self._base))
+        q, p, columns = self._seen_at(self.time - self._base)
+        return State(q, p, self.time, self.links[0].copy(), columns)
 
     @property
     def known(self) -> tuple[tuple[Closest, Closest], None]:

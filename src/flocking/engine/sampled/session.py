@@ -95,7 +95,7 @@ class SampledSession(ImperfectSession):
         acting = self.motion.acting_from(seconds)
         return self._law.powers(self._base + seconds, self._series(seconds), acting, self._pairs)
 
-    def columns_at(self, seconds: float) -> dict[str, Array]:
+    def _columns_at(self, seconds: float) -> dict[str, Array]:
         """Further columns of the agents at ``seconds`` from the start, shape (N, width) each, by name."""
         found = {APPLIED: self.motion.lagged_at(seconds), HEADING: self.motion.heading_at(seconds)}
         every = {name: values for name, values in found.items() if values is not None}
