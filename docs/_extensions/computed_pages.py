@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from file_pages import scenario_files_page, sweep_files_page
 from paper_pages import errata_page, paper_page
 from switch_picture import draw_switch
 from text_tables import code, table
@@ -76,6 +77,7 @@ def write_pages(app: Any) -> None:
     pages = {f"papers/{key}": paper_page(key) for key in ALL_KEYS}
     pages |= {"papers/index": papers_index(), "papers/errata": errata_page()}
     pages |= {"mutants": mutants_page(), "command_line": command_line_page()}
+    pages |= {"scenario_files": scenario_files_page(), "sweep_files": sweep_files_page()}
     for name, text in pages.items():
         (folder / f"{name}.md").write_text(text)
     draw_switch(folder / "switch.png")

@@ -75,6 +75,26 @@ def flocks(links: Links) -> int:
     return int(components(links).max()) + 1
 
 
+def link_length_deviation(q: Reals, links: Links) -> float:
+    """Root mean square deviation of the lengths of links from their mean, relative to it; nan without links.
+
+    It is zero where all links have one length, as in a lattice.
+
+    Parameters
+    ----------
+    q
+        Positions, shape (N, m).
+    links
+        Link matrix, shape (N, N); one-way links count as links.
+    """
+    i, j = np.nonzero(np.triu(links | links.T))
+    if len(i) == 0:
+        return float("nan")
+    r = np.linalg.norm(np.asarray(q)[i] - np.asarray(q)[j], axis=1)
+    mean = float(r.mean())
+    return float(np.sqrt(np.mean((r / mean - 1) ** 2))) if mean > 0 else 0.0
+
+
 def density(links: Links) -> float:
     """Fraction of the agents in the largest flock (Olfati-Saber (7))."""
     return float(np.bincount(components(links)).max()) / len(links)

@@ -11,6 +11,7 @@ from flocking.arrays import Array, Indices, Links, Reals
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.graphs.connectivity import components
+from flocking.model.observables import link_length_deviation
 from flocking.show.motion import motion_of, thinned
 from flocking.show.plane import pairs_of
 from flocking.show.series import time_axis
@@ -81,6 +82,32 @@ def connectivity(run: Run, *, axes: Axes | None = None) -> Axes:
     counts.set_ylim(0, int(flocks.max()) + 1)
     counts.yaxis.set_major_locator(_integer_locator())
     counts.set_ylabel("flocks", color=VERMILION)
+    return time_axis(axes, run.t)
+
+
+@in_style
+def lattice(run: Run, *, axes: Axes | None = None) -> Axes:
+    """Deviation of the lengths of links from their mean, relative to it, over the frames: zero in a lattice.
+
+    Parameters
+    ----------
+    run
+        The run. Frames without links have no point.
+    axes
+        Axes to draw on; a new figure by default.
+
+    Raises
+    ------
+    InvalidInput
+        If the agents live in a space that repeats, where the lengths of links are not those of positions.
+    """
+    if not run.scenario.space.is_open:
+        raise InvalidInput("lattice", "run", "must be in open space", type(run.scenario.space).__name__)
+    axes = axes_or_new(axes)
+    values = [link_length_deviation(run.q[k], run.links_at(k)) for k in range(len(run.t))]
+    axes.plot(run.t, values, color=BLUE, gid="link length deviation")
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel("deviation of link lengths")
     return time_axis(axes, run.t)
 
 

@@ -23,6 +23,7 @@ _SINGLE: dict[str, Callable[..., Axes]] = {
     "phase": phase.phase,
     "spread": group_series.spread,
     "connectivity": group_series.connectivity,
+    "lattice": group_series.lattice,
     "closest": group_series.closest,
     "links": group_series.links,
     "departed": departed.departed,
@@ -50,8 +51,9 @@ def plot(
     kind
         ``"net"`` at one time, ``"density"`` of a large flock, ``"energy"`` (the ledger), ``"velocities"``,
         ``"positions"`` or ``"errors"`` (one panel per axis, or ``axis=``), ``"phase"`` of a pair, ``"spread"`` of
-        velocities, ``"connectivity"``, ``"closest"`` pair, ``"links"`` created and lost, ``"departed"`` energy by its
-        causes, or ``"series"``: a sheet of the last four, the velocities and the ledger.
+        velocities, ``"connectivity"``, ``"lattice"`` (deviation of link lengths), ``"closest"`` pair, ``"links"``
+        created and lost, ``"departed"`` energy by its causes, or ``"series"``: a sheet of spread, connectivity, closest
+        pair, links, velocities and the ledger.
     save_as
         Path without suffix for SVG and PNG files, or a path that ends in .svg, .png or .pdf; nothing is written by
         default.

@@ -31,7 +31,7 @@ READ_SECONDS = 0.2
 JUDGE_SECONDS = 1.0
 """Least seconds between two judgements of the claims, which take longer than measurements."""
 PATIENCE = 5.0
-"""The next judgement of a run that goes on waits at least this many times the duration of the last."""
+"""The next judgement of a run that goes on waits at least this many times the processor time of the last."""
 
 
 class Measuring:
@@ -102,9 +102,10 @@ class Measuring:
             # A run that stands still is judged once more: else its lamps would be those of a moment before.
             due = begin - judged > pause if not at_rest else self._judged_frame != last.number
             if due and last.states[0].n <= MOST_CLAIMS:
+                used = time.thread_time()
                 self._guarded(self.judge, last)
                 judged = time.perf_counter()
-                pause = max(JUDGE_SECONDS, PATIENCE * (judged - begin))
+                pause = max(JUDGE_SECONDS, PATIENCE * (time.thread_time() - used))
             if frame is not None:
                 time.sleep(max(READ_SECONDS, 2 * (time.perf_counter() - begin)))
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from flocking.engine.runs.run import LedgerRow, Run
 from flocking.errors import FlockingError
 from flocking.model import observables
@@ -54,10 +52,7 @@ def measured(state: State, energy: float) -> dict[str, float]:
         from flocking.study.nets.matrices import algebraic_connectivity
 
         found["connectivity"] = algebraic_connectivity(state.links | state.links.T)
-    i, j = np.nonzero(np.triu(state.links | state.links.T))
-    if len(i):
-        r = np.linalg.norm(state.q[i] - state.q[j], axis=1)
-        found["defect"] = float(np.sqrt(np.mean((r / r.mean() - 1) ** 2))) if r.mean() > 0 else 0.0
+    found["defect"] = observables.link_length_deviation(state.q, state.links)
     return found
 
 
