@@ -84,8 +84,8 @@ def scenario_files_page() -> str:
     required: Any = schema["required"]
     parts = [
         "# Scenario files\n\nA scenario is a TOML file. This page is made from the parts themselves when it is built: "
-        "what it lists is what is read. `flocking run FILE` runs a file, `flocking schema` prints the schema for editors, "
-        "`fk.write_scenario` writes a file; faults are listed all at once, each with its key.\n",
+        "what it lists is what is read. `flocking run FILE` runs a file, `flocking schema` prints the schema for "
+        "editors, `fk.write_scenario` writes a file; faults are listed all at once, each with its key.\n",
         "## At the top\n",
         table(
             ("key", "value", ""),

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from flocking.papers.potential_definitions import check_potential as check_potential
     from flocking.show.animate import animate as animate
     from flocking.show.plot import plot as plot
-    from flocking.show.sweep_plot import plot_sweep as plot_sweep
+    from flocking.show.sweep_pictures import plot_sweep as plot_sweep
     from flocking.study.certificates.certify import certify as certify
     from flocking.study.message_logs.departed import departed_causes as departed_causes
     from flocking.study.message_logs.replay import replay as replay
@@ -73,7 +73,7 @@ _HOMES = {
     "evaluate": "engine.reference.control", "export_c": "engine.driver.law_export",
     "export_run": "engine.storage.export_formats",
     "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "margins": "papers.margins",
-    "plot": "show.plot", "plot_sweep": "show.sweep_plot",
+    "plot": "show.plot", "plot_sweep": "show.sweep_pictures",
     "read_run": "engine.storage.stored_runs", "read_scenario": "study.scenario_files.scenario_file",
     "read_start": "engine.storage.start_files", "read_sweep": "study.sweeps.sweep",
     "register_engine": "engine.driver.registry", "replay": "study.message_logs.replay",
