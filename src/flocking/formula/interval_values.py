@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,16 +46,7 @@ class IntervalValues(ExpressionVisitor[Interval]):
 
     def number(self, node: sympy.Expr) -> Interval:
         """A number: itself where it has a double, else the two around it."""
-        if node.is_Rational:
-            exact = Fraction(int(node.p), int(node.q))
-            near = float(exact)
-            if Fraction(near) == exact:
-                return Interval.of(near)
-        elif node.is_infinite:
-            return Interval.of(-np.inf if node.is_negative else np.inf)
-        else:
-            near = float(node.evalf(DIGITS))
-        return Interval.of(np.nextafter(near, -np.inf), np.nextafter(near, np.inf))
+        return _number(node)
 
     def sum(self, node: sympy.Add) -> Interval:
         """The sum of the terms."""
@@ -141,6 +133,21 @@ class IntervalValues(ExpressionVisitor[Interval]):
     def refusal(self, name: str, node: sympy.Basic) -> FormulaError:
         """The error for an expression without an enclosure."""
         return FormulaError("intervals", name, "has no enclosure", str(node))
+
+
+@lru_cache(maxsize=4096)
+def _number(node: sympy.Expr) -> Interval:
+    """The number of a node, enclosed; formulas are evaluated many times."""
+    if node.is_Rational:
+        exact = Fraction(int(node.p), int(node.q))
+        near = float(exact)
+        if Fraction(near) == exact:
+            return Interval.of(near)
+    elif node.is_infinite:
+        return Interval.of(-np.inf if node.is_negative else np.inf)
+    else:
+        near = float(node.evalf(DIGITS))
+    return Interval.of(np.nextafter(near, -np.inf), np.nextafter(near, np.inf))
 
 
 def enclosed(expression: sympy.Expr, symbol: sympy.Symbol, values: Interval) -> Interval:

@@ -50,18 +50,27 @@ class Interval:
         return self + (-other)
 
     def __mul__(self, other: Interval) -> Interval:
-        lows, highs = [], []
-        for a in (self.lo, self.hi):
-            for b in (other.lo, other.hi):
-                with np.errstate(all="ignore"):
-                    product = a * b
-                # An infinite end is no number of the interval, so that its product with zero is zero.
-                zero = (a == 0.0) | (b == 0.0)
-                exact = zero | (np.abs(a) == 1.0) | (np.abs(b) == 1.0)
-                product = np.where(zero, 0.0, product)
-                lows.append(np.where(exact, product, np.nextafter(product, -np.inf)))
-                highs.append(np.where(exact, product, np.nextafter(product, np.inf)))
-        return Interval(np.min(np.broadcast_arrays(*lows), axis=0), np.max(np.broadcast_arrays(*highs), axis=0))
+        if self.lo is self.hi and self.lo.ndim == 0:
+            return other._times(self.lo)
+        if other.lo is other.hi and other.lo.ndim == 0:
+            return self._times(other.lo)
+        if self.lo.min(initial=0.0) >= 0.0 and other.lo.min(initial=0.0) >= 0.0:
+            # Of numbers that are not negative the ends belong together.
+            return Interval(_product(self.lo, other.lo, -np.inf), _product(self.hi, other.hi, np.inf))
+        ends = [(a, b) for a in (self.lo, self.hi) for b in (other.lo, other.hi)]
+        lows, highs = ([_product(a, b, side) for a, b in ends] for side in (-np.inf, np.inf))
+        lo = np.minimum(np.minimum(lows[0], lows[1]), np.minimum(lows[2], lows[3]))
+        return Interval(lo, np.maximum(np.maximum(highs[0], highs[1]), np.maximum(highs[2], highs[3])))
+
+    def _times(self, number: Array) -> Interval:
+        """These intervals times one number, an array without dimensions; by one and minus one without widening."""
+        if number == 1.0:
+            return self
+        if number == -1.0:
+            return -self
+        lo, hi = (self.lo, self.hi) if number >= 0.0 else (self.hi, self.lo)
+        low = _product(lo, number, -np.inf)
+        return Interval(low, _product(hi, number, np.inf))
 
     def reciprocal(self) -> Interval:
         """Values 1/x; the whole line where zero lies inside an interval."""
@@ -97,14 +106,14 @@ class Interval:
         if exponent % 2 == 0:
             least = np.where((lo <= 0.0) & (hi >= 0.0), 0.0, np.minimum(np.abs(lo), np.abs(hi)))
             lo, hi = least, np.maximum(np.abs(self.lo), np.abs(self.hi))
-            base = Interval(lo, hi)
-            for _ in range(exponent):
+            base = found = Interval(lo, hi) if exponent else found
+            for _ in range(exponent - 1):
                 found = found * base
             return Interval(np.maximum(found.lo, 0.0), found.hi)
         # Odd powers rise: each end has its own.
         ends = [Interval.of(x) for x in (lo, hi)]
-        powers = [Interval.of(np.ones_like(lo)) for _ in ends]
-        for _ in range(exponent):
+        powers = ends
+        for _ in range(exponent - 1):
             powers = [p * x for p, x in zip(powers, ends, strict=True)]
         return Interval(powers[0].lo, powers[1].hi)
 
@@ -226,6 +235,18 @@ def _sum(a: Array, b: Array, side: float) -> Array:
     s = np.where(np.isnan(s), side, s)
     exact = (error == 0.0) | np.isinf(s) & (np.isinf(a) | np.isinf(b))
     return np.where(exact, s, np.nextafter(s, side))
+
+
+def _product(a: Array, b: Array, side: float) -> Array:
+    """Products, rounded to a side but where a factor is zero.
+
+    An infinite end is no number of its interval, so that its product with zero is zero.
+    """
+    with np.errstate(all="ignore"):
+        found = a * b
+        wide = np.nextafter(found, side)
+    exact = (a == 0.0) | (b == 0.0)
+    return np.asarray(wide if not exact.any() else np.where(exact, 0.0, wide))
 
 
 def _widened(lo: ArrayLike, hi: ArrayLike, units: int) -> Interval:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 if TYPE_CHECKING:
@@ -25,6 +25,16 @@ def _classes() -> tuple[tuple[Any, str], ...]:
     )  # fmt: skip
 
 
+@lru_cache(maxsize=4096)
+def _kind_of(node: sympy.Basic, folds_numbers: bool) -> str:
+    """The name of the method for a node."""
+    import sympy
+
+    if node.is_number and (not node.args or (folds_numbers and not node.has(sympy.Function))):
+        return "number"
+    return next((name for kind, name in _classes() if isinstance(node, kind)), "function")
+
+
 class ExpressionVisitor(ABC, Generic[Result]):
     """Computes a result from an expression; a subclass states one method for each kind of node that it knows.
 
@@ -43,11 +53,7 @@ class ExpressionVisitor(ABC, Generic[Result]):
         return method(node)
 
     def _kind(self, node: sympy.Basic) -> str:
-        import sympy
-
-        if node.is_number and (not node.args or (self.folds_numbers and not node.has(sympy.Function))):
-            return "number"
-        return next((name for kind, name in _classes() if isinstance(node, kind)), "function")
+        return _kind_of(node, self.folds_numbers)
 
     @abstractmethod
     def function(self, node: sympy.Basic) -> Result:

@@ -8,18 +8,22 @@ import pytest
 
 import flocking as fk
 from tests.study.certificates import random_promises
-from tests.study.certificates.random_promises import Tally, add, tallied
+from tests.study.certificates.random_promises import judged, stored, tally
+from tests.study.certificates.random_scenarios import MAKERS, NUMBERS
+
+SMALL = ("aligning", "filtered", "agreeing", "sampled", "braking", "led", "directed")
+"""Kinds of the small draw: those whose scenarios take a tenth of a second."""
 
 
-def test_a_small_draw_of_all_kinds_keeps_what_is_promised():
-    tally = tallied(range(20_000, 20_006))
-    assert not tally.broken, str(tally)
-    assert tally.runs >= 4
-    assert sum(tally.held.values()) >= 8
+def test_a_small_draw_keeps_what_is_promised():
+    rows = [judged(kind, 50) for kind in SMALL]
+    assert not any(row.broken for row in rows), tally(rows)
+    assert sum(row.ran for row in rows) >= 6
+    assert sum(len(row.held) for row in rows) >= 10
 
 
 def test_a_promise_that_is_too_good_is_noticed(monkeypatch):
-    """With bounds a tenth of what is proven, runs of the same scenarios break them."""
+    """With bounds a tenth of what is proven, the run of a scenario breaks them."""
 
     def boasting(scenario):
         found = fk.certify(scenario)
@@ -29,14 +33,28 @@ def test_a_promise_that_is_too_good_is_noticed(monkeypatch):
         ]
         return replace(found, all=tuple(halved))
 
-    tally = Tally()
-    seed = next(s for s in range(100) if random_promises.kind_of(s) == "aligning")
     monkeypatch.setattr(random_promises, "certify", boasting)
-    add(tally, seed)
-    assert any(key == "velocity_difference" for _, key, _ in tally.broken)
+    assert any(key == "velocity_difference" for key, _ in judged("aligning", 50).broken)
+
+
+def test_twenty_thousand_scenarios_are_drawn_and_go_on_where_they_stopped(tmp_path, monkeypatch):
+    assert sum(NUMBERS.values()) == 20_000
+    assert set(NUMBERS) == set(MAKERS)
+    monkeypatch.setattr(random_promises, "NUMBERS", {"aligning": 2, "agreeing": 1})
+    random_promises.go(tmp_path, kinds=("aligning",))
+    first = stored(tmp_path)
+    monkeypatch.setattr(random_promises, "judged", lambda kind, number: random_promises.Judged(kind, number + 7))
+    random_promises.go(tmp_path, kinds=("aligning", "agreeing"))
+    rows = stored(tmp_path)
+    assert len(first) == 2
+    assert [(r.kind, r.number) for r in rows] == [("aligning", 0), ("aligning", 1), ("agreeing", 7)]
+    assert "3 scenarios" in tally(rows)
+    assert "BROKEN" in tally([random_promises.Judged("led", 3, broken=[("steady_drift", "more")])])
 
 
 @pytest.mark.slow
-def test_twenty_thousand_scenarios_keep_what_is_promised():
-    tally = tallied(range(20_000), report=1000)
-    assert not tally.broken, str(tally)
+def test_twenty_thousand_scenarios_keep_what_is_promised(tmp_path):
+    random_promises.go(tmp_path)
+    rows = stored(tmp_path)
+    assert len(rows) == 20_000
+    assert not any(row.broken for row in rows), tally(rows)

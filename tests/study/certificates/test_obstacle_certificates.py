@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import flocking as fk
 from flocking.formula.intervals import Interval
 from flocking.study.certificates.comparison import compare
+from flocking.study.certificates.obstacle_approach import closest_to_obstacles
 from flocking.study.certificates.obstacle_certificates import ObstacleSetting
 
 WALL = fk.Wall([0.0, 0.0], [1.0, 0.0])
@@ -36,6 +40,32 @@ def test_a_spring_before_a_wall_stops_where_its_energy_says():
     assert "may suffice to reach" in found.reason
     run = fk.simulate(thrown(4.1), progress=False)
     assert WALL.distance(run.q[:, 0]).min() < 0.0
+
+
+def test_the_closest_approach_between_frames_is_seen():
+    """Two frames far before and after the turn at 2 - v/2 = 0.5: fine samples tell it, frames do not."""
+    scenario = thrown(3.0).with_(frames=3)
+    promised = fk.certify(scenario)["obstacles_not_entered"].bound.lo
+    run = fk.simulate(scenario, progress=False, fine=True)
+    least, error = closest_to_obstacles(run, [WALL])
+    assert WALL.distance(run.q[:, 0]).min() > 0.8
+    assert least == pytest.approx(promised, abs=1e-3)
+    assert error < 1e-3
+    # With the frames alone the error says that they do not resolve the motion.
+    coarse, missed = closest_to_obstacles(replace(run, fine=None), [WALL])
+    assert missed > 0.02
+    assert coarse > least + 0.01
+
+
+def test_the_approach_of_held_forces_is_that_of_parabolas():
+    """From ticks to ticks a force is held: x = 1 - 2 t + t^2 about t = 1 comes to 0 between two frames."""
+    t = np.array([0.0, 0.7, 1.4, 2.1])
+    places = (1.0 - 2.0 * t + t**2)[:, None, None] * np.array([1.0, 0.0])
+    speeds = (2.0 * t - 2.0)[:, None, None] * np.array([1.0, 0.0])
+    run = SimpleNamespace(t=t, q=places, p=speeds, fine=None, scenario=thrown(1.0))
+    least, error = closest_to_obstacles(run, [WALL])
+    assert least == pytest.approx(0.0, abs=1e-9)
+    assert error < 1e-12
 
 
 def random_scenario(seed: int) -> fk.Scenario:

@@ -8,8 +8,9 @@ from flocking.study.certificates.alignment_certificates import alignment_certifi
 from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.consensus_certificates import consensus_certificates
 from flocking.study.certificates.limit_certificates import energy_and_limits, stopping_certificates
+from flocking.study.certificates.linear.directed_consensus import directed_certificates
 from flocking.study.certificates.linear.leader_errors import leader_error_certificates
-from flocking.study.certificates.linear.switching_graphs import directed_certificates, switching_certificates
+from flocking.study.certificates.linear.switching_graphs import switching_certificates
 from flocking.study.certificates.obstacle_certificates import obstacle_certificates
 from flocking.study.certificates.safety_certificates import safety_certificates
 from flocking.study.certificates.world_certificates import world_certificates

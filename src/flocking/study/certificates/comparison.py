@@ -18,6 +18,7 @@ from flocking.model.terms.avoidance import Avoid
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.study.certificates.certificate import Certificate, Certificates
 from flocking.study.certificates.energy_setting import EnergySetting
+from flocking.study.certificates.obstacle_approach import closest_to_obstacles
 
 MOST_STATES = 32
 """Frames of which the energy is computed, at even places of the run."""
@@ -40,7 +41,7 @@ class Comparison:
     promised
         The safe end of its bound.
     observed
-        What the run shows; between its frames only where the engine records it.
+        What the run shows; between its frames only where the engine records it, and of obstacles.
     error
         Error of what was observed.
     kept
@@ -108,20 +109,20 @@ def _closest(run: Run, certificate: Certificate) -> tuple[float, float] | None:
 
 
 def _obstacles(run: Run, certificate: Certificate) -> tuple[float, float]:
-    """The smallest distance of an agent from an obstacle of the safety filter at a frame."""
+    """The smallest distance of an agent from an obstacle of the safety filter."""
     control = run.scenario.control
     assert isinstance(control, SafetyFilter)
-    places = np.asarray(run.q, dtype=np.float64).reshape(-1, run.q.shape[2])
+    least, missed = closest_to_obstacles(run, control.obstacles)
     error = 0.5 * _position_error(run)
     # What the sampled engine computes is exact up to rounding, which the promise allows for.
-    return min(float(x.distance(places).min()) for x in control.obstacles), error if np.isfinite(error) else 0.0
+    return least, missed + (error if np.isfinite(error) else 0.0)
 
 
 def _avoided(run: Run, certificate: Certificate) -> tuple[float, float]:
-    """The smallest distance of an agent from an obstacle of the law at a frame."""
+    """The smallest distance of an agent from an obstacle of the law."""
     obstacles = [x for term in run.scenario.law.body_terms if type(term) is Avoid for x in term.obstacles]
-    least = min(float(x.distance(q, float(t)).min()) for x in obstacles for q, t in zip(run.q, run.t, strict=True))
-    return least, 0.5 * _position_error(run)
+    least, missed = closest_to_obstacles(run, obstacles)
+    return least, missed + 0.5 * _position_error(run)
 
 
 def _link_lengths(run: Run, certificate: Certificate) -> tuple[float, float] | None:

@@ -171,8 +171,8 @@ class LinearConsensus:
                              np.where(inner.hi < 0.0, half.hi, np.minimum(real.hi, half.hi)))  # fmt: skip
         return Interval.of(rates.lo.min(), rates.hi.min())
 
-    def delay(self) -> Interval:
-        """Largest delay of all states, the own one too, that the agreement stands."""
+    def delay(self) -> Interval | None:
+        """Largest delay of all states, the own one too, that the agreement stands; None where it is not known."""
         if self.is_first:
             return PI / (self.first_gain * self.largest * Interval.of(2.0))
         a, b, modes = self.place_gain, self.rate_gain, self.modes
@@ -240,6 +240,7 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     reason = "" if system.is_first else "before it decays a disagreement of second order may grow"
     found.append(_of(system, "settling_time", "spectrum", settling, "time to 2 %", statement, reason))
     delay = system.delay()
+    assert delay is not None
     found.append(_of(
         system, "delay", "delay", delay, "delay of all states, the own one too",
         f"Agreement is stable for every such delay below {float(delay.lo):.9g}, and for none above "
@@ -253,7 +254,7 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     for d in range(MOST_SAMPLES + 1):
         period = system.period(d)
         words = f", all states delayed by {d} samples" if d else ""
-        statement, reason = "", "no closed form is known here"
+        statement, reason = "", "no closed form is known here; a scenario with such messages has `period_in_world`"
         if period is not None:
             reason = ""
             statement = (

@@ -25,7 +25,7 @@ from flocking.model.terms.body_terms import Compensate, Track
 from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
 from flocking.study.certificates.certificate import Hypothesis, ideal_world, until_failed
-from flocking.study.certificates.pair_energy import IntegratedEnergy, PairEnergy
+from flocking.study.certificates.pair_energy import PairEnergy, energy_of, integrated_energy_of
 from flocking.study.certificates.pieces import jump, leader_jump
 
 LARGEST_GROUP = 500
@@ -264,9 +264,9 @@ class EnergySetting:
             weight = self.graph.weight(r, lambda name: numbers[name])
             if any(t.weighting == "force" for t in self.gradients):
                 # The force is the slope of psi times the weight; its energy is the integral.
-                return IntegratedEnergy(r, value, weight * sympy.diff(value, r), end)
+                return integrated_energy_of(r, weight * sympy.diff(value, r), end)
             value = value * weight
-        return PairEnergy(r, value, sympy.diff(value, r), end)
+        return energy_of(r, value, sympy.diff(value, r), end)
 
     @cached_property
     def least(self) -> Interval:

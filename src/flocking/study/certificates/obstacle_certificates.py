@@ -21,7 +21,7 @@ from flocking.model.law import Law, Scenario
 from flocking.model.terms.avoidance import Avoid
 from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable
 from flocking.study.certificates.energy_setting import EnergySetting
-from flocking.study.certificates.pair_energy import IntegratedEnergy
+from flocking.study.certificates.pair_energy import IntegratedEnergy, integrated_energy_of
 from flocking.study.certificates.pieces import jump
 from flocking.study.certificates.sources import sources
 
@@ -138,7 +138,7 @@ class ObstacleSetting:
             numbers = cast("ObstacleSymbols", _Numbers(s, term))
             slope = numbers.parameter("repulsion_gain") * term._fading(numbers)
             slope = slope * term._slope(term.repulsion, "repulsion", s, numbers)
-            found.append(IntegratedEnergy(s, sympy.Integer(0), slope, term.range))
+            found.append(integrated_energy_of(s, slope, term.range))
         return tuple(found)
 
     def excess(self) -> tuple[Interval, list[Interval]]:

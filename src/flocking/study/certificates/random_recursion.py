@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from flocking.study.certificates.enclosed_matrices import (
 )
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
     from scipy.sparse.linalg import LinearOperator
 
 SMALL = 6
@@ -151,11 +153,26 @@ class RandomRecursion:
         inner
             The moments M_g, shape (G, k, k).
         """
-        k = self.width
-        weighted = np.empty_like(self.into)
-        for b in range(k):
-            weighted[:, b::k] = sum(self.into[:, a::k] * inner[:, a, b] for a in range(k))
-        return np.asarray(self.present * (1.0 - self.present) * (weighted @ self.into.T))
+        from scipy.sparse import bsr_array
+
+        count, size = len(inner), len(inner) * self.width
+        middle = bsr_array((inner, np.arange(count), np.arange(count + 1)), shape=(size, size))
+        found = (self._sparse_into @ middle @ self._sparse_into.T).toarray()
+        return np.asarray(self.present * (1.0 - self.present) * found)
+
+    @cached_property
+    def _sparse_into(self) -> csr_array:
+        """All B_g: each row of a message changes a few components alone."""
+        from scipy.sparse import csr_array
+
+        return csr_array(self.into)
+
+    @cached_property
+    def _sparse_out_of(self) -> csr_array:
+        """All R_g."""
+        from scipy.sparse import csr_array
+
+        return csr_array(self.out_of)
 
     def _inner(self, left: Array, right: Array) -> Array:
         """Products of the rows of each group, shape (G, k, k).
@@ -181,7 +198,7 @@ class RandomRecursion:
         mean = self.mean if mean is None else mean
         found = mean @ x @ mean.T
         if self.is_random:
-            found = found + self._spread(self._inner(self.out_of @ x, self.out_of))
+            found = found + self._spread(self._inner(self._sparse_out_of @ x, self.out_of))
         return np.asarray(0.5 * (found + found.T))
 
     def enclosed_moment(self, x: Array) -> EnclosedMatrix:

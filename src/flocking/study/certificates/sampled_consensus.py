@@ -19,7 +19,7 @@ from flocking.study.certificates.consensus_certificates import LinearConsensus
 from flocking.study.certificates.enclosed_matrices import UNIT
 from flocking.study.certificates.random_recursion import RandomRecursion
 
-LARGEST_SYSTEM, LARGEST_RANDOM = 400, 100
+LARGEST_SYSTEM, LARGEST_RANDOM = 400, 200
 """Components of an axis, all that is remembered counted, up to which spectra and growths by chance are enclosed."""
 
 NUMBER_ERROR = 64.0 * UNIT

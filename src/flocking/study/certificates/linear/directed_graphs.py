@@ -102,16 +102,23 @@ class DirectedSpectrum:
         hi = most / (size - slack) * (1.0 + SLACK)
         return Interval.of(lo.min(), hi.min()) / gain
 
-    def period(self, gain: Interval) -> Interval:
-        """The largest period of held control that every mode stands.
+    def period(self, gain: Interval, samples: int = 0) -> Interval:
+        """The largest period of held control that every mode stands, with a delay of whole samples of all states.
+
+        On the unit circle z^(d + 1) - z^d + T s = 0 has |T s| = 2 sin(f) for z = exp(2 i f) and, of least T,
+        (2 d + 1) f = pi/2 - |arg s|. Without delay it is 2 Re s/|s|^2.
 
         Parameters
         ----------
         gain
             The gain a, positive.
+        samples
+            The delay d.
         """
-        size, real = np.abs(self.centres), self.centres.real
+        size, angle = np.abs(self.centres), np.abs(np.angle(self.centres))
         slack = self.radii + SLACK * size
-        lo = 2.0 * (real - slack) / (size + slack) ** 2 * (1.0 - SLACK)
-        hi = 2.0 * (real + slack) / (size - slack) ** 2 * (1.0 + SLACK)
+        turn = np.arcsin(np.minimum(slack / size, 1.0)) + SLACK
+        least, most = 0.5 * np.pi - angle - turn, 0.5 * np.pi - np.maximum(angle - turn, 0.0)
+        lo = 2.0 * np.sin(np.maximum(least, 0.0) / (2 * samples + 1)) / (size + slack) * (1.0 - SLACK)
+        hi = 2.0 * np.sin(most / (2 * samples + 1)) / (size - slack) * (1.0 + SLACK)
         return Interval.of(lo.min(), hi.min()) / gain

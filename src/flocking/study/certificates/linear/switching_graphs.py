@@ -9,7 +9,6 @@ below pi/(2 a N) is harmless on every single graph, and what switching does betw
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,14 +19,10 @@ from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
 from flocking.model.law import Scenario
 from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable, until_failed
 from flocking.study.certificates.consensus_certificates import PI, LinearConsensus
-from flocking.study.certificates.linear.directed_graphs import DirectedSpectrum, roots_of
 from flocking.study.certificates.sources import sources
 
 SWITCHING = ("disagreement", "period_of_any_graph", "delay_of_each_graph")
 """Keys of the certificates of graphs that switch."""
-
-DIRECTED = ("directed_decay_rate", "directed_delay", "directed_period")
-"""Keys of the certificates of directed graphs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,19 +63,6 @@ class FirstOrder:
         if fits and links is not None and not np.array_equal(links, np.asarray(links).T):
             return Hypothesis(statement, False, "links of the start are directed")
         return Hypothesis(statement, fits, type(graph).__name__)
-
-    def directed(self) -> Hypothesis:
-        """A fixed directed graph with one root."""
-        graph, start = self.scenario.law.graph, self.scenario.start
-        statement = "two agents or more have one fixed, directed graph in open space"
-        fits = type(graph) is Fixed and graph.directed and len(self.scenario.law.graphs) == 1
-        fits = fits and self.scenario.space.is_open and start.n > 1 and start.links is None
-        return Hypothesis(statement, fits, type(graph).__name__)
-
-    def rooted(self) -> Hypothesis:
-        """One strongly connected component that all others lead to."""
-        count = len(roots_of(self.scenario.law.graph.initial(self.scenario.start.q)))
-        return Hypothesis("one group of agents senses no other, and all lead to it", count == 1, f"{count} such groups")
 
 
 def switching_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
@@ -138,38 +120,3 @@ def spread_about_mean(values: np.ndarray) -> Interval:
         square = (Interval.of(column) - mean).power(2).total()
         total = total + square
     return Interval(np.maximum(total.lo, 0.0), total.hi).sqrt()
-
-
-def directed_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
-    """Guarantees of a scenario that is linear consensus of first order on a fixed directed graph.
-
-    Parameters
-    ----------
-    scenario
-        The scenario.
-    """
-    system = FirstOrder(scenario)
-    source = sources()["directed"]
-    hypotheses = until_failed(system.directed, system.bodies, system.terms)
-    if not all(h.holds for h in hypotheses):
-        return not_applicable(DIRECTED, source, hypotheses)
-    hypotheses = (*hypotheses, system.rooted())
-    gain = system.consensus.first_gain
-    spectrum = DirectedSpectrum(scenario.law.graph.initial(scenario.start.q)) if hypotheses[-1].holds else None
-    slowest = "In the ideal world every disagreement decays, in the end, at the rate {} or faster."
-    rows: tuple[tuple[str, str, str, Callable[[DirectedSpectrum, Interval], Interval]], ...] = (
-        ("directed_decay_rate", "rate of decay", slowest, DirectedSpectrum.rate),
-        ("directed_delay", "delay of all states, the own one too", "Agreement is stable for every such delay below {}.",
-         DirectedSpectrum.delay),
-        ("directed_period", "period of held control", "Agreement is stable for every period below {}.",
-         DirectedSpectrum.period),
-    )  # fmt: skip
-    found = []
-    for key, quantity, words, measure in rows:
-        bound = measure(spectrum, gain) if spectrum is not None and not spectrum.reason else None
-        statement = "" if bound is None else words.format(f"{float(bound.lo):.9g}")
-        reason = spectrum.reason if spectrum is not None else ""
-        found.append(decided(
-            key, source, hypotheses, reason=reason, bound=bound, side="is", quantity=quantity, statement=statement
-        ))  # fmt: skip
-    return tuple(found)
