@@ -140,7 +140,8 @@ def tally(rows: Iterable[Judged]) -> str:
     of_kinds = ", ".join(f"{kind} {count}" for kind, count in sorted(kinds.items()))
     lines = [
         f"{len(rows)} scenarios ({of_kinds}): {sum(r.ran for r in rows)} with runs, "
-        f"{sum(r.cut for r in rows)} of which were cut short; {empty} without a promise; {sum(held.values())} promises held against runs; "
+        f"{sum(r.cut for r in rows)} of which were cut short; {empty} without a promise; "
+        f"{sum(held.values())} promises held against runs; "
         f"{len(broken)} broken; ended by errors: {dict(ended)}"
     ]
     for key, count in sorted(granted.items()):
