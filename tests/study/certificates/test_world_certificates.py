@@ -186,8 +186,8 @@ def test_a_world_that_does_not_agree_is_refused_with_a_proof():
 def test_a_common_motion_that_swings_is_no_disagreement():
     """Late neighbours beside a true own state drive the common motion of a group whose agents agree.
 
-    For g = T a and N = 5 it has the factor -4 g relative to a place, and the disagreement
-    has the roots of z^2 - (1 - 4 g) z + g. Nothing but rounding moves all together at first; it grows by 1.84 each time.
+    For g = T a and N = 5 it has the factor -4 g relative to a place, and the disagreement has the roots of
+    z^2 - (1 - 4 g) z + g. Nothing but rounding moves all together at first; it grows by 1.84 each time.
     """
     made = consensus(fk.Fixed.complete(5), 0.46, delay=0.46, steps=150)
     slow = made.with_(information=fk.Messages(0.1, delay=0.1), control=fk.Held(0.1))
