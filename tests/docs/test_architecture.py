@@ -24,6 +24,8 @@ HOMES = {
     "change how a safety filter changes forces": "class ForceFilter:",
     "change how agents keep their stopping paths apart": "def between(",
     "add a guarantee of consensus on graphs that switch": "def switching_certificates(",
+    "add a guarantee of consensus on directed graphs": "def directed_certificates(",
+    "add a guarantee of the linearisation at an equilibrium": "def equilibrium_certificates(",
     "add a guarantee about the centre of mass and its leader": "def leader_error_certificates(",
     "add a guarantee about obstacles of the law": "def obstacle_certificates(",
     "say which certificate proves a claim": "PROVEN_BY",

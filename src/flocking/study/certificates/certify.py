@@ -9,6 +9,7 @@ from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.consensus_certificates import consensus_certificates
 from flocking.study.certificates.limit_certificates import energy_and_limits, stopping_certificates
 from flocking.study.certificates.linear.directed_consensus import directed_certificates
+from flocking.study.certificates.linear.equilibrium_certificates import equilibrium_certificates
 from flocking.study.certificates.linear.leader_errors import leader_error_certificates
 from flocking.study.certificates.linear.switching_graphs import switching_certificates
 from flocking.study.certificates.obstacle_certificates import obstacle_certificates
@@ -48,7 +49,8 @@ def certify(scenario: Scenario) -> Certificates:
     found = (
         *energy_and_limits(scenario), *consensus_certificates(scenario), *alignment_certificates(scenario),
         *switching_certificates(scenario), *directed_certificates(scenario), *leader_error_certificates(scenario),
-        *world_certificates(scenario), *safety_certificates(scenario), *obstacle_certificates(scenario),
+        *equilibrium_certificates(scenario), *world_certificates(scenario), *safety_certificates(scenario),
+        *obstacle_certificates(scenario),
         *stopping_certificates(scenario),
     )  # fmt: skip
     return Certificates(scenario.name, found)

@@ -1,0 +1,85 @@
+"""Guarantees of the linearisation of a law at an equilibrium of its potentials, such as a lattice.
+
+They speak of small deformations of that equilibrium, which is named in each: not of the motion from the start to it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.formula.intervals import Interval
+from flocking.model.law import Scenario
+from flocking.study.certificates.certificate import Certificate, Enclosure, decided, not_applicable
+from flocking.study.certificates.consensus_certificates import SETTLED
+from flocking.study.certificates.linear.near_equilibrium import NearEquilibrium
+from flocking.study.certificates.sources import sources
+
+KEYS = (
+    "equilibrium", "equilibrium_decay_rate", "equilibrium_settling_time", "equilibrium_delay", "equilibrium_period",
+    "equilibrium_loss", "equilibrium_noise",
+)  # fmt: skip
+"""Keys of the certificates."""
+
+
+def equilibrium_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
+    """All guarantees of the linearisation of a scenario at the equilibrium to which descent from its start leads.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    system, source = NearEquilibrium(scenario), sources()["equilibrium"]
+    if not all(h.holds for h in system.speaks):
+        return not_applicable(KEYS, source, system.speaks)
+    hypotheses = system.hypotheses
+    if not hypotheses[-1].holds:
+        return tuple(decided(key, source, hypotheses) for key in KEYS)
+    first, least_stiffness = system.order == 1, system.least_stiffness
+    said = f"Of the linearisation near the equilibrium of {system.name}: "
+    found = [decided(
+        KEYS[0], source, hypotheses, bound=Enclosure(0.0, system.equilibrium.radius), side="is",
+        quantity="distance of the computed from the exact equilibrium",
+        statement=f"An exact equilibrium of {system.name}, is stable: the least stiffness of a deformation is "
+        f"{float(least_stiffness.lo):.9g}.",
+    )]  # fmt: skip
+
+    def row(key: str, bound: Interval | None, quantity: str, words: str, reason: str = "") -> None:
+        if bound is not None and not (np.isfinite(bound.lo) and np.isfinite(bound.hi)):
+            reason = reason or "the numbers are too large or too small for an enclosure in double precision"
+        statement = "" if bound is None else said + words
+        found.append(decided(
+            key, source, hypotheses, reason=reason, bound=bound, side="is", quantity=quantity, statement=statement
+        ))  # fmt: skip
+
+    rate = system.rate()
+    reason = rate if isinstance(rate, str) else "" if rate.lo > 0.0 else "the rate was not proven to be positive"
+    bound = None if isinstance(rate, str) else rate
+    low = 0.0 if bound is None else float(bound.lo)
+    words = f"every deformation decays, in the end, at the rate {low:.9g} or faster."
+    row(KEYS[1], bound, "rate of decay", words, reason)
+    settling = None if reason or bound is None else Interval.of(SETTLED).log() / bound
+    late = 0.0 if settling is None else float(settling.hi)
+    row(KEYS[2], settling, "time to 2 %", f"a deformation has fallen to 2 % after {late:.9g}.",
+        reason or ("" if first else "before it decays a deformation of second order may grow"))  # fmt: skip
+    unknown = "no limit of the ratio of stiffness to damping was proven"
+    delay, period = system.delay(), system.period()
+    row(KEYS[3], delay, "delay of all states, the own one too",
+        "" if delay is None else f"no such delay below {float(delay.lo):.9g} makes a deformation grow.",
+        unknown if delay is None else "")  # fmt: skip
+    row(KEYS[4], period, "period of held control",
+        "" if period is None else f"under held control no deformation grows for periods below {float(period.lo):.9g}.",
+        unknown if period is None else "")  # fmt: skip
+    stressed = "" if system.unstressed else "links are stressed there: lost messages turn the group"
+    row(KEYS[5], period if first else None, "period of held control, with messages lost",
+        "" if period is None or not first else
+        "where every message may be lost, independently with any probability below 1, and is then left out, the mean "
+        f"square of deformations falls under held control for periods below {float(period.lo):.9g}; forces of links "
+        "there, below 1e-9 of their stiffness times the smallest distance, count as none.",
+        stressed if first else "not known for order 2")  # fmt: skip
+    noise = system.noise()
+    what = "deformation" if first else "velocity relative to the mean"
+    row(KEYS[6], noise, f"mean square {what} of an agent, all axes together, for each unit of noise intensity",
+        f"white noise of intensity s^2 on all rates gives {'' if first else 'at most '}s^2 times {float(noise.hi):.9g} "
+        "in the long run.")  # fmt: skip
+    return tuple(found)
