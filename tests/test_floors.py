@@ -39,7 +39,7 @@ MOST_ANY = 99
 ENGINE = (
     {"memory_shortage"}, {"interruption"}, {"archives"}, {"runs"}, {"protocol"}, {"kernels"}, {"reference"},
     {"fixed_step", "integrator", "imperfect"},
-    {"c_export", "exact", "sampled", "delayed", "discrete", "tiles", "lammps", "storage"}, {"nodes"}, {"driver"},
+    {"exact", "sampled", "delayed", "discrete", "tiles", "lammps", "storage"}, {"c_export"}, {"nodes"}, {"driver"},
 )  # fmt: skip
 """Parts of the engine, each of which imports those of earlier rows alone: no engine knows storage or another engine,
 and storage knows no engine."""

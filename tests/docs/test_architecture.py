@@ -61,6 +61,8 @@ HOMES = {
     "change what an agent in a process of its own does": "class PythonNode(",
     "change what happens when an agent does not answer": "class NodeSession(",
     "change how a formula is written in C": "class CSource:",
+    "write another steering term in C": "_WRITERS",
+    "change the safety filter of exported C": "def safety_source(",
     "add an elementary function to exported C": "def elementary_functions(",
     "change what an exported law keeps of its neighbours": "def memory_source(",
     "change the automatic time step": "def largest_step(",

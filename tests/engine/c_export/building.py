@@ -31,20 +31,27 @@ def shared_object(folder, sources):
     return ctypes.CDLL(str(folder / "law.so"))
 
 
-def structures(n, m, slots, graphs, real):
-    """The structures of the header."""
+def structures(n, m, slots, graphs, real, form=None):
+    """The structures of the header, with those of a form of the safety filter."""
+    normals = [("normals", (real * m) * slots)] if form == "sampled" else []
+    said = [("filtered", ctypes.c_uint8), ("relaxed", ctypes.c_uint8)] if form else []
 
     class Message(ctypes.Structure):
         _fields_ = [("stamp", ctypes.c_int64), ("number", ctypes.c_int32), ("sender", ctypes.c_uint16),
                     ("q", real * m), ("p", real * m)]  # fmt: skip
 
     class Memory(ctypes.Structure):
-        _fields_ = [("known", Message * slots), ("time", ctypes.c_int64),
+        _fields_ = [("known", Message * slots), *normals, ("time", ctypes.c_int64),
                     ("links", (ctypes.c_uint32 * words(slots)) * graphs), ("used", ctypes.c_uint32 * words(slots)),
                     ("order", ctypes.c_uint16 * slots), ("count", ctypes.c_uint16), ("agent", ctypes.c_uint16),
-                    ("begun", ctypes.c_uint8), ("saturated", ctypes.c_uint8)]  # fmt: skip
+                    ("begun", ctypes.c_uint8), ("saturated", ctypes.c_uint8), *said]  # fmt: skip
 
     return Message, Memory
+
+
+def form_of(scenario):
+    """Form of the safety filter; None where there is none."""
+    return getattr(scenario.control, "form", None)
 
 
 class CompiledLaw:
@@ -57,7 +64,8 @@ class CompiledLaw:
         self.real = ctypes.c_float if float32 else ctypes.c_double
         self.kind = np.float32 if float32 else np.float64
         self.slots = max(self.n - 1, 1) if neighbours is None else neighbours
-        self.Message, self.Memory = structures(self.n, self.m, self.slots, len(scenario.law.graphs), self.real)
+        self.Message, self.Memory = structures(self.n, self.m, self.slots, len(scenario.law.graphs), self.real,
+                                                 form_of(scenario))  # fmt: skip
         self.vector = self.real * self.m
 
     def begin(self, agent):

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 from flocking.engine.c_export.export import c_files
-from tests.engine.c_export.building import structures
+from tests.engine.c_export.building import form_of, structures
 
 FLAGS = [
     "-std=c99", "-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp", "-O2", "-ffreestanding",
@@ -58,7 +58,8 @@ class Emulated:
         self.emulator.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M4)
         self.m, n = scenario.start.dimension, scenario.start.n
         self.slots = max(n - 1, 1) if neighbours is None else neighbours
-        self.Message, self.Memory = structures(n, self.m, self.slots, len(scenario.law.graphs), ctypes.c_float)
+        self.Message, self.Memory = structures(n, self.m, self.slots, len(scenario.law.graphs), ctypes.c_float,
+                                                 form_of(scenario))  # fmt: skip
         self._load(image.read_bytes())
         for base, size in ((DATA, 0x100000), (STOP, 0x1000), (0xE0000000, 0x100000)):
             self.emulator.mem_map(base, size)

@@ -14,6 +14,7 @@ from flocking.formula.printing import statements
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
 from tests.engine.c_export.sizes import Sized, run
+from tests.engine.c_export.steering import term_force
 
 
 def linked_at_start(law, n, agent, distance):
@@ -33,6 +34,8 @@ def linked_at_start(law, n, agent, distance):
 def judged(scenario, agent, q, p, others, t):
     """Force of `control_of`, and the sum of the absolute values of all addends, shape (m,)."""
     law, n = scenario.law, scenario.start.n
+    if scenario.agents.order == 1:
+        p, others = 0.0 * p, {j: (x, 0.0 * v) for j, (x, v) in others.items()}
     distance = {
         j: float(np.linalg.norm(scenario.space.displacement(np.asarray(x) - q))) for j, (x, _) in others.items()
     }
@@ -42,14 +45,15 @@ def judged(scenario, agent, q, p, others, t):
         graph: [fk.Agent(*others[j], j) for j in sorted(found)] for graph, found in zip(law.graphs, linked, strict=True)
     }
     given = {"mass": mass, "damping": damping, "space": scenario.space}
-    expected = fk.control_of(law, fk.Agent(q, p, agent), neighbours, t, **given)
+    seen = [fk.Agent(*others[j], j) for j in sorted(others)]
+    expected = fk.control_of(law, fk.Agent(q, p, agent), neighbours, t, seen=seen, **given)
     return expected, _sizes(scenario, agent, q, p, others, linked, t)
 
 
 def _sizes(scenario, agent, q, p, others, linked, t):
     """Sums of the absolute values of all that is added up, see `tests.engine.c_export.sizes`."""
     law, n, m = scenario.law, scenario.start.n, len(q)
-    layout = Layout(law, Energy(), space=scenario.space)
+    layout = Layout(law, Energy(), space=scenario.space, steering=True)
     formulas = _formulas(scenario)
     P, A, W = layout.values(fk.Agents(scenario.agents.masses, scenario.agents.damping), n, t)
     total = np.zeros(m)
@@ -77,7 +81,21 @@ def _sizes(scenario, agent, q, p, others, linked, t):
                 if "distance" in seen:
                     seen |= {"side": seen["distance"], "reach": seen["distance"]}
             total += [seen[f"force{k}"].size for k in range(m)]
+    around = [(scenario.space.displacement(x - q), v) for _, (x, v) in sorted(others.items())]
+    for term in law.steering_terms:
+        total += [x.size for x in term_force(term, q, p, around)]
     return total
+
+
+def steering_by_scalars(scenario, q, p, others):
+    """Force of the steering terms written a second time, and its size, shape (m,) each."""
+    around = [(scenario.space.displacement(x - q), v) for _, (x, v) in sorted(others.items())]
+    force, size = np.zeros(len(q)), np.zeros(len(q))
+    for term in scenario.law.steering_terms:
+        found = term_force(term, q, p, around)
+        force += [x.value for x in found]
+        size += [x.size for x in found]
+    return force, size
 
 
 KNOWN = {}
@@ -86,7 +104,7 @@ KNOWN = {}
 def _formulas(scenario):
     """Printed statements of the law of a scenario."""
     if id(scenario) not in KNOWN:
-        layout = Layout(scenario.law, Energy(), space=scenario.space)
+        layout = Layout(scenario.law, Energy(), space=scenario.space, steering=True)
         found = law_formulas(layout, scenario.start.dimension, integrals=False)
 
         def lines(formulas, distance):
@@ -108,13 +126,16 @@ def random_surroundings(rng, scenario, most=6):
     law, n, m = scenario.law, scenario.start.n, scenario.start.dimension
     agent = int(rng.integers(n))
     radii = [float(np.max(g.break_radius)) for g in law.graphs if g.moves]
+    radii += [t.reach for t in law.steering_terms if t.reach > 0.0]
     reach = 1.3 * max(radii) if radii and np.isfinite(max(radii)) else 6.0
+    # Velocities as they are in the scenario, beside which formulas of speeds say something.
+    speed = max(1.0, float(np.abs(scenario.start.p).max())) if law.steering_terms else 1.0
     k = int(rng.integers(0, min(most, n - 1) + 1))
     who = rng.choice([j for j in range(n) if j != agent], size=k, replace=False)
-    q, p = scenario.start.q[rng.integers(n)] + rng.normal(size=m), rng.normal(size=m)
+    q, p = scenario.start.q[rng.integers(n)] + rng.normal(size=m), speed * rng.normal(size=m)
     while True:
         x = q + rng.normal(size=(k, m)) / np.sqrt(m) * reach * rng.uniform(0.1, 1.0, (k, 1))
         r = np.linalg.norm(scenario.space.displacement(x - q), axis=1)
         if all(np.abs(r - b).min(initial=1.0) > 1e-6 for b in [0.0, *radii]):
             break
-    return agent, q, p, {int(j): (x[i], rng.normal(size=m)) for i, j in enumerate(who)}
+    return agent, q, p, {int(j): (x[i], speed * rng.normal(size=m)) for i, j in enumerate(who)}

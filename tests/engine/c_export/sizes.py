@@ -25,6 +25,41 @@ class Sized:
     def of(cls, value):
         return cls(float(value), abs(float(value)))
 
+    def __float__(self):
+        return self.value
+
+    def __neg__(self):
+        return Sized(-self.value, self.size)
+
+    def __add__(self, other):
+        return _joined(ast.Add(), self, _as_sized(other))
+
+    def __sub__(self, other):
+        return _joined(ast.Sub(), self, _as_sized(other))
+
+    def __mul__(self, other):
+        return _joined(ast.Mult(), self, _as_sized(other))
+
+    __rmul__ = __mul__
+
+    def __rsub__(self, other):
+        return _joined(ast.Sub(), _as_sized(other), self)
+
+    def __truediv__(self, other):
+        return _joined(ast.Div(), self, _as_sized(other))
+
+    def __pow__(self, other):
+        return _joined(ast.Pow(), self, _as_sized(other))
+
+
+def _as_sized(x):
+    return x if isinstance(x, Sized) else Sized.of(x)
+
+
+def root(x):
+    """The square root."""
+    return _functions(x)["sqrt"]()
+
 
 def _made(value, *moved):
     return Sized(value, abs(value) + sum(moved))

@@ -9,6 +9,7 @@ import flocking as fk
 from flocking.papers import keys, paper
 from tests.engine.c_export.building import CODES, CompiledLaw, needs_compiler
 from tests.engine.c_export.emulating import Emulated
+from tests.engine.c_export.filtering import called, crowd, filtered_scenario
 from tests.engine.c_export.judging import random_surroundings
 from tests.engine.c_export.test_on_this_machine import LAW, scenario_of
 
@@ -20,6 +21,9 @@ NAMES = [
     "olfati-saber-2006-space",
     "tanner-2003-fixed",
     "cucker-smale-2007",
+    "vicsek-1995",
+    "reynolds-1987",
+    "vasarhelyi-2018-obstacles",
 ]
 SCENARIOS = {name: make for key in keys() for name, make in paper(key).scenarios().items() if name in NAMES}
 
@@ -47,6 +51,29 @@ def test_bits_are_equal(name, tmp_path):
         assert results[0][1].tobytes() == results[1][1].tobytes()
         forces += bool(results[0][1].any())
     assert forces > 50
+
+
+@pytest.mark.parametrize("form", ["sampled", "continuous", "stopping"])
+def test_bits_of_a_safety_filter_are_equal(form, tmp_path, capsys):
+    """In random crowds, two ticks each; the most instructions of a call are for the docs."""
+    obstacles = (fk.Ball([2.0, 2.0], 0.5), fk.Wall([0.0, -3.0], [0.0, 1.0])) if form == "stopping" else ()
+    scenario = filtered_scenario(form, 9, obstacles=obstacles)
+    here, there = both(tmp_path, scenario)
+    rng, changed, counts = np.random.default_rng(3), 0, {False: [0], True: [0]}
+    for _ in range(30):
+        (q, p), agent = crowd(rng, 9, 2), int(rng.integers(9))
+        heard = [j for j in range(9) if j != agent]
+        memories = [each.begin(agent) for each in (here, there)]
+        for number in range(2):
+            found = [called(e, m, agent, q, p, heard, number) for e, m in zip((here, there), memories, strict=True)]
+            assert found[0][0] == found[1][0]
+            assert found[0][1].tobytes() == found[1][1].tobytes()
+            changed += memories[0].filtered
+            counts[bool(memories[0].relaxed)].append(there.instructions)
+            q = q + 0.05 * p
+    assert changed > 20
+    with capsys.disabled():
+        print(f"\n| {form} | {max(counts[False]):,} | {max(counts[True]):,} |")
 
 
 def test_thresholds_expiry_and_nan(tmp_path):
@@ -127,6 +154,8 @@ def _for_agents(scenario, law, start):
 def test_cppcheck_finds_nothing(float32, tmp_path):
     for name, make in SCENARIOS.items():
         fk.export_c(make(0), tmp_path / name, float32=float32, neighbours=8)
+    for form in ("sampled", "continuous", "stopping"):
+        fk.export_c(filtered_scenario(form), tmp_path / form, float32=float32)
     rules = ["--std=c99", "--enable=warning,style,performance,portability", "--inconclusive", "--error-exitcode=2"]
     found = subprocess.run(["cppcheck", "-q", *rules, str(tmp_path)], capture_output=True, text=True)
     assert (found.returncode, found.stderr) == (0, "")

@@ -9,6 +9,7 @@ import flocking as fk
 from flocking.apps.cli import main
 from flocking.engine.c_export.export import c_files
 from flocking.errors import InvalidInput, StorageError, UnsupportedLaw
+from flocking.model.graphs.views import FieldOfView
 from tests.engine.c_export.building import COMPILER, needs_compiler
 
 LAW = fk.Law(fk.Hysteresis(4.0, 0.5), [fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=4.0)), fk.Consensus(0.7)])
@@ -23,14 +24,21 @@ def law_of(*terms, graph=None):
     return fk.Law(graph or fk.Proximity(2.0), list(terms))
 
 
+class Drifting(fk.Impulsive):
+    """A body in discrete time of somebody else."""
+
+
+def looking():
+    return fk.Agents(headings=np.zeros(3))
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
         (lambda: scenario(law_of(fk.Track(fk.Sink([0, 0]), 1.0, 1.0, shared=True))), "cannot compute the"),
         (lambda: scenario(law_of(fk.Gradient(fk.Potential("tanh(r)")))), "cannot write math.tanh"),
-        (lambda: scenario(control=fk.SafetyFilter(0.1, distance=0.5, acceleration=1.0)), "writes no safety filter"),
-        (lambda: scenario(bodies=fk.SingleIntegrator()), "not the rule of SingleIntegrator"),
-        (lambda: fk.papers.vicsek_1995.scenario(seed=0), "not the rule of Heading"),
+        (lambda: scenario(law_of(fk.Consensus(), graph=FieldOfView(2.0, 1.0)), agents=looking()), "by two distances"),
+        (lambda: scenario(law_of(fk.Consensus()), agents=Drifting(), control=fk.Held(0.1)), "no rule by which"),
     ],
 )  # fmt: skip
 def test_what_is_not_exported_is_refused_by_name(given, said):

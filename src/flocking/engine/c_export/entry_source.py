@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from flocking.engine.c_export.exported_law import ExportedLaw
+from flocking.engine.c_export.safety_source import safety_source
 from flocking.engine.kernels.displacements import displacement_lines
 from flocking.formula.c_source import CSource
 
@@ -61,6 +62,9 @@ def entry_source(law: ExportedLaw, name: str, c: CSource, lengths: Sequence[str]
         limit += [f"    const {real} share = {most} / size;"]
         limit += [f"    u[{k}] = u[{k}] * share;" for k in range(m)]
         limit += ["    memory->saturated = 1u;", "}"]
+    # What was filtered was so by the last call.
+    flags = ["memory->filtered = 0u;", "memory->relaxed = 0u;"] if law.filter is not None else []
+    limit += [f"{x}filter(memory, q, p, &seen, u);"] if law.filter is not None else []
     expired = [f"{x}forget(memory, now);"] if law.expires is not None else []
     return f"""\
 /* Where a neighbour is now by what is known, relative to the agent; gives its distance. */
@@ -69,6 +73,7 @@ static {real} {x}offset_of(const {x}message *message, int64_t now, const {real} 
 {{
 {block(predicted, 1)}{offsets}}}
 
+{safety_source(law, c)}\
 int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
                    const {real} p[{X}DIMENSION], {real} u[{X}DIMENSION])
 {{
@@ -85,6 +90,7 @@ int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
     }}
 {block([f"u[{k}] = {zero};" for k in range(m)], 1)}\
     memory->saturated = 0u;
+{block(flags, 1)}\
     for (k = 0u; k < {X}DIMENSION; k++)
     {{
         if (({x}finite(q[k]) == 0u) || ({x}finite(p[k]) == 0u))

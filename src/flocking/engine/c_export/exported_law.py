@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Array, Links
+from flocking.engine.c_export.steering_source import check_steering_terms
 from flocking.engine.kernels.expressions import LawFormulas, law_formulas
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.finite_forces import bounding_poles
+from flocking.engine.sampled.safety import check_filter
 from flocking.errors import InvalidInput, UnsupportedLaw
-from flocking.model.bodies.point_bodies import PointMass
+from flocking.model.bodies.discrete_bodies import Heading, Impulsive
+from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.checks import integer, number
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
@@ -29,8 +32,14 @@ MOST_NEIGHBOURS = 255
 MOST_AGENTS = 65535
 """Largest number of agents: their identifiers have sixteen bits."""
 
+MOST_AXES = 3
+"""Largest number of axes of a safety filter: its conditions that bind at once are looked at one by one."""
+
 MOST_NUMBERS = 1 << 20
 """Largest number of parameters in tables: beyond, no flight computer has the memory."""
+
+WITH_RULES = (Heading, Impulsive, VelocityUnit)
+"""Bodies in discrete time whose rules are written, see `flocking.engine.c_export.velocity_source`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +100,8 @@ class ExportedLaw:
         Whether states are moved on with the velocity they tell.
     limit
         Largest force; None for no limit.
+    filter
+        The safety filter; None where there is none.
     """
 
     scenario: Scenario
@@ -107,6 +118,7 @@ class ExportedLaw:
     expires: int | None
     predict: bool
     limit: float | None
+    filter: SafetyFilter | None
 
     @property
     def n(self) -> int:
@@ -128,10 +140,11 @@ def _check(scenario: Scenario) -> None:
             f"export_c cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent knows. Leave the "
             "terms out that need them."
         )
-    if scenario.agents.order != PointMass().order or scenario.agents.discrete:
+    check_steering_terms(law.steering_terms)
+    if scenario.agents.discrete and type(scenario.agents) not in WITH_RULES:
         raise UnsupportedLaw(
-            f"export_c writes the force of agents of order 2 in continuous time, not the rule of "
-            f"{type(scenario.agents).__name__}."
+            f"export_c knows no rule by which {type(scenario.agents).__name__} agents set their velocity. "
+            f"Use {', '.join(kind.__name__ for kind in WITH_RULES)}."
         )
     for graph in law.graphs:
         if graph.sees_headings or (graph.moves and not graph.follows_radii):
@@ -143,10 +156,10 @@ def _check(scenario: Scenario) -> None:
         if getattr(term, "functional", False) and not averages(law, law.graph_number(term)):
             raise UnsupportedLaw(f"export_c does not count links of the group, as {type(term).__name__} needs.")
     if isinstance(scenario.control, SafetyFilter):
-        raise UnsupportedLaw(
-            "export_c writes no safety filter. Use control=Held(...) with a limit, or fk.Controller on the robot."
-        )
-    if Layout(law, Energy(), space=scenario.space).places:
+        check_filter(scenario)
+        if scenario.start.dimension > MOST_AXES:
+            raise UnsupportedLaw(f"export_c writes safety filters of up to {MOST_AXES} axes, not more.")
+    if Layout(law, Energy(), space=scenario.space, steering=True).places:
         raise UnsupportedLaw("export_c needs leaders whose position has a closed form in time.")
 
 
@@ -180,7 +193,7 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
             "export_c", "neighbours", f"must be at most {MOST_NEIGHBOURS}", kept,
             "Give the largest number of neighbours that an agent may have, as in --neighbours 16.",
         )  # fmt: skip
-    layout = Layout(law, Energy(), space=scenario.space)
+    layout = Layout(law, Energy(), space=scenario.space, steering=True)
     formulas = law_formulas(layout, m, integrals=False)
     start = scenario.start.t
     times = sorted({s for term in law.body_terms for s in term.switch_times(start, np.inf)})
@@ -202,10 +215,15 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
         pole = min(bounding_poles(law, k), default=np.inf)
         closed = bool(getattr(graph, "closed", False))
         graphs.append(ExportedGraph(np.stack(radii, axis=1), closed, fixed, pole, averages(law, k)))
+    control = scenario.control if isinstance(scenario.control, SafetyFilter) else None
+    if control is not None and limit is not None:
+        raise InvalidInput(
+            "export_c", "limit", "must be absent behind a safety filter, whose acceleration bounds the force", limit
+        )
     messages = scenario.information if isinstance(scenario.information, Messages) else None
     return ExportedLaw(
         scenario, formulas, layout, tuple(round((t - start) * PER_SECOND) for t in times), P, A, W, rows,
         tuple(graphs), ranges, kept, None if messages is None else messages.expires_in_nanoseconds,
         messages is not None and messages.predict,
-        None if limit is None else number("export_c", "limit", limit, above=0.0),
+        None if limit is None else number("export_c", "limit", limit, above=0.0), control,
     )  # fmt: skip

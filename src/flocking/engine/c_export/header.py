@@ -36,6 +36,24 @@ def header(law: ExportedLaw, name: str, *, single: bool) -> str:
         Whether numbers are of single precision.
     """
     x, X = f"{name}_", f"{name.upper()}_"
+    kept = (
+        f"    {x}real normals[{X}NEIGHBOURS][{X}DIMENSION]; /* lines along which neighbours were braked for */\n"
+        if law.filter is not None and law.filter.form == "sampled"
+        else ""
+    )
+    velocity = (
+        f"/* The velocity that the agent sets at a tick, from its own and the force of the law, without noise. */\n"
+        f"void {x}velocity(const {x}memory *memory, const {x}real p[{X}DIMENSION], const {x}real u[{X}DIMENSION],\n"
+        f"                  {x}real v[{X}DIMENSION]);\n\n"
+        if law.scenario.agents.discrete
+        else ""
+    )
+    said = (
+        "    uint8_t filtered; /* whether the safety filter changed the last force */\n"
+        "    uint8_t relaxed; /* whether its conditions contradicted each other */\n"
+        if law.filter is not None
+        else ""
+    )
     codes = "\n".join(
         f"    {X}{code} = {k}{',' if k + 1 < len(STATUS) else ''} /* {meaning} */"
         for k, (code, meaning) in enumerate(STATUS)
@@ -74,7 +92,7 @@ typedef struct
 typedef struct
 {{
     {x}message known[{X}NEIGHBOURS];
-    int64_t time;
+{kept}    int64_t time;
     uint32_t links[{X}GRAPHS][{X}WORDS]; /* a bit for each slot of known */
     uint32_t used[{X}WORDS];
     uint16_t order[{X}NEIGHBOURS]; /* slots in use, by sender */
@@ -82,7 +100,7 @@ typedef struct
     uint16_t agent;
     uint8_t begun;
     uint8_t saturated; /* whether the last force was scaled back to the limit */
-}} {x}memory;
+{said}}} {x}memory;
 
 /* Begin as agent number agent, below {X}AGENTS. */
 int32_t {x}begin({x}memory *memory, uint16_t agent);
@@ -98,5 +116,5 @@ int32_t {x}start({x}memory *memory, int64_t now, const {x}real q[{X}DIMENSION]);
 int32_t {x}control({x}memory *memory, int64_t now, const {x}real q[{X}DIMENSION],
                    const {x}real p[{X}DIMENSION], {x}real u[{X}DIMENSION]);
 
-#endif
+{velocity}#endif
 """

@@ -13,6 +13,8 @@ from flocking.engine.c_export.elementary_functions import Precision, elementary_
 from flocking.engine.c_export.entry_source import block, entry_source
 from flocking.engine.c_export.exported_law import ExportedGraph, ExportedLaw
 from flocking.engine.c_export.memory_source import memory_source
+from flocking.engine.c_export.steering_source import steering_functions, steering_source
+from flocking.engine.c_export.velocity_source import velocity_source
 from flocking.engine.kernels.pieces import held
 from flocking.engine.kernels.source_text import free_names, nonzero
 from flocking.errors import UnsupportedLaw
@@ -65,6 +67,8 @@ class _Writer:
         self.phases = len(law.changes) + 1
         self.agents = 1 if (law.A[:, :, :1] == law.A).all() else law.n
         self._read: set[str] = set()
+        # Laws of agents of order 1 see no velocities.
+        self.moves = law.scenario.agents.order > 1
 
     # Tables.
 
@@ -108,7 +112,12 @@ class _Writer:
     # Formulas.
 
     def _vector(self, name: str, array: str, used: Iterable[str]) -> list[str]:
-        return [f"const {self.real} {name}{k} = {array}[{k}];" for k in range(self.law.m) if f"{name}{k}" in set(used)]
+        value = f"{array}[{{k}}]" if name != "p" or self.moves else self.c.literal(0.0)
+        return [
+            f"const {self.real} {name}{k} = {value.format(k=k)};"
+            for k in range(self.law.m)
+            if f"{name}{k}" in set(used)
+        ]
 
     def pairs(self, number: int) -> str:
         """Loop over the neighbours in one graph."""
@@ -122,7 +131,8 @@ class _Writer:
         offset = "along" in chosen or "radial" in names.others
         body = [f"const {self.real} d{k} = seen->offset[slot][{k}];" for k in range(m)] if offset else []
         if "drag" in chosen or names.others & {"speed2", "radial"}:
-            body += [f"const {self.real} v{k} = memory->known[slot].p[{k}] - p[{k}];" for k in range(m)]
+            moving = "memory->known[slot].p[{k}] - p[{k}]" if self.moves else self.c.literal(0.0)
+            body += [f"const {self.real} v{k} = {moving.format(k=k)};" for k in range(m)]
         needs_r = "along" in chosen or split or names.others & {"r", "radial"}
         if needs_r:
             body += [f"const {self.real} r = seen->distance[slot];"]
@@ -214,7 +224,8 @@ class _Writer:
         parts = [self.pairs(k) for k in range(len(law.graphs))]
         parts += [self.obstacles(k) for k in range(len(law.formulas.obstacles))]
         parts.append(self.alone())
-        code = "".join(parts)
+        steering = steering_source(law.scenario.law.steering_terms, self.c, m)
+        code = "".join([*parts, steering])
         zero = self.c.literal(0.0)
         reads = _words(code)
         declared = ["const uint16_t agent = memory->agent;"] if "agent" in reads else []
@@ -240,7 +251,7 @@ class _Writer:
         unused = [name for name in ("memory", "now", "q", "p", "seen") if name not in known]
         lines = [*declared, f"{real} sum[{X}DIMENSION] = {{ {', '.join([zero] * m)} }};"]
         lines += [f"(void){name};" for name in unused]
-        return (
+        return steering_functions(steering, self.c) + (
             f"/* Neighbours as they are seen now, by slot, and a bit for each that is linked, of every graph. */\n"
             f"typedef struct\n{{\n    {real} offset[{X}NEIGHBOURS][{X}DIMENSION];\n"
             f"    {real} distance[{X}NEIGHBOURS];\n"
@@ -248,6 +259,7 @@ class _Writer:
             f"/* The sum over neighbours, obstacles and the agent's own terms. */\n{signature}{{\n"
             f"{block([*lines, *steps], 1)}{code}{block(finish, 1)}}}\n\n"
             + entry_source(law, self.x[:-1], self.c, lengths)
+            + velocity_source(law, self.c)
         )
 
     def _finish(self, pole: bool, meets: bool) -> list[str]:
@@ -263,7 +275,8 @@ class _Writer:
 
 
 def _words(text: str) -> set[str]:
-    return set(re.findall(r"[A-Za-z_]\w*", text))
+    """Names in a text of C, but those of members of structures."""
+    return set(re.findall(r"(?<![.>\w])[A-Za-z_]\w*", text))
 
 
 def _reads(formulas: dict[str, sympy.Expr], name: str) -> bool:

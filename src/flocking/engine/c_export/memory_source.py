@@ -160,6 +160,14 @@ def _interface(law: ExportedLaw, x: str, X: str) -> str:
         if law.expires is not None
         else "    (void)now;\n"
     )
+    fresh, made = "", ""
+    if law.filter is not None:
+        fresh = "    memory->filtered = 0u;\n    memory->relaxed = 0u;\n"
+        if law.filter.form == "sampled":
+            made = (
+                f"        for (k = 0u; k < {X}DIMENSION; k++)\n        {{\n"
+                f"            memory->normals[slot][k] = ({x}real)0;\n        }}\n"
+            )
     below = f"(agent < {X}AGENTS)" if law.n < 65536 else "(1 == 1)"
     return f"""\
 /* The first place in the order whose sender is not below another. */
@@ -193,6 +201,7 @@ int32_t {x}begin({x}memory *memory, uint16_t agent)
     memory->count = 0u;
     memory->begun = 0u;
     memory->saturated = 0u;
+{fresh}\
     memory->time = INT64_MIN;
     return {X}OK;
 }}
@@ -245,6 +254,7 @@ int32_t {x}receive({x}memory *memory, int64_t now, const {x}message *message)
         }}
         memory->order[place] = slot;
         memory->count++;
+{made}\
     }}
     memory->known[slot] = *message;
     return {X}OK;

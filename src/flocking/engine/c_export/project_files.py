@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from flocking.engine.c_export.elementary_functions import BOUNDS
 from flocking.engine.c_export.exported_law import ExportedLaw
 from flocking.engine.c_export.header import STATUS
+from flocking.engine.c_export.steering_source import steering_latex
 from flocking.engine.runs.provenance import provenance
 
 if TYPE_CHECKING:
@@ -107,6 +108,21 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     receiver = f"forgotten after {law.expires} ns" if law.expires is not None else "never forgotten"
     receiver += ", and moved on with the velocity they tell" if law.predict else ", and held as they were sent"
     limit = "none" if law.limit is None else f"{law.limit:g}; longer forces are scaled back"
+    rule = ""
+    if scenario.agents.discrete:
+        rule = (
+            f"`{name}_velocity` then gives the velocity that the agent sets at the tick, without the noise of its body."
+        )
+    elif scenario.agents.order == 1:
+        rule = (
+            "Agents are of order 1: the force is the velocity to take, and no velocity is read but to move samples on."
+        )
+    elif law.filter is not None:
+        rule = (
+            f"The force is that of a safety filter (form {law.filter.form!r}, distance {law.filter.distance:g}), which "
+            f"looks at all whose states are kept. `memory.filtered` and `memory.relaxed` say what it did. Where the "
+            f"code is not `{X}_OK` the force is zero and nothing is filtered: brake."
+        )
     return f"""\
 # The control law of `{scenario.name or "a flock"}` in C99
 
@@ -121,6 +137,7 @@ IEEE 754. There is no heap, no library of mathematics, and every loop ends after
 ## Calls
 
 `{name}_begin` once; `{name}_receive` for every message that arrives; `{name}_control` at every tick, for the force.
+{rule}
 Times are nanoseconds from the start of the scenario. Within single precision a leader's time has 24 bits.
 
 | code | value | meaning |
@@ -164,6 +181,8 @@ def formulas(law: ExportedLaw) -> str:
         lines += [f"Graph {k}:", "", f"$$a = {latex(pair.along)}, \\qquad b = {latex(pair.drag)}$$", ""]
     for k, force in enumerate(law.formulas.body.force):
         lines += [f"$$f_{k} = {latex(force)}$$", ""]
+    for term in law.scenario.law.steering_terms:
+        lines += [f"{type(term).__name__}, over all of whom a state is known:", "", f"$${steering_latex(term)}$$", ""]
     for number, group in enumerate(law.formulas.obstacles):
         lines += [f"Obstacles {number}, within the range {law.ranges[number][0]:g} of their surface:", ""]
         lines += [f"$$\\mathrm{{{name}}} = {latex(e)}$$\n" for stage in group.stages() for name, e in stage.items()

@@ -298,6 +298,7 @@ def control_of(
     mass: float = 1.0,
     damping: float = 0.0,
     space: Space = OPEN,
+    seen: Sequence[Agent] | None = None,
 ) -> Array:
     """Control of one agent from what that agent may know: itself, its neighbours, the leader and the time.
 
@@ -316,6 +317,9 @@ def control_of(
         Mass and velocity damping of the agent.
     space
         Where they live.
+    seen
+        All agents that it sees, linked or not, of which steering terms take those within their radius; the neighbours
+        when absent.
 
     Returns
     -------
@@ -340,12 +344,13 @@ def control_of(
             "Use control(law, state), which sees the whole group.",
         )  # fmt: skip
     m = len(agent.q)
-    layout = Layout(law, Energy(), space=space)
+    layout = Layout(law, Energy(), space=space, steering=True)
     module = array_kernels(layout, m)
     lists = neighbours if isinstance(neighbours, Mapping) else {law.graph: neighbours}
     rule = "must be agents with as many coordinates"
     lists = {graph: listed("control_of", "neighbours", group, rule) for graph, group in lists.items()}
-    for seen_one in (b for group in lists.values() for b in group):
+    around = None if seen is None else listed("control_of", "seen", seen, rule)
+    for seen_one in (b for group in (*lists.values(), around or ()) for b in group):
         if not isinstance(seen_one, Agent) or len(seen_one.q) != m:
             raise InvalidInput("control_of", "neighbours", rule, seen_one)
     count = 1 + max([agent.index, *(b.index for group in lists.values() for b in group)])
@@ -376,6 +381,10 @@ def control_of(
     alone = {k: np.reshape(v, 1) if k != "t" else v for k, v in given.items()}
     for _, values in obstacles_met(law, layout, module, agent.q[None], P, alone):
         u += np.array([values[f"force{k}"].sum() for k in range(m)])
+    if law.steering_terms:
+        others = {b.index: b for group in lists.values() for b in group} if around is None else dict(enumerate(around))
+        q, p = (np.array([getattr(agent, x), *(getattr(b, x) for b in others.values())]) for x in "qp")
+        u += steering_forces(law, q, p, space, np.array([0]))[0]
     return u
 
 

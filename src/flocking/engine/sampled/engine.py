@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.sampled.actuation import check_bodies, point_of
+from flocking.engine.sampled.safety import check_filter
 from flocking.engine.sampled.session import SampledOptions, SampledSession
 from flocking.errors import UnsupportedLaw
-from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
@@ -41,10 +39,8 @@ class SampledEngine(Engine):
         if not isinstance(scenario.information, Instant | Messages):
             raise UnsupportedLaw("engine='sampled' knows no information but Instant and Messages.")
         check_nanoseconds(scenario)
-        if isinstance(scenario.control, SafetyFilter) and not (
-            is_point_mass(scenario.agents) and not np.any(np.asarray(scenario.agents.damping))
-        ):
-            raise UnsupportedLaw("SafetyFilter is for undamped point masses, which brake by their force alone.")
+        if isinstance(scenario.control, SafetyFilter):
+            check_filter(scenario)
         check_bodies(self.name, scenario.agents)
         check_law(self.name, scenario, plant, point_of(scenario.agents), obstacles=True)
 

@@ -10,6 +10,9 @@ from flocking.arrays import Array, Links
 from flocking.engine.sampled.knowledge import Known
 from flocking.engine.sampled.nearest_force import nearest
 from flocking.engine.sampled.stopping import Planes, beside_balls, between, stopping_acceleration, stopping_paths
+from flocking.errors import UnsupportedLaw
+from flocking.model.bodies.point_bodies import is_point_mass
+from flocking.model.law import Scenario
 from flocking.model.space import Space
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND
@@ -85,6 +88,24 @@ def continuous_bound(dp: Array, dv: Array, braking: Array, distance: float, gain
         across = ((dv**2).sum(axis=1) - opening**2) / r
         bound = -(gain * (root + opening) ** 3 + across + braking * opening / root)
     return np.clip(np.where(np.isfinite(bound), bound, braking), -ASKED * braking, ASKED * braking)
+
+
+def check_filter(scenario: Scenario) -> None:
+    """Refuse a safety filter of bodies that do not brake as it assumes.
+
+    Parameters
+    ----------
+    scenario
+        A scenario whose control is a safety filter.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When there are such bodies.
+    """
+    bodies = scenario.agents
+    if not is_point_mass(bodies) or np.any(np.asarray(bodies.damping)):
+        raise UnsupportedLaw("SafetyFilter is for undamped point masses, which brake by their force alone.")
 
 
 class ForceFilter:
@@ -172,6 +193,8 @@ class ForceFilter:
         control, own = self.control, self.most[i]
         braking = own + self.most[others]
         r = np.linalg.norm(dp, axis=1)
+        # Of whom nothing is known any more the line is forgotten, as its link is.
+        self.memory.normals[i, ~others] = 0.0
         held = self.memory.normals[i, others]
         apart = r > 0.0
         line = np.where(apart[:, None], dp / np.where(apart, r, 1.0)[:, None], held)

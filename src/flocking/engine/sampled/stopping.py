@@ -22,6 +22,10 @@ from flocking.engine.sampled.nearest_force import nearest
 SHARES = 32
 """Parts into which the way from braking to the wanted acceleration is divided, and the last part again."""
 
+ROUNDING = 64 * float(np.finfo(np.float64).eps)
+"""Rounding, by the length of a stopping path and the distance, within which braking keeps the planes that it reaches:
+some dozens of operations. A million ticks add up to a hundredth of the margin of the filter."""
+
 RELAXED = 1e-9
 """Relaxation of a plane, by the distance, that rounding explains."""
 
@@ -147,11 +151,12 @@ def between(d: Array, q: Array, e: Array, distance: float) -> Planes:
     own, theirs = nearest_points(d, q, e)
     away = own - theirs
     size = np.linalg.norm(away, axis=1)
-    # Where paths meet there is no plane: away from the other agent, as far as braking allows.
+    # Where paths meet, but for rounding, there is no plane: away from the other agent, as far as braking allows.
     instead = -q
     far = np.linalg.norm(instead, axis=1)
+    apart = size > ROUNDING * (float(np.linalg.norm(d)) + far + np.linalg.norm(e, axis=1))
     normals = np.where(
-        (size > 0.0)[:, None], away / np.where(size > 0.0, size, 1.0)[:, None],
+        apart[:, None], away / np.where(size > 0.0, size, 1.0)[:, None],
         instead / np.where(far > 0.0, far, 1.0)[:, None],
     )  # fmt: skip
     levels = 0.5 * (normals * (own + theirs)).sum(axis=1) + 0.5 * distance
@@ -195,7 +200,8 @@ def stopping_acceleration(
         The distance, by which relaxations are measured.
     """
     brake = braking(v, most, period)
-    reached = np.minimum(0.0, planes.normals @ stopping_paths(v[None], most, period)[0])
+    path = stopping_paths(v[None], most, period)[0]
+    reached = np.minimum(0.0, planes.normals @ path) - ROUNDING * (float(np.linalg.norm(path)) + distance)
     held = Planes(planes.normals, np.minimum(planes.levels, reached))
     fits = bool((planes.levels - held.levels <= RELAXED * distance).all())
     size = float(np.linalg.norm(wanted))
