@@ -2,10 +2,11 @@
 Olfati-Saber 2006: Algorithms 1, 2 and 3
 ========================================
 
-Flocking for Multi-Agent Dynamic Systems (IEEE TAC 51, 2006) measures distances by the sigma-norm
-(sqrt(1 + eps z^2) - 1)/eps, which is smooth at zero, and lets links fade by a bump function of it. Algorithm 1 flocks without
-a goal and falls apart, Algorithm 2 gathers the group, Algorithm 3 takes it past obstacles. The package
-``fk.papers.olfati_saber_2006`` holds systems, claims and closed forms; ``flocking reproduce olfati-saber-2006`` judges them.
+Flocking for Multi-Agent Dynamic Systems (IEEE TAC 51, 2006) measures distances by the sigma-norm (sqrt(1 + eps z^2) -
+1)/eps, which is smooth at zero, and lets links fade by a bump function of it. Algorithm 1 flocks without a goal and
+falls apart, Algorithm 2 gathers the group, Algorithm 3 takes it past obstacles. The package
+``fk.papers.olfati_saber_2006`` holds systems, claims and closed forms; ``flocking reproduce olfati-saber-2006``
+judges them.
 """
 
 import flocking as fk
@@ -17,8 +18,8 @@ from flocking.show.sheet import panel, sheet
 article = paper("olfati-saber-2006")
 
 # %%
-# The law of Algorithm 2 from parts: a smooth net that compares sigma-norms, a potential whose force the bump weights, velocity
-# consensus with the same weights, and the pursuit of the gamma-agent.
+# The law of Algorithm 2 from parts: a smooth net that compares sigma-norms, a potential whose force the bump weights,
+# velocity consensus with the same weights, and the pursuit of the gamma-agent.
 
 print(article.scenario().law)
 

@@ -2,9 +2,9 @@
 Own terms and several graphs
 ============================
 
-Separation, alignment and cohesion as formulas: each rule is a pair term over its own graph. The library lets a law have
-several, and locates the switches of all of them. A fourth part, written here, keeps a cruising speed. The boids of Reynolds
-(1987), with cones of perception in discrete time, are a paper of their own: ``fk.papers.reynolds_1987``.
+Separation, alignment and cohesion as formulas: each rule is a pair term over its own graph. The library lets a law
+have several, and locates the switches of all of them. A fourth part, written here, keeps a cruising speed. The boids
+of Reynolds (1987), with cones of perception in discrete time, are a paper of their own: ``fk.papers.reynolds_1987``.
 """
 
 from dataclasses import dataclass

@@ -2,9 +2,10 @@
 Reynolds: boids
 ===============
 
-Boids steer apart from those near, along with their headings and towards their centroid, each within a cone about its own
-heading (SIGGRAPH 1987). The paper prints no parameters; those here are of its author's later open library. The package
-``fk.papers.reynolds_1987`` holds the systems, the claims and the figures; ``flocking reproduce reynolds-1987`` judges them.
+Boids steer apart from those near, along with their headings and towards their centroid, each within a cone about its
+own heading (SIGGRAPH 1987). The paper prints no parameters; those here are of its author's later open library. The
+package ``fk.papers.reynolds_1987`` holds the systems, the claims and the figures; ``flocking reproduce
+reynolds-1987`` judges them.
 """
 
 import numpy as np
@@ -16,8 +17,8 @@ from flocking.papers import paper
 article = paper("reynolds-1987")
 
 # %%
-# 200 boids of largest speed 9 in a ball of radius 20, from above, and the birds of a public comparison of frameworks for
-# agent-based models, which act one after another in random order.
+# 200 boids of largest speed 9 in a ball of radius 20, from above, and the birds of a public comparison of frameworks
+# for agent-based models, which act one after another in random order.
 
 names = ("reynolds-1987", "reynolds-1987-comparison-small", "reynolds-1987-comparison-large")
 runs = [fk.simulate(article.scenario(name=name), progress=False) for name in names]

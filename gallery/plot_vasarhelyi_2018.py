@@ -2,9 +2,9 @@
 Vasarhelyi et al.: drones in an arena
 =====================================
 
-Wanted velocities from self-propulsion, repulsion, alignment beyond a braking curve, and virtual agents at the walls. Vehicles
-follow them with a lag, a largest acceleration and noise, and hear of each other a second late (Sci. Robot. 3, 2018). The
-package ``fk.papers.vasarhelyi_2018`` holds the systems, the claims and the figures.
+Wanted velocities from self-propulsion, repulsion, alignment beyond a braking curve, and virtual agents at the walls.
+Vehicles follow them with a lag, a largest acceleration and noise, and hear of each other a second late (Sci. Robot.
+3, 2018). The package ``fk.papers.vasarhelyi_2018`` holds the systems, the claims and the figures.
 """
 
 import numpy as np
@@ -15,9 +15,9 @@ from flocking.papers import paper
 article = paper("vasarhelyi-2018")
 
 # %%
-# Two minutes of the main scenario, whose parameters are those of the released file; of the flock as the released program
-# runs it, from rest and with wanted velocities of one length; of one with the parameters that the authors' optimisation
-# found, as commonly cited; and of that one among obstacles.
+# Two minutes of the main scenario, whose parameters are those of the released file; of the flock as the released
+# program runs it, from rest and with wanted velocities of one length; of one with the parameters that the authors'
+# optimisation found, as commonly cited; and of that one among obstacles.
 
 names = [f"vasarhelyi-2018{name}" for name in ("", "-program", "-optimized", "-obstacles")]
 scenarios = [article.scenario(name=name).with_(t_end=120.0, frames=121) for name in names]
@@ -26,8 +26,9 @@ flocks = article.figure(1, *runs)
 flocks.savefig("plot_vasarhelyi_2018.png", dpi=150)
 
 # %%
-# The six order parameters over time, and their means after a minute. With the parameters of the released file directions
-# do not correlate; with those of the optimisation, whose alignment reaches further and is stronger, a flock arises.
+# The six order parameters over time, and their means after a minute. With the parameters of the released file
+# directions do not correlate; with those of the optimisation, whose alignment reaches further and is stronger, a
+# flock arises.
 
 parameters = article.figure(2, runs[0], runs[2])
 found = {name: article.order_parameters(run) for name, run in zip(names, runs, strict=True)}

@@ -13,8 +13,8 @@ from flocking.papers import paper
 article = paper("vicsek-1995")
 
 # %%
-# Three groups of 300: at a high density and much noise, at a low density, and at a high density and little noise. Behind each
-# agent is the path of its last twenty updates.
+# Three groups of 300: at a high density and much noise, at a low density, and at a high density and little noise.
+# Behind each agent is the path of its last twenty updates.
 
 names = ("vicsek-1995", "vicsek-1995-gathering", "vicsek-1995-ordered")
 runs = [fk.simulate(article.scenario(name=name), progress=False) for name in names]
@@ -22,8 +22,8 @@ groups = article.figure(1, *runs)
 groups.savefig("plot_vicsek_1995.png", dpi=150)
 
 # %%
-# What is judged of each run is its rule, update by update, from the frames alone. A motion with the velocity after the update
-# instead of the one before it, or with other noise, fails.
+# What is judged of each run is its rule, update by update, from the frames alone. A motion with the velocity after
+# the update instead of the one before it, or with other noise, fails.
 
 verdicts = {result.claim.key: str(result.verdict) for result in fk.audit(runs[0], article.claims()).results}
 print(verdicts)

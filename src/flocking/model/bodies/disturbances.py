@@ -101,7 +101,8 @@ class Disturbed(WrappedBody):
             Numbers of agents and axes.
         """
         found = normal_axes(self.seed, Purpose.GUST, np.arange(n), number, dimension)
-        return np.stack(found, axis=1) / self._seconds**0.5
+        gusts: Array = np.stack(found, axis=1) / self._seconds**0.5
+        return gusts
 
     def own_held(self, dimension: int) -> tuple[str, ...]:
         """The gust of intensity 1 along each axis."""
