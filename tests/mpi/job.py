@@ -36,7 +36,7 @@ def main():
     made = scenario(asked["law"], asked["dimension"], **asked.get("scenario", {}))
     if asked.get("order") == 1:
         made = made.with_(agents=fk.SingleIntegrator(made.agents.masses))
-    session = LammpsSession(made, LammpsOptions(step=asked["step"], **asked.get("options", {})))
+    session = LammpsSession(made, LammpsOptions(step=asked["step"], forces="pair styles", **asked.get("options", {})))
     before = session.ranks.comm.gather(set(session.atoms.ids.tolist()))
     if "die_at" in asked:
         doomed = session.ranks.size - 1

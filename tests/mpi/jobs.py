@@ -13,13 +13,15 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 MPIEXEC = str(Path(sys.executable).with_name("mpiexec"))
 TOO_LONG = 240
+WAITING = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "MPIR_CVAR_POLLS_BEFORE_YIELD": "20"}
+"""Ranks that wait leave the processor to others: there are more ranks than processors."""
 
 
-def launch(ranks, *words):
-    """Run a command on some ranks; the finished process."""
+def launch(ranks, *words, limit=TOO_LONG):
+    """Run a command on some ranks, for ``limit`` seconds at most; the finished process."""
     return subprocess.run(
-        [MPIEXEC, "-n", str(ranks), *words], cwd=ROOT, capture_output=True, text=True, timeout=TOO_LONG,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
+        [MPIEXEC, "-n", str(ranks), *words], cwd=ROOT, capture_output=True, text=True, timeout=limit,
+        env={**os.environ, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", **WAITING},
     )  # fmt: skip
 
 

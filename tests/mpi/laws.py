@@ -11,6 +11,8 @@ from flocking.papers.tanner_2003_dynamic import system as tanner
 
 SPACING = 7.0
 RADIUS = 8.4
+PAIR_STYLES = {"engine": "lammps", "forces": "pair styles"}
+"""A run by the pair styles of LAMMPS, which these laws can be expressed by."""
 
 
 def _alpha(weighting="energy", a=1.0, b=5.0):

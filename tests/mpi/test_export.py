@@ -16,6 +16,7 @@ from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from flocking.errors import InvalidInput, StorageError
 from tests.mpi.job import scenario
 from tests.mpi.jobs import MPIEXEC
+from tests.mpi.laws import PAIR_STYLES
 
 pytestmark = pytest.mark.mpi
 LMP = str(Path(sys.executable).with_name("lmp"))
@@ -39,7 +40,7 @@ def test_lammps_alone_runs_the_deck_on_two_ranks(tmp_path, name, dimension):
     done = subprocess.run(words, cwd=deck.parent, env=library, capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     q, p = frames(deck.parent / "frames.lammpstrj", 100, dimension)
-    run = fk.simulate(made, engine="lammps", step=0.01, ledger=0, progress=False)
+    run = fk.simulate(made, **PAIR_STYLES, step=0.01, ledger=0, progress=False)
     np.testing.assert_allclose(q, run.q, rtol=0, atol=1e-10)
     np.testing.assert_allclose(p, run.p, rtol=0, atol=1e-10)
 
@@ -51,7 +52,7 @@ def test_one_process_runs_the_deck_as_written(tmp_path):
     done = subprocess.run([LMP, "-in", deck.name], cwd=deck.parent, capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     q, _ = frames(deck.parent / "frames.lammpstrj", 40, 2)
-    run = fk.simulate(made, engine="lammps", step=0.01, ledger=0, progress=False)
+    run = fk.simulate(made, **PAIR_STYLES, step=0.01, ledger=0, progress=False)
     np.testing.assert_allclose(q, run.q, rtol=0, atol=1e-10)
 
 

@@ -8,7 +8,7 @@ import pytest
 import flocking as fk
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from tests.mpi.jobs import run_job
-from tests.mpi.laws import law, start
+from tests.mpi.laws import PAIR_STYLES, law, start
 
 pytestmark = pytest.mark.mpi
 
@@ -20,9 +20,7 @@ def test_the_box_follows_a_flock_across_many_times_its_size(dimension):
     speed = np.array([400.0, -250.0, 150.0])[:dimension]
     moving = fk.State(still.q, still.p + speed)
     one, other = (
-        fk.simulate(
-            fk.Scenario(found, s, t_end=2.0, frames=3, agents=agents), engine="lammps", step=0.01, progress=False
-        )
+        fk.simulate(fk.Scenario(found, s, t_end=2.0, frames=3, agents=agents), **PAIR_STYLES, step=0.01, progress=False)
         for s in (still, moving)
     )
     assert np.abs(other.q[-1]).max() > 700.0
@@ -36,7 +34,7 @@ def test_a_flock_far_from_the_origin_and_one_that_scatters():
     far = fk.State(here.q + 1e5, here.p)
     one, other = (
         fk.simulate(
-            fk.Scenario(found, s, t_end=1.0, frames=2, agents=agents), engine="lammps", step=0.005, progress=False
+            fk.Scenario(found, s, t_end=1.0, frames=2, agents=agents), **PAIR_STYLES, step=0.005, progress=False
         )
         for s in (here, far)
     )
@@ -59,7 +57,7 @@ def test_ranks_share_a_crowd_evenly_at_the_start_and_where_it_has_gone(tmp_path)
 def test_the_skin_changes_nothing_but_rounding():
     found, agents = law("tanner II (5)", 2, 100)
     made = fk.Scenario(found, start(2, 100, speed=3.0), t_end=1.0, frames=2, agents=agents)
-    runs = [fk.simulate(made, engine="lammps", step=0.01, skin=skin, progress=False) for skin in (0.05, 1.0, 6.0)]
+    runs = [fk.simulate(made, **PAIR_STYLES, step=0.01, skin=skin, progress=False) for skin in (0.05, 1.0, 6.0)]
     for other in runs[1:]:
         np.testing.assert_allclose(other.q, runs[0].q, rtol=0, atol=1e-9)
 
@@ -87,7 +85,7 @@ def test_groups_that_fly_apart_go_on_as_if_each_were_alone(dimension):
     assert grown > 0.0
     for state, these, speed, place in ((one, slice(0, 30), 0.0, 0.0), (other, slice(30, 60), away, span)):
         alone = fk.simulate(
-            fk.Scenario(found, state, t_end=1.0, frames=2), engine="lammps", step=0.01, ledger=0, progress=False
+            fk.Scenario(found, state, t_end=1.0, frames=2), **PAIR_STYLES, step=0.01, ledger=0, progress=False
         )
         np.testing.assert_allclose(run.p[-1][these] - speed, alone.p[-1], rtol=0, atol=1e-7)
         np.testing.assert_allclose(run.q[-1][these] - speed - place, alone.q[-1], rtol=0, atol=1e-7)

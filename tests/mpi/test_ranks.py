@@ -15,6 +15,7 @@ from flocking.engine.storage.run_writer import RunWriter
 from flocking.errors import StorageError
 from tests.mpi.job import scenario
 from tests.mpi.jobs import launch, run_job
+from tests.mpi.laws import PAIR_STYLES
 
 pytestmark = pytest.mark.mpi
 RUN = (sys.executable, "-m", "flocking", "run", "--engine", "lammps", "--step", "0.01")
@@ -62,12 +63,11 @@ def test_a_rank_that_dies_ends_the_job_and_the_run_goes_on_from_its_last_commit(
 def test_a_run_killed_before_its_first_commit_begins_anew(tmp_path):
     made = scenario("olfati-saber (35)", 2, n=30, t_end=0.2, frames=3)
     options = {"step": 0.01, "observe": True}
-    RunWriter.create(
-        tmp_path / "run", made, with_links=True, observed=True, session={"engine": "lammps", "options": options}
-    ).close()
+    how = {"engine": "lammps", "options": {**options, "forces": "pair styles"}}
+    RunWriter.create(tmp_path / "run", made, with_links=True, observed=True, session=how).close()
     run = fk.resume(tmp_path / "run", progress=False)
     assert run.finished
-    other = fk.simulate(made, engine="lammps", progress=False, **options)
+    other = fk.simulate(made, **PAIR_STYLES, progress=False, **options)
     np.testing.assert_array_equal(run.q, other.q)
     np.testing.assert_array_equal(fk.read_run(tmp_path / "run").observables["order"], other.observables["order"])
 
@@ -77,7 +77,7 @@ def test_a_flock_that_grows_goes_on_as_if_never_stopped(tmp_path, name):
     """Some of its agents are outside LAMMPS's box when it is stopped between two searches for neighbours."""
     made = scenario(name, 2, n=100, t_end=0.5, frames=3)
     made = made.with_(start=fk.State(made.start.q, 0.6 * made.start.q + made.start.p, 3.0), t_end=3.5)
-    whole = fk.simulate(made, engine="lammps", step=0.01, progress=False)
+    whole = fk.simulate(made, **PAIR_STYLES, step=0.01, progress=False)
     for stop in (1, 7, 23, 40):
         session = LammpsSession(made, LammpsOptions(step=0.01))
         take, calls = session._take_steps, iter(range(10**6))

@@ -12,7 +12,7 @@ from flocking.engine.lammps import library
 from flocking.engine.lammps.deck import make_deck
 from flocking.errors import EngineMissing, InvalidInput, SimulationError, TooCrowded, UnsupportedLaw
 from tests.bodies import Actuated
-from tests.mpi.laws import start
+from tests.mpi.laws import PAIR_STYLES, start
 
 pytestmark = pytest.mark.mpi
 N = 20
@@ -45,7 +45,7 @@ def scenario(graph=None, *terms, agents=None):
 )  # fmt: skip
 def test_refused_by_name_with_a_way_out(made, named):
     with pytest.raises(UnsupportedLaw, match=named) as error:
-        fk.start(made(), "lammps", step=0.01)
+        fk.start(made(), **PAIR_STYLES, step=0.01)
     assert "engine='" in str(error.value)
 
 
@@ -56,7 +56,7 @@ def test_an_agent_too_far_away_for_cells_is_named(monkeypatch):
     q = found.start.q.copy()
     q[3] = [0.0, -1e12]
     with pytest.raises(SimulationError, match=r"agent 3 is 1e\+12 away from the centre.*engine='tiles'") as error:
-        fk.start(found.with_(start=fk.State(q, found.start.p)), "lammps", step=0.01)
+        fk.start(found.with_(start=fk.State(q, found.start.p)), **PAIR_STYLES, step=0.01)
     assert error.value.agents == (3,)
 
 
@@ -67,7 +67,7 @@ def test_one_agent_far_away_in_the_plane_is_run(away):
     q = found.start.q.copy()
     q[3] = away
     found = found.with_(start=fk.State(q, found.start.p), t_end=0.02)
-    run = fk.simulate(found, engine="lammps", step=0.01, progress=False)
+    run = fk.simulate(found, **PAIR_STYLES, step=0.01, progress=False)
     assert run.status == "finished"
 
 
@@ -76,7 +76,7 @@ def test_an_agent_that_goes_too_far_is_told_in_own_words():
     p = found.start.p.copy()
     p[3] = [1e14, 0.0]
     with pytest.raises(SimulationError) as error:
-        fk.simulate(found.with_(start=fk.State(found.start.q, p)), engine="lammps", step=0.01, progress=False)
+        fk.simulate(found.with_(start=fk.State(found.start.q, p)), **PAIR_STYLES, step=0.01, progress=False)
     assert "bins" not in str(error.value)
     assert "lammps.org" not in str(error.value)
 
@@ -86,7 +86,7 @@ def test_a_crowd_in_one_spot_is_refused_within_a_second():
     spot = fk.State(0.5 + 1e-9 * np.random.default_rng(0).random((100_000, 2)))
     begin = time.process_time()
     with pytest.raises(TooCrowded, match=r"neighbour lists would take at least .* too many agents within one radius"):
-        fk.start(fk.Scenario(law, spot, t_end=1.0), "lammps", step=0.01)
+        fk.start(fk.Scenario(law, spot, t_end=1.0), **PAIR_STYLES, step=0.01)
     assert time.process_time() - begin < 1.0
 
 
@@ -98,7 +98,7 @@ def test_options_are_checked():
         {"step": 0.1, "tea": 1},
     ):
         with pytest.raises(InvalidInput):
-            fk.start(scenario(), "lammps", **options)
+            fk.start(scenario(), **PAIR_STYLES, **options)
 
 
 def test_a_missing_library_is_told_with_the_install_line(monkeypatch, tmp_path):
@@ -153,9 +153,9 @@ def test_the_launcher_of_another_mpi_is_told(monkeypatch, name):
     """Each of its processes would be a job of its own and run everything."""
     monkeypatch.setenv(name, "4")
     with pytest.raises(EngineMissing, match=r"4 processes were started together.*mpiexec"):
-        fk.simulate(scenario(), engine="lammps", step=0.1, progress=False)
+        fk.simulate(scenario(), **PAIR_STYLES, step=0.1, progress=False)
     monkeypatch.setenv(name, "1")
-    assert fk.simulate(scenario(), engine="lammps", step=0.1, progress=False).finished
+    assert fk.simulate(scenario(), **PAIR_STYLES, step=0.1, progress=False).finished
 
 
 def test_a_deck_needs_no_library():

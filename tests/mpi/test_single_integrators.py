@@ -18,7 +18,7 @@ from flocking.errors import EngineMissing, LawNotObeyed, StepTooLarge
 from flocking.study.claims.claim import Verdict
 from tests.mpi.job import scenario
 from tests.mpi.jobs import launch, run_job
-from tests.mpi.laws import NAMES, law, start
+from tests.mpi.laws import NAMES, PAIR_STYLES, law, start
 from tests.mpi.test_export import LMP, frames
 
 pytestmark = pytest.mark.mpi
@@ -52,7 +52,7 @@ def test_velocities_are_those_of_the_law(name, dimension):
 )
 def test_steps_are_those_of_the_tiled_engine(name, dimension):
     made = first_order(name, dimension, frames=[0.0, 0.103, 0.25, 0.5])
-    one = fk.simulate(made, engine="lammps", step=0.005, progress=False)
+    one = fk.simulate(made, **PAIR_STYLES, step=0.005, progress=False)
     other = fk.simulate(made, engine="tiles", scheme="euler", step=0.005, ledger=False, progress=False)
     assert np.array_equal(one.t, other.t)
     assert np.abs(one.q[-1] - made.start.q).max() > 0.1
@@ -66,7 +66,7 @@ def test_errors_and_what_the_ledger_leaves_halve_with_the_step():
     exact = fk.simulate(made, engine="exact", progress=False)
     errors, left = [], []
     for step in (0.02, 0.01, 0.005):
-        run = fk.simulate(made, engine="lammps", step=step, progress=False)
+        run = fk.simulate(made, **PAIR_STYLES, step=step, progress=False)
         errors.append(np.abs(run.q[-1] - exact.q[-1]).max())
         left.append(np.abs(run.residual).max())
     for found in (errors, left):
@@ -83,7 +83,7 @@ def test_agreement_follows_its_closed_form():
     begin = fk.start.box(n, side=3.0, seed=2)
     law = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("0.5*r**2"))])
     run = fk.simulate(
-        fk.Scenario(law, begin, t_end, agents=fk.SingleIntegrator()), engine="lammps", step=1e-4, progress=False
+        fk.Scenario(law, begin, t_end, agents=fk.SingleIntegrator()), **PAIR_STYLES, step=1e-4, progress=False
     )  # fmt: skip
     mean = begin.q.mean(axis=0)
     expected = mean + np.exp(-n * t_end) * (begin.q - mean)
@@ -93,14 +93,14 @@ def test_agreement_follows_its_closed_form():
 
 def test_forces_are_held_against_the_law_and_a_gain_one_per_cent_off_fails_the_ledger(monkeypatch):
     made = first_order("olfati-saber (58)", 2, t_end=0.3, frames=2)
-    run = fk.simulate(made, engine="lammps", progress=False)
+    run = fk.simulate(made, **PAIR_STYLES, progress=False)
     assert run.provenance["law_checks"] > 3
     assert run.provenance["law_gap"] < 0.1 * run.provenance["law_gap_allowed"]
     assert fk.audit(run)["ledger"].verdict == Verdict.HOLDS
     gradient, *others = made.law.terms
     stronger = fk.Gradient(gradient.potential.with_parameters(a=1.01, b=5.05))
     plant = fk.Law(made.law.graph, [stronger, *others])
-    found = fk.audit(fk.simulate(made, engine="lammps", plant=plant, progress=False))["ledger"]
+    found = fk.audit(fk.simulate(made, **PAIR_STYLES, plant=plant, progress=False))["ledger"]
     assert found.verdict == Verdict.FAILS
     assert "differs from the declared law" in found.note
     from flocking.engine.lammps import pairs
@@ -108,7 +108,7 @@ def test_forces_are_held_against_the_law_and_a_gain_one_per_cent_off_fails_the_l
     original = pairs.lepton
     monkeypatch.setattr(pairs, "lepton", lambda e: original(1.01 * e))
     with pytest.raises(LawNotObeyed, match="translation"):
-        fk.simulate(made, engine="lammps", progress=False)
+        fk.simulate(made, **PAIR_STYLES, progress=False)
 
 
 def test_a_session_goes_on_with_the_same_motion():
@@ -158,7 +158,7 @@ def test_lammps_alone_runs_the_deck(tmp_path):
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     q, rest = frames(deck.parent / "frames.lammpstrj", 100, 2)
     assert rest.shape[2] == 0
-    run = fk.simulate(made, engine="lammps", step=0.005, ledger=0, progress=False)
+    run = fk.simulate(made, **PAIR_STYLES, step=0.005, ledger=0, progress=False)
     np.testing.assert_allclose(q, run.q, rtol=0, atol=1e-10)
 
 
@@ -167,7 +167,7 @@ def test_pairs_that_move_too_far_for_their_distance_are_told():
     begin = fk.State([[0.0, 0.0], [0.1, 0.0]])
     made = fk.Scenario(law, begin, 0.5, frames=2, agents=fk.SingleIntegrator())
     with pytest.raises(StepTooLarge, match="a pair at distance") as caught:
-        fk.simulate(made, engine="lammps", step=0.1, progress=False)
+        fk.simulate(made, **PAIR_STYLES, step=0.1, progress=False)
     assert caught.value.agents == (0, 1)
     session = LammpsSession(made, LammpsOptions())
     assert session.step < 1e-3

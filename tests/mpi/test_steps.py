@@ -15,6 +15,7 @@ from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import NotFinite, StepTooLarge
 from tests.mpi.job import scenario
 from tests.mpi.jobs import launch
+from tests.mpi.laws import PAIR_STYLES
 
 pytestmark = pytest.mark.mpi
 
@@ -39,7 +40,7 @@ def test_the_step_is_that_of_the_tiled_engine(name, dimension):
     ("name", "dimension"), [("olfati-saber (34)", 2), ("tanner II (5)", 3), ("shi (4)", 2), ("two graphs", 2)]
 )
 def test_books_close_with_the_chosen_step_though_links_switch(name, dimension):
-    run = fk.simulate(scenario(name, dimension, t_end=4.0, frames=3), engine="lammps", progress=False)
+    run = fk.simulate(scenario(name, dimension, t_end=4.0, frames=3), **PAIR_STYLES, progress=False)
     assert run.finished
     assert np.abs(run.trace["jumped"]).max() > 0.05 * run.turnover
     assert np.abs(run.residual).max() < 0.03 * run.turnover
@@ -47,15 +48,15 @@ def test_books_close_with_the_chosen_step_though_links_switch(name, dimension):
 
 def test_rows_of_the_ledger_get_rare_in_large_groups():
     assert [LammpsOptions().rows(n) for n in (1, 5000, 100_000, 10**7)] == [1, 1, 25, 100]
-    assert LammpsOptions(ledger=3).rows(100_000) == 3
+    assert LammpsOptions(ledger=3, forces="pair styles").rows(100_000) == 3
 
 
 def test_a_step_too_large_for_the_ledger_says_which_would_do():
     with pytest.raises(StepTooLarge, match=r"A step of .* would do\.") as caught:
-        fk.simulate(springs(), engine="lammps", step=0.1, progress=False)
+        fk.simulate(springs(), **PAIR_STYLES, step=0.1, progress=False)
     assert len(caught.value.run.t) >= 1
-    assert fk.simulate(springs(), engine="lammps", step=caught.value.would_do, progress=False).finished
-    assert fk.simulate(springs(), engine="lammps", progress=False).finished
+    assert fk.simulate(springs(), **PAIR_STYLES, step=caught.value.would_do, progress=False).finished
+    assert fk.simulate(springs(), **PAIR_STYLES, progress=False).finished
 
 
 def test_a_step_too_large_for_a_collision_says_which_would_do():
@@ -64,7 +65,7 @@ def test_a_step_too_large_for_a_collision_says_which_would_do():
     step, tries = 0.1, 0
     while True:
         try:
-            run = fk.simulate(made, engine="lammps", step=step, progress=False)
+            run = fk.simulate(made, **PAIR_STYLES, step=step, progress=False)
             break
         except StepTooLarge as error:
             # Closer up another, smaller step is needed: what is said holds for what was met until then.
@@ -78,17 +79,17 @@ def test_a_step_too_large_for_a_collision_says_which_would_do():
 def test_a_run_that_flies_apart_says_which_step_would_do():
     made = springs(t_end=100.0, frames=3, strength=1e6)
     with pytest.raises(StepTooLarge, match=r"would do") as caught:
-        fk.simulate(made, engine="lammps", step=0.05, ledger=5, progress=False)
+        fk.simulate(made, **PAIR_STYLES, step=0.05, ledger=5, progress=False)
     assert 0 < caught.value.would_do < 0.001
     short = made.with_(t_end=200 * caught.value.would_do)
-    assert fk.simulate(short, engine="lammps", step=caught.value.would_do, progress=False).finished
+    assert fk.simulate(short, **PAIR_STYLES, step=caught.value.would_do, progress=False).finished
 
 
 def test_a_start_of_infinite_energy_is_told():
     law = fk.Law(fk.Proximity(4.0), [fk.Gradient(fk.Potential("1/(r - 1)**2"))])
     made = fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), 1.0)
     with pytest.raises(NotFinite, match="potential is infinite"):
-        fk.simulate(made, engine="lammps", step=0.01, progress=False)
+        fk.simulate(made, **PAIR_STYLES, step=0.01, progress=False)
 
 
 def test_on_two_ranks_it_is_told_once_and_what_was_computed_stays(tmp_path):

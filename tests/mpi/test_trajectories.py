@@ -7,6 +7,7 @@ import pytest
 
 import flocking as fk
 from tests.mpi.job import scenario
+from tests.mpi.laws import PAIR_STYLES
 
 pytestmark = pytest.mark.mpi
 
@@ -17,7 +18,7 @@ pytestmark = pytest.mark.mpi
 )
 def test_steps_are_those_of_the_tiled_engine(name, dimension):
     made = scenario(name, dimension, frames=[0.0, 0.103, 0.25, 0.5])
-    one = fk.simulate(made, engine="lammps", step=0.01, progress=False)
+    one = fk.simulate(made, **PAIR_STYLES, step=0.01, progress=False)
     other = fk.simulate(made, engine="tiles", step=0.01, ledger=False, progress=False)
     assert np.array_equal(one.t, other.t)
     assert np.abs(one.q[-1] - made.start.q).max() > 0.1
@@ -30,7 +31,7 @@ def test_errors_halve_with_the_step():
     exact = fk.simulate(made, engine="exact", progress=False)
     errors = []
     for step in (0.02, 0.01, 0.005):
-        run = fk.simulate(made, engine="lammps", step=step, ledger=0, progress=False)
+        run = fk.simulate(made, **PAIR_STYLES, step=step, ledger=0, progress=False)
         errors.append(np.abs(run.q[-1] - exact.q[-1]).max())
     assert errors[-1] < 1e-2
     assert 1.6 < errors[0] / errors[1] < 2.6
@@ -39,7 +40,7 @@ def test_errors_halve_with_the_step():
 
 def test_momentum_is_kept_and_the_ledger_closes():
     made = scenario("olfati-saber (35)", 2, t_end=1.0)
-    run = fk.simulate(made, engine="lammps", step=0.005, progress=False)
+    run = fk.simulate(made, **PAIR_STYLES, step=0.005, progress=False)
     drift = np.abs(run.p.sum(axis=1) - run.p[0].sum(axis=0)).max()
     assert drift < 1e-11 * np.abs(run.p[0]).sum()
     trace = run.trace
@@ -50,7 +51,7 @@ def test_momentum_is_kept_and_the_ledger_closes():
 
 def test_an_audit_claims_nothing_that_was_not_recorded():
     made = scenario("olfati-saber (34)", 2, n=60).with_(tolerance=1e-3)
-    run = fk.simulate(made, engine="lammps", step=0.002, progress=False)
+    run = fk.simulate(made, **PAIR_STYLES, step=0.002, progress=False)
     found = {r.claim.key: r for r in fk.audit(run).results}
     assert str(found["momentum"].verdict) == "holds"
     for key in ("linked-apart", "all-apart"):

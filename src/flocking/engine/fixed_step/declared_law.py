@@ -45,8 +45,8 @@ class Group:
     Parameters
     ----------
     q, p
-        Positions and velocities of all agents, shape (N, m). For agents of order 1 the velocities are their controls
-        as computed by the engine; only the supply depends on them.
+        Positions and velocities of all agents that the pairs name, shape (N, m). For agents of order 1 the velocities
+        are their controls as computed by the engine; only the supply depends on them.
     ids
         Number of each agent, shape (N,).
     t
@@ -56,7 +56,8 @@ class Group:
     frame
         Velocity of the frame of the energy, shape (m,).
     mean_q, mean_p
-        Centre of mass and its velocity, shape (m,); NaN if the law does not use them.
+        Centre of mass and its velocity (of agents of order 1 the mean control), shape (m,); NaN if the law does not
+        use them.
     """
 
     q: AnyArray
@@ -167,10 +168,8 @@ class Declared:
             supply += np.bincount(k, value, minlength=count)
             off_supply += np.bincount(k, doubt, minlength=count)
         own_values: dict[str, object] = {"t": group.t, **{f"A{k}": row for k, row in enumerate(A)}}
-        mass = np.broadcast_to(rows[0], n)[group.ids[:n]]
-        mean_u = mass @ np.asarray(group.p[:n], dtype=np.float64) / mass.sum()
         for x in range(m):
-            own_values |= {f"q{x}": q[:, x], f"p{x}": 0.0 * u[:, x], f"u{x}": u[:, x], f"mean_u{x}": mean_u[x]}
+            own_values |= {f"q{x}": q[:, x], f"p{x}": 0.0 * u[:, x], f"u{x}": u[:, x], f"mean_u{x}": group.mean_p[x]}
             own_values |= {f"mean_q{x}": group.mean_q[x], f"mean_p{x}": 0.0}
         own, off = self._both("body_flow", P, own_values, count)
         supply += own["supply"]

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from dataclasses import replace
 
 from flocking.engine.lammps import library
-from flocking.engine.lammps.checks import check_supported
-from flocking.engine.lammps.options import LammpsOptions
+from flocking.engine.lammps.domains.checkpoint import stored_options as domain_options
+from flocking.engine.lammps.domains.options import DomainOptions
+from flocking.engine.lammps.domains.session import DomainSession
+from flocking.engine.lammps.options import KERNELS, PAIR_STYLES, LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.restart import stored_options
 from flocking.engine.lammps.session import LammpsSession
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
+from flocking.engine.tiles.kernels.spec import check_supported
+from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
-
-ROWS_OF_LARGE_GROUPS = 25
-"""Default number of steps between two rows of the ledger, which one rank computes."""
 
 
 class LammpsEngine(Engine):
@@ -25,31 +28,52 @@ class LammpsEngine(Engine):
     name = "lammps"
     summary = "fixed steps on many processes, under mpiexec"
     options = LammpsOptions
-    large_group_options = {"ledger": ROWS_OF_LARGE_GROUPS}  # noqa: RUF012  never changed
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Check that the scenario and the plant are supported."""
-        check_supported(scenario)
+        for law in [scenario.law] if plant is None else [scenario.law, plant]:
+            _check_kernels(scenario.with_(law=law))
         if plant is not None:
-            check_plant("LammpsSession", scenario.law, plant)
-            check_supported(scenario.with_(law=plant))
+            check_plant("DomainSession", scenario.law, plant)
 
-    def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> LammpsSession:
+    def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
         """Start a session. Collective."""
-        assert isinstance(options, LammpsOptions)
-        return LammpsSession(scenario, options, plant=plant)
+        if isinstance(options, LammpsOptions) and options.forces == PAIR_STYLES:
+            return LammpsSession(scenario, options, plant=plant)
+        chosen = options.of_kernels() if isinstance(options, LammpsOptions) else options
+        assert isinstance(chosen, DomainOptions)
+        self.check(scenario, plant)
+        if chosen.threads is None:
+            chosen = replace(chosen, threads=_threads_of_a_rank(self.team()))
+        return DomainSession(scenario, chosen, plant=plant)
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """Restore a session from its packed form. Collective."""
+        if "session" in packed[0]:
+            return DomainSession.unpack(packed, stored, {"threads": _threads_of_a_rank(self.team()), **changes})
         return LammpsSession.unpack(packed, stored, changes)
 
     def team(self) -> Ranks:
         """The ranks of the job."""
         return Ranks(library.communicator())
 
-    def stored_options(self, data: Mapping[str, object]) -> LammpsOptions:
-        """Options of a run on disk, without the log file of LAMMPS."""
-        return stored_options(data)
+    def stored_options(self, data: Mapping[str, object]) -> object:
+        """Options of a run on disk, without the log file of LAMMPS. Runs before there were kernels name no forces."""
+        return domain_options(data) if data.get("forces", PAIR_STYLES) == KERNELS else stored_options(data)
+
+
+def _check_kernels(scenario: Scenario) -> None:
+    """Check that the kernels can run a scenario."""
+    try:
+        check_supported(scenario)
+    except UnsupportedLaw as error:
+        raise UnsupportedLaw(f"engine='lammps' runs the kernels of the tiled engine. {error}") from None
+
+
+def _threads_of_a_rank(ranks: Ranks) -> int:
+    """Threads that a rank has where all ranks of a machine share its processors."""
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    return max(1, processors // ranks.on_this_machine)
 
 
 ENGINE = LammpsEngine()

@@ -109,9 +109,9 @@ class LawCheck:
         judged = np.unique(np.linspace(0, n - 1, min(n, AGENTS)).astype(np.int64))
         number = np.full(n, -1)
         number[judged] = np.arange(len(judged))
-        means = np.array([masses @ x / masses.sum() for x in (state.q, p)])
         frame = frame_velocity(scenario.energy, half, masses)
         seen = p if second else forces
+        means = np.array([masses @ x / masses.sum() for x in (state.q, seen)])
         group = Group(state.q, seen, np.arange(n), state.t, scenario.start.t, frame, *means)
         pairs, tables = [], np.zeros(len(judged))
         for graph, error in zip(scenario.law.graphs, self._tables, strict=True):

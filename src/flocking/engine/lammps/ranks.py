@@ -7,7 +7,8 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeVar
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from flocking.engine.protocol.team import Team
 from flocking.errors import FlockingError, SimulationError
 
 if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
+    from mpi4py.MPI import Comm, Op
 
 T = TypeVar("T")
 
@@ -36,6 +37,16 @@ class Ranks(Team):
     def __init__(self, comm: Comm) -> None:
         self.comm = comm
         self.rank, self.size = int(comm.rank), int(comm.size)
+
+    @cached_property
+    def on_this_machine(self) -> int:
+        """Number of ranks on this machine. Collective at the first call."""
+        from mpi4py import MPI
+
+        beside = self.comm.Split_type(MPI.COMM_TYPE_SHARED)
+        count = int(beside.size)
+        beside.Free()
+        return count
 
     def alone(self, action: Callable[[], T]) -> T | None:
         """Call a function on the first rank. The result stays there; an exception is raised on all ranks.
@@ -69,6 +80,67 @@ class Ranks(Team):
         """
         found: T = self.comm.bcast(self.alone(action))
         return found
+
+    @cached_property
+    def _largest_and_sum(self) -> Op:
+        """The reduction of rows whose first entry says how many of the next are largest values; the rest are sums."""
+        from mpi4py import MPI
+
+        def reduce(one: Any, other: Any, _: MPI.Datatype) -> None:
+            a, b = np.frombuffer(one), np.frombuffer(other)
+            cut = 1 + int(a[0])
+            np.maximum(a[1:cut], b[1:cut], out=b[1:cut])
+            b[cut:] += a[cut:]
+
+        return MPI.Op.Create(reduce, commute=True)
+
+    def reduced(self, largest: Array, sums: Array) -> tuple[Array, Array]:
+        """Largest values and sums over the ranks, in one message. All ranks get the same bits.
+
+        Parameters
+        ----------
+        largest
+            Numbers of which the largest is found.
+        sums
+            Numbers that are added.
+        """
+        if self.size == 1:
+            return largest, sums
+        from mpi4py import MPI
+
+        row = np.concatenate([[float(len(largest))], largest, sums])
+        found = np.empty_like(row)
+        # One row is one element: the reduction never sees a part of it.
+        kind = MPI.DOUBLE.Create_contiguous(len(row)).Commit()
+        self.comm.Allreduce([row, 1, kind], [found, 1, kind], self._largest_and_sum)
+        kind.Free()
+        return found[1 : 1 + len(largest)], found[1 + len(largest) :]
+
+    def agree(self, check: Callable[[], None]) -> None:
+        """Make a check on every rank; the error of the lowest rank that has one is raised on all.
+
+        Parameters
+        ----------
+        check
+            Raises the error. It must not be collective beyond the point where it may do so.
+        """
+        if self.size == 1:
+            check()
+            return
+        from mpi4py import MPI
+
+        failure: FlockingError | None = None
+        try:
+            check()
+        except FlockingError as error:
+            failure = error
+        first = self.comm.allreduce(self.size if failure is None else self.rank, MPI.MIN)
+        if first == self.size:
+            return
+        report = self.comm.bcast(None if failure is None else _reported(failure), root=first)
+        if failure is not None and self.rank == first:
+            raise failure
+        raise _rebuilt(*report)
 
     def end(self, message: str) -> None:
         """Print a message to standard error and abort all ranks of the job.

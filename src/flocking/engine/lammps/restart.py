@@ -11,8 +11,8 @@ from typing import TypedDict, cast
 
 from flocking.arrays import Array
 from flocking.engine.archives.archive import Arrays
-from flocking.engine.archives.data_checks import And, Flag, Integer, Maybe, Names, Real, Row, Table, Text
-from flocking.engine.lammps.options import LammpsOptions
+from flocking.engine.archives.data_checks import And, Flag, Integer, Maybe, Names, Nothing, Real, Row, Table, Text
+from flocking.engine.lammps.options import PAIR_STYLES, LammpsOptions
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -93,12 +93,13 @@ class OptionFields(TypedDict, total=False):
 _OPTIONS = Names(
     {},
     {"step": Maybe(Real()), "skin": Maybe(Real()), "ledger": Maybe(Integer()), "observe": Flag(),
-     "keep_log": Maybe(Text())},
+     "keep_log": Maybe(Text()), "forces": Text(), "scheme": Nothing(), "precision": Text(), "threads": Nothing(),
+     "keep_frames": Flag(), "memory_limit": Nothing()},
 )  # fmt: skip
 
 
 def stored_options(data: object) -> LammpsOptions:
-    """The options of a run on disk, without the log file: its path comes from the file and is not trusted.
+    """The options of a run of pair styles on disk, without the log file: its path is not trusted.
 
     Raises
     ------
@@ -106,7 +107,8 @@ def stored_options(data: object) -> LammpsOptions:
         If they are invalid.
     """
     checked = _OPTIONS.check(data, "options")
-    return LammpsOptions(**cast(OptionFields, {name: x for name, x in checked.items() if name != "keep_log"}))
+    given = {name: x for name, x in checked.items() if name in OptionFields.__annotations__}
+    return LammpsOptions(forces=PAIR_STYLES, **cast(OptionFields, given))
 
 
 def _form(scenario: Scenario) -> Names:

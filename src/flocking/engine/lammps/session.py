@@ -1,4 +1,4 @@
-"""Session of the LAMMPS engine on any number of MPI ranks; all methods are collective."""
+"""Session of the pair styles of LAMMPS on any number of MPI ranks; all methods are collective."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flocking.engine.lammps.atoms import Atoms, LammpsError
 from flocking.engine.lammps.deck import Deck, make_deck
 from flocking.engine.lammps.law_check import LawCheck, check_apart, check_not_crowded
 from flocking.engine.lammps.ledger import observed_state
-from flocking.engine.lammps.options import LammpsOptions
+from flocking.engine.lammps.options import PAIR_STYLES, LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.records import LammpsRecorder
 from flocking.engine.lammps.restart import Restart, packed_restart, unpacked
@@ -95,7 +95,9 @@ class LammpsSession(Session):
         self._sound = scenario.start
         self._judged = 0
         with self.ranks.bound():
-            self.options = replace(options, step=self._time_step(options), ledger=options.rows(scenario.start.n))
+            self.options = replace(
+                options, forces=PAIR_STYLES, step=self._time_step(options), ledger=options.rows(scenario.start.n)
+            )
             self.atoms = Atoms(self.deck, self.ranks, options.keep_log or "none")
             self._begin(restart)
             if restart is None:

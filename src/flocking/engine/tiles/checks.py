@@ -72,7 +72,12 @@ def after_step(
 
 
 def _check_finite(particles: ParticleArrays, time: float) -> None:
-    if np.isfinite(particles.top_speed):
+    if not np.isfinite(particles.top_speed):
+        particles.agree(lambda: _no_infinite_agent(particles, time))
+
+
+def _no_infinite_agent(particles: ParticleArrays, time: float) -> None:
+    if np.isfinite(particles.tile_extremes[:, 0]).all():
         return
     bad = np.flatnonzero(~np.isfinite(particles.X[:, : particles.n]).all(axis=0))
     if not len(bad):
@@ -94,7 +99,10 @@ def closest_pair(particles: ParticleArrays, before: Closest, time: float) -> Clo
     near = _nearest(particles)
     if not near < min(before.distance, FARTHEST):
         return before
-    pair = _closest_in(particles, int(np.argmin(particles.tile_extremes[:, 1])))
+    own = particles.tile_extremes[:, 1]
+    pair = particles.agreed_pair(
+        float(own.min(initial=np.inf)), _closest_in(particles, int(np.argmin(own))) if len(own) else None
+    )
     return before if pair is None else Closest(near, time, pair)
 
 
@@ -108,16 +116,22 @@ def _check_pair_motion(
     """Check that no pair coincides where a formula is singular, or approached too far for its distance."""
     near = _nearest(particles)
     if near == 0.0:
-        _check_contact(particles, time)
+        particles.agree(lambda: _check_contact(particles, time))
     if singular_reach is None:
         return
     top = 2.0 * particles.top_speed * h
     if top > STRIDE * near:
-        _check_strides(particles, h, step, time)
+        particles.refresh_copies(particles.agents)
+        particles.agree(lambda: _check_strides(particles, h, step, time))
     if top > STRIDE * singular_reach:
-        q = particles.Y[: particles.m, : particles.n].T.astype(np.float64)
-        moved = particles.X[: particles.m, : particles.n].T - q
-        check_passing(q, moved, singular_reach, step, time=time, ids=particles.ids, space=particles.space)
+        found = particles.motions()
+        if found is None:
+            particles.agree(lambda: None)
+            return
+        q, moved, ids = found
+        particles.agree(
+            lambda: check_passing(q, moved, singular_reach, step, time=time, ids=ids, space=particles.space)
+        )
 
 
 def _check_contact(particles: ParticleArrays, time: float) -> None:

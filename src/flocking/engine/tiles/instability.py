@@ -141,9 +141,8 @@ class Instability:
 
     def _compare(self, particles: ParticleArrays) -> None:
         if self.rebuilds != particles.rebuilds or self.places is None:
-            self.rebuilds, self.places = particles.rebuilds, particles.place[:: max(1, particles.n // SAMPLE)]
-        m = particles.m
-        change = particles.agents[self.places, m:].astype(np.float64) - particles.successor[self.places, m:]
+            self.rebuilds, self.places = particles.rebuilds, self._sampled(particles)
+        change = self._changes(particles)
         if self.change is not None:
             square, before = float((change**2).sum()), float((self.change**2).sum())
             product, size = float((change * self.change).sum()), float(np.sqrt(square * before))
@@ -156,10 +155,22 @@ class Instability:
             self.turns = self.turns + 1 if product < REVERSED * size and square >= AS_LARGE * before else 0
         self.change = change
 
+    def _sampled(self, particles: ParticleArrays) -> NDArray[np.int32]:
+        """Indices of the sampled agents."""
+        return particles.place[:: max(1, particles.n // SAMPLE)]
+
+    def _changes(self, particles: ParticleArrays) -> Reals:
+        """Changes of the velocities of the sampled agents in the last step."""
+        m = particles.m
+        return particles.agents[self.places, m:].astype(np.float64) - particles.successor[self.places, m:]
+
+    def _farthest(self, particles: ParticleArrays) -> float:
+        """Largest coordinate of the sampled agents."""
+        return float(np.abs(particles.agents[self.places, : particles.m]).max())
+
     def _alternates(self, particles: ParticleArrays, h: float, *, full_window: bool) -> bool:
         """Whether changes of velocity alternate: the most recent ones, or with ``full_window`` those of the window."""
         steadily = full_window and self.compared >= FEWEST and self.products < ALTERNATING * self.sizes
         if self.turns < TURNS and not (steadily and self.late >= 0.5 * self.early):
             return False
-        largest = float(np.abs(particles.agents[self.places, : particles.m]).max())
-        return bool(particles.top_speed * h > STILL * float(np.finfo(particles.dtype).eps) * largest)
+        return bool(particles.top_speed * h > STILL * float(np.finfo(particles.dtype).eps) * self._farthest(particles))

@@ -55,7 +55,7 @@ class LedgerSums:
 
     def read(self, particles: ParticleArrays) -> Array:
         """Add up the sums of the last pass in a fixed order of tiles; returns the three powers."""
-        totals = particles.sums.sum(axis=0)
+        totals = particles.total_sums()
         self.sums = dict(zip(SUMS, (float(x) for x in totals), strict=False))
         # Velocities were taken relative to the mean of half a step before, which has changed since.
         self.sums["kinetic"] -= 0.5 * float((totals[len(SUMS) :] ** 2).sum()) / particles.parameters.mass
@@ -228,6 +228,7 @@ class RungeKutta(Integrator):
         self.ledger_sums.catch_up()
         self._jumped = 0.0
         for attempt in range(6):
+            particles.refresh_copies(particles.agents)
             base = particles.agents.copy()
             if self._try(particles, t, h, base):
                 particles.successor = base
@@ -268,11 +269,11 @@ class RungeKutta(Integrator):
                 combine, particles.size, base, gained, *both, T(weight * h), T(ahead * h), number == 0
             )
             if number == 3 and second:
-                np.add(base, gained, out=particles.agents)
+                np.add(base[: particles.size], gained[: particles.size], out=particles.agents[: particles.size])
             elif number == 3:
-                m = particles.m
-                np.add(base[:, :m], gained[:, :m], out=particles.agents[:, :m])
-                np.divide(gained[:, :m], T(h), out=particles.agents[:, m:])
+                m, own = particles.m, slice(particles.size)
+                np.add(base[own, :m], gained[own, :m], out=particles.agents[own, :m])
+                np.divide(gained[own, :m], T(h), out=particles.agents[own, m:])
             if particles.obstacles is not None:
                 particles.obstacles.used = np.inf
             particles.displacement.bound = np.inf
@@ -282,10 +283,12 @@ class RungeKutta(Integrator):
             np.float64
         ) ** 2
         particles.tile_extremes[:] = tile_extremes
-        top = square.sum(axis=0).max()
-        particles.tile_extremes[0, 0] = top if np.isfinite(top) else np.inf
+        if particles.tiles:
+            top = square.sum(axis=0).max()
+            particles.tile_extremes[:, 0] = 0.0
+            particles.tile_extremes[0, 0] = top if np.isfinite(top) else np.inf
         particles.read_tile_extremes()
-        particles.top_speed = float(np.sqrt(top))
+        particles.top_speed = float(np.sqrt(particles.extremes[0]))
         particles.displacement.elapsed += h
         particles.displacement.bound = np.inf if particles.moving else 0.0
         if self.ledger:

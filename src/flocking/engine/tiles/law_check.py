@@ -84,6 +84,8 @@ class LawCheck:
         if self.motion:
             return
         particles.move(moment.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
+        if self.order == 1:
+            particles.refresh_copies(particles.successor)
         places = self._places(particles, moment)
         q, p = (np.asarray(x.T) for x in (particles.X[: particles.m], particles.X[particles.m :]))
         mass = self._inertia(particles, places)
@@ -112,6 +114,8 @@ class LawCheck:
         """
         if not self.motion:
             return
+        if self.order == 1:
+            particles.refresh_copies(particles.agents)
         m, places = particles.m, self._places(particles, moment)
         before, after = (x[:, places].T.astype(np.float64) for x in (particles.Y, particles.X))
         mass = self._inertia(particles, places)
@@ -138,6 +142,8 @@ class LawCheck:
         All agents of a tile are taken, since sums are per tile.
         """
         count = min(TILES, particles.tiles)
+        if not count:
+            return np.zeros(0, np.int64)
         first = int(moment.steps * SPREAD * particles.tiles / count) % particles.tiles
         tiles = (first + np.arange(count) * particles.tiles // count) % particles.tiles
         tiles = np.unique(np.append(tiles, np.argmin(particles.tile_extremes[:, 1])))
@@ -151,7 +157,7 @@ class LawCheck:
 
     def _mass(self, particles: ParticleArrays, places: Indices) -> Array:
         masses = self.scenario.agents.masses
-        return np.broadcast_to(masses, particles.n)[particles.ids[places]].astype(np.float64)
+        return np.broadcast_to(masses, particles.everyone)[particles.ids[places]].astype(np.float64)
 
     def _compared(
         self, particles: ParticleArrays, state: tuple[Reals, Reals], places: Indices, force: Reals, rounding: Reals,
@@ -167,7 +173,8 @@ class LawCheck:
         means = np.full((2, particles.m), np.nan)
         if scenario.law.beyond_neighbours or energy.frame == "centre of mass":
             mass = self._mass(particles, np.arange(particles.n))
-            means = np.array([mass @ x[: particles.n].astype(np.float64) / mass.sum() for x in (q, p)])
+            moments = np.array([mass @ x[: particles.n].astype(np.float64) for x in (q, p)])
+            means = particles.group_sum(moments) / particles.group_sum(mass.sum(keepdims=True))
         frame = np.zeros(particles.m)
         if energy.frame == "centre of mass":
             frame = means[1]
@@ -222,7 +229,7 @@ class LawCheck:
         graph = particles.radii.graphs[number]
         who = particles.ids[places[k]]
         leave, enter = (
-            np.broadcast_to(np.asarray(x, dtype=np.float64), particles.n)[who]
+            np.broadcast_to(np.asarray(x, dtype=np.float64), particles.everyone)[who]
             for x in (graph.break_radius, graph.appear_radius)
         )
         # Displacements to an image are no more certain than the positions.

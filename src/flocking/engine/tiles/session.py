@@ -135,6 +135,10 @@ class TilesSession(Session):
         self._guarded(lambda: self._particles.require_lists(0.0))
         return automatic_step.choose(self._particles, self.scenario, self.scheme)
 
+    def _resolving_step(self) -> float:
+        """The largest step that resolves the forces at the start."""
+        return automatic_step.resolves(self._particles, self.scenario, self.scheme)
+
     @cached_property
     def singular_reach(self) -> float | None:
         """Shortest radius of a potential that diverges at contact; None if there is none."""
@@ -241,13 +245,13 @@ class TilesSession(Session):
         resolves = np.inf
         if not (self.steps or self.options.ledger):
             self._guarded(lambda: particles.require_lists(h))
-            resolves = automatic_step.resolves(particles, self.scenario, self.scheme)
+            resolves = self._resolving_step()
         law_checked = self.options.ledger and is_due(self.steps + 1)
         try:
             if law_checked:
                 if not self._law_check.motion:
                     self._guarded(lambda: particles.require_lists(h))
-                self._law_check.before_step(particles, moment, self.law_gaps)
+                particles.agree(lambda: self._law_check.before_step(particles, moment, self.law_gaps))
             self._guarded(lambda: self._integrator.step(particles, self.time, h))
         except FloatingPointError:
             why = "agents move beyond the reach of their neighbour lists in one step"
@@ -255,7 +259,7 @@ class TilesSession(Session):
         checks.after_step(particles, h, self.records, self.step, self.time, self.singular_reach)
         checks.stiff_start(self.step, resolves, self.scheme, particles.spec.order, self.time)
         if law_checked:
-            self._law_check.after_step(particles, 0.5 * (last + h), h, moment, self.law_gaps)
+            particles.agree(lambda: self._law_check.after_step(particles, 0.5 * (last + h), h, moment, self.law_gaps))
         if not self.options.ledger:
             self.instability.look(
                 particles, self.steps, h, self.step, self.time, alternating=self.scheme in ("verlet", "euler")
@@ -292,7 +296,7 @@ class TilesSession(Session):
 
     def _add_ledger_row(self) -> None:
         unlinked = self.scenario.energy.unlinked
-        self.records.add_ledger_row(self.time, self._integrator.ledger_sums, self._particles.n, unlinked)
+        self.records.add_ledger_row(self.time, self._integrator.ledger_sums, self.scenario.start.n, unlinked)
 
     def _update_ledger(self) -> None:
         """Update the ledger, and check the step by its residual."""

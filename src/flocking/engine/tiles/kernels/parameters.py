@@ -25,8 +25,9 @@ def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> KernelNumb
     Returns
     -------
     tuple
-        Single numbers (parameters, mass and damping where they are common, ranges of hashed weights); values per
-        agent, first masses and damping, each one number or shape (N,); hash seeds; matrices of pair weights.
+        Single numbers (parameters, mass and damping where they are common, ranges of hashed weights or widths of
+        matrices); values per agent, first masses and damping, each one number or shape (N,); hash seeds; matrices of
+        pair weights.
     """
     n = scenario.start.n
     numbers, rows, pairs = spec.layout.numbers(scenario.agents, t)
@@ -40,7 +41,7 @@ def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> KernelNumb
             numbers += [weights.low, weights.high - weights.low]
             seeds[k] = weights.seed % 2**64
         elif isinstance(weights, MatrixWeights):
-            numbers += [0.0, 0.0]
+            numbers += [float(n), 0.0]
             matrices[k] = weights.values.ravel()
         else:
             raise TypeError(f"tiles takes no {type(weights).__name__}")

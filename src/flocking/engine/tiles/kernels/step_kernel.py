@@ -331,7 +331,8 @@ def _reads_mean_control(flow: sympy.Expr) -> bool:
 
 
 def scalar_lines(w: Writer, expressions: list[sympy.Expr], mean: str) -> list[str]:
-    """Unpack the run-time numbers in expressions: parameters, then mass and damping, then ranges of hashed weights.
+    """Unpack the run-time numbers in expressions: parameters, mass and damping, ranges of hashed weights and widths
+    of matrices.
 
     ``w`` has printed the lines that use them; ``mean`` is the quantity in the second half of the means: velocities
     ``p`` or controls ``u``.
@@ -346,6 +347,8 @@ def scalar_lines(w: Writer, expressions: list[sympy.Expr], mean: str) -> list[st
         if kind == "hash":
             at = count + 2 + 2 * number
             lines += [f"seed_low{number} = P[{at}]", f"seed_width{number} = P[{at + 1}]"]
+        elif kind == "matrix":
+            lines += [f"width{number} = np.int64(P[{count + 2 + 2 * number}])"]
     return lines
 
 

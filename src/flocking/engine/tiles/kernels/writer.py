@@ -77,7 +77,7 @@ class Writer:
         if self.spec.weights[number] == "hash":
             uniform = f"pair_uniform(seeds[{number}], {mine}, {theirs})"
             return f"{name} = narrow(seed_low{number} + seed_width{number} * {uniform}, T(0.0))"
-        return f"{name} = narrow(gather(matrices[{number}], widen({mine}) * n + widen({theirs})), T(0.0))"
+        return f"{name} = narrow(gather(matrices[{number}], widen({mine}) * width{number} + widen({theirs})), T(0.0))"
 
     def frame(self) -> list[str]:
         """Names of the velocity of the energy's frame, one per axis."""

@@ -234,7 +234,7 @@ class Sorter:
         self.workers.each_large(_survey, self.chunks, agents, self.n, found)
         return Survey(found[:, :m].min(axis=0), found[:, m : 2 * m].max(axis=0), found[:, 2 * m :].sum(axis=0) / self.n)
 
-    def sort(self, agents: Reals, seen: Survey, reach: float) -> None:
+    def sort(self, agents: Reals, seen: Survey, reach: float, grid: Grid | None = None) -> None:
         """Sort agents, shape (at least n, 2m), into cells of width ``reach``: fills `order`, `start` and `crowding`.
 
         `crowding` estimates the number of ordered pairs within reach: those in equal parts of cells, 2^m parts to a
@@ -244,10 +244,15 @@ class Sorter:
         ----------
         seen
             Extent of the agents.
+        grid
+            The cells; by default they are chosen for the extent.
         """
         n = self.n
-        grid = self.grid = choose_grid(seen.low, seen.high, reach, n, self.lengths)
+        grid = self.grid = grid or choose_grid(seen.low, seen.high, reach, n, self.lengths)
         cells = grid.cells
+        if not n:
+            self.start, self.crowding = np.zeros(cells + 1, np.int32), 0.0
+            return
         shift = 0
         while (cells >> shift) >= MOST_BUCKETS:
             shift += 1

@@ -25,7 +25,7 @@ def _fixed(first_tile, last_tile, n, ids, place, offsets, neighbours, rows, firs
 
 
 def fixed_lists(
-    ids: Numbers32, place: Numbers32, offsets: Numbers, neighbours: Numbers32, workers: Workers
+    ids: Numbers32, place: Numbers32, offsets: Numbers, neighbours: Numbers32, workers: Workers, n: int
 ) -> TileLists:
     """Neighbour lists of a fixed graph.
 
@@ -34,13 +34,14 @@ def fixed_lists(
     ids
         Identity of the agent at each index, shape (n or more,).
     place
-        Index of each identity, shape (n,).
+        Index of each identity, shape (N,).
     offsets, neighbours
         Sensed identities of identity i are ``neighbours[offsets[i] : offsets[i + 1]]``.
     workers
         Threads to use.
+    n
+        Number of agents in the arrays.
     """
-    n = len(place)
     tiles = (n + WIDTH - 1) // WIDTH
     degree = np.zeros(tiles * WIDTH, np.int64)
     degree[:n] = np.diff(offsets)[ids[:n]]

@@ -33,6 +33,8 @@ LINKED = np.uint32(1 << 31)
 """Bit of an entry that is set if the pair is linked."""
 NUMBER = np.uint32((1 << 31) - 1)
 """Bits of an entry with the number of the neighbour."""
+NOBODY = np.zeros(0, np.int32)
+"""Cells of copies where there are none."""
 
 
 @dataclass
@@ -78,6 +80,10 @@ class Cells(NamedTuple):
         Index of the first agent of each cell, and the number of agents, shape (cells + 1,).
     box
         See `flocking.engine.tiles.neighbours.nearest_image.box_of`.
+    beside
+        As ``start``, for copies of agents of other processes, which stand behind the agents; shape (0,) for none.
+    offset
+        Index of the first of them.
     """
 
     agents: Reals
@@ -87,6 +93,8 @@ class Cells(NamedTuple):
     shape: Numbers
     start: Numbers32
     box: Reals
+    beside: Numbers32
+    offset: int
 
 
 class Reach(NamedTuple):
@@ -186,6 +194,10 @@ def _search_tile(
                     a, b = (shape[0] - 1, shape[0]) if c == 1 else (0, 1)
                 first, behind = cells.start[row * shape[0] + a], cells.start[row * shape[0] + b]
                 _test_candidates(agents, cells.box, reach, rows, base, members, first, behind, cursor, end, found)
+                if cells.beside.shape[0]:
+                    first = cells.offset + cells.beside[row * shape[0] + a]
+                    behind = cells.offset + cells.beside[row * shape[0] + b]
+                    _test_candidates(agents, cells.box, reach, rows, base, members, first, behind, cursor, end, found)
         lane = last
 
 
@@ -312,7 +324,7 @@ class ListBuilder:
 
     def build(
         self, agents: Reals, reach: float, each_reach: Reals, grid: Grid, start: Numbers32, old: TileLists | None,
-        order: Numbers32, place: Numbers32, begin2: Reals | None, remember: bool,
+        order: Numbers32, place: Numbers32, begin2: Reals | None, remember: bool, beside: Numbers32 = NOBODY,
     ) -> tuple[TileLists, tuple[int, int] | None]:  # fmt: skip
         """Build the lists of all pairs closer than ``reach``, or than the sensing agent's entry of ``each_reach``.
 
@@ -330,6 +342,8 @@ class ListBuilder:
             Squared distance, or one per agent, below which pairs start linked; None if links are carried over.
         remember
             Whether the links of ``old`` are carried over.
+        beside
+            As ``start``, for copies of agents of other processes in the rows behind the tiles.
 
         Returns
         -------
@@ -343,7 +357,7 @@ class ListBuilder:
         """
         if not remember and old is not None:
             self.spare = old
-        lists = self._searched(agents, reach, each_reach, grid, start)
+        lists = self._searched(agents, reach, each_reach, grid, start, beside)
         lost = np.full(2, -1, np.int64)
         here = (lists.rows, lists.first, lists.count)
         if begin2 is not None:
@@ -354,12 +368,14 @@ class ListBuilder:
             self.spare = old
         return lists, (int(lost[0]), int(lost[1])) if lost[0] >= 0 else None
 
-    def _searched(self, agents: Reals, reach: float, each_reach: Reals, grid: Grid, start: Numbers32) -> TileLists:
+    def _searched(
+        self, agents: Reals, reach: float, each_reach: Reals, grid: Grid, start: Numbers32, beside: Numbers32
+    ) -> TileLists:
         """Lists without links, with sufficient capacity."""
         dtype = agents.dtype.type
         limits = np.asarray(each_reach, dtype=dtype) ** 2
         places = np.array(grid.origin), np.array(grid.inverse), np.array(grid.shape)
-        cells = Cells(agents, self.n, *places, start, self.box)
+        cells = Cells(agents, self.n, *places, start, self.box, beside, self.tiles * WIDTH)
         distances = Reach(dtype(reach) ** 2, limits)
         numbers = np.empty((self.chunks, WIDTH), np.uint32)
         while True:

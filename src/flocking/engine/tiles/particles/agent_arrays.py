@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Array, Numbers32, Reals
+from flocking.arrays import AnyArray, Array, Numbers32, Reals
 from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
 from flocking.engine.tiles.threads import Workers
@@ -32,18 +32,22 @@ class AgentArrays:
     """
 
     def __init__(self, state: State, spec: KernelSpec, workers: Workers) -> None:
-        n, m = state.q.shape
-        self.n, self.m, self.spec, self.workers = n, m, spec, workers
+        self.m, self.spec, self.workers = state.dimension, spec, workers
         self.dtype: type[np.float32] | type[np.float64] = PRECISIONS[spec.precision]
-        self.tiles = (n + WIDTH - 1) // WIDTH
-        self.size = self.tiles * WIDTH
-        self.agents: Reals = np.empty((self.size, 2 * m), self.dtype)
         # For agents of order 1 the second half is the velocity of the last step, which no formula reads.
-        self.agents[:n, :m], self.agents[:n, m:] = state.q, state.p if spec.order == 2 else 0.0
-        self.successor: Reals = np.empty((self.size, 2 * m), self.dtype)
-        self.ids: Numbers32 = np.zeros(self.size, np.int32)
-        self.ids[:n] = np.arange(n, dtype=np.int32)
-        self._ids_buffer: Numbers32 = np.zeros(self.size, np.int32)
+        self._hold(np.arange(state.n, dtype=np.int32), state.q, state.p if spec.order == 2 else np.zeros_like(state.p))
+
+    def _hold(self, ids: Numbers32, q: AnyArray, p: AnyArray, copies: int = 0) -> None:
+        """Allocate the arrays for some agents, with rows for ``copies`` of agents of other processes behind them."""
+        n, m = q.shape
+        self.n, self.tiles = n, (n + WIDTH - 1) // WIDTH
+        self.size = self.tiles * WIDTH
+        self.agents: Reals = np.empty((self.size + copies, 2 * m), self.dtype)
+        self.agents[:n, :m], self.agents[:n, m:] = q, p
+        self.successor: Reals = np.empty((self.size + copies, 2 * m), self.dtype)
+        self.ids: Numbers32 = np.zeros(self.size + copies, np.int32)
+        self.ids[:n] = ids
+        self._ids_buffer: Numbers32 = np.zeros(self.size + copies, np.int32)
         self._fill_pads()
 
     @property
@@ -61,9 +65,10 @@ class AgentArrays:
         return self.successor.T
 
     def _fill_pads(self) -> None:
-        n = self.n
-        self.agents[n:] = self.agents[n - 1]
-        self.ids[n:] = self.ids[n - 1]
+        n, size = self.n, self.size
+        if n:
+            self.agents[n:size] = self.agents[n - 1]
+            self.ids[n:size] = self.ids[n - 1]
 
     @property
     def place(self) -> Numbers32:

@@ -95,7 +95,7 @@ class Displacement:
         workers
             Threads to use.
         """
-        out = np.empty(len(agents) // WIDTH)
+        out = np.empty(len(self.reference) // WIDTH)
         shift = self.elapsed * self.velocity.astype(np.float64)
         workers.each(squared_displacements, len(out), agents, self.reference, shift, n, out)
-        return float(np.sqrt(out.max())) + self.rounding
+        return float(np.sqrt(out.max(initial=0.0))) + self.rounding

@@ -22,10 +22,12 @@ class GraphRadii:
     ids
         Number of the agent at each index, shape (size,).
     n
-        Number of agents.
+        Number of agents in the arrays.
+    everyone
+        Number of agents of the law.
     """
 
-    def __init__(self, graphs: tuple[Graph, ...], spec: KernelSpec, ids: Numbers32, n: int) -> None:
+    def __init__(self, graphs: tuple[Graph, ...], spec: KernelSpec, ids: Numbers32, n: int, everyone: int) -> None:
         self.graphs, self._spec, self._n = graphs, spec, n
         self._dtype = PRECISIONS[spec.precision]
         self.cutoffs = cutoffs_of(graphs, spec)
@@ -40,7 +42,7 @@ class GraphRadii:
         for graph in graphs:
             self.limits.append(np.zeros(3, self._dtype))
             self.each.append(np.zeros(1, self._dtype))
-            self.edges.append(sensed_offsets(graph, n) if isinstance(graph, Fixed) else None)
+            self.edges.append(sensed_offsets(graph, everyone) if isinstance(graph, Fixed) else None)
         self._set(ids)
 
     def _set(self, ids: Numbers32) -> None:
@@ -76,7 +78,7 @@ class GraphRadii:
     def certain_reaches(self) -> list[float]:
         """Distance within which every agent lists another, for each moving graph."""
         return [
-            float(np.sqrt(self.each[k][: self._n].min())) if kind.uneven else self.cutoffs[k]
+            float(np.sqrt(self.each[k][: self._n].min(initial=np.inf))) if kind.uneven else self.cutoffs[k]
             for k, kind in enumerate(self._spec.graphs)
             if not kind.fixed
         ]

@@ -23,15 +23,17 @@ class LawParameters:
         The time.
     ids
         Number of the agent at each index, shape (size,).
+    n
+        Number of agents in the arrays, which may be a part of those of the scenario.
     """
 
-    def __init__(self, scenario: Scenario, spec: KernelSpec, t: float, ids: Numbers32) -> None:
-        n = self._n = scenario.start.n
+    def __init__(self, scenario: Scenario, spec: KernelSpec, t: float, ids: Numbers32, n: int) -> None:
+        self._n = n
         dtype = PRECISIONS[spec.precision]
         self.P, rows, self.seeds, self.matrices = kernel_numbers(scenario, spec, t)
         masses: Array = np.asarray(rows[0], dtype=np.float64)
-        self.mass = float(masses.sum()) if masses.ndim else n * float(masses)
-        """Total mass."""
+        self.mass = float(masses.sum()) if masses.ndim else scenario.start.n * float(masses)
+        """Total mass of all agents of the scenario."""
         several = len(rows) > 2 or spec.mass_each or spec.damping_each
         self.A: Reals = np.zeros((len(rows) if several else 0, len(ids)), dtype)
         """Values per agent, shape (rows, size)."""
@@ -57,4 +59,5 @@ class LawParameters:
     def fill_pads(self) -> None:
         """Fill the padding with the values of the last agent."""
         n = self._n
-        self.A[:, n:] = self.A[:, n - 1 : n]
+        if n:
+            self.A[:, n:] = self.A[:, n - 1 : n]

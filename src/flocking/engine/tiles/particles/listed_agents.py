@@ -51,6 +51,8 @@ class ListedAgents(AgentArrays):
 
     Attributes
     ----------
+    everyone
+        Number of agents of the law, of which these may be a part.
     margin
         What cells are wider by than the lists of the true state need.
     lost
@@ -64,9 +66,9 @@ class ListedAgents(AgentArrays):
         skin: float | None = None,
     ) -> None:  # fmt: skip
         super().__init__(state, spec, workers)
-        self.given_skin = skin
+        self.given_skin, self.everyone = skin, scenario.start.n
         self.moving = any(not kind.fixed for kind in spec.graphs)
-        self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, self.n)
+        self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, self.n, scenario.start.n)
         self.space = scenario.space
         self.box: Reals = box_of(self.space, self.m, self.dtype)
         self.sorter = Sorter(self.n if self.moving else 1, workers, self.space.lengths)
@@ -77,8 +79,12 @@ class ListedAgents(AgentArrays):
         self.lists: list[TileLists | None] = [None] * len(spec.graphs)
         self._first_links = state.links
         self.lost: tuple[int, int] | None = None
-        self.top_speed = fastest(self.agents[: self.n, self.m :])
+        self.top_speed = self._largest_speed()
         self.margin = 0.0
+
+    def _largest_speed(self) -> float:
+        """Largest speed of an agent relative to the mean velocity."""
+        return fastest(self.agents[: self.n, self.m :])
 
     def usable(self) -> bool:
         """Whether the lists contain every pair within the cutoffs."""
@@ -198,7 +204,9 @@ class ListedAgents(AgentArrays):
                 place = self.place if place is None else place
                 edges = self.radii.edges[number]
                 self.lists[number] = (
-                    complete_lists(self.n) if edges is None else fixed_lists(self.ids, place, *edges, self.workers)
+                    complete_lists(self.n)
+                    if edges is None
+                    else fixed_lists(self.ids, place, *edges, self.workers, self.n)
                 )
 
     def _take_links(self, links: Links) -> None:

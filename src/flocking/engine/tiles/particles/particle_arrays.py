@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from flocking.arrays import Array, Numbers32, Reals
 from flocking.engine.tiles.kernels.spec import KernelSpec, only_numbers_differ
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
-from flocking.engine.tiles.measures import extremes_of, fastest
+from flocking.engine.tiles.measures import extremes_of
 from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond
 from flocking.engine.tiles.neighbours.obstacle_lists import ObstacleLists
 from flocking.engine.tiles.particles.graph_radii import GraphRadii
@@ -73,7 +75,7 @@ class ParticleArrays(ListedAgents):
         self.kernel, self.flow_kernel = module.move, module.flow
 
     def _set_parameters(self, scenario: Scenario, t: float) -> None:
-        self.parameters = LawParameters(scenario, self.spec, t, self.ids)
+        self.parameters = LawParameters(scenario, self.spec, t, self.ids[: self.size], self.n)
 
     def pass_switch_time(self, scenario: Scenario, t: float) -> None:
         """Use the values of scheduled gains from time ``t`` on."""
@@ -101,6 +103,7 @@ class ParticleArrays(ListedAgents):
             Whether links do not change.
         """
         T = self.dtype
+        self.refresh_copies(self.agents)
         if self.spec.layout.law.beyond_neighbours or (
             self.spec.ledger and self.spec.layout.energy.frame == "centre of mass"
         ):
@@ -112,7 +115,7 @@ class ParticleArrays(ListedAgents):
             lists += [found.rows.reshape(-1), found.first, found.count, radii.each[number], radii.limits[number]]
         if self.obstacles is not None:
             speed = self.top_speed + float(np.linalg.norm(self.displacement.velocity))
-            self.obstacles.require(self.X[: self.m], self.tiles, t, speed * abs(drift))
+            self.obstacles.require(self.X[: self.m, : self.size], self.tiles, t, speed * abs(drift))
             lists += [x for pair in self.obstacles.lists for x in pair]
         begin = (float(t), T(keep), T(kick), T(drift), T(velocity_lag), T(exponential_damping))
         arguments = (
@@ -121,6 +124,7 @@ class ParticleArrays(ListedAgents):
         )  # fmt: skip
         self.workers.each(self.kernel, self.tiles, *begin, hold, *arguments)
         if self.flow_kernel is not None:
+            self.refresh_copies(self.successor)
             # Means of positions are unchanged; those of velocities are recomputed from the result of the pass.
             self._fill_means(self.Y[self.m :], self.M[self.m :])
             self.workers.each(self.flow_kernel, self.tiles, *begin, True, *arguments)
@@ -131,7 +135,58 @@ class ParticleArrays(ListedAgents):
         if self.extremes[2] > 0 and self.lost is None and not hold:
             self.lost = self._broken_pair()
 
-    def _broken_pair(self) -> tuple[int, int]:
+    def refresh_copies(self, rows: Reals) -> None:
+        """Set the copies of agents of other processes in an array of agents; here there are none.
+
+        Parameters
+        ----------
+        rows
+            The array, with `size` rows of own agents.
+        """
+
+    def motions(self) -> tuple[Array, Array, Numbers32] | None:
+        """Positions before the last step, displacements in it and numbers of all agents, on the first process."""
+        q = self.Y[: self.m, : self.n].T.astype(np.float64)
+        return q, self.X[: self.m, : self.n].T - q, self.ids[: self.n]
+
+    def agree(self, check: Callable[[], None]) -> None:
+        """Make a check; if it raises an error in one process, all processes raise it.
+
+        Parameters
+        ----------
+        check
+            Raises the error.
+        """
+        check()
+
+    def group_sum(self, values: Array) -> Array:
+        """Sum over all processes.
+
+        Parameters
+        ----------
+        values
+            Sums over the agents of this process.
+        """
+        return values
+
+    def agreed_pair(self, square: float, pair: tuple[int, int] | None) -> tuple[int, int] | None:
+        """The closest pair of all processes.
+
+        Parameters
+        ----------
+        square
+            Smallest squared distance in this process.
+        pair
+            Numbers of its agents.
+        """
+        return pair
+
+    def total_sums(self) -> Array:
+        """The sums of the last pass over all tiles, in a fixed order."""
+        total: Array = self.sums.sum(axis=0)
+        return total
+
+    def _broken_pair(self) -> tuple[int, int] | None:
         """Numbers of the agents of the nearest pair beyond its radius, in the tiles with a broken link."""
         kinds = self.spec.graphs
         least = min(float(x[0]) for x, kind in zip(self.radii.limits, kinds, strict=True) if kind.barrier)
@@ -148,9 +203,9 @@ class ParticleArrays(ListedAgents):
         n = self.n
         if len(self.parameters.A) and self.spec.mass_each:
             mass = self.parameters.A[0, :n].astype(np.float64)
-            out[:] = (rows[:, :n] * mass).sum(axis=1) / mass.sum()
+            out[:] = self.group_sum((rows[:, :n] * mass).sum(axis=1)) / self.group_sum(mass.sum(keepdims=True))
         else:
-            out[:] = rows[:, :n].mean(axis=1, dtype=np.float64)
+            out[:] = self.group_sum(rows[:, :n].sum(axis=1, dtype=np.float64)) / self.everyone
 
     def take_velocities(self, t: float) -> None:
         """Initialize the velocities of agents of order 1 with those of their first step; links do not change.
@@ -163,7 +218,7 @@ class ParticleArrays(ListedAgents):
         self.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
         self.agents[:, self.m :] = self.successor[:, self.m :]
         self._fill_pads()
-        self.top_speed = fastest(self.agents[: self.n, self.m :])
+        self.top_speed = self._largest_speed()
 
     def swap(self, stride: float) -> None:
         """Make Y the state, reached by a drift over the time ``stride``."""
@@ -191,7 +246,7 @@ class ParticleArrays(ListedAgents):
         self._take_kernels(spec)
         self.sums = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
         self._set_obstacles(scenario)
-        self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, self.n)
+        self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, self.n, scenario.start.n)
         self._set_parameters(scenario, t)
         self._build_fixed()
         self.displacement.bound = np.inf

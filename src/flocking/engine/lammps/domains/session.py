@@ -1,0 +1,333 @@
+"""Session of the kernels of the tiled engine on any number of MPI ranks; all methods are collective."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from flocking.arrays import Array, Links, Numbers, Positions, Velocities
+from flocking.engine import interruption
+from flocking.engine.lammps import library
+from flocking.engine.lammps.domains.checkpoint import LinkRows, link_rows, link_tables, stored_options, unpacked
+from flocking.engine.lammps.domains.instability import RankInstability
+from flocking.engine.lammps.domains.options import DomainOptions
+from flocking.engine.lammps.domains.particles import RankParticles
+from flocking.engine.lammps.ledger import observed_state
+from flocking.engine.lammps.ranks import Ranks
+from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.runs.recorder import MOST_LINKED
+from flocking.engine.tiles import checks
+from flocking.engine.tiles.checkpoint import pack_tiles
+from flocking.engine.tiles.instability import Instability
+from flocking.engine.tiles.integrators import integrator_named
+from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
+from flocking.engine.tiles.options import TilesOptions
+from flocking.engine.tiles.particle_memory import ParticleMemory
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.planted_law import Planted
+from flocking.engine.tiles.records import TilesRecorder
+from flocking.engine.tiles.session import TilesSession
+from flocking.engine.tiles.snapshot import TilesSnapshot
+from flocking.engine.tiles.threads import Workers
+from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+
+GO_ON, TIME_IS_OVER, INTERRUPTED = 0.0, 1.0, 2.0
+"""What the first rank tells all others with a step: the largest counts."""
+
+
+class DomainSession(TilesSession):
+    """Session of the tiled kernels, each rank with the agents of a domain of space.
+
+    Steps, checks and the ledger are those of the tiled engine; what they read of the group is that of all ranks.
+
+    Parameters
+    ----------
+    scenario
+        The scenario to simulate; the same on all ranks.
+    options
+        Options of the engine.
+    plant
+        The law that agents follow, over the graphs of the scenario's law; the scenario's law by default.
+
+    Raises
+    ------
+    UnsupportedLaw
+        If a part of the scenario is not supported.
+    EngineMissing
+        If LAMMPS or MPI is not installed.
+    TooCrowded
+        If the neighbour lists would not fit in memory.
+    """
+
+    engine = "lammps"
+    options: DomainOptions
+    _particles: RankParticles
+
+    def __init__(self, scenario: Scenario, options: DomainOptions, *, plant: Law | None = None) -> None:
+        self.ranks = Ranks(library.communicator())
+        self._tables: list[np.ndarray[tuple[int, int], np.dtype[np.int32]]] | None = None
+        with self.ranks.bound():
+            super().__init__(scenario, options, plant=plant)
+
+    def _new_particles(self, scenario: Scenario, state: State) -> ParticleArrays:
+        spec = self._spec(scenario)
+        options = self.options
+        # All ranks of a machine share its memory.
+        limit = options.lists_limit / (1 if options.memory_limit is not None else self.ranks.on_this_machine)
+        particles = RankParticles(
+            scenario, state, spec, self.workers, limit, options.skin, ranks=self.ranks,
+            log=options.keep_log or "none", tables=self._tables,
+        )  # fmt: skip
+        self.instability: Instability = RankInstability()
+        if self.plant is not None:
+            particles.planted = Planted(scenario, self.plant, spec)
+            particles.planted.pass_switch_time(state.t)
+        return particles
+
+    def _automatic_step(self) -> float:
+        """The step of the tiled engine, chosen by the first rank."""
+
+        def chosen() -> float:
+            options = TilesOptions(scheme=self.options.scheme, precision=self.options.precision, ledger=False)
+            alone = TilesSession(self.scenario, replace(options, keep_frames=False, threads=self.workers.threads))
+            return float(alone.step)
+
+        return self.ranks.shared(chosen)
+
+    def _resolving_step(self) -> float:
+        return -self._particles.highest(-super()._resolving_step())
+
+    @property
+    def team(self) -> Ranks:
+        """The ranks of the job."""
+        return self.ranks
+
+    # --- steps ---
+
+    def advance(self, to: float, seconds: float = math.inf) -> None:
+        """Take steps until the session's time is at or just beyond ``to``, or for ``seconds`` of wall time.
+
+        The first rank decides for all when the time is over, and whether Ctrl-C was pressed.
+        """
+        if not to >= self.time - self.step:
+            raise InvalidInput("DomainSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        stop, particles = time.monotonic() + seconds, self._particles
+        try:
+            with self.ranks.bound():
+                while not self.reached(to):
+                    particles.notice = self._noticed(stop)
+                    self._take_step()
+                    notice = particles.noticed
+                    self._record()
+                    if notice == INTERRUPTED:
+                        interruption.check()
+                        raise interruption.Noted
+                    if notice == TIME_IS_OVER:
+                        return
+        except SimulationError as error:
+            error.run = self.run(str(error))
+            raise
+
+    def _noticed(self, stop: float) -> float:
+        if not self.ranks.first:
+            return GO_ON
+        if interruption.noted():
+            return INTERRUPTED
+        return TIME_IS_OVER if time.monotonic() >= stop else GO_ON
+
+    def _record(self) -> None:
+        """Store a frame if one is due, on the first rank."""
+        if not self.records.due(self.time):
+            return
+        particles, options = self._particles, self.options
+        velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
+        checks.links_kept(particles, self.step, self.time)
+        self._update_ledger()
+        rows: Array | None = None
+        if options.keep_frames or options.observe:
+            n, m = particles.n, particles.m
+            rows = particles.gathered(np.concatenate([particles.agents[:n, :m], velocities[:, :n].T], axis=1))
+        pairs = self._linked_pairs() if options.observe or self._keeps_links else None
+        self.ranks.alone(lambda: self._write_frame(rows, pairs))
+        if not self.ranks.first:
+            self.records.skip()
+
+    @property
+    def _keeps_links(self) -> bool:
+        return self.options.keep_frames and self.scenario.start.n <= MOST_LINKED
+
+    def _write_frame(self, rows: Array | None, pairs: Numbers | None) -> None:
+        """Check and store the state of all agents on the first rank."""
+        if rows is None:
+            self.records.skip()
+            return
+        m = self._particles.m
+        q, p = np.ascontiguousarray(rows[:, :m]), np.ascontiguousarray(rows[:, m:])
+        if not np.isfinite(rows).all():
+            raise NotFinite("The state became infinite or NaN.", time=self.time)
+        checks.resolution(self._particles, q, self.time)
+        observed = None
+        if self.options.observe and pairs is not None:
+            observed = observed_state(State(q, p, self.time), (pairs[:, 0], pairs[:, 1]))
+        links = self._link_matrix(pairs) if self._keeps_links and pairs is not None else None
+        self.records.frame(self.time, q, p, links, observed=observed)
+
+    def _linked_pairs(self) -> Numbers | None:
+        """Numbers of the linked ordered pairs under the law's graph, shape (K, 2), on the first rank."""
+        particles, graph = self._particles, self.scenario.law.graph
+        lists = particles.lists[0]
+        assert lists is not None
+        kind = particles.spec.graphs[0]
+        # If links appear and break at one radius, positions determine them, regardless of the last pass of the kernel.
+        by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
+        i, j = listed_pairs(lists, particles.n, linked=not by_distance)
+        if by_distance:
+            q = particles.X[: particles.m]
+            square = ((q[:, j] - q[:, i]) ** 2).sum(axis=0)
+            near = square < (particles.radii.each[0][i] if kind.uneven else particles.radii.limits[0][0])
+            i, j = i[near], j[near]
+        pairs = np.stack([particles.ids[i], particles.ids[j]], axis=1).astype(np.float64)
+        found = self.ranks.gathered(pairs)
+        return None if found is None else found.astype(np.int64)
+
+    def _link_matrix(self, pairs: Numbers) -> Links:
+        n = self.scenario.start.n
+        links = np.zeros((n, n), dtype=bool)
+        links[pairs[:, 0], pairs[:, 1]] = True
+        return links
+
+    def _add_ledger_row(self) -> None:
+        super()._add_ledger_row()
+        if not self.ranks.first:
+            # The first rank writes all rows.
+            del self.records.trace[:-1]
+
+    # --- states ---
+
+    def gathered_state(self) -> State | None:
+        """The state on the first rank, None elsewhere."""
+        particles = self._particles
+        n, m = particles.n, particles.m
+        velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
+        rows = particles.gathered(np.concatenate([particles.agents[:n, :m], velocities[:, :n].T], axis=1))
+        pairs = self._linked_pairs() if self.scenario.start.n <= MOST_LINKED else None
+        if rows is None:
+            return None
+        return State(rows[:, :m], rows[:, m:], self.time, None if pairs is None else self._link_matrix(pairs))
+
+    @property
+    def state(self) -> State:
+        """State at the session's time, on every rank."""
+        found = self.ranks.comm.bcast(self.gathered_state())
+        return State(found.q, found.p, found.t, found.links)
+
+    def _look(self) -> tuple[Positions, Velocities]:
+        state = self.state
+        return state.q, state.p
+
+    def accelerations(self) -> Array:
+        """Current acceleration (order 1: velocity) of every agent, shape (N, m), on every rank."""
+        particles = self._particles
+        self._guarded(lambda: particles.require_lists(self.step))
+        particles.move(self.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
+        found: Array = self.ranks.comm.bcast(particles.gathered(particles.successor[: particles.n, particles.m :]))
+        return found
+
+    # --- checkpoints ---
+
+    def _packed_links(self) -> list[LinkRows] | None:
+        """Links of the graphs with memory, on the first rank; None before there are lists."""
+        particles = self._particles
+        tables = particles.tables()
+        if tables is None:
+            return None
+        found = []
+        for table in tables:
+            counts = np.count_nonzero(table, axis=1)
+            sensing = np.repeat(particles.ids[: particles.n], counts)
+            pairs = self.ranks.gathered(np.stack([sensing, table[table > 0] - 1], axis=1).astype(np.float64))
+            found.append(link_rows(np.zeros((0, 2)) if pairs is None else pairs, self.scenario.start.n))
+        return found
+
+    def pack(self) -> Packed:
+        """The packed state on the first rank; empty elsewhere. Collective."""
+        with self.ranks.bound():
+            particles = self._particles
+            rows = particles.gathered(particles.agents[: particles.n])
+            links = self._packed_links()
+        if rows is None:
+            return {}, {}
+        m = particles.m
+        fields = {"q": np.ascontiguousarray(rows[:, :m]), "p": np.ascontiguousarray(rows[:, m:]), "links": links}
+        return pack_tiles(
+            TilesSnapshot(
+                self.scenario, self.options, self.step, self.time, self._plan, ParticleMemory(fields),
+                self._integrator.memory(), self.records, self.steps, self.farthest, replace(self.law_gaps),
+                Instability(), self.plant,
+            )
+        )  # fmt: skip
+
+    @classmethod
+    def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> DomainSession:
+        """Restore a session from its packed form, on any number of ranks; all get the same arguments."""
+        numbers, arrays = packed
+        session = cls.__new__(cls)
+        session.ranks = Ranks(library.communicator())
+        session.scenario, session.plant = stored.scenario, stored.plant
+        session.options = stored_options(numbers["options"])
+        threads = changes.get("threads")
+        session.workers = Workers(threads if isinstance(threads, int) else session.options.threads)
+        kinds = session._spec(stored.scenario).graphs
+        memory = unpacked(numbers, arrays, stored.scenario, sum(k.memory and not k.fixed for k in kinds))
+        options = session.options
+        session.records = TilesRecorder(
+            stored.scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe
+        )
+        # The first rank alone has records on disk.
+        counts = stored.counts if session.ranks.first else dict.fromkeys(stored.counts, 0)
+        session.records.recall_memory(memory["records"], counts, stored.read)
+        session._integrator = integrator_named(session.scheme, options.ledger)
+        session._integrator.recall(memory["scheme"])
+        stored_agents = memory["crowd"].fields
+        q, p, links = stored_agents["q"], stored_agents["p"], stored_agents["links"]
+        assert isinstance(q, np.ndarray)
+        assert isinstance(p, np.ndarray)
+        session._tables = None if links is None else [link_tables(rows) for rows in links]  # type: ignore[attr-defined]
+        start = stored.scenario.start
+        with session.ranks.bound():
+            state = State(q, p, memory["time"], start.links if links is None else None)
+            session._particles = session._new_particles(stored.scenario, state)  # type: ignore[assignment]
+        session._tables = None
+        session.time, session.steps, session.step = memory["time"], memory["steps"], memory["step"]
+        session._plan, session.farthest, session.law_gaps = memory["plan"], memory["farthest"], memory["law_gaps"]
+        session._particles.pass_switch_time(session.scenario, memory["plan"][0])
+        return session
+
+    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
+        """Raise an error: nothing is replaced on many processes."""
+        raise UnsupportedLaw(
+            "engine='lammps' cannot replace a law or a state during a run. Use engine='tiles' or 'exact', or start a "
+            "new session from the session's state."
+        )
+
+    def moment(self) -> Callable[[], Session]:
+        """A function that opens a session in the current state of this one."""
+        return Session.moment(self)
+
+    @property
+    def about(self) -> dict[str, object]:
+        """Entries of the run's provenance."""
+        return super().about | library.versions() | {
+            "forces": "kernels", "ranks": self.ranks.size, "threads": self.workers.threads,
+        }  # fmt: skip
+
+    def close(self) -> None:
+        """Release the memory of LAMMPS, the requests of messages, and the threads."""
+        self._particles.close()
+        self.workers.close()

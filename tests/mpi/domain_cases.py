@@ -1,0 +1,172 @@
+"""Scenarios on which the kernels on many ranks are held against brute force and the tiled engine.
+
+Borders of the domains fly with a group as a whole; a group that turns, and streams through each other, cross them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+import flocking as fk
+from flocking.engine.driver.registry import engine_named
+from flocking.papers.cucker_smale_2007 import system as cucker_smale
+from flocking.papers.olfati_saber_2003 import system as olfati_saber
+from flocking.papers.shi_2009 import system as shi
+from flocking.papers.tanner_2003_dynamic import system as tanner_dynamic
+from flocking.papers.tanner_2003_fixed import system as tanner_fixed
+from flocking.papers.zhou_2015 import system as zhou
+from tests.engine.tiles import flow_laws
+from tests.engine.tiles.laws import PerAgentRadii, structural
+from tests.engine.tiles.laws import shi as shi_potential
+from tests.engine.tiles.laws import zhou as zhou_law
+from tests.mpi.laws import law, start
+
+N = 150
+STEPS = 25
+STEP = 0.01
+COMMON = (60.0, 35.0, 10.0)
+"""Velocity of the group as a whole."""
+TURNING = 2.0
+"""Rate at which it turns: half a radian in a run, by which distances grow by an eighth."""
+
+PAPERS = (olfati_saber, tanner_fixed, tanner_dynamic, shi, zhou, cucker_smale)
+
+
+def _flying(state, share=1.0):
+    p = state.p + share * np.array(COMMON[: state.dimension])
+    away = state.q - state.q.mean(axis=0)
+    p[:, 0], p[:, 1] = p[:, 0] - TURNING * away[:, 1], p[:, 1] + TURNING * away[:, 0]
+    return fk.State(state.q, p, state.t)
+
+
+def _lattice(dimension, side, n=N, speed=1.0, seed=3):
+    state = start(dimension, n, seed=seed, speed=speed)
+    return fk.State(state.q * side / 5.6, state.p)
+
+
+def _even(dimension):
+    """A lattice so even that no pair is near the radius of Zhou's law, where its potential is infinite."""
+    rng = np.random.default_rng(5)
+    each = int(np.ceil(N ** (1 / dimension)))
+    places = np.stack(np.meshgrid(*[np.arange(each)] * dimension), axis=-1).reshape(-1, dimension)[:N]
+    return fk.State(2.15 * places + rng.uniform(-0.03, 0.03, places.shape), 0.3 * rng.normal(size=places.shape))
+
+
+def _crossing(graph, dimension=2):
+    """Two streams through each other, whose links appear and break with a gap."""
+    state = start(dimension, 2 * N, speed=4.0)
+    way = np.where(np.arange(2 * N) % 2, 1.0, -1.0)[:, None]
+    psi = fk.Potential("(r - 7)**2/2")
+    found = fk.Law(graph, [fk.Gradient(psi), fk.Consensus(0.3)])
+    return found, fk.State(state.q, state.p + way * np.array([150.0, 20.0, 5.0][:dimension]), 0.0), {}
+
+
+def _every_part():
+    rng = np.random.default_rng(2)
+    agents = fk.Agents(masses=rng.uniform(0.5, 1, N), damping=rng.uniform(0, 2, N))
+    track = fk.Track(fk.Path(["sin(t)", "cos(t)"]), 0.3, rng.uniform(0, 1, N), per_mass=True)
+    weights = fk.HashedWeights(0.2, 1.0, seed=7)
+    terms = [
+        fk.Gradient(shi_potential()),
+        fk.Consensus(rng.uniform(0.5, 2, N), weights=weights),
+        track,
+        fk.Compensate(),
+    ]
+    return fk.Law(fk.Proximity(4.0), terms), _lattice(2, 2.0), {"agents": agents}
+
+
+def _matrix():
+    rng = np.random.default_rng(3)
+    track = fk.Track(fk.Sink([5.0, 1.0]), position_gain=1.0, velocity_gain=0.5, shared=True, saturated=True)
+    found = fk.Law(fk.Proximity(8.4), [fk.Gradient(fk.Potential("(r - 7)**2/2")),
+                                       fk.Consensus(0.7, weights=rng.random((N, N))), track])  # fmt: skip
+    agents = fk.Agents(masses=rng.uniform(0.5, 1, N))
+    return found, _lattice(2, 5.6), {"agents": agents, "energy": fk.Energy("centre of mass")}
+
+
+def _two_graphs():
+    ring = fk.Fixed(N, tuple((k, (k + 1) % N) for k in range(N)), directed=True)
+    terms = [fk.Gradient(structural(7.0)), fk.Consensus(0.5), fk.Consensus(0.2, over=ring)]
+    return fk.Law(fk.Proximity(8.4), terms), _lattice(2, 5.6), {}
+
+
+def _scheduled():
+    track = fk.Track([2.0, 0.0], velocity_gain=fk.Schedule([0.255], [1.0, 0.1]))
+    return fk.Law(fk.Smooth(8.4, 0.8), [fk.Gradient(structural(7.0)), track]), _lattice(2, 5.6), {}
+
+
+def _fixed(graph):
+    return fk.Law(graph, [fk.Gradient(fk.Potential("(r - 7)**2/20")), fk.Consensus(0.3)]), _lattice(2, 5.6), {}
+
+
+def _of(name, dimension=2):
+    found, agents = law(name, dimension, N)
+    return found, _lattice(dimension, 5.6), {"agents": agents}
+
+
+def _flow(name, m=2):
+    found, energy = flow_laws.laws(N, m)[name]
+    return found, _lattice(m, 1.0), {"agents": fk.SingleIntegrator(), "energy": energy}
+
+
+CASES = {
+    "zhou in the plane": lambda: (zhou_law(), _even(2), {}),
+    "zhou in space": lambda: (zhou_law(), _even(3), {}),
+    "streams with hysteresis": lambda: _crossing(fk.Hysteresis(8.4, 1.0)),
+    "streams with hysteresis in space": lambda: _crossing(fk.Hysteresis(8.4, 1.0), 3),
+    "streams": lambda: _crossing(fk.Proximity(8.4)),
+    "tanner I": lambda: _fixed(fk.Fixed.random_connected(N, 0.05, 1)),
+    "tanner I, all linked": lambda: _fixed(fk.Fixed.complete(N)),
+    "tanner II": lambda: _of("tanner II (5)"),
+    "shi, hashed weights and gains of each agent": _every_part,
+    "shi, matrix weights and the centre of mass": _matrix,
+    "shi (4)": lambda: _of("shi (4)", 3),
+    "olfati-saber (34)": lambda: _of("olfati-saber (34)"),
+    "olfati-saber (58), obstacles": lambda: _of("olfati-saber (58)"),
+    "olfati-saber (66), means": lambda: _of("olfati-saber (66)", 3),
+    "smooth weighted damping": lambda: (
+        fk.Law(fk.Smooth(8.4, 0.6, "cosine"), [fk.Gradient(structural(7.0)), fk.Consensus(1.0, weighted=True)]),
+        _lattice(2, 5.6), {},
+    ),
+    "radius of each agent": lambda: (
+        fk.Law(PerAgentRadii(np.random.default_rng(8).uniform(5.0, 9.0, N)), [fk.Gradient(structural(7.0))]),
+        _lattice(2, 5.6), {},
+    ),
+    "two graphs, one fixed": _two_graphs,
+    "schedule": _scheduled,
+    "damped": lambda: (*_of("own potential")[:2], {"agents": fk.Agents(damping=30.0), "scheme": "damped"}),
+    "rk4": lambda: (*_of("olfati-saber (35)")[:2], {"scheme": "rk4"}),
+    "order 1, rk4": lambda: _flow("gradient and consensus"),
+    "order 1, gains of each agent": lambda: _flow("gain of each agent"),
+    "order 1, euler, centre of mass": lambda: (*_flow("tracked in the centre of mass")[:2],
+                                               {**_flow("tracked in the centre of mass")[2], "scheme": "euler"}),
+    "order 1, obstacles": lambda: _flow("obstacles and pulls"),
+    "order 1, directed": lambda: _flow("directed"),
+}  # fmt: skip
+
+
+def case(name):
+    """Scenario of a case, and the options that it needs."""
+    if name in PAPER_NAMES:
+        found = _of_papers()[name](0)
+        return found.with_(t_end=found.start.t + 0.02, frames=3), {"step": 0.001}
+    made, state, more = CASES[name]()
+    # Lists hold while the group flies as a whole: a thin skin makes agents be exchanged at nearly every step.
+    reach = [float(np.max(graph.break_radius)) for graph in made.graphs if graph.moves]
+    options = {"step": STEP} | ({"skin": 0.004 * max(reach)} if reach else {})
+    options |= {"scheme": more.pop("scheme")} if "scheme" in more else {}
+    state = state if "streams" in name else _flying(state)
+    steps = 2 * STEPS if "streams" in name else STEPS
+    return fk.Scenario(made, state, t_end=steps * STEP, frames=4, name=name, **more), options
+
+
+def _of_papers():
+    return {name: make for paper in PAPERS for name, make in paper.scenarios().items()}
+
+
+def _runs(make):
+    scenario = make(0)
+    return scenario.start.n <= 500 and not engine_named("tiles").why_not(scenario)
+
+
+PAPER_NAMES = tuple(sorted(name for name, make in _of_papers().items() if _runs(make)))

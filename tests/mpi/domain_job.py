@@ -1,0 +1,40 @@
+"""Started under mpiexec: cases run by the kernels on all ranks; the first rank writes down what came out."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+from flocking.engine.lammps.domains.options import DomainOptions
+from flocking.engine.lammps.domains.session import DomainSession
+from tests.mpi.domain_cases import case
+
+
+def computed(name, **more):
+    """What a session gives for a case, on the first rank."""
+    scenario, options = case(name)
+    session = DomainSession(scenario, DomainOptions(threads=1, **options, **more))
+    begin = session.accelerations()
+    session.advance(scenario.t_end)
+    migrated = session.ranks.comm.allreduce(session._particles.migrated)
+    links, owned = session.state.links, session.ranks.comm.gather(session._particles.n)
+    run = session.run()
+    session.close()
+    return {
+        "begin": begin, "t": run.t, "q": run.q, "p": run.p, "links": run.links, "trace": run.trace,
+        "closest": [run.closest_linked.distance, *run.closest_linked.pair], "migrated": migrated, "last_links": links,
+        "owned": owned, "gap": session.law_gaps.gap, "checks": session.law_gaps.checks,
+    }, session.ranks  # fmt: skip
+
+
+def main():
+    folder, *names = sys.argv[1:]
+    for name in names:
+        found, ranks = computed(name)
+        if ranks.first:
+            np.savez(f"{folder}/{name.replace(' ', '_')}.npz", **found)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,131 @@
+"""Started under mpiexec by the tests of runs of the kernels on many ranks."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import flocking as fk
+from flocking.engine.driver.simulate import open_session, run_session
+from flocking.engine.lammps.domains.decomposition import Decomposition
+from flocking.engine.lammps.engine import ENGINE
+from flocking.engine.lammps.options import LammpsOptions
+from flocking.errors import SimulationError
+from tests.mpi.domain_cases import case
+
+
+def opened(scenario, **options):
+    return open_session(ENGINE, scenario, LammpsOptions(threads=1, **options))
+
+
+def streams(**changes):
+    scenario, options = case("streams with hysteresis")
+    return scenario.with_(**changes), options
+
+
+def twice():
+    found = []
+    for _ in range(2):
+        session = opened(*streams()[:1], **streams()[1])
+        session.advance(session.scenario.t_end)
+        found.append((session.run(), session.ranks.comm.allreduce(session._particles.migrated)))
+        session.close()
+    (one, migrated), (other, _) = found
+    return {"q": one.q, "again": other.q, "energy": one.trace["energy"], "energy_again": other.trace["energy"],
+            "migrated": migrated}  # fmt: skip
+
+
+def leaps():
+    """Agents without forces fly from one end of the group to the other in one step."""
+    scenario, _ = streams()
+    q = scenario.start.q
+    p = np.zeros_like(q)
+    p[::7] = -190.0 * q[::7]
+    law = fk.Law(fk.Hysteresis(8.4, 1.0), [fk.Consensus(0.0)])
+    made = fk.Scenario(law, fk.State(q, p), t_end=0.1, frames=11)
+    session = opened(made, step=0.01, skin=0.05)
+    session.advance(0.1)
+    run, migrated = session.run(), session.ranks.comm.allreduce(session._particles.migrated)
+    session.close()
+    return {"q": run.q, "expected": q + run.t[:, None, None] * p, "migrated": migrated}
+
+
+def lost():
+    """Every third time LAMMPS is said to have lost agents."""
+    exchanged, calls = Decomposition.exchanged, []
+
+    def losing(self, *arguments):
+        found = exchanged(self, *arguments)
+        calls.append(1)
+        return None if len(calls) % 3 == 0 else found
+
+    Decomposition.exchanged = losing
+    return {**whole(), "lost": len(calls) // 3}
+
+
+def whole(save=None, die_at=None, t_end=0.4, frames=6, out=None, **_):
+    scenario, options = streams(frames=frames, t_end=t_end)
+    session = opened(scenario, **options)
+    take, doomed = session._take_step, session.ranks.size - 1
+
+    def dying():
+        if die_at is not None and session.time >= die_at and session.ranks.rank == doomed:
+            os.kill(os.getpid(), signal.SIGKILL)
+        take()
+        if session.ranks.first and session.steps == 3:
+            Path(f"{out}.part").write_text(str(os.getpid()))
+            Path(f"{out}.part").rename(f"{out}.pid")
+
+    session._take_step = dying
+    run = run_session(session, save=save, progress=False, every=0.0)
+    return {"q": run.q, "links": run.links, "energy": run.trace["energy"]}
+
+
+def too_large():
+    """Two agents of the last rank meet where their potential is infinite."""
+    scenario, _ = streams()
+    q = np.array(scenario.start.q)
+    p = np.zeros_like(q)
+    far = np.argsort(q[:, 0])[-2:]
+    p[far] = 40.0 * (q[far[::-1]] - q[far])
+    law = fk.Law(fk.Proximity(8.4), [fk.Gradient(fk.Potential("1/r + r"))])
+    session = opened(fk.Scenario(law, fk.State(q, p), t_end=0.5, frames=2), step=0.01)
+    raised = "nothing"
+    try:
+        session.advance(0.5)
+    except SimulationError as error:
+        raised = type(error).__name__
+    return {"raised": session.ranks.comm.allgather(raised)}
+
+
+def fails():
+    scenario, options = streams()
+    session = opened(scenario, **options)
+    if session.ranks.rank == 1:
+
+        def failing(step, skin=None):
+            raise RuntimeError("this rank has had enough")
+
+        session._particles.rebuild = failing
+    session.advance(scenario.t_end)
+    return {}
+
+
+def main():
+    asked = json.loads(sys.argv[1])
+    what, out = asked.pop("what"), asked["out"]
+    if what in ("killed", "whole"):
+        found = whole(**({"die_at": 0.2} if what == "killed" else {}), **asked)
+    else:
+        found = {"twice": twice, "leaps": leaps, "lost": lost, "too large": too_large, "fails": fails}[what]()
+    if ENGINE.team().first:
+        np.savez(out, **found)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,154 @@
+"""Runs of the kernels on many ranks: same bits, leaps, stops, kills, other numbers of ranks, errors, refusals."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.errors import InvalidInput, StepTooLarge, UnsupportedLaw
+from tests.mpi.jobs import MPIEXEC, ROOT, WAITING, launch
+from tests.mpi.laws import start
+
+pytestmark = pytest.mark.mpi
+
+
+def job(ranks, tmp_path, what, **asked):
+    """Start a job of `tests.mpi.domain_run_job`; what its first rank wrote down, and the process."""
+    out = tmp_path / f"{what}-{ranks}.npz"
+    words = json.dumps({"what": what, "out": str(out), **asked})
+    done = launch(ranks, sys.executable, "-m", "tests.mpi.domain_run_job", words)
+    if not out.exists():
+        return {}, done
+    with np.load(out) as file:
+        return {name: file[name] for name in file.files}, done
+
+
+def test_the_same_number_of_ranks_gives_the_same_bits(tmp_path):
+    found, done = job(3, tmp_path, "twice")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert found["migrated"] > 20
+    assert np.array_equal(found["q"], found["again"])
+    assert np.array_equal(found["energy"], found["energy_again"])
+
+
+def test_agents_that_leap_over_domains_are_found(tmp_path):
+    found, done = job(4, tmp_path, "leaps")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert found["migrated"] > 20
+    np.testing.assert_allclose(found["q"], found["expected"], rtol=0, atol=1e-9)
+
+
+def test_agents_that_lammps_lost_are_placed_again_with_their_links(tmp_path):
+    found, done = job(2, tmp_path, "lost")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert found["lost"] > 3
+    expected, done = job(1, tmp_path, "whole")
+    assert done.returncode == 0, done.stderr[-3000:]
+    np.testing.assert_allclose(found["q"], expected["q"], rtol=0, atol=1e-9)
+    assert np.array_equal(found["links"], expected["links"])
+
+
+def test_a_killed_rank_ends_the_job_and_another_number_of_ranks_goes_on(tmp_path):
+    folder = tmp_path / "run"
+    _, done = job(2, tmp_path, "killed", save=str(folder))
+    assert done.returncode != 0
+    assert "BAD TERMINATION" in done.stdout + done.stderr
+    left = fk.read_run(folder)
+    assert left.status == "unfinished"
+    assert 2 <= len(left.t) < 6
+    expected, done = job(1, tmp_path, "whole")
+    assert done.returncode == 0, done.stderr[-3000:]
+    again = launch(3, sys.executable, "-m", "flocking", "resume", str(folder))
+    assert again.returncode == 0, again.stderr[-3000:]
+    run = fk.read_run(folder)
+    assert run.finished
+    np.testing.assert_allclose(run.q, expected["q"], rtol=0, atol=1e-9)
+    assert np.array_equal(run.links, expected["links"])
+    np.testing.assert_allclose(run.trace["energy"][-1], expected["energy"][-1], rtol=1e-9)
+    assert run.provenance["ranks"] == 3
+    assert run.provenance["forces"] == "kernels"
+
+
+def test_ctrl_c_on_two_ranks_saves_the_run(tmp_path):
+    folder = tmp_path / "run"
+    words = json.dumps(
+        {"what": "whole", "save": str(folder), "t_end": 1e6, "frames": 2, "out": str(tmp_path / "out.npz")}
+    )
+    process = subprocess.Popen(
+        [MPIEXEC, "-n", "2", sys.executable, "-m", "tests.mpi.domain_run_job", words], cwd=ROOT, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "OMP_NUM_THREADS": "1", **WAITING},
+    )  # fmt: skip
+    # The job writes its first rank's process identity when it has made its first steps.
+    while not (tmp_path / "out.npz.pid").exists():
+        assert process.poll() is None, process.communicate()[1][-3000:]
+        time.sleep(0.05)
+    os.kill(int((tmp_path / "out.npz.pid").read_text()), signal.SIGINT)
+    _, errors = process.communicate(timeout=120)
+    left = fk.read_run(folder)
+    assert left.status.startswith("interrupted"), errors[-3000:]
+    assert left.trace["time"][-1] > 0
+
+
+def test_an_error_of_one_rank_is_raised_on_all(tmp_path):
+    found, done = job(2, tmp_path, "too large")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert set(found["raised"]) == {"StepTooLarge"}
+    assert len(found["raised"]) == 2
+
+
+def test_a_failure_of_one_rank_ends_all(tmp_path):
+    _, done = job(2, tmp_path, "fails")
+    assert done.returncode != 0
+    assert "this rank has had enough" in done.stderr
+
+
+def scenario(graph, *terms, agents=None, space=None):
+    made = fk.Scenario(fk.Law(graph, terms), start(2, 20), 0.1, agents or fk.Agents())
+    return made if space is None else made.with_(space=space)
+
+
+def test_what_is_not_run_is_refused_by_name():
+    pull = fk.Gradient(fk.Potential("(r - 7)**2"))
+    with pytest.raises(UnsupportedLaw, match=r"tiled engine.*functional.*engine='exact'"):
+        fk.start(scenario(fk.Proximity(8.4), fk.Consensus(1.0, functional=True)), "lammps")
+    with pytest.raises(UnsupportedLaw, match="Periodic"):
+        fk.start(scenario(fk.Proximity(8.4), pull, space=fk.Periodic([90.0, 90.0])), "lammps")
+    with pytest.raises(UnsupportedLaw, match="control=Held"):
+        fk.start(scenario(fk.Proximity(8.4), pull).with_(control=fk.Held(0.1)), "lammps")
+
+
+def test_options_that_would_be_ignored_are_refused():
+    made = scenario(fk.Proximity(8.4), fk.Gradient(fk.Potential("(r - 7)**2")))
+    with pytest.raises(InvalidInput, match=r"ledger.*0 or 1.*kernels"):
+        fk.start(made, "lammps", ledger=5)
+    with pytest.raises(InvalidInput, match=r"scheme.*only for forces='kernels'"):
+        fk.start(made, "lammps", forces="pair styles", scheme="rk4")
+    with pytest.raises(InvalidInput, match="forces must be one of"):
+        fk.start(made, "lammps", forces="mine")
+
+
+def test_the_automatic_step_is_that_of_the_tiled_engine():
+    made = scenario(fk.Proximity(8.4), fk.Gradient(fk.Potential("(r - 7)**2")), fk.Consensus(3.0))
+    one, other = fk.start(made, "lammps"), fk.start(made, "tiles")
+    assert one.step == other.step
+    one.close()
+    with pytest.raises(StepTooLarge):
+        fk.simulate(made.with_(t_end=10.0), engine="lammps", step=2.0, progress=False)
+
+
+def test_a_law_that_is_not_obeyed_is_noticed():
+    """Agents that follow a plant: the ledger of the declared law does not close."""
+    made = scenario(fk.Proximity(8.4), fk.Gradient(fk.Potential("(r - 7)**2")), fk.Consensus(1.0)).with_(t_end=1.0)
+    plant = fk.Law(made.law.graph, [fk.Gradient(fk.Potential("(r - 7)**2")), fk.Consensus(1.1)])
+    run = fk.simulate(made, engine="lammps", step=0.005, plant=plant, progress=False)
+    honest = fk.simulate(made, engine="lammps", step=0.005, progress=False)
+    assert np.abs(run.residual[-1]) > 10.0 * np.abs(honest.residual[-1])
+    assert str(fk.audit(run)["ledger"].verdict) == "fails"
