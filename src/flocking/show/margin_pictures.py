@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from flocking.show.sheet import sheet
 from flocking.show.style import GREEN, ORANGE, PAGE, VERMILION, axes_or_new, in_style, theme
+from flocking.study.certificates.beside.margin_lines import MarginLine
 from flocking.study.margins.brackets import Count
 from flocking.study.margins.margin_table import Margins, Varied
 
@@ -39,11 +41,11 @@ def state_of(count: Count, share: float) -> str:
 
 
 @in_style
-def margins_of(table: Margins, quantity: str, *, axes: Axes | None = None) -> Axes:
+def margins_of(table: Margins, quantity: str, *, lines: Sequence[MarginLine] = (), axes: Axes | None = None) -> Axes:
     """Every conclusion that is shown in the ideal world over the levels of one quantity.
 
     A bar reaches as far as the conclusion is shown without interruption; dots are levels that were tried. Levels stand
-    side by side, evenly, from the ideal world on.
+    side by side, evenly, from the ideal world on. Lines are bounds of certificates, placed between the levels.
 
     Parameters
     ----------
@@ -51,6 +53,8 @@ def margins_of(table: Margins, quantity: str, *, axes: Axes | None = None) -> Ax
         The margins.
     quantity
         Name of the quantity.
+    lines
+        What is proven of it, see `flocking.study.certificates.beside.margin_lines.common_lines`.
     axes
         Axes to draw on; a new figure by default.
     """
@@ -69,8 +73,35 @@ def margins_of(table: Margins, quantity: str, *, axes: Axes | None = None) -> Ax
             if found:
                 axes.plot(found, [row] * len(found), "o", color=color, ms=4, zorder=3, gid=f"{state} {key}",
                           mfc=theme().ground if state == "open" else color)  # fmt: skip
+    for line in lines:
+        place = place_of(line.value, levels, falling=one.falling)
+        axes.plot(
+            [place, place], [-0.5, len(keys) - 0.5], ls="--", lw=1.0, color=theme().ink, zorder=2.5,
+            gid=f"proven {line.key}", label=f"proven: {line.label} {line.value:.3g}",
+        )  # fmt: skip
     _label(axes, one, keys, levels)
     return axes
+
+
+def place_of(value: float, levels: Sequence[float], *, falling: bool) -> float:
+    """Where a value lies among levels side by side from 1 on, the ideal world at 0; half a level beyond them at most.
+
+    Parameters
+    ----------
+    value
+        The value.
+    levels
+        The levels, from the ideal one outwards.
+    falling
+        Whether smaller levels are further out; the ideal one is then infinite, else zero.
+    """
+    places = np.arange(len(levels) + 1, dtype=np.float64)
+    # Of a quantity whose ideal value is infinite the reciprocal is zero there.
+    sizes = np.array([0.0, *((1.0 / x if falling else x) for x in levels)])
+    size = 1.0 / value if falling else value
+    if size > sizes[-1]:
+        return float(places[-1] + 0.5)
+    return float(np.interp(size, sizes, places))
 
 
 def _label(axes: Axes, one: Varied, keys: list[str], levels: list[float]) -> None:
@@ -84,20 +115,23 @@ def _label(axes: Axes, one: Varied, keys: list[str], levels: list[float]) -> Non
     axes.set_xlabel(one.name)
 
 
-def margins_figure(table: Margins) -> Figure | None:
+def margins_figure(table: Margins, lines: Mapping[str, Sequence[MarginLine]] | None = None) -> Figure | None:
     """All quantities of a table below each other; None where nothing is shown in the ideal world.
 
     Parameters
     ----------
     table
         The margins.
+    lines
+        What is proven, by the names of the quantities.
     """
     rows = len(table.shown_ideally)
     if not table.varied or not rows:
         return None
-    panels = [partial(_panel, table, one.name) for one in table.varied]
+    proven = lines or {}
+    panels = [partial(_panel, table, one.name, proven.get(one.name, ())) for one in table.varied]
     return sheet(panels, columns=1, ratio=(1.0 + ROW * rows) / PAGE)
 
 
-def _panel(table: Margins, quantity: str, axes: Axes) -> Axes:
-    return margins_of(table, quantity, axes=axes)
+def _panel(table: Margins, quantity: str, lines: Sequence[MarginLine], axes: Axes) -> Axes:
+    return margins_of(table, quantity, lines=lines, axes=axes)

@@ -11,7 +11,8 @@ import flocking as fk
 from flocking.apps.cli import main
 from flocking.model.world.losses import Bernoulli
 from flocking.show.contents import contents
-from flocking.show.margin_pictures import margins_figure
+from flocking.show.margin_pictures import margins_figure, place_of
+from flocking.study.certificates.beside.margin_lines import MarginLine, common_lines, margin_lines
 from flocking.study.claims.claim import Claim, Measure
 from flocking.study.claims.conclusions.limits import positions_agree, velocities_agree
 from flocking.study.evidence import NotResolvable
@@ -155,6 +156,32 @@ def test_margins_are_drawn(tmp_path):
     assert [mark.points[:, 0].tolist() for mark in first.of("open unknown")] == [[1.0, 5.0]]
     assert first.of("shown unknown") == first.of("bar never") == []
     assert margins_figure(replace(table, ideal={"never": Count(0, 1)})) is None
+
+
+def test_what_is_proven_is_a_line_beside_the_margins():
+    """Halfway between the levels .2 and .4, which stand at 2 and 3; beyond all levels, half a level out."""
+    one = Varied("period", "how long", "held", {"agree": {0.1: Count(4), 0.2: Count(4), 0.4: Count(0, 4)}})
+    table = Margins("four", {"agree": "."}, {"agree": Count(1)}, (one,), {}, 1.0, 0.1, 0.95, (0,), 20, "finished")
+    lines = (MarginLine(0.3, "agreement is stable below", "control_period"), MarginLine(9.0, "far", "far"))
+    (drawn,) = contents(margins_figure(table, {"period": lines}))
+    (mark,) = drawn.of("proven control_period")
+    assert mark.points[:, 0].tolist() == pytest.approx([2.5, 2.5])
+    assert drawn.of("proven far")[0].points[:, 0].tolist() == [3.5, 3.5]
+    (plain,) = contents(margins_figure(table))
+    assert plain.of("proven control_period") == []
+    # Of limits the ideal one is infinite: 4 lies between none and 2, and 1 between 2 and 0.5.
+    assert place_of(4.0, (2.0, 0.5), falling=True) == pytest.approx(0.5)
+    assert place_of(1.0, (2.0, 0.5), falling=True) == pytest.approx(1 + 1 / 3)
+
+
+def test_lines_of_several_seeds_are_at_the_safest_value():
+    law = fk.Law(fk.Proximity(9.0), [fk.Gradient(fk.Potential("1/r + r**2"))])
+    starts = [fk.State([[0.0, 0], [1, 0], [0, y]], [[0.0, 0], [0, 0], [0, 0.5]]) for y in (1.0, 2.0)]
+    made = [fk.Scenario(law, start, t_end=1.0) for start in starts]
+    (line,) = common_lines(made, "limit")
+    each = [margin_lines(scenario, "limit")[0].value for scenario in made]
+    assert line.value == max(each) > min(each)
+    assert common_lines(made, "delay") == common_lines([], "limit") == ()
 
 
 class Interrupted:

@@ -68,6 +68,7 @@ def margins(
     from flocking.papers.margins import margins as find_margins
     from flocking.show.margin_pictures import margins_figure
     from flocking.show.style import save
+    from flocking.study.certificates.beside.margin_lines import PROVEN_QUANTITIES, common_lines
     from flocking.study.margins.search import MOST_RUNS
 
     find_scenario(scenario, None, None)
@@ -87,7 +88,13 @@ def margins(
         return INTERRUPTED
     data = json.dumps(found.as_dict(), indent=2, allow_nan=False, ensure_ascii=False)
     write_file(folder / "margins.json", f"{data}\n".encode(), "write the margins")
-    picture = margins_figure(found)
+    seeds_used = range(SEEDS if seeds is None else seeds) if drawn else range(1)
+    lines = {
+        one.name: common_lines([find_scenario(scenario, s if drawn else None, None) for s in seeds_used], one.name)
+        for one in found.varied
+        if one.name in PROVEN_QUANTITIES
+    }
+    picture = margins_figure(found, lines)
     files = [] if picture is None else save(picture, folder / "margins")
     if as_json:
         print(data)
@@ -98,6 +105,9 @@ def margins(
         print()
     for note in found.notes:
         print(note)
+    for name_of, proven in lines.items():
+        for line in proven:
+            print(f"proven before any run, {name_of}: {line.label} {line.value:.9g} ({line.key})")
     for file in files:
         print(file)
     return FINE

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +37,9 @@ class MarginLine:
     beyond: bool = False
 
 
+PROVEN_QUANTITIES = ("period", "limit")
+"""Names of the quantities of which certificates bound something."""
+
 PERIODS = {
     "control_period": "agreement is stable below", "period_of_any_graph": "no disagreement grows up to",
     "directed_period": "agreement is stable below",
@@ -67,6 +71,32 @@ def margin_lines(scenario: Scenario, quantity: str) -> tuple[MarginLine, ...]:
     if quantity == "limit":
         return _limit_lines(certify(scenario.with_(control=CONTINUOUS, information=INSTANT)))
     return ()
+
+
+def common_lines(scenarios: Iterable[Scenario], quantity: str) -> tuple[MarginLine, ...]:
+    """The lines that hold for each of several scenarios, such as those of several seeds, at the safest of their values.
+
+    Parameters
+    ----------
+    scenarios
+        The scenarios.
+    quantity
+        As in `margin_lines`.
+
+    Raises
+    ------
+    InvalidInput
+        As `margin_lines`.
+    """
+    found = [{line.key: line for line in margin_lines(scenario, quantity)} for scenario in scenarios]
+    if not found:
+        return ()
+    lines = []
+    for key, line in found[0].items():
+        if all(key in each for each in found):
+            values = [each[key].value for each in found]
+            lines.append(replace(line, value=max(values) if line.beyond else min(values)))
+    return tuple(lines)
 
 
 def _period_lines(scenario: Scenario) -> tuple[MarginLine, ...]:
