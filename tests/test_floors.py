@@ -268,7 +268,7 @@ def test_types_hold():
 
 
 def test_style_holds():
-    found = run(tool("ruff"), "check", "--no-cache", "src", "tests")
+    found = run(tool("ruff"), "check", "--no-cache", ".")
     assert found.returncode == 0, found.stdout[-6000:] + found.stderr
 
 
