@@ -45,6 +45,31 @@ def whole(place: Path) -> Path:
     return write_run(finished(), place / "whole")
 
 
+@pytest.fixture(scope="package")
+def samples(place: Path) -> Path:
+    """Samples of that run, as another program writes them."""
+    path, run = place / "samples.csv", finished()
+    rows = [
+        f"{t!r},{i},{x!r},{y!r}"
+        for t, positions in zip(run.t.tolist(), run.q.tolist(), strict=True)
+        for i, (x, y) in enumerate(positions)
+    ]
+    path.write_text("\n".join(["t,id,x,y", *rows, ""]))
+    return path
+
+
+@pytest.fixture(scope="package")
+def logged(place: Path) -> Path:
+    """A finished run of four agents whose messages are lost and late, with its log of what they used."""
+    law = fk.Law(fk.Proximity(4.0), [fk.Gradient(fk.Potential("(r - 3)^2")), fk.Consensus(1.0)])
+    told = fk.Messages(0.05, delay=0.02, loss=fk.Bernoulli(0.3), expires=1.0, seed=7)
+    world = fk.Scenario(
+        law, fk.start.box(4, side=5, speed=2, seed=1), t_end=1.0, frames=5, name="four agents", seed=1,
+        control=fk.Held(0.1), information=told,
+    )  # fmt: skip
+    return write_run(fk.simulate(world, progress=False), place / "logged")
+
+
 SWEEP = """
 name = "gains"
 seeds = 2

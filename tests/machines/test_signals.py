@@ -124,6 +124,50 @@ def rows(results: Path) -> dict[int, object]:
     return dict(fk.read_sweep(results).rows) if (results / "sweep.json").exists() else {}
 
 
+@pytest.fixture(scope="module")
+def margins(machines: Machines, file: Path) -> list[LongCommand]:
+    """A search for margins in one process, and by two."""
+    how = ("--vary", "loss", "--levels", "loss=0,0.5", "--width", 0.99, "--period", 0.1, "--t-end", 0.2, "--seeds", 2)
+    return [
+        LongCommand(
+            machines, 80 + workers,
+            lambda at, workers=workers: ("margins", file, *how, "--workers", workers, "--out", at / "m", "--json"),
+        )
+        for workers in (1, 2)
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def whole_margins(machines: Machines, margins: list[LongCommand], place: Path) -> bytes:
+    """The table that nobody interrupts."""
+    machines.call(*margins[0].words(place)).check(0)
+    return (place / "m" / "margins.json").read_bytes()
+
+
+@moments(default=0)
+def test_a_search_for_margins_goes_on(
+    machines: Machines, margins: list[LongCommand], whole_margins: bytes, memory: Path, moment: int
+) -> None:
+    command, folder = margins[moment % 4 == 3], memory / "struck" / "m"
+    struck = command.struck(memory, moment, lambda: runs_of_margins(folder))
+    kept = runs_of_margins(folder)
+    assert struck.before.items() <= kept.items()
+    table = folder / "margins.json"
+    assert not table.exists() or table.read_bytes() == whole_margins
+    machines.call(*margins[0].words(memory / "struck")).check(0)
+    assert kept.items() <= runs_of_margins(folder).items(), "what was kept is not made again"
+    assert table.read_bytes() == whole_margins
+    count("odd machines: interrupted searches for margins that went on to the same table")
+
+
+def runs_of_margins(folder: Path) -> dict[str, tuple[int, bytes]]:
+    """Runs of a search on disk so far, by their files, with the times at which these were written."""
+    found = {}
+    for path in (folder / "runs").glob("*/rows/*.json"):
+        found[str(path.relative_to(folder))] = path.stat().st_mtime_ns, path.read_bytes()
+    return found
+
+
 NOISE = ("showcase", "flock-from-noise", "--agents", "100", "--until", "2", "--threads", "1", "--json")
 
 

@@ -31,7 +31,7 @@ def digest(folder: Path) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def readers(machines: Machines, whole: Path) -> dict[str, LongCommand]:
+def readers(machines: Machines, whole: Path, file: Path, samples: Path, logged: Path) -> dict[str, LongCommand]:
     """Commands that write nothing."""
     words: dict[str, Words] = {
         "info": lambda _: ("info", whole, "--json"),
@@ -39,19 +39,48 @@ def readers(machines: Machines, whole: Path) -> dict[str, LongCommand]:
         "audit": lambda _: ("audit", whole, "--json"),
         "check": lambda _: ("check", "1/r + 1/(R - r)", "-p", "R=4", "--json"),
         "equations": lambda _: ("equations", "tanner-2003-fixed", "--json"),
+        "certify": lambda _: ("certify", file, "--json"),
+        "audit of samples": lambda _: ("audit", samples, "--law", file, "--json"),
+        "audit --replay": lambda _: ("audit", logged, "--replay", "--json"),
     }
-    return {name: LongCommand(machines, 40 + k, of) for k, (name, of) in enumerate(words.items())}
+    return {name: LongCommand(machines, 40 + k, of, (0, 1), named=name) for k, (name, of) in enumerate(words.items())}
 
 
-@pytest.mark.parametrize("name", ["info", "diff", "audit", "check", "equations"])
+READERS = ["info", "diff", "audit", "check", "equations", "certify", "audit of samples", "audit --replay"]
+
+
+@pytest.mark.parametrize("name", READERS)
 @moments(default=0)
 def test_what_is_read_stays_as_it_is(
-    readers: dict[str, LongCommand], whole: Path, memory: Path, name: str, moment: int
+    readers: dict[str, LongCommand], whole: Path, samples: Path, logged: Path, memory: Path, name: str, moment: int
 ) -> None:
-    before = digest(whole)
+    before = digest(whole), digest(logged), samples.read_bytes()
     readers[name].struck(memory, moment)
-    assert digest(whole) == before
+    assert (digest(whole), digest(logged), samples.read_bytes()) == before
     assert list((memory / "struck").iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def laws_in_c(machines: Machines, file: Path) -> LongCommand:
+    """The export of a law as C."""
+    return LongCommand(machines, 70, lambda at: ("export-c", file, "--out", at / "law"))
+
+
+@pytest.fixture(scope="module")
+def law_in_c(machines: Machines, laws_in_c: LongCommand, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What nobody interrupts."""
+    place = tmp_path_factory.mktemp("whole")
+    machines.call(*laws_in_c.words(place)).check(0)
+    return digest(place / "law")
+
+
+@moments()
+def test_a_law_in_c_is_whole_or_not_there(
+    laws_in_c: LongCommand, law_in_c: dict[str, str], memory: Path, moment: int
+) -> None:
+    early = laws_in_c.struck(memory, moment).early
+    found = digest(memory / "struck" / "law") if (memory / "struck" / "law").exists() else {}
+    assert found == law_in_c or (early and found == {})
 
 
 @pytest.fixture(scope="module")

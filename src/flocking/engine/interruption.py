@@ -174,12 +174,14 @@ def note() -> bool:
 def check() -> None:
     """Raise the Ctrl-C that was noted, if there was one; engines call this between steps.
 
+    It is raised in the main thread alone, which noted it: sessions in other threads are stopped by whoever began them.
+
     Raises
     ------
     Noted
         When Ctrl-C was pressed.
     """
     global _asked
-    if _asked:
+    if _asked and threading.current_thread() is threading.main_thread():
         _asked = False
         raise Noted

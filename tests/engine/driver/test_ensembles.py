@@ -20,6 +20,9 @@ from flocking.engine.protocol.session import Session
 from flocking.errors import InvalidInput, NotFinite, RunsFailed, UnsupportedLaw
 from tests.engine.driver.test_chosen_engine import LAW
 
+LONGEST = 600.0
+"""Seconds after which a thread counts as one that never ends, on a busy machine."""
+
 PSI = fk.Potential("1/r + 1/(R - r)", R=4)
 
 
@@ -97,15 +100,24 @@ def test_failed_runs_are_counted_and_the_others_complete():
 
 
 def test_after_an_interrupt_every_run_holds_what_was_computed(monkeypatch):
-    """The first look of the main thread at the others is interrupted, while the first runs are under way."""
-    looks = []
+    """Ctrl-C comes at a look of the main thread at the others, once the first two runs have taken steps."""
+    looks, stepped, both = [], set(), threading.Event()
+    advance = ensembles.advance_slice
+
+    def noted(session: Session, to: float) -> None:
+        advance(session, to)
+        stepped.add(id(session))
+        if len(stepped) == 2:
+            both.set()
 
     def interrupted(self: Progress, done: int, failed: int) -> None:
         looks.append(done)
         if len(looks) == 1:
+            assert both.wait(LONGEST)
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(Progress, "advance", interrupted)
+    monkeypatch.setattr(ensembles, "advance_slice", noted)
     monkeypatch.setattr("flocking.engine.driver.simulate.GLANCE_SECONDS", 0.02)
     scenarios = [zhou(k).with_(t_end=4000.0, frames=2) for k in range(4)]
     runs = simulate_many(scenarios, threads=2, progress=False)
@@ -114,6 +126,30 @@ def test_after_an_interrupt_every_run_holds_what_was_computed(monkeypatch):
     assert all(np.array_equal(run.q[0], each.start.q) for run, each in zip(runs, scenarios, strict=True))
     assert runs[0].trace["time"][-1] > 0.0
     assert runs[3].trace["time"][-1] == 0.0
+
+
+def test_threads_leave_an_interrupt_to_the_main_thread(monkeypatch):
+    """Their sessions look for one between steps, and have taken some before the main thread looks."""
+    pressed, looked = threading.Event(), threading.Event()
+    advance = ensembles.advance_slice
+
+    def between(session: Session, to: float) -> None:
+        if session.steps and not looked.is_set():
+            assert pressed.wait(LONGEST)
+            advance(session, session.time + 0.01)
+            looked.set()
+        advance(session, min(to, session.time + 0.01))
+
+    def press(self: Progress, done: int, failed: int) -> None:
+        if not pressed.is_set():
+            signal.raise_signal(signal.SIGINT)
+            pressed.set()
+            assert looked.wait(LONGEST)
+
+    monkeypatch.setattr(Progress, "advance", press)
+    monkeypatch.setattr(ensembles, "advance_slice", between)
+    (run,) = simulate_many([zhou(0).with_(t_end=1e9, frames=2)], threads=1, progress=False)
+    assert run.status.startswith("interrupted at t = ")
 
 
 def test_a_second_interrupt_ends_at_once(monkeypatch):
@@ -139,10 +175,6 @@ def test_a_second_interrupt_ends_at_once(monkeypatch):
         thread.join(LONGEST)
         assert not thread.is_alive()
     assert len(taken) <= 1
-
-
-LONGEST = 600.0
-"""Seconds after which a thread counts as one that never ends, on a busy machine."""
 
 
 def working() -> list[threading.Thread]:
@@ -183,6 +215,7 @@ def test_an_interrupt_at_any_instruction_ends_all_threads(monkeypatch):
         for thread in working():
             thread.join(LONGEST)
         assert working() == [], f"threads go on after an interrupt at instruction {instruction}"
+        # It comes through only before the threads begin, or after they have ended.
         assert raised or [run.status.partition(" at ")[0] for run in runs] == ["interrupted"] * 2, instruction
 
 

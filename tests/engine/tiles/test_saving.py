@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import operator
 import os
 import signal
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -180,17 +183,39 @@ def test_two_runs_in_single_precision_are_compared_number_by_number() -> None:
     assert (found.what, found.time) == ("observation", run.t[3])
 
 
-def test_ctrl_c_loses_nothing(tmp_path: Path) -> None:
-    fk.simulate(scenario("proximity"), **OPTIONS)
-    long = scenario("proximity").with_(t_end=400.0, frames=8001)
+@contextmanager
+def pressed_after(steps: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Within it another thread presses Ctrl-C once a session has taken so many steps."""
+    advance = TilesSession.advance
+    seen: list[TilesSession] = []
+    over = threading.Event()
+
+    def noted(session: TilesSession, to: float, seconds: float = math.inf) -> None:
+        seen[:] = [session]
+        advance(session, to, seconds)
 
     def press() -> None:
-        os.kill(os.getpid(), signal.SIGINT)
+        while not over.is_set():
+            if seen and seen[0].steps > steps:
+                os.kill(os.getpid(), signal.SIGINT)
+                return
+            time.sleep(0.001)
 
-    timer = threading.Timer(1.0, press)
-    timer.start()
-    part = fk.simulate(long, save=tmp_path / "run", **OPTIONS)
-    timer.cancel()
+    with monkeypatch.context() as patched:
+        patched.setattr(TilesSession, "advance", noted)
+        thread = threading.Thread(target=press)
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
+
+
+def test_ctrl_c_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    long = scenario("proximity").with_(t_end=400.0, frames=8001)
+    with pressed_after(100, monkeypatch):
+        part = fk.simulate(long, save=tmp_path / "run", **OPTIONS)
     assert part.status.startswith("interrupted at t = ")
     stored = read_run(tmp_path / "run")
     assert stored.status == part.status
@@ -200,10 +225,8 @@ def test_ctrl_c_loses_nothing(tmp_path: Path) -> None:
     # The last row of the ledger is still open and kept in the checkpoint.
     assert len(part.trace) - len(stored.trace) == 1
     end = float(f"{part.t[-1] + 0.5:.1f}")
-    timer = threading.Timer(0.5, press)
-    timer.start()
-    later = fk.resume(tmp_path / "run", progress=False)
-    timer.cancel()
+    with pressed_after(int(part.provenance["steps"]) + 100, monkeypatch):
+        later = fk.resume(tmp_path / "run", progress=False)
     assert later.provenance["steps"] > part.provenance["steps"]
     session = TilesSession(long, TilesOptions(step=0.004, observe=True))
     session.advance(end)

@@ -42,6 +42,35 @@ def test_a_pole_that_neighbours_can_reach_is_refused(
     scenario(formula, fk.Fixed(3, ((0, 1), (1, 2))), **parameters)
 
 
+@pytest.mark.parametrize(
+    ("formula", "parameters", "at"),
+    [
+        ("sqrt(4 - r)", {}, "4.01"),
+        ("(a - r)**1.5", {"a": 4.0}, "4.01"),
+        ("(a - r)**b", {"a": 4.0, "b": 0.5}, "4.01"),
+        ("log(r - 8)", {}, "0.015"),
+    ],
+)
+def test_a_potential_without_values_where_neighbours_are_is_refused(
+    formula: str, parameters: dict[str, float], at: str
+) -> None:
+    with pytest.raises(InvalidInput, match=f"has no value at distance {at}, inside the radius 6 of its graph"):
+        scenario(formula, 6.0, **parameters)
+    with pytest.raises(InvalidInput, match="has no value at distance"):
+        scenario(formula, fk.Hysteresis(6.5, 3.0), **parameters)
+    if at != "0.015":
+        scenario(formula, 4.0, **parameters)
+
+
+@pytest.mark.parametrize(
+    "formula", ["sqrt(r)", "(r**2 + 1)**0.5", "where(r < 1, sqrt(1 - r), 0)", "r**-1.5", "r*log(r)"]
+)
+def test_roots_that_have_values_pass(formula: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SuspectInput)
+        scenario(formula, 6.0)
+
+
 def test_a_link_that_appears_before_the_pole_never_comes_past_it() -> None:
     scenario("1/r + 1/(R - r)", fk.Hysteresis(4.04, 0.1), R=4.0)
     with pytest.raises(InvalidInput, match=r"inside the radius 4\.01"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flocking.engine.c_export.export import c_files
-from flocking.engine.storage.atomic_files import put, storage_errors
+from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, complete_folder, put, storage_errors
 from flocking.errors import StorageError
 from flocking.model.law import Scenario
 
@@ -28,7 +28,7 @@ def export_c(
     scenario
         The scenario; its law must be distributed, and its graphs must link by distances.
     folder
-        A new or empty folder.
+        A new or empty folder; it appears with all its files, or not at all.
     float32
         Whether numbers are of single precision.
     neighbours
@@ -54,9 +54,10 @@ def export_c(
     """
     files = c_files(scenario, float32=float32, neighbours=neighbours, limit=limit, name=name)
     folder = Path(folder)
-    with storage_errors(folder, "write the law", full="The folder is incomplete; free some space or choose another."):
+    with storage_errors(folder, "write the law", full=NOTHING_WRITTEN):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
-        for file, text in files.items():
-            put(folder / file, text.encode())
+        with complete_folder(folder.resolve()) as fresh:
+            for file, text in files.items():
+                put(fresh / file, text.encode())
     return folder / f"{name}.c"

@@ -49,7 +49,7 @@ def resume(
     Raises
     ------
     InvalidInput
-        If ``threads`` is given and the engine that made it has no threads to choose.
+        If ``threads`` is given and the engine that made it has no threads to choose, or a plant without a scenario.
     StorageError
         If there is no run, it is damaged, another process writes it, or it ended with an error.
     EngineMissing
@@ -59,6 +59,11 @@ def resume(
     """
     if not isinstance(folder, str | Path):
         raise InvalidInput("resume", "folder", "must be a path", folder)
+    if plant is not None and (scenario is None or not isinstance(plant, Law)):
+        raise InvalidInput(
+            "resume", "plant", "must be a Law, beside the scenario of a run that could not be stored", plant,
+            "A stored run knows its own plant: leave it out.",
+        )  # fmt: skip
     folder = Path(folder)
     with read_soundly(folder):
         return _resume(folder, scenario, plant, progress, {} if threads is None else {"threads": threads})

@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-from flocking.errors import Chattering, InvalidInput, LinkLost, NotFinite
-
-
-def infinite_at_start(energy: float) -> InvalidInput:
-    """The error for a start of infinite ``energy``."""
-    return InvalidInput(
-        "Scenario", "start", "must have a finite energy", energy,
-        "Two agents sit where the potential is infinite; move them apart or inside its range.",
-    )  # fmt: skip
+from flocking.errors import Chattering, LinkLost, NotFinite
 
 
 def link_lost(time: float, agents: tuple[int, ...]) -> LinkLost:

@@ -14,7 +14,7 @@ from flocking.engine.exact.blocks.block import StepBlock, take_block
 from flocking.engine.exact.checkpoint import pack_exact, restore_exact
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
-from flocking.engine.exact.failures import infinite_at_once, infinite_at_start, sliding
+from flocking.engine.exact.failures import infinite_at_once, sliding
 from flocking.engine.exact.jump_times import JumpTimes
 from flocking.engine.exact.origin import momentum, origin_of
 from flocking.engine.exact.precision import Precision
@@ -31,6 +31,7 @@ from flocking.engine.integrator.step_lengths import StepLengths
 from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_world
+from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.reference.plants import known_plant
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.run import Accuracy, Closest, LedgerRow
@@ -101,7 +102,7 @@ class ExactSession(AdaptiveSession):
         dynamics.follow_limits(state.t, y := dynamics.join(state, self._tail))
         self.energy, self.kinetic = dynamics.energy(state.t, y)
         if not np.isfinite(self.energy):
-            raise infinite_at_start(self.energy)
+            raise infinite_start(self.scenario, state, self.energy)
         memory = StepperMemory(state.t, y, dynamics.slope(state.t, y), 0.0)
         if not np.isfinite(memory.slope).all():
             raise NotFinite("The control at the start is infinite or NaN.", time=self._origin.time_at(state.t))

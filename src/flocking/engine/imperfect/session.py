@@ -25,6 +25,7 @@ from flocking.engine.imperfect.pair_switches import pair_events
 from flocking.engine.imperfect.powers import SEVEN, Powers, Rule, integrated
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.protocol.session import Session, Stored
+from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Closest, LedgerRow, is_tangential
@@ -102,10 +103,7 @@ class ImperfectSession(Session):
         self.relink()
         self.energy, self.kinetic = self._energy(0.0)
         if not np.isfinite(self.energy):
-            raise InvalidInput(
-                "Scenario", "start", "must have a finite energy", self.energy,
-                "Two agents sit where the potential is infinite; move them apart or inside its range.",
-            )  # fmt: skip
+            raise infinite_start(self.scenario, self.scenario.start, self.energy)
         self._record_row(0.0)
 
     # What an engine says of its motion.

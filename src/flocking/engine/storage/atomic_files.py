@@ -212,6 +212,27 @@ def partial_folder(folder: Path) -> Path:
     return folder.with_name(f".{folder.name}.{os.getpid()}{PARTIAL}")
 
 
+@contextmanager
+def complete_folder(folder: Path) -> Iterator[Path]:
+    """A new folder to write into; it appears as ``folder``, missing or empty before, when the block ends without error.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made, or ``folder`` is not empty.
+    """
+    fresh = partial_folder(folder)
+    remove_left_over(folder.parent)
+    try:
+        fresh.mkdir(parents=True)
+        yield fresh
+        with suppress(FileNotFoundError):
+            folder.rmdir()
+        os.rename(fresh, folder)
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+
+
 def remove_left_over(place: Path) -> None:
     """Remove partly written folders of ended processes from ``place``, see `partial_folder`."""
     for path in place.glob(f".*{PARTIAL}"):

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import zlib
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -34,10 +32,9 @@ from flocking.engine.runs.stored_fidelity import fidelity_data
 from flocking.engine.storage.atomic_files import (
     NOTHING_WRITTEN,
     atomic_store,
+    complete_folder,
     only_writer,
-    partial_folder,
     put,
-    remove_left_over,
     settle,
     storage_errors,
     sweep,
@@ -128,30 +125,25 @@ class RunWriter:
         components = component_names(scenario)
         start = scenario.start
         size = Dimensions(start.n, start.dimension, with_links, precision, observed, with_errors, components, with_log)
-        fresh = partial_folder(folder)
         # Zarr writes in a separate thread, which an interrupt of this one does not stop.
-        with zarr_calls(), storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
-            remove_left_over(folder.parent)
-            try:
-                fresh.mkdir(parents=True)
-                text, reason = _scenario_text(scenario, plant)
-                put(fresh / SCENARIO, text)
-                store = atomic_store(fresh)
-                for name in size.names():
-                    size.create(store, name)
-                record: dict[str, Any] = {
-                    "format": FORMAT, "title": scenario.name, "status": UNFINISHED, "commits": 0, "checkpoint": None,
-                    "n": size.n, "dimension": size.m, "links": with_links, "arrays": list(size.names()),
-                    "components": list(components),
-                    "counts": dict.fromkeys(GROWING, 0), "checksums": {}, "closest": [None, None],
-                    "scenario": {"checksum": zlib.crc32(text), "left_out": reason}, "session": session or {},
-                }  # fmt: skip
-                write_record(fresh, record, {})
-                with suppress(FileNotFoundError):
-                    folder.rmdir()
-                os.rename(fresh, folder)
-            finally:
-                shutil.rmtree(fresh, ignore_errors=True)
+        with (
+            zarr_calls(),
+            storage_errors(folder, "create the run", full=NOTHING_WRITTEN),
+            complete_folder(folder) as fresh,
+        ):
+            text, reason = _scenario_text(scenario, plant)
+            put(fresh / SCENARIO, text)
+            store = atomic_store(fresh)
+            for name in size.names():
+                size.create(store, name)
+            record: dict[str, Any] = {
+                "format": FORMAT, "title": scenario.name, "status": UNFINISHED, "commits": 0, "checkpoint": None,
+                "n": size.n, "dimension": size.m, "links": with_links, "arrays": list(size.names()),
+                "components": list(components),
+                "counts": dict.fromkeys(GROWING, 0), "checksums": {}, "closest": [None, None],
+                "scenario": {"checksum": zlib.crc32(text), "left_out": reason}, "session": session or {},
+            }  # fmt: skip
+            write_record(fresh, record, {})
         return cls(folder)
 
     @classmethod

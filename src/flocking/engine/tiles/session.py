@@ -19,6 +19,7 @@ from flocking.engine.fixed_step.step_checks import RESIDUAL, step_too_large
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_world
+from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.reference.plants import check_plant
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import MOST_LINKED
@@ -303,10 +304,9 @@ class TilesSession(Session):
         if self.options.ledger:
             self._add_ledger_row()
             if not self.steps and not np.isfinite(self.records.trace[-1][1]):
-                fix = "The potential of two agents is infinite; move them apart or inside its range."
-                if not np.isfinite(self.records.trace[-1][2]):
-                    fix = f"Squares of the velocities overflow in {self.options.precision}."
-                raise InvalidInput("Scenario", "start", "must have a finite energy", self.records.trace[-1][1], fix)
+                raise infinite_start(
+                    self.scenario, self.scenario.start, self.records.trace[-1][1], self.options.precision
+                )
             eps = float(np.finfo(self._particles.dtype).eps)
             checks.ledger(self.records, self._integrator, eps, self.step, self.time)
 

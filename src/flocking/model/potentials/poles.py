@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,9 @@ STEEPER = 1e4
 """Smallest growth of the slope between the two at a pole; for a logarithm it is 1e5."""
 SAMPLES, FAR = 402, 4.0
 """Number of distances between two borders of pieces, and largest distance relative to the last border."""
+
+MAY_END = re.compile(r"sqrt\(|log\(|\*\*\s*(?!-?\d+(?![\d./])|\(-?\d+\))")
+"""What may have no real value: roots, logarithms, and powers unless their exponent is a whole number."""
 
 
 @lru_cache(maxsize=1024)
@@ -75,6 +79,21 @@ def acts_only_beyond(potential: Potential, radius: float) -> float | None:
         if (potential.slope(np.linspace(low, high, SAMPLES)[1:-1]) != 0).any():
             return float(low)
     return None
+
+
+@lru_cache(maxsize=1024)
+def without_value(potential: Potential, radius: float) -> float | None:
+    """A distance below ``radius`` from which on a potential has no real value or slope; None if none was found.
+
+    Values are looked for at `SAMPLES` distances, and only in formulas with a part that may have none.
+    """
+    if not MAY_END.search(potential.formula.structure):
+        return None
+    r = radius * np.linspace(0.0, 1.0, SAMPLES)[1:-1]
+    lost = np.isnan(potential(r)) | np.isnan(potential.slope(r))
+    # Two in a row: a single one may be a quotient of zeros.
+    both = lost[:-1] & lost[1:]
+    return float(r[both.argmax()]) if both.any() else None
 
 
 def _diverges(potential: Potential, at: float) -> bool:

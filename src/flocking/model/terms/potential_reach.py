@@ -9,7 +9,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput, SuspectInput
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.potentials.poles import acts_only_beyond, poles, sides
+from flocking.model.potentials.poles import acts_only_beyond, poles, sides, without_value
 from flocking.model.terms.pair_terms import Gradient, PairTerm
 
 CALLER = 5
@@ -65,6 +65,14 @@ def check_reach(terms: Iterable[PairTerm], over: Graph) -> None:
             raise InvalidInput(
                 "Gradient", "potential", f"must be finite wherever agents are neighbours, but {how} {where}",
                 potential, f"Give the graph a radius of at most {pole:.9g}, or cut the potential before its pole.",
+            )  # fmt: skip
+        barriers = [pole for pole in poles(potential) if radius * INSIDE <= pole < widest]
+        if (lost := without_value(potential, min([widest, *barriers]))) is not None:
+            raise InvalidInput(
+                "Gradient", "potential",
+                f"must be finite wherever agents are neighbours, but has no value at distance {lost:.3g}, inside the "
+                f"radius {widest:.9g} of its graph",
+                potential, "Choose a radius within which it has values, or cut it by where(...).",
             )  # fmt: skip
         if (begin := acts_only_beyond(potential, widest)) is not None:
             warnings.warn(

@@ -9,13 +9,14 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger
+from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.tiles import checks
 from flocking.engine.tiles.held.held_ledger import powers_of, wanted_power
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.held.memory import HeldMemory
 from flocking.engine.tiles.session import TilesSession
-from flocking.errors import InvalidInput, NotFinite
+from flocking.errors import NotFinite
 from flocking.model.state import State
 from flocking.model.world.times import NANOSECOND
 
@@ -85,8 +86,7 @@ class HeldTruth(TilesSession):
         departed = float(self._memory.ledger.integrals[3])
         self.records.add_ledger_row(t, self._memory.ledger.in_form, self._particles.n, unlinked, departed)
         if not seconds and not np.isfinite(self.records.trace[-1][1]):
-            fix = "The potential of two agents is infinite; move them apart or inside its range."
-            raise InvalidInput("Scenario", "start", "must have a finite energy", self.records.trace[-1][1], fix)
+            raise infinite_start(self.scenario, self.scenario.start, self.records.trace[-1][1])
         eps = float(np.finfo(self._particles.dtype).eps)
         sums = self._memory.ledger.sums
         scale = abs(sums["pairs"]) + abs(sums["bodies"]) + sums["kinetic"]
