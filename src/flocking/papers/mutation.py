@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 from flocking.engine.driver.simulate import simulate
 from flocking.engine.runs.run import Run
@@ -90,7 +91,7 @@ def catch(mutant: str) -> Caught:
     """
     name, key, t_end = CASES[mutant]
     scenario = declared(name, key, t_end)
-    right = _verdicts(_right_run(scenario), name)
+    right = _right_verdicts(name, key, t_end)
     wrong = _verdicts(_mutant_run(mutant, scenario), name)
     truth = tuple(k for k, v in right.items() if v == Verdict.HOLDS)
     return Caught(
@@ -98,6 +99,12 @@ def catch(mutant: str) -> Caught:
         tuple(k for k in truth if wrong[k] == Verdict.FAILS),
         tuple(k for k in truth if wrong[k] == Verdict.NOT_RESOLVED),
     )  # fmt: skip
+
+
+@cache
+def _right_verdicts(name: str, key: str, t_end: float) -> dict[str, Verdict]:
+    """Verdicts on the right system, which several mutants share."""
+    return _verdicts(_right_run(declared(name, key, t_end)), name)
 
 
 def _right_run(scenario: Scenario) -> Run:

@@ -101,14 +101,13 @@ def test_the_closest_approach_is_that_of_all_images():
 
 def forces(q, p, lengths, radius, gain):
     """Forces of the soft potential and consensus, summed over explicit images."""
-    u = np.zeros_like(q)
-    for i, j in product(range(len(q)), repeat=2):
-        for shift in images(lengths, 4):
-            d = q[j] - q[i] + shift
-            r = np.linalg.norm(d)
-            if i != j and 0 < r < radius:
-                u[i] += -2 * SOFT.parameters["k"] / radius * (1 - r / radius) * d / r + gain * (p[j] - p[i])
-    return u
+    shifts = np.array(list(images(lengths, 4)))
+    d = (q[None, :] - q[:, None])[:, :, None] + shifts
+    r = np.linalg.norm(d, axis=3)
+    near = (r > 0) & (r < radius) & ~np.eye(len(q), dtype=bool)[:, :, None]
+    along = np.where(near, -2 * SOFT.parameters["k"] / radius * (1 - r / radius) / np.where(near, r, 1.0), 0.0)
+    drag = gain * near.sum(axis=2)[:, :, None] * (p[None, :] - p[:, None])
+    return (along[..., None] * d).sum(axis=(1, 2)) + drag.sum(axis=1)
 
 
 def test_the_reference_sums_over_explicit_images():

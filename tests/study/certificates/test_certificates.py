@@ -66,9 +66,9 @@ def contradictions(seeds: range) -> tuple[list[tuple[int, object]], dict[str, li
 
 
 def test_random_scenarios_keep_what_is_promised():
-    broken, tightness, count = contradictions(range(10))
+    broken, tightness, count = contradictions(range(7))
     assert not broken
-    assert count >= 35
+    assert count >= 24
     assert set(tightness) >= {
         "largest_energy", "closest_approach", "longest_link", "group_diameter", "links_kept", "largest_speed"
     }  # fmt: skip

@@ -89,7 +89,7 @@ def random_scenario(seed: int) -> fk.Scenario:
 
 def test_random_groups_never_enter_what_they_are_promised_not_to():
     granted, tight = 0, []
-    for seed in range(14):
+    for seed in range(8):
         found = fk.certify(random_scenario(seed))
         if found["obstacles_not_entered"].granted:
             granted += 1
@@ -98,7 +98,7 @@ def test_random_groups_never_enter_what_they_are_promised_not_to():
             assert rows["obstacles_not_entered"].kept is not False
             assert rows["obstacles_not_entered"].observed > 0.0
             tight.append(rows["obstacles_not_entered"].tightness)
-    assert granted >= 5
+    assert granted >= 3
     assert max(tight) <= 1.0 + 1e-9
 
 

@@ -46,22 +46,22 @@ def test_a_slope_that_jumps_is_integrated_all_the_same() -> None:
 
 
 def test_collisions_are_bounded_as_the_paper_does() -> None:
-    for name in ("gentle", "fragments"):
+    for name, apart in (("gentle", True), ("fragments", False)):
         scenario = OLFATI.scenario(name=f"olfati-saber-2006-{name}")
         found = fk.certify(scenario)
+        assert found["closest_approach"].granted == apart
         most = OLFATI.most_collisions(OLFATI.structural_energy(scenario.start))
         assert found["simultaneous_collisions"].bound.hi == most
         assert abs(found["largest_energy"].bound.hi - OLFATI.structural_energy(scenario.start)) < 0.01 * (
             found["largest_energy"].bound.hi
         )
     assert most > 0
-    assert fk.certify(OLFATI.scenario(name="olfati-saber-2006-gentle"))["closest_approach"].granted
-    assert not found["closest_approach"].granted
 
 
-def test_no_run_contradicts_them() -> None:
+@pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 12), marks=pytest.mark.slow)])
+def test_no_run_contradicts_them(seeds: range) -> None:
     checked = 0
-    for seed in range(6):
+    for seed in seeds:
         rng = np.random.default_rng(seed)
         n, radius = int(rng.integers(2, 7)), float(rng.uniform(2.0, 4.0))
         graph = fk.Smooth(
@@ -73,7 +73,7 @@ def test_no_run_contradicts_them() -> None:
         for row in compare(fk.certify(scenario), fk.simulate(scenario, progress=False)):
             checked += 1
             assert row.kept, row
-    assert checked >= 15
+    assert checked >= 2 * len(seeds)
 
 
 def test_two_kinds_of_weighting_together_are_refused() -> None:
@@ -84,7 +84,7 @@ def test_two_kinds_of_weighting_together_are_refused() -> None:
     assert "one potential is weighted" in found["largest_energy"].reason
 
 
-@pytest.mark.parametrize("name", ["space", "pressed"])
+@pytest.mark.parametrize("name", [pytest.param("space", marks=pytest.mark.slow), "pressed"])
 def test_the_pursuit_of_the_goal_bounds_speeds(name: str) -> None:
     scenario = OLFATI.scenario(name=f"olfati-saber-2006-{name}").with_(t_end=5.0, frames=26)
     rows = {r.key: r for r in compare(fk.certify(scenario), fk.simulate(scenario, progress=False))}

@@ -221,7 +221,9 @@ def test_what_was_interrupted_goes_on_to_the_same_result(tmp_path):
 
 
 def test_the_number_of_workers_changes_nothing():
-    one, two = (found(drawn, "loss", (SAME,), workers=k, period=0.4, levels={"loss": [0.0, 0.9]}) for k in (1, 2))
+    one, two = (
+        found(drawn, "loss", (SAME,), workers=k, period=0.4, levels={"loss": [0.0, 0.9]}, width=0.95) for k in (1, 2)
+    )
     assert one.as_dict() == two.as_dict()
 
 
