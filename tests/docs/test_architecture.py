@@ -53,6 +53,7 @@ HOMES = {
     "change how a crossing of a distance is located": "def crossings(",
     "change the companion solution that estimates the integration error": "class Companion",
     "change how the error of a motion is estimated by repetitions": "def repetitions_of",
+    "change how groups of several bodies are made": "class Mixture(",
     "change what bodies make of held forces": "class Actuation",
     "change when agents meet obstacles under held control": "class Meetings",
     "add a field to the checkpoint of the exact engine": "def pack_exact(",

@@ -194,7 +194,7 @@ class Law(LawCell):
 add_group(Group("law", Law, key=None))
 
 SORTS = {
-    Body: "a body, such as PointMass",
+    Body: "a body, such as PointMass, or a Mixture of several",
     Energy: "Energy",
     Space: "a space, such as Open",
     Information: "what agents know, such as Instant or Messages",

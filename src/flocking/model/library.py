@@ -9,6 +9,7 @@ from flocking.model.bodies.discrete_bodies import DiscreteBody as DiscreteBody
 from flocking.model.bodies.discrete_bodies import Heading as Heading
 from flocking.model.bodies.discrete_bodies import Impulsive as Impulsive
 from flocking.model.bodies.disturbances import Disturbed as Disturbed
+from flocking.model.bodies.mixtures import Mixture as Mixture
 from flocking.model.bodies.point_bodies import PointMass as PointMass
 from flocking.model.bodies.point_bodies import SingleIntegrator as SingleIntegrator
 from flocking.model.bodies.quadrotors import Quadrotor as Quadrotor
