@@ -17,6 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flocking.engine.exact.blocks.corrected_companion import FEW_PAIRS as FEW_PAIRS
+from flocking.engine.exact.blocks.corrected_companion import SHORT, correct
+from flocking.engine.exact.crossings.switch_numbers import largest_difference
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.integrator.integration_method import halves, powers, tableau
 from flocking.engine.integrator.segment import ROUNDING, Segment, powers_at, weights_at
@@ -30,14 +33,6 @@ included: see `tests/engine/exact/test_error_estimate.py`.
 
 LOST = 0.1
 """Error, as a share of the group's size or of the shortest reach of a graph, beyond which the solution is unknown."""
-
-FEW_PAIRS = 1500
-"""Ordered pairs up to which two half steps are taken; measured, they cost no more than four slopes per step there."""
-
-SHORT = 0.5
-"""Longest step of four slopes, in time constants of the fastest change: the classical method of order 4 has an error
-below 0.5^5 / 120, 0.03 %, per step there.
-"""
 
 PLACES = (0.5, 0.625, 0.8125, 0.9)
 """Where inside a step the solution is compared, as fractions of it: between its ends the polynomial is least accurate
@@ -130,6 +125,12 @@ class Companion:
 
     def _corrected(self, segment: Segment, e: Array) -> tuple[Array, float]:
         """Differences by slopes along the polynomial of a step, and their rate of change."""
+        law = self._dynamics.compiled
+        if law is not None:
+            nodes = np.empty((NODES, len(e)))
+            times = segment.t0, segment.t1, self._dynamics.base
+            rate = correct(law, *tableau()[:2], segment.coefficients, *times, e, self.difference.rate, nodes)
+            return nodes, float(rate)
         span = segment.t1 - segment.t0
         pieces = 2 * max(1, int(np.ceil(0.5 * span * self.difference.rate / SHORT)))
         h = span / pieces
@@ -354,17 +355,11 @@ class StateError:
 
     def pair(self, i: int, j: int) -> float:
         """Bound on the error of the relative position of two agents."""
-        return SAFETY * _between(self.nodes[:, : self.n * self.m], i, j, self.m) + 2 * self.q_floor
+        return SAFETY * float(largest_difference(self.nodes, 0, i, j, self.m)) + 2 * self.q_floor
 
     def pair_velocity(self, i: int, j: int, velocities: Array) -> float:
         """Bound on the error of the relative velocity of two agents, from ``velocities``.
 
         These are differences of the velocities at some times, shape (k, N m).
         """
-        return SAFETY * _between(velocities, i, j, self.m) + 2 * self.p_floor
-
-
-def _between(parts: Array, i: int, j: int, m: int) -> float:
-    """Largest difference of the rows of two agents."""
-    offsets = parts[:, j * m : (j + 1) * m] - parts[:, i * m : (i + 1) * m]
-    return float(np.sqrt((offsets**2).sum(axis=1)).max())
+        return SAFETY * float(largest_difference(np.ascontiguousarray(velocities), 0, i, j, self.m)) + 2 * self.p_floor

@@ -17,6 +17,7 @@ from flocking.engine.integrator.state_tolerances import state_tolerances
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import CompiledLaw, LawKernels, Pairs, Slots, stages
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.ledger_rows import DEPARTED, fill_ledger
 from flocking.engine.kernels.motion_source import RATES
 from flocking.engine.kernels.pieces import FREE, free_pieces, limits
 from flocking.errors import InvalidInput
@@ -376,12 +377,14 @@ class Dynamics:
         p = y[count : 2 * count].reshape(self.n, self.m) if self.order == 2 else np.zeros_like(q)
         return q, p, y[self.columns_size :]
 
-    def integrals(self, y: Array, work: float, supplied: float) -> tuple[float, float, float, float]:
-        """Work, dissipation, supply and departure of a state vector ``y``, with ``work`` and ``supplied`` added."""
-        first = self.motion_size
-        departed = float(y[first - 1]) if self.departs else 0.0
-        worked, lost, given = map(float, y[first : first + LEDGER] + np.array([work, 0.0, supplied]))
-        return worked, lost, given - departed if self.departs else given, departed
+    def integrals(self, states: Array, velocity: Array, begin: Array) -> Array:
+        """What `fill_ledger` says of state vectors (``states``, ``velocity``, ``begin``)."""
+        found, masses = np.empty((len(states), DEPARTED + 1)), self.scenario.agents.masses
+        each = np.array(np.broadcast_to(masses, self.n), dtype=np.float64)
+        moving = self.n * self.m if self.order == 2 else -1
+        lab = self.scenario.energy.frame == "lab"
+        fill_ledger(states, each, velocity, begin, lab, moving, self.motion_size, self.departs, found)
+        return found
 
     def further(self, y: Array) -> dict[str, Array]:
         """Further columns of a state vector ``y`` by name, shape (N, width) each; views."""

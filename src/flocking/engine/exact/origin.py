@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flocking.engine.kernels.ledger_rows import momentum_of
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -164,7 +165,7 @@ def _laws(scenario: Scenario, plant: Law | None) -> list[Law]:
 
 def momentum(scenario: Scenario, p: Array) -> Array:
     """Momentum of agents with velocities ``p`` of shape (N, m), shape (m,)."""
-    return np.asarray(np.broadcast_to(scenario.agents.masses, len(p)) @ p)
+    return momentum_of(np.array(np.broadcast_to(scenario.agents.masses, len(p)), dtype=np.float64), p)
 
 
 def knows_no_place(law: Law, scenario: Scenario) -> bool:

@@ -90,6 +90,39 @@ class ExactRecorder(Recorder):
         outside = origin.outwards(own, q, p)
         self.frame(t, *outside, links, origin.rounded(own, *error), columns=dynamics.further(y))
 
+    def frames_at(
+        self, own: Array, states: Array, dynamics: Dynamics, links: Links, errors: Array, origin: Origin
+    ) -> None:
+        """Store the next frames, as `frame_at` does each.
+
+        Parameters
+        ----------
+        own, states
+            The session's own times, shape (k,), and state vectors, shape (k, size).
+        dynamics
+            The right-hand side of these.
+        links, errors
+            Links in each frame, shape (k, N, N), and errors of positions and velocities, shape (k, 2).
+        origin
+            Origin of times and coordinates.
+        """
+        times = self.frame_times[self.count :][: len(own)].tolist()
+        if dynamics.columns:
+            for k, t in enumerate(times):
+                position, velocity = errors[k].tolist()
+                self.frame_at(float(own[k]), t, states[k], dynamics, links[k], (position, velocity), origin)
+            return
+        shape, size = (len(own), dynamics.n, dynamics.m), dynamics.n * dynamics.m
+        q = states[:, :size].reshape(shape)
+        p = states[:, size : 2 * size].reshape(shape) if dynamics.order == 2 else np.zeros(shape)
+        outside, rounded = errors.tolist(), []
+        if not origin.rests:
+            places = np.array([origin.at(s) for s in own.tolist()])
+            q, p = q + places[:, None], p + origin.velocity
+        for s, (position, velocity) in zip(own.tolist(), outside, strict=True):
+            rounded.append(origin.rounded(s, position, velocity))
+        self.frames(times, q, p, np.ascontiguousarray(links), rounded)
+
     def due_until(self, until: float, base: float) -> list[tuple[float, float]]:
         """Frame times not yet stored, up to ``until``: each in the session's own time and in the user's.
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from flocking.engine import interruption
 from flocking.engine.exact.barriers import LedgerState
+from flocking.engine.exact.blocks.arrays import STEP_JUMPED, STEP_LENGTH
 from flocking.engine.exact.blocks.block import StepBlock, take_block
 from flocking.engine.exact.checkpoint import pack_exact, restore_exact
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
@@ -24,11 +25,12 @@ from flocking.engine.exact.replacement import renumbered, replacement
 from flocking.engine.exact.snapshot import Snapshot as Snapshot
 from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.exact.step_search import found_step
-from flocking.engine.exact.switch_records import write_switch
+from flocking.engine.exact.switch_records import write_rows, write_switch
 from flocking.engine.integrator.adaptive_session import AdaptiveSession
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.integrator.step_lengths import StepLengths
 from flocking.engine.integrator.stepper import Stepper, StepperMemory
+from flocking.engine.kernels.ledger_rows import DEPARTED, MORE, WORKED
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.infinite_starts import infinite_start
@@ -166,30 +168,39 @@ class ExactSession(AdaptiveSession):
         records, dynamics, origin = self.records, self._dynamics, self._origin
         found = None if records.fine is not None else take_block(
             dynamics, self._links, self._stepper, self._error, records.extremes, self._precision, origin,
-            (self.energy, self.kinetic), (until, self._jumps.bound(self._segment.t1)), records.to_come(origin.time),
-            seconds=stop - time.monotonic(),
+            (self.energy, self.kinetic, self.jumped), (until, self._jumps.bound(self._segment.t1)),
+            records.to_come(origin.time), seconds=stop - time.monotonic(),
         )  # fmt: skip
-        if found is None or not len(found.steps):
+        if found is None or not found.taken:
             return found
-        steps = found.steps.tolist()
-        records.trace += [self._trace_row(t, e, k, y) for (t, e, k, _), y in zip(steps, found.states, strict=False)]
-        for y, error in zip(found.frames[0], found.frames[1].tolist(), strict=True):
-            t = float(records.frame_times[records.count])
-            records.frame_at(origin.own_time(t), t, y, dynamics, self._links.links[0], error, origin)
+        rows, states, length = found.rows, found.states, found.last[0]
+        records.trace += self._trace_rows(rows[:, :STEP_LENGTH], rows[:, STEP_JUMPED], states)
+        states_shown, errors, links = found.frames
+        if len(errors):
+            own_times = records.frame_times[records.count :][: len(errors)] - origin.time
+            records.frames_at(own_times, states_shown, dynamics, links, errors, origin)
         self._stepper.recall(found.memory)
         self._error.difference, records.extremes.rows = found.difference, found.extremes
-        self.steps += len(steps)
-        for row in steps:
-            self._lengths.add(row[3])
-        if found.recorded:
-            own, self.energy, self.kinetic, _ = steps[found.recorded - 1]
-            self._tail = found.states[-1][dynamics.columns_size :]
+        self.steps += found.taken
+        for step in rows[:, STEP_LENGTH].tolist():
+            if step > 0.0:
+                self._lengths.add(step)
+        if len(rows):
+            own, self.energy, self.kinetic, _, self.jumped = rows[-1].tolist()
+            self._tail = states[-1][dynamics.columns_size :]
             self.time = origin.time_at(own)
-            self._segment = Segment.resting(own, found.states[-1])
+            self._segment = Segment.resting(own, states[-1])
+            self._error.take_fresh(found.fresh, self._links)
+        if found.links is not None:
+            write_rows(records, found.switches, self._links, origin)
+            self._links.take(*found.links)
+            self._links.take_sliding(found.sliding)
+            dynamics.relink(self._links)
         if found.segment is not None:
+            self._lengths.add(length)
             self._segment, self._pending = found.segment, found.pending
             self._error.know(found.segment, found.errors)
-            dynamics.know_energy(found.segment.t1, found.segment.coefficients[-1], (steps[-1][1], steps[-1][2]))
+            dynamics.know_energy(found.segment.t1, found.segment.coefficients[-1], found.last[1:])
         return found
 
     def _take_step(self, tried: tuple[Segment, StepperMemory] | None) -> None:
@@ -277,14 +288,16 @@ class ExactSession(AdaptiveSession):
 
     def _record_trace(self) -> None:
         t, y = self._segment.t1, self._segment.coefficients[-1]
-        self.records.trace.append(self._trace_row(t, self.energy, self.kinetic, y))
+        rows, jumped = np.array([[t, self.energy, self.kinetic]]), np.array([self.jumped])
+        self.records.trace += self._trace_rows(rows, jumped, np.ascontiguousarray(y[None]))
 
-    def _trace_row(self, own: float, energy: float, kinetic: float, y: Array) -> LedgerRow:
-        """The row of the ledger at the session's own time, when ``y`` is the state vector."""
-        more, work, supplied = self._added(y)
-        worked, lost, given, departed = self._dynamics.integrals(y, work, supplied)
-        t, energies = self._origin.time_at(own), (energy + more, kinetic + more)
-        return LedgerRow(t, *energies, worked, lost, given, self.jumped, departed)
+    def _trace_rows(self, rows: Array, jumped: Array, states: Array) -> list[LedgerRow]:
+        """Rows of the ledger from rows (own time, energy, kinetic energy), jumps of the energy and state vectors."""
+        found = self._dynamics.integrals(states, self._origin.velocity, self._momentum)
+        more = found[:, MORE, None]
+        times, energies = self._origin.time + rows[:, :1], rows[:, 1:] + more
+        table = np.hstack([times, energies, found[:, WORKED:DEPARTED], jumped[:, None], found[:, DEPARTED:]])
+        return [LedgerRow(*row) for row in table.tolist()]
 
     def _added(self, y: Array) -> tuple[float, float, float]:
         """Differences of kinetic energy, work and supply in the user's coordinates from those in the session's."""

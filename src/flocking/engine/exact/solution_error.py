@@ -15,6 +15,7 @@ from flocking.engine.exact.companion import (
     unexplained_energy,
 )
 from flocking.engine.exact.crossings.images import nearest_shift
+from flocking.engine.exact.crossings.switch_numbers import radial_motion, switch_errors
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.extremes import Extremes
@@ -26,10 +27,6 @@ from flocking.engine.runs.run import DoubtRow
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.model.space import Space
-
-DIFFERENCED = 0.01
-"""Part of a step over which the second derivative of a distance is a difference of first ones: short against the step,
-long against the rounding of polynomials, about 1e-14 of it."""
 
 MOST_DOUBTS = 2000
 """Number of switches in doubt after which the rest of a run counts as unknown."""
@@ -99,8 +96,17 @@ class SolutionError:
 
     @property
     def in_doubt(self) -> bool:
-        """Whether a pair is within the error of a switch."""
-        return bool(self._doubts.approaches or self._doubts.fresh)
+        """Whether a pair is within the error of a switch that it has not made, or has made with doubt on record."""
+        return self._doubts.open
+
+    @property
+    def fresh(self) -> Array:
+        """Pairs that have switched and are not beyond the error yet, as rows, see `Doubts.fresh_rows`."""
+        return self._doubts.fresh_rows()
+
+    def take_fresh(self, rows: Array, links: LinkState) -> None:
+        """Take such ``rows`` in place of those known, under the watches of ``links``."""
+        self._doubts.take_fresh(rows, links)
 
     def know(self, segment: Segment, errors: Array) -> None:
         """Store the results of the native loop for the step ``segment`` followed last, see `leave`.
@@ -261,31 +267,21 @@ class SolutionError:
             return np.inf, np.inf
         if watch.kind in ("obstacle", "rim"):
             bound, drift = error.agent(i), np.inf
-            acceleration, signed = 0.0, bound / SAFETY
+            late, drift, delay = switch_errors(bound, drift, speed, bound / SAFETY, 0.0, 0.0, 0.0)
         else:
             bound = error.pair(i, j)
             drift = error.pair_velocity(i, j, self._velocities(segment))
             self._settle(self._doubts.cross(crossing, k, segment.t1, links, bound), segment, links)
-            signed, drift_of_direction, acceleration = _radial(
-                segment, i, j, *self._sizes, links.space, self.difference.nodes[-1]
-            )
-            drift += drift_of_direction * bound
+            radial = _radial(segment, i, j, *self._sizes, links.space, self.difference.nodes[-1])
             # The crossing counts from where the pair is that far beyond the distance.
-            beyond = slack_of(watch, error.q_floor / ROUNDING)
-            bound += beyond
-            signed += float(np.copysign(beyond, speed))
-        late = bound / abs(speed) if speed else np.inf
-        if acceleration:
-            late = min(late, float(np.sqrt(2 * bound / abs(acceleration))))
+            late, drift, delay = switch_errors(bound, drift, speed, *radial, slack_of(watch, error.q_floor / ROUNDING))
         if not np.isfinite(late):
             self._companion.lose(segment.t1)
             return np.inf, np.inf
-        delay = float(np.clip(-signed / speed, -late, late)) if speed else late
         if self._jump is None or abs(delay) > abs(self._jump[0]):
             self._jump = (delay, segment.with_slope(segment.t1)[1])
         # The user's time is resolved no finer.
-        unit = float(np.spacing(abs(segment.t1 + self._dynamics.base)))
-        return late + unit, drift + abs(acceleration) * late
+        return late + float(np.spacing(abs(segment.t1 + self._dynamics.base))), drift
 
     def switched(self, slope: Array) -> None:
         """Update the difference after a switch of the law; ``slope`` is the slope after it."""
@@ -345,24 +341,13 @@ class SolutionError:
 def _radial(
     segment: Segment, i: int, j: int, n: int, m: int, space: Space, difference: Array | None = None
 ) -> tuple[float, float, float]:
-    """Of two agents at the end of a segment: difference of their distance, their tangential speed over the distance,
-    and the second derivative of the distance.
-    """
-    span, C = segment.t1 - segment.t0, segment.coefficients
+    """`radial_motion` of two agents at the end of a segment, on which the state vectors differ by ``difference``."""
+    C = segment.coefficients
     apart = C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m]
     if not space.is_open:
         apart = apart + nearest_shift(space, apart[-1])
-    pair = Segment(segment.t0, segment.t1, apart)
-    rates = []
-    for t in (segment.t1 - DIFFERENCED * span, segment.t1):
-        d, w = pair.with_slope(t)
-        r = float(np.linalg.norm(d))
-        rates.append(float(d @ w) / r if r > 0.0 else 0.0)
-    if r == 0.0:
-        return 0.0, np.inf, np.inf
-    drift = float(np.linalg.norm(w - rates[1] * d / r)) / r
-    off = 0.0
+    e = np.zeros(m)
     if difference is not None:
-        e = difference[: n * m].reshape(n, m)
-        off = float(d @ (e[j] - e[i])) / r
-    return off, drift, (rates[1] - rates[0]) / (DIFFERENCED * span)
+        e = difference[j * m : (j + 1) * m] - difference[i * m : (i + 1) * m]
+    found: tuple[float, float, float] = radial_motion(apart, segment.t0, segment.t1, e)
+    return found

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
+from flocking.engine.exact.crossings.switch_numbers import pair_speed
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
@@ -11,6 +10,27 @@ from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.runs.run import is_tangential
 from flocking.model.checks import Array
+
+
+def write_rows(recorder: ExactRecorder, rows: Array, links: LinkState, origin: Origin) -> None:
+    """Record switches of pairs of agents that the native loop has applied.
+
+    Parameters
+    ----------
+    recorder
+        Takes the records.
+    rows
+        The switches, see `flocking.engine.exact.blocks.arrays.SWITCHED_AT`.
+    links
+        Their watches.
+    """
+    for w, i, j, own, speed, relative, late, drift, inward, *_ in rows.tolist():
+        watch = links.watches[int(w)]
+        kind = "kink" if watch.kind == "kink" else "appear" if inward else "break"
+        slow = is_tangential(speed, relative)
+        recorder.switches.append(
+            (origin.time_at(own), int(i), int(j), kind, watch.graph, speed, slow, late, drift)
+        )  # fmt: skip
 
 
 def write_switch(
@@ -50,8 +70,8 @@ def write_switch(
                 chattering = (int(i),)
             continue
         d, v = links.space.displacement(q[j] - q[i]), p[j] - p[i]
-        speed = float(d @ v / np.linalg.norm(d)) if d.any() else 0.0
-        slow = is_tangential(speed, v)
+        speed, size = pair_speed(d, v)
+        slow = is_tangential(speed, size)
         kind = "kink" if watch.kind == "kink" else "break" if near[i, j] else "appear"
         errors = error.crossing(crossing, k, speed, segment, links)
         recorder.switches.append((time, int(i), int(j), kind, watch.graph, speed, slow, *errors))

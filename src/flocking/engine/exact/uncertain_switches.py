@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import closest_after, first_beyond, within_error
 from flocking.engine.exact.crossings.images import image_doubts, pair_paths
@@ -242,6 +244,27 @@ class Doubts:
             for key, fresh in self.fresh.items()
             if not fresh.recorded
         ]
+
+    @property
+    def open(self) -> bool:
+        """Whether there are doubts besides those that any switch leaves for a while."""
+        return bool(self.approaches) or any(fresh.recorded for fresh in self.fresh.values())
+
+    def fresh_rows(self) -> Array:
+        """Pairs that have switched: number of the watch, the pair, and their fields as numbers, shape (k, 10).
+
+        The fields are those of `Fresh` from ``time`` to ``error`` but ``what``; two more columns are room.
+        """
+        rows = [(*key, f.time, f.begin, f.level, f.outward, f.error, 0.0, 0.0) for key, f in self.fresh.items()]
+        return np.array(rows, dtype=np.float64).reshape(-1, 10)
+
+    def take_fresh(self, rows: Array, links: LinkState) -> None:
+        """Take such ``rows`` in place of those known; ``links`` says what the watches are."""
+        self.fresh = {}
+        for watch, i, j, time, begin, level, outward, error, *_ in rows.tolist():
+            kink = links.watches[int(watch)].kind == "kink"
+            what = "kink" if kink else "break" if outward else "appear"
+            self.fresh[int(watch), int(i), int(j)] = Fresh(time, begin, level, bool(outward), what, error)
 
     def memory(self) -> DoubtMemory:
         """All of it as plain data."""

@@ -289,7 +289,7 @@ class ImperfectSession(Session):
             self.jumped += self.energy - before
         else:
             self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
-        slow = is_tangential(speed, w)
+        slow = is_tangential(speed, float(np.linalg.norm(w)))
         kind = "break" if breaks else "appear"
         self.records.switches.append((self._base + seconds, i, j, kind, graph, speed, slow, math.nan, math.nan))
         self._record_row(seconds)

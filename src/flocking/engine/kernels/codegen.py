@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 from flocking.engine.kernels.displacements import displacement_lines
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.motion_source import RATES, limits_source, motion_source, motion_values, point_source
+from flocking.engine.kernels.mutual_pairs import mutual_loop
+from flocking.engine.kernels.neighbours import PRESENT, KnownNeighbours, PresentNeighbours
 from flocking.engine.kernels.obstacle_formulas import obstacle_function, obstacle_loop, obstacle_slot
 from flocking.engine.kernels.pieces import held, piece_lines
 from flocking.engine.kernels.source_text import free_names, indented, nonzero, unpack
@@ -24,8 +25,6 @@ ARGUMENTS = "f8, f8[:,:], f8[:,:], i8[:], i8[:], i8[:], i4[:], f8[:,:], f8[:], f
 """Kinds of t, q, p, senders, sensed, offsets, pieces, spans, P, A, W and S, which all compiled functions take."""
 CONTROL_RESULTS = ", f8[:,:], f8[:]"
 """Kinds of u and rates, which ``control`` fills."""
-KNOWN_ARGUMENTS = ", f8[:], f8[:,:,:]"
-"""Kinds of the times and coefficients of what agents know of their neighbours, see `known_kernels`."""
 SLOPE_ARGUMENTS = "f8, f8[:], " + ARGUMENTS.split(", ", 3)[3] + ", f8[:,:], f8[:,:], f8[:,:], f8[:]"
 """Kinds of the arguments of ``slope``: t, the state vector, pairs and slots, room for q, p and u, and the slope."""
 
@@ -88,61 +87,9 @@ def array_kernels(layout: Layout, dimension: int) -> ModuleType:
     )
 
 
-@dataclass(frozen=True)
-class PresentNeighbours:
-    """Agents know the present state of their neighbours: a loop over pairs reads it from q and p."""
-
-    parameters = ""
-    kinds = ""
-
-    def lines(self) -> list[str]:
-        """Lines before a neighbour is read."""
-        return []
-
-    def position(self, k: int) -> str:
-        """Coordinate ``k`` of the neighbour of pair ``e``."""
-        return f"q[j, {k}]"
-
-    def velocity(self, k: int) -> str:
-        """Velocity of the neighbour of pair ``e`` along axis ``k``."""
-        return f"p[j, {k}]"
-
-
-@dataclass(frozen=True)
-class KnownNeighbours:
-    """Agents know a polynomial in time of each neighbour, see `known_kernels`.
-
-    Parameters
-    ----------
-    degree, dimension
-        Degree of the polynomials, and number of axes.
-    """
-
-    degree: int
-    dimension: int
-    parameters = ", T, K"
-    kinds = KNOWN_ARGUMENTS
-
-    def lines(self) -> list[str]:
-        """The time since the polynomial of pair ``e`` begins."""
-        return ["since = t - T[e]"] if self.degree else []
-
-    def position(self, k: int) -> str:
-        """Coordinate ``k`` of the neighbour of pair ``e``, by Horner's rule."""
-        found = f"K[e, {self.degree}, {k}]"
-        for power in reversed(range(self.degree)):
-            found = f"(K[e, {power}, {k}] + since * {found})"
-        return found
-
-    def velocity(self, k: int) -> str:
-        """Velocity of the neighbour of pair ``e`` along axis ``k``."""
-        return self.position(self.dimension + k)
-
-
-PRESENT = PresentNeighbours()
-"""The ideal world, in which everybody knows the present."""
-
 _HEADER = """import math
+
+import numpy as np
 
 from flocking.formula.native.functions import native_of
 
@@ -294,8 +241,12 @@ def _control_source(
     source += indented(["work = 0.0", "dissipated = 0.0", "supplied = 0.0"], 1) + _means(body, m)
     source += indented(["for i in range(n):"], 1) + indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
     requested = {name: name for name in ("along", "drag", *(("dissipation", "supply") if order == 2 else ()))}
+    alone = source
     for number in range(len(formulas.pairs)):
-        source += _pair_loop(number, formulas, requested, neighbours=neighbours)
+        loop = _pair_loop(number, formulas, requested, neighbours=neighbours)
+        mutual = mutual_loop(number, formulas, requested) if present else None
+        source, alone = source + loop, alone + (loop if mutual is None else mutual)
+    before = len(source)
     push = [f"u[i, {k}] += force{k}" for k in range(m)]
     if order == 2:
         push += ["dissipated += dissipation", "supplied += supply"]
@@ -316,7 +267,7 @@ def _control_source(
         return control
     if order == 1:
         control += "\n\n" + _given_flow_source(formulas, everything)
-    given = count + point_source(m, order) + source
+    given = count + point_source(m, order) + alone + source[before:]
     flow = _flow_source(formulas) if order == 1 else ""
     control += "\n\n" + slope + given + motion_source(formulas, flow) + "\n\n"
     if formulas.body.motion.limits:

@@ -38,6 +38,8 @@ class PairFormulas:
         Coefficient of p_j - p_i.
     storage, dissipation, supply
         Energy stored by, power dissipated by and power supplied to an ordered pair.
+    directed
+        Whether the graph has pairs (i, j) without (j, i).
     """
 
     along: sympy.Expr
@@ -46,6 +48,7 @@ class PairFormulas:
     dissipation: sympy.Expr
     supply: sympy.Expr
     flow: sympy.Expr
+    directed: bool
 
     def named(self) -> dict[str, sympy.Expr]:
         """The formulas by name."""
@@ -199,7 +202,8 @@ def _pair_formulas(layout: Layout, integrals: bool) -> list[PairFormulas]:
                 stated["supply"] += _unpaired_power(stated["along"], stated["drag"])
             for name, value in {**stated, "flow": _flow(stated, x, paired)}.items():
                 total[name] += value
-        found.append(PairFormulas(**{name: defined_at_contact(value, r) for name, value in total.items()}))
+        defined = {name: defined_at_contact(value, r) for name, value in total.items()}
+        found.append(PairFormulas(**defined, directed=graph.directed))
     return found
 
 

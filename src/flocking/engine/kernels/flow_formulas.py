@@ -54,7 +54,9 @@ def _zeros(names: list[str] | tuple[str, ...]) -> dict[sympy.Basic, sympy.Basic]
 
 def _pair(pair: PairFormulas, still: dict[sympy.Basic, sympy.Basic], zero: sympy.Expr) -> PairFormulas:
     # The symbols of pairs in ``flow`` are differences and projections of controls already.
-    return PairFormulas(pair.along.xreplace(still), zero, pair.storage.xreplace(still), zero, zero, pair.flow)
+    return PairFormulas(
+        pair.along.xreplace(still), zero, pair.storage.xreplace(still), zero, zero, pair.flow, pair.directed
+    )
 
 
 def _obstacle(formulas: ObstacleFormulas, still: dict[sympy.Basic, sympy.Basic], zero: sympy.Expr) -> ObstacleFormulas:

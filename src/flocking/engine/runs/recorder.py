@@ -181,6 +181,32 @@ class Recorder:
             self.errors[count:] = [errors]
         self.t.append(t)
 
+    def frames(self, t: list[float], q: Reals, p: Reals, links: Links, errors: list[tuple[float, float]]) -> None:
+        """Store frames of agents without further columns, as `frame` does each.
+
+        Parameters
+        ----------
+        t
+            Their times.
+        q, p
+            Positions and velocities, shape (k, N, m).
+        links
+            Link matrices, shape (k, N, N).
+        errors
+            Errors of positions and of velocities.
+        """
+        if not self.keep_frames:
+            self._skipped += len(t)
+            return
+        count = len(self.t)
+        self.q[count:], self.p[count:] = q.astype(self.dtype), p.astype(self.dtype)
+        self.columns[count:] = [{} for _ in t]
+        if self.with_links:
+            self.links[count:] = links
+        if self.with_errors:
+            self.errors[count:] = errors
+        self.t += t
+
     @property
     def frame_bytes(self) -> float:
         """Memory of a frame that leaves memory once it is on disk."""

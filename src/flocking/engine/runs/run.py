@@ -37,9 +37,9 @@ AT_REST = 1e-12
 """Relative speeds below it count as this one, so that agents at rest have a bound above zero."""
 
 
-def is_tangential(speed: float, velocity: Array) -> bool:
-    """Whether a crossing with this ``speed`` is tangential, ``velocity`` being the relative one, shape (m,)."""
-    return abs(speed) < TANGENTIAL * max(float(np.linalg.norm(velocity)), AT_REST)
+def is_tangential(speed: float, relative: float) -> bool:
+    """Whether a crossing with this ``speed`` is tangential, ``relative`` being the whole relative speed."""
+    return abs(speed) < TANGENTIAL * max(relative, AT_REST)
 
 
 DOUBT_FIELDS = np.dtype(

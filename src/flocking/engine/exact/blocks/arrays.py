@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flocking.arrays import Array, Indices, Links
+from flocking.arrays import Array, Indices, Links, Mask
 from flocking.engine.exact.crossings.watch_tables import BallWatches, PairWatches
 from flocking.engine.integrator.integration_method import Tableau
 from flocking.engine.integrator.segment import Motion
+from flocking.engine.kernels.law_kernels import Pairs
 
 TIME, LENGTH, ENERGY, KINETIC, RATE, GAP, BEGIN, TRIED, STOP, PROPOSED = range(10)
 """What ``progress`` holds: time, length proposed for the next step, energy and kinetic energy, rate of the companion,
@@ -21,11 +22,40 @@ ERRORS = 8
 """How many numbers are known of the error of the step taken last: those of `flocking.engine.exact.companion.summary`,
 then the energy that the error leaves the ledger unable to explain."""
 
-STEP_END, STEP_ENERGY, STEP_KINETIC, STEP_LENGTH = range(4)
-"""What a row of ``steps`` holds: time, energy and kinetic energy at the end of the step, and its length."""
+STEP_END, STEP_ENERGY, STEP_KINETIC, STEP_LENGTH, STEP_JUMPED = range(5)
+"""What a row of ``steps`` holds: time, energy and kinetic energy at the end of a step, its length, and the sum of the
+jumps of the energy until then. A row of length 0 follows a step whose switches may change the energy."""
 
-STEP_NUMBERS = STEP_LENGTH + 1
+STEP_NUMBERS = STEP_JUMPED + 1
 """Length of such a row."""
+
+WATCH, FIRST, SECOND = range(3)
+"""What rows of pairs that have switched or do so begin with: number of the watch, and the pair."""
+
+AT, BEGUN, LEVEL, OUTWARD, BOUND, LATER, LEFT_AT = range(SECOND + 1, SECOND + 8)
+"""What a row of ``fresh`` holds then: the fields of `flocking.engine.exact.uncertain_switches.Fresh`, and of the step
+looked at last the error with it and the place at which the pair was beyond the error."""
+
+FRESH_NUMBERS = LEFT_AT + 1
+"""Length of such a row."""
+
+SLID_AT, SLID_SPEED, SLIDES = range(SECOND + 1, SECOND + 4)
+"""What a row of ``sliding`` holds then: time and speed of the last crossing of a pair, and the number of those in a row
+on which it hardly moved."""
+
+SWITCHED_AT, SPEED, RELATIVE, LATE, DRIFT, INWARD, DELAY, ERROR = range(SECOND + 1, SECOND + 9)
+"""What a row of ``switches`` holds then: time, rate of change of the distance, relative speed, errors of time and
+speed, 1 for a pair that comes closer, the likely delay, and the error of its distance."""
+
+SWITCH_NUMBERS = ERROR + 1
+"""Length of such a row."""
+
+PLACE, NEARED = 1, 4
+"""Of a row of ``crossed``: where on the step the pair crosses; 1 where it came within the error before. The watch is at
+0, the pair at 2 and 3."""
+
+FRESH_ROWS, SLIDING_ROWS, SWITCH_ROWS = range(3)
+"""What ``counts`` holds: the numbers of rows in use."""
 
 
 class Method(NamedTuple):
@@ -56,8 +86,8 @@ class Watches(NamedTuple):
         Distances that may be crossed.
     zones, owners
         Narrow features of the potentials, rows (from, to, width), and the graphs they belong to.
-    senders, sensed
-        The linked pairs, shape (K,) each.
+    graphs
+        Number of graphs.
     singular, timed
         Whether a potential is infinite at zero, and whether the law depends on time.
     """
@@ -66,8 +96,7 @@ class Watches(NamedTuple):
     balls: BallWatches
     zones: Array
     owners: Indices
-    senders: Indices
-    sensed: Indices
+    graphs: int
     singular: bool
     timed: bool
 
@@ -88,9 +117,11 @@ class Limits(NamedTuple):
     finest
         The finest difference of radii, see `flocking.engine.exact.precision.Precision`.
     unlinked
-        Energy of all pairs without links.
+        Energy of all pairs without links, shape (1,); it changes with the links.
     recording
         Whether steps may be put on record: one that is taken while a switch is in doubt may not.
+    most, few
+        Largest number of steps, and of pairs up to which the companion takes half steps.
     """
 
     end: float
@@ -100,8 +131,63 @@ class Limits(NamedTuple):
     components: Array
     reach: float
     finest: float
-    unlinked: float
+    unlinked: Array
     recording: bool
+    most: int
+    few: int
+
+
+class Switching(NamedTuple):
+    """What switches of pairs of agents change, beside the watches and the pairs of the law.
+
+    Parameters
+    ----------
+    allowed
+        Whether the loop may apply them.
+    linked
+        Links of each graph, shape (graphs, N, N).
+    directed
+        Whether pairs of each graph are ordered, shape (graphs,).
+    owners, kinks
+        Graph of each watch, and whether it watches a kink, shape (watches,).
+    jumping, walls
+        Whether the energy may change there, and whether links appear where their potential is infinite.
+    each
+        Energy of a pair without a link.
+    others
+        Pairs of agents and obstacles, which the law has after its linked pairs; ``offsets`` count from the first.
+    """
+
+    allowed: bool
+    linked: Links
+    directed: Mask
+    owners: Indices
+    kinks: Mask
+    jumping: Mask
+    walls: Mask
+    each: float
+    others: Pairs
+
+
+class Switched(NamedTuple):
+    """Pairs that switch; all of it changes.
+
+    Parameters
+    ----------
+    fresh, sliding, switches
+        Pairs that have switched and are not beyond the error yet, last crossings of pairs, and switches that are put on
+        record; rows, see `AT`, `SLID_AT` and `SWITCHED_AT`.
+    counts
+        See `FRESH_ROWS`.
+    jumped
+        Sum of the jumps of the energy, shape (1,).
+    """
+
+    fresh: Array
+    sliding: Array
+    switches: Array
+    counts: Indices
+    jumped: Array
 
 
 class Solution(NamedTuple):
@@ -122,7 +208,7 @@ class Solution(NamedTuple):
     difference, errors
         Difference of the companion on the step taken last, shape (6, size), and the numbers of its error, see `ERRORS`.
     crossed
-        Takes the crossings at the end of the step taken last: watch, place, and pair, shape (room, 4).
+        Takes the crossings at the end of the step taken last, shape (room, 5), see `PLACE`.
     """
 
     progress: Array
@@ -141,26 +227,25 @@ class Records(NamedTuple):
 
     Parameters
     ----------
-    linked
-        Links of the graph of the law, shape (N, N).
     extremes
         See `flocking.engine.exact.extremes.Extremes`.
     velocity_rounding
         What the velocity of the origin adds to the rounding of velocities.
     frame_times
         Own times of the frames to come.
-    frames, frame_errors
-        Take their state vectors, shape (frames, size), and the errors of positions and velocities, shape (frames, 2).
+    frames, frame_errors, frame_links
+        Take their state vectors, shape (frames, size), the errors of positions and velocities, shape (frames, 2), and
+        the links of the graph of the law, shape (frames, N, N).
     steps, states
-        Take what is recorded of each step, see `STEP_END`, shape (steps, 4), and the state vectors at their ends.
+        Take what is recorded of each step, see `STEP_END`, shape (rows, 5), and the state vectors at their ends.
     """
 
-    linked: Links
     extremes: Array
     velocity_rounding: float
     frame_times: Array
     frames: Array
     frame_errors: Array
+    frame_links: Links
     steps: Array
     states: Array
 
@@ -184,12 +269,17 @@ class Work(NamedTuple):
         Errors of the positions at its nodes, shape (6, N, m).
     part
         Coefficients of a part of it, shape (8, size).
-    hits
-        Crossings of one watch, shape (room, 3).
+    hits, doubtful
+        Crossings of one watch, shape (room, 3), and pairs that come within the error of one, shape (room, 6).
     energies
         Pair storage, body storage and kinetic energy.
-    none
-        Takes nothing, shape (0, 6).
+    linked, near, active
+        Links of the graph of the law on the step, and the sides and watched pairs of all watches.
+    d, v, apart
+        Of a pair the differences of positions, of velocities, shape (m,), and of the Bernstein coefficients of the
+        positions, shape (8, m).
+    velocities
+        Velocities where agents of order 1 have none, and their errors, shape (2, size).
     """
 
     new: Array
@@ -204,5 +294,12 @@ class Work(NamedTuple):
     offsets: Array
     part: Array
     hits: Array
+    doubtful: Array
     energies: Array
-    none: Array
+    linked: Links
+    near: Mask
+    active: Mask
+    d: Array
+    v: Array
+    apart: Array
+    velocities: Array

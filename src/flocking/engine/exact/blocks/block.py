@@ -7,27 +7,32 @@ from typing import cast
 
 import numpy as np
 
+from flocking.engine.exact import companion
 from flocking.engine.exact.blocks.arrays import (
     BEGIN,
     ENERGY,
     ERRORS,
     KINETIC,
     LENGTH,
+    NEARED,
     PROGRESS,
     PROPOSED,
     RATE,
     STEP_NUMBERS,
     STOP,
+    SWITCH_NUMBERS,
     TIME,
     TRIED,
     Limits,
     Method,
     Records,
     Solution,
+    Switched,
     Watches,
 )
+from flocking.engine.exact.blocks.link_tables import switching_tables, with_room
 from flocking.engine.exact.blocks.loop import OPEN, REFUSED, step_block
-from flocking.engine.exact.companion import FEW_PAIRS, INSIDE, SECOND, Difference
+from flocking.engine.exact.companion import INSIDE, SECOND, Difference
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.extremes import Extremes
@@ -38,6 +43,7 @@ from flocking.engine.integrator.integration_method import DEGREE, STAGES, TO_BER
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
 
 MOST_STEPS = 64
 """Most steps of one native call."""
@@ -45,10 +51,13 @@ MOST_STEPS = 64
 MOST_CROSSINGS = 256
 """Most crossings of one step."""
 
+MOST_SWITCHES = 256
+"""Most switches on record of one native call."""
+
 MOST_FRAMES = 64
 """Most frames of one native call."""
 
-WORK = 200_000
+WORK = 1_000_000
 """Approximate number of pairs processed in one native call: Ctrl-C and clocks wait for its end, some hundredths of a
 second.
 """
@@ -64,14 +73,24 @@ class StepBlock:
 
     Parameters
     ----------
-    recorded
-        How many of them are on record: all, or all but the last.
-    steps
-        Time, energy and kinetic energy at the end of each, and its length, shape (steps, 4).
+    rows
+        What is on record of the steps, but of the last one if ``segment`` is there, see
+        `flocking.engine.exact.blocks.arrays.STEP_END`, shape (rows, 5).
     states
-        State vectors at the ends of those on record, shape (recorded, size).
+        State vectors of the rows, shape (rows, size).
+    last
+        Length of the step taken last, and the energy and the kinetic energy at its end.
+    taken
+        Number of steps.
     frames
-        State vectors of the frames that fell into those, and the errors of positions and velocities.
+        State vectors of the frames that fell into those on record, the errors of positions and velocities, and the
+        links.
+    switches
+        Switches on record, rows, see `flocking.engine.exact.blocks.arrays.SWITCHED_AT`.
+    fresh, sliding
+        Pairs that have switched and are not beyond the error yet, and the last crossings of pairs, as rows.
+    links
+        Pairs within each watched distance, and links of each graph; None where nothing switched.
     memory, difference, extremes
         What the stepper, the estimate of the error and the largest values are after them.
     segment, pending
@@ -82,10 +101,15 @@ class StepBlock:
         The step after it where that was tried and needs a closer look, with the memory of the stepper at its end.
     """
 
-    recorded: int
-    steps: Array
+    rows: Array
     states: Array
-    frames: tuple[Array, Array]
+    last: tuple[float, float, float]
+    taken: int
+    frames: tuple[Array, Array, Links]
+    switches: Array
+    fresh: Array
+    sliding: Array
+    links: tuple[Links, Links] | None
     memory: StepperMemory
     difference: Difference
     extremes: Array
@@ -103,13 +127,13 @@ def take_block(
     extremes: Extremes,
     precision: Precision,
     origin: Origin,
-    energies: tuple[float, float],
+    energies: tuple[float, float, float],
     until: tuple[float, float],
     frame_times: Array,
     *,
     seconds: float,
 ) -> StepBlock | None:
-    """Take steps, up to the first that ends in a switch or leaves something in doubt; None if that is impossible.
+    """Take steps, up to the first that leaves something to decide; None if that is impossible.
 
     Arguments are not changed, except for the stepper's data on the step tried last.
 
@@ -128,7 +152,7 @@ def take_block(
     origin
         Origin of times and coordinates.
     energies
-        Energy and kinetic energy at the start.
+        Energy and kinetic energy at the start, and the sum of the jumps of the energy so far.
     until
         The own times after which to stop, and at which a step must end.
     frame_times
@@ -140,35 +164,37 @@ def take_block(
     known = error.difference
     if law is None or watched is None or memory.step == 0.0 or known.lost < np.inf:
         return None
-    n, pairs = dynamics.n, len(dynamics.pairs[0])
-    if pairs > FEW_PAIRS:
-        return None
+    n, pairs, size = dynamics.n, len(dynamics.pairs[0]), len(memory.y)
     room = 1 if seconds < SHORT_SLICE else max(1, min(MOST_STEPS, WORK // (n * n + 8 * pairs + 1)))
     solution = _solution(memory, known, stepper.slopes, energies)
-    size = len(memory.y)
+    switching = switching_tables(dynamics, links)
+    law = law._replace(pairs=with_room(law.pairs, len(links.graphs), n))
+    switched = _switched(error.fresh, links.sliding_rows(), energies[2])
     looked_at = Watches(
-        *watched, dynamics.zones, dynamics.zone_graphs, *dynamics.linked_pairs(), dynamics.singular, precision.timed
+        *watched, dynamics.zones, dynamics.zone_graphs, len(links.graphs), dynamics.singular, precision.timed
     )
     limits = Limits(
         *until, dynamics.base, dynamics.scenario.tolerance, stepper.tolerance, error.reach, precision.finest,
-        dynamics.unlinked, not error.in_doubt,
+        np.array([dynamics.unlinked]), not error.in_doubt, room, companion.FEW_PAIRS,
     )  # fmt: skip
     records = Records(
-        links.links[0], extremes.rows.copy(), origin.rounded(memory.t, 0.0, 0.0)[1], frame_times[: MOST_FRAMES + 1],
-        np.empty((MOST_FRAMES, size)), np.empty((MOST_FRAMES, 2)), np.empty((room, STEP_NUMBERS)),
-        np.empty((room, size)),
+        extremes.rows.copy(), origin.rounded(memory.t, 0.0, 0.0)[1], frame_times[: MOST_FRAMES + 1],
+        np.empty((MOST_FRAMES, size)), np.empty((MOST_FRAMES, 2)), np.empty((MOST_FRAMES, n, n), dtype=bool),
+        np.empty((2 * room, STEP_NUMBERS)), np.empty((2 * room, size)),
     )  # fmt: skip
     method = Method(tableau(), TO_BERNSTEIN, INSIDE, SECOND)
     with np.errstate(all="ignore"):
-        found = step_block(law, method, looked_at, limits, extremes.references(origin), solution, records)
-    taken, recorded, shown, ending, count = cast(tuple[int, int, int, int, int], found)
+        found = step_block(
+            law, method, looked_at, switching, limits, extremes.references(origin), solution, switched, records
+        )
+    taken, rows, shown, ending, count = cast(tuple[int, int, int, int, int], found)
     progress, coefficients, crossed = solution.progress, solution.coefficients, solution.crossed[:count]
-    t, stop, length, proposed = progress[[TIME, STOP, LENGTH, PROPOSED]].tolist()
+    begin, t, stop, length, proposed = progress[[BEGIN, TIME, STOP, LENGTH, PROPOSED]].tolist()
     if progress[TRIED]:
         stepper.tried = float(progress[TRIED]), solution.y
     segment = tried = None
     if ending == OPEN:
-        segment = Segment(float(progress[BEGIN]), t, coefficients)
+        segment = Segment(begin, t, coefficients)
     elif ending == REFUSED:
         after = StepperMemory(stop, coefficients[-1].copy(), stepper.slopes[STAGES].copy(), proposed)
         tried = Segment(t, stop, coefficients), after
@@ -179,22 +205,42 @@ def take_block(
         )  # fmt: skip
         known = Difference(solution.difference, float(progress[RATE]), np.inf)
     pending = [
-        Crossing(w, crossed[crossed[:, 0] == w, 2:].astype(np.int64)) for w in sorted({int(w) for w in crossed[:, 0]})
+        Crossing(w, crossed[crossed[:, 0] == w, 2:4].astype(np.int64)) for w in sorted({int(w) for w in crossed[:, 0]})
     ]
+    fresh, sliding, switches = switched.counts.tolist()
     return StepBlock(
-        recorded, records.steps[:taken], records.states[:recorded],
-        (records.frames[:shown], records.frame_errors[:shown]), memory, known, records.extremes, segment,
+        records.steps[:rows], records.states[:rows], (t - begin, float(progress[ENERGY]), float(progress[KINETIC])),
+        taken, (records.frames[:shown], records.frame_errors[:shown], records.frame_links[:shown]),
+        switched.switches[:switches], switched.fresh[:fresh], switched.sliding[:sliding],
+        (watched[0].near, switching.linked) if switches else None, memory, known, records.extremes, segment,
         solution.errors, pending, tried,
     )  # fmt: skip
 
 
-def _solution(memory: StepperMemory, known: Difference, slopes: Array, energies: tuple[float, float]) -> Solution:
+def _switched(fresh: Array, sliding: Array, jumped: float) -> Switched:
+    """Tables of pairs that have switched, with room for more."""
+    return Switched(
+        _longer(fresh), _longer(sliding), np.empty((MOST_SWITCHES, SWITCH_NUMBERS)),
+        np.array([len(fresh), len(sliding), 0]), np.array([jumped]),
+    )  # fmt: skip
+
+
+def _longer(rows: Array) -> Array:
+    """The rows in a table that has room for more."""
+    found = np.empty((len(rows) + MOST_SWITCHES, rows.shape[1]))
+    found[: len(rows)] = rows
+    return found
+
+
+def _solution(
+    memory: StepperMemory, known: Difference, slopes: Array, energies: tuple[float, float, float]
+) -> Solution:
     """The solution where a stepper stands, in arrays that may change."""
     size = len(memory.y)
     progress = np.zeros(PROGRESS)
     progress[TIME], progress[LENGTH], progress[RATE] = memory.t, memory.step, known.rate
-    progress[ENERGY], progress[KINETIC] = energies
+    progress[ENERGY], progress[KINETIC], _ = energies
     return Solution(
         progress, memory.y.copy(), memory.slope.copy(), slopes, np.empty((DEGREE + 1, size)), np.empty(size),
-        known.nodes.copy(), np.empty(ERRORS), np.empty((MOST_CROSSINGS, 4)),
+        known.nodes.copy(), np.empty(ERRORS), np.empty((MOST_CROSSINGS, NEARED + 1)),
     )  # fmt: skip

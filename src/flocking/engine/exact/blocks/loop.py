@@ -1,17 +1,20 @@
 """The native loop over the steps of a session.
 
-It does what `flocking.engine.exact.session.ExactSession` does with a step, by the same native functions. It stops with
-a step that ends in a switch, or on which a pair comes within the error of one, and before a step that needs more than a
-cut at the first crossing: the session goes on from there.
+It does what `flocking.engine.exact.session.ExactSession` does with a step and with the switches at its end, by the same
+native functions. It stops with a step on which a switch is in doubt or which ends in one that is not ordinary, and
+before a step that needs more than a cut at the first crossing: the session goes on from there.
 """
 
 from __future__ import annotations
 
 from flocking.arrays import Array
 from flocking.engine.exact.blocks.arrays import (
+    ENERGY,
     GAP,
+    KINETIC,
     STEP_END,
     STEP_ENERGY,
+    STEP_JUMPED,
     STEP_KINETIC,
     STEP_LENGTH,
     TIME,
@@ -19,8 +22,18 @@ from flocking.engine.exact.blocks.arrays import (
     Method,
     Records,
     Solution,
+    Switched,
+    Switching,
     Watches,
     Work,
+)
+from flocking.engine.exact.blocks.doubts import leaves_no_doubt, settle_fresh
+from flocking.engine.exact.blocks.switches import (
+    apply_switches,
+    copy_links,
+    judge_switches,
+    restart,
+    velocities_at_end,
 )
 from flocking.engine.exact.blocks.tried_steps import (
     LAST,
@@ -33,9 +46,7 @@ from flocking.engine.exact.blocks.tried_steps import (
     new_work,
     try_step,
 )
-from flocking.engine.exact.companion import LOST, NODES, SAFETY, summary
-from flocking.engine.exact.crossings.band_guards import find_within_error
-from flocking.engine.exact.crossings.watch_tables import PairWatches, near_miss_floor
+from flocking.engine.exact.companion import LOST, summary
 from flocking.engine.exact.extremes import References, StepErrors, StepTimes, add_unexplained, follow_extremes
 from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import fill_part
@@ -48,102 +59,108 @@ OPEN, REFUSED, FAILED = range(3)
 
 @native
 def step_block(
-    law: CompiledLaw, method: Method, watches: Watches, limits: Limits, references: References, solution: Solution,
-    records: Records,
+    law: CompiledLaw, method: Method, watches: Watches, switching: Switching, limits: Limits, references: References,
+    solution: Solution, switched: Switched, records: Records,
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
-    """Take steps, and record those that leave nothing to decide.
+    """Take steps, let pairs switch, and record what leaves nothing to decide.
 
     Parameters
     ----------
-    law, method, watches, limits
-        The law in force, the integrator, the watches and the bounds of the steps.
+    law, method, watches, switching, limits
+        The law in force, the integrator, the watches, the links and the bounds of the steps.
     references
         Velocities for comparison.
-    solution
-        The solution at the end of the last step; updated.
+    solution, switched
+        The solution at the end of the last step, and the pairs that have switched; updated.
     records
         The records; updated.
 
     Returns
     -------
     tuple
-        Numbers of steps taken and recorded, of frames, the outcome, see `OPEN`, and the number of pairs that cross at
-        the end. For a refused step ``solution.coefficients`` is the polynomial.
+        Numbers of steps taken, of rows on record and of frames, the outcome, see `OPEN`, and the number of pairs that
+        cross at the end. For a refused step ``solution.coefficients`` is the polynomial.
     """
-    taken, recorded, shown = 0, 0, 0
-    progress, errors, e = solution.progress, solution.errors, solution.difference
-    work = new_work(law, solution)
-    for c in range(solution.y.shape[0]):
-        work.other[c] = solution.y[c] + e[LAST, c]
-    energy = energy_at(law, limits, progress[TIME], solution.y, work.energies)
-    progress[GAP] = companion_gap_now(law, limits, progress[TIME], energy, e[LAST], work)
+    taken, rows, shown = 0, 0, 0
+    progress, errors = solution.progress, solution.errors
+    work = new_work(law, watches.pairs, solution)
+    compare_energies(law, limits, solution, work)
     while True:
         t = progress[TIME]
         stop, fine = try_step(law, method, limits, solution, work)
         if not fine:
-            return taken, recorded, shown, FAILED, 0
+            return taken, rows, shown, FAILED, 0
         stop, count = cut_at_crossing(watches, stop, solution, work)
         if count < 0 or not is_sound(law, watches, limits, stop, solution, work):
-            return taken, recorded, shown, REFUSED, 0
-        follow_companion(law, method, limits, stop - t, solution, work)
+            return taken, rows, shown, REFUSED, 0
+        follow_companion(law, method, limits, stop, solution, work)
         known, position, velocity, pairs, q_floor, p_floor, spread = summary(work.e, work.C, law.n, law.m, law.order)
         if not known or position > LOST * min(spread, limits.reach) > 0.0:
-            return taken, recorded, shown, REFUSED, 0
+            return taken, rows, shown, REFUSED, 0
         found = work.energies
-        energy, kinetic = found[0] + found[1] + found[2] + limits.unlinked, found[2]
+        energy = found[0] + found[1] + found[2] + limits.unlinked[0]
         unexplained = go_on(law, limits, stop, energy, solution, work)
         errors[0], errors[1], errors[2], errors[3], errors[4] = 1.0, position, velocity, pairs, q_floor
         errors[5], errors[6], errors[7] = p_floor, spread, unexplained
-        steps = records.steps
-        steps[taken, STEP_END], steps[taken, STEP_ENERGY], steps[taken, STEP_KINETIC] = stop, energy, kinetic
-        steps[taken, STEP_LENGTH] = stop - t
         taken += 1
-        last = taken == steps.shape[0] or not limits.recording
-        if last or count > 0 or stop >= limits.end or stop == limits.bound:
-            return taken, recorded, shown, OPEN, count
-        # It is put on record, unless a pair came within the error of a distance, or there is no room for its frames.
+        if taken == limits.most or not limits.recording or stop >= limits.end or stop == limits.bound:
+            return taken, rows, shown, OPEN, count
+        # It is put on record, unless something is in doubt, or there is no room for its frames.
         due = frames_due(records.frame_times, shown, stop)
-        if due > records.frames.shape[0] or near_misses(watches.pairs, pairs, q_floor, work) > 0:
-            return taken, recorded, shown, OPEN, 0
+        room = due <= records.frames.shape[0]
+        if not room or not leaves_no_doubt(watches, switched, solution, work, count, pairs, q_floor):
+            return taken, rows, shown, OPEN, count
+        copy_links(switching.linked[0], work.linked)
+        jumping = False
+        if count > 0:
+            if law.order == 1:
+                velocities_at_end(law, method, limits, stop, solution, work)
+            if not switching.allowed or not judge_switches(
+                law, watches, switching, limits, stop, count, solution, switched, work, q_floor, p_floor
+            ):
+                return taken, rows, shown, OPEN, count
+            applied, jumping = apply_switches(law, watches, switching, limits, stop, count, solution.crossed, work)
+            if not applied:
+                return taken, rows, shown, OPEN, count
+        settle_fresh(switched)
         times = StepTimes(t, stop, limits.base)
         of_step = StepErrors(False, pairs, velocity + records.velocity_rounding)
-        follow_extremes(work.motion, records.linked, references, times, of_step, records.extremes)
+        follow_extremes(work.motion, work.linked, references, times, of_step, records.extremes)
         add_unexplained(records.extremes, unexplained, stop + limits.base)
         for f in range(shown, due):
             make_frame(records, f, t, stop, work)
             records.frame_errors[f, 0], records.frame_errors[f, 1] = position, velocity
         shown = due
-        for c in range(solution.y.shape[0]):
-            records.states[recorded, c] = work.new[c]
-        recorded += 1
+        rows = add_step(records, rows, solution, switched, stop - t)
+        if count > 0:
+            restart(law, method, watches, limits, stop, count, solution, switched, work)
+            if jumping:
+                energy = found[0] + found[1] + found[2] + limits.unlinked[0]
+                switched.jumped[0] += energy - progress[ENERGY]
+                progress[ENERGY], progress[KINETIC] = energy, found[2]
+                rows = add_step(records, rows, solution, switched, 0.0)
+            compare_energies(law, limits, solution, work)
 
 
-def near_misses(watched: PairWatches, pairs: float, q_floor: float, work: Work) -> int:
-    """How many pairs come within the error of a distance on a step.
+def compare_energies(law: CompiledLaw, limits: Limits, solution: Solution, work: Work) -> None:
+    """Let a step begin with the energy of the companion beside that of the solution; for native functions."""
+    progress, e = solution.progress, solution.difference[LAST]
+    for c in range(solution.y.shape[0]):
+        work.other[c] = solution.y[c] + e[c]
+    energy = energy_at(law, limits, progress[TIME], solution.y, work.energies)
+    progress[GAP] = companion_gap_now(law, limits, progress[TIME], energy, e, work)
 
-    Parameters
-    ----------
-    watched
-        Distances of pairs of agents.
-    pairs, q_floor
-        Error of the distance of two agents, and what rounding adds to a position.
-    work
-        Holds the step.
-    """
-    motion, offsets = work.motion, work.offsets
-    for k in range(NODES):
-        for i in range(offsets.shape[1]):
-            for c in range(offsets.shape[2]):
-                offsets[k, i, c] = SAFETY * work.e[k, i * offsets.shape[2] + c]
-    count = 0
-    for w in range(watched.enter.shape[0]):
-        if not watched.smooth[w]:
-            floor = near_miss_floor(watched.slack[w], q_floor)
-            count += find_within_error(
-                motion.positions, motion.far, watched.near[w], watched.active[w], watched.enter[w], watched.leave[w],
-                watched.directed[w], offsets, pairs + floor, floor, work.none,
-            )  # fmt: skip
-    return count
+
+def add_step(records: Records, row: int, solution: Solution, switched: Switched, length: float) -> int:
+    """Put the end of a step on record in a ``row``, and say which is the next one; for native functions."""
+    steps, progress = records.steps, solution.progress
+    steps[row, STEP_END], steps[row, STEP_ENERGY], steps[row, STEP_KINETIC] = (
+        progress[TIME], progress[ENERGY], progress[KINETIC],
+    )  # fmt: skip
+    steps[row, STEP_LENGTH], steps[row, STEP_JUMPED] = length, switched.jumped[0]
+    for c in range(solution.y.shape[0]):
+        records.states[row, c] = solution.y[c]
+    return row + 1
 
 
 def frames_due(times: Array, shown: int, stop: float) -> int:
@@ -163,6 +180,7 @@ def frames_due(times: Array, shown: int, stop: float) -> int:
 def make_frame(records: Records, f: int, t: float, stop: float, work: Work) -> None:
     """Make frame ``f`` of ``records``, which falls on the step in ``work`` from ``t`` to ``stop``."""
     frame, time = records.frames[f], records.frame_times[f]
+    copy_links(work.linked, records.frame_links[f])
     if time == stop:
         for c in range(frame.shape[0]):
             frame[c] = work.new[c]

@@ -14,6 +14,7 @@ from flocking.engine.exact.blocks.arrays import (
     GAP,
     KINETIC,
     LENGTH,
+    NEARED,
     PROPOSED,
     RATE,
     STOP,
@@ -25,9 +26,10 @@ from flocking.engine.exact.blocks.arrays import (
     Watches,
     Work,
 )
+from flocking.engine.exact.blocks.corrected_companion import SHORT, correct
 from flocking.engine.exact.companion import NODES, SLOWER, companion_gap, compare, unexplained_energy
 from flocking.engine.exact.crossings.ball_guards import ball_slack, find_ball_crossings
-from flocking.engine.exact.crossings.guards import deepest_dip, find_crossings
+from flocking.engine.exact.crossings.guards import deepest_dip_of, find_crossings
 from flocking.engine.exact.crossings.switching import TIE
 from flocking.engine.exact.crossings.watch_tables import PairWatches, slack_at
 from flocking.engine.exact.dynamics import LEDGER
@@ -46,15 +48,17 @@ REFUSED = -1
 """Returned for a step that needs more than a cut at its first crossing."""
 
 
-def new_work(law: CompiledLaw, solution: Solution) -> Work:
-    """Arrays for steps of a law that begin at ``solution``; for native functions."""
+def new_work(law: CompiledLaw, pairs: PairWatches, solution: Solution) -> Work:
+    """Arrays for steps of a law with some watched ``pairs`` that begin at ``solution``; for native functions."""
     n, m, size, count = law.n, law.m, solution.y.shape[0], DEGREE + 1
+    room, watches = solution.crossed.shape[0], pairs.near.shape[0]
     motion = Motion(np.empty((count, n, m)), np.empty((count, n * (law.order - 1), m)), np.empty(n), 0.0)
     return Work(
         np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty(size),
         np.empty((solution.K.shape[0], size)), np.empty((count, size)), motion, np.empty((NODES, size)),
-        np.empty((NODES, n, m)), np.empty((count, size)), np.empty((solution.crossed.shape[0], 3)), np.empty(3),
-        np.empty((0, 6)),
+        np.empty((NODES, n, m)), np.empty((count, size)), np.empty((room, 3)), np.empty((room, 6)), np.empty(3),
+        np.empty((n, n), np.bool_), np.empty((watches, n, n), np.bool_), np.empty((watches, n, n), np.bool_),
+        np.empty(m), np.empty(m), np.empty((count, m)), np.empty((2, size)),
     )  # fmt: skip
 
 
@@ -74,7 +78,7 @@ def energy_at(law: CompiledLaw, limits: Limits, t: float, y: Array, found: Array
         The law, and the energy of pairs without links.
     """
     state_energies(law, t + limits.base, y, found)
-    return float(found[0] + found[1] + found[2] + limits.unlinked)
+    return float(found[0] + found[1] + found[2] + limits.unlinked[0])
 
 
 def shortest_step(t: float) -> float:
@@ -165,6 +169,7 @@ def all_crossings(watches: Watches, extent: float, solution: Solution, work: Wor
         for k in range(found):
             crossed[count, 0], crossed[count, 1] = w, work.hits[k, 0]
             crossed[count, 2], crossed[count, 3] = work.hits[k, 1], work.hits[k, 2]
+            crossed[count, NEARED] = 0.0
             count += 1
     return count
 
@@ -177,7 +182,7 @@ def first_crossings(pairs: PairWatches, crossed: Array, count: int) -> tuple[int
     pairs
         Distances that are watched.
     crossed
-        The crossings, shape (room, 4); those of the first instant take the place of the first ones.
+        The crossings, shape (room, 5); those of the first instant take the place of the first ones.
     count
         How many there are.
     """
@@ -187,7 +192,7 @@ def first_crossings(pairs: PairWatches, crossed: Array, count: int) -> tuple[int
     left = 0
     for k in range(count):
         if crossed[k, 1] <= first + TIE:
-            for c in range(4):
+            for c in range(crossed.shape[1]):
                 crossed[left, c] = crossed[k, c]
             w = int(crossed[left, 0])
             inner = w < pairs.enter.shape[0] and pairs.barred[w]
@@ -255,8 +260,10 @@ def is_sound(law: CompiledLaw, watches: Watches, limits: Limits, stop: float, so
     missed = relative_gap(energy, found[2], progress[ENERGY], progress[KINETIC], dissipated, supplied)
     if not missed <= LEDGER_GAP * limits.tolerance:
         return False
-    if watches.singular and deepest_dip(motion.positions, motion.far, watches.senders, watches.sensed) <= 1.0:
-        return False
+    if watches.singular:
+        linked = law.pairs.offsets[watches.graphs]
+        if deepest_dip_of(motion.positions, motion.far, law.pairs.senders, law.pairs.sensed, linked) <= 1.0:
+            return False
     largest = 0.0
     for c in range(law.n * law.m):
         largest = max(largest, abs(new[c]))
@@ -266,9 +273,11 @@ def is_sound(law: CompiledLaw, watches: Watches, limits: Limits, stop: float, so
 
 
 def follow_companion(
-    law: CompiledLaw, method: Method, limits: Limits, h: float, solution: Solution, work: Work
+    law: CompiledLaw, method: Method, limits: Limits, stop: float, solution: Solution, work: Work
 ) -> None:
-    """Take the companion over a step of length ``h`` in two half steps; its difference goes to ``work.e``.
+    """Take the companion over the step that ends at ``stop``, as `flocking.engine.exact.companion` describes.
+
+    Its difference goes to ``work.e``; the rate of change is noted.
 
     Parameters
     ----------
@@ -280,8 +289,16 @@ def follow_companion(
         Holds the step.
     """
     tableau, K, t, base = method.tableau, work.K, solution.progress[TIME], limits.base
+    h = stop - t
     size, count = solution.y.shape[0], tableau.nodes.shape[0]
-    start = solution.difference[LAST]
+    start, progress = solution.difference[LAST], solution.progress
+    acting = law.pairs.offsets[law.pairs.offsets.shape[0] - 1]
+    if acting > limits.few and h * progress[RATE] <= 6 * SHORT:
+        progress[RATE] = correct(
+            law, tableau.nodes, tableau.weights, work.C, t, stop, base, start, progress[RATE], work.e
+        )  # fmt: skip
+        return
+    progress[RATE] *= SLOWER
     for c in range(size):
         work.other[c] = solution.y[c] + start[c]
     stages(
@@ -337,7 +354,6 @@ def go_on(law: CompiledLaw, limits: Limits, stop: float, energy: float, solution
     copy_rows(work.e, solution.difference)
     progress[BEGIN], progress[TIME], progress[LENGTH] = progress[TIME], stop, progress[PROPOSED]
     progress[ENERGY], progress[KINETIC] = energy, work.energies[2]
-    progress[RATE] *= SLOWER
     before = progress[GAP]
     progress[GAP] = companion_gap_now(law, limits, stop, energy, work.e[LAST], work)
     return unexplained_energy(before, progress[GAP])

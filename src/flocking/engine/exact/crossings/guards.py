@@ -196,7 +196,6 @@ def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_f
                 found[row, 0], found[row, 1], found[row, 2], found[row, 3] = max(value, 0.0), x, i, j
 
 
-@native_apart
 def deepest_dip(B: Array, far: Array, senders: Indices, sensed: Indices) -> float:
     """Where on the segment a linked pair comes much closer than at both its ends, deepest first; or `NEVER`.
 
@@ -209,9 +208,15 @@ def deepest_dip(B: Array, far: Array, senders: Indices, sensed: Indices) -> floa
     senders, sensed
         The linked pairs, shape (K,) each.
     """
+    return float(deepest_dip_of(B, far, senders, sensed, len(senders)))
+
+
+@native_apart
+def deepest_dip_of(B: Array, far: Array, senders: Indices, sensed: Indices, count: int) -> float:
+    """As `deepest_dip`, for the first ``count`` of the pairs; for native functions."""
     deepest, where = DIP, NEVER
     square = np.empty(15)
-    for e in range(senders.shape[0]):
+    for e in range(count):
         i, j = senders[e], sensed[e]
         d2 = 0.0
         for k in range(B.shape[2]):

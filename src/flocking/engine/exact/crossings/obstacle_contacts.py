@@ -48,7 +48,8 @@ class ObstacleContacts(ObstacleDistances):
         """
         i, o = (int(k) for k in pair)
         speed = self.speed(group, t, q[i], p[i], o)
-        return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, is_tangential(speed, p[i]))
+        slow = is_tangential(speed, float(np.linalg.norm(p[i])))
+        return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, slow)
 
     def next_crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Indices
+from flocking.arrays import Indices, Mask
 from flocking.engine.exact.crossings.guards import crossings
 from flocking.engine.exact.crossings.images import image_crossings
 from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
@@ -17,6 +17,7 @@ from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.crossings.watch_tables import NO_BALLS, BallWatches, PairWatches, slack_at
 from flocking.engine.exact.crossings.watches import Watch, watches_of
 from flocking.engine.integrator.segment import Segment
+from flocking.engine.kernels.mutual_pairs import upper_first
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
@@ -99,6 +100,7 @@ class LinkState:
         self.near: list[Links] = [self._near_at(q, w) for w in self.watches]
         self.contacts = ObstacleContacts(law)
         self._first_level = len(self.watches)
+        self._numbers: tuple[Array, Array, Array, Mask, Mask] | None = None
         for level in self.contacts.levels:
             distance = np.full(len(q), level.distance)
             self.watches.append(Watch(len(self.graphs) + level.group, level.kind, distance, distance))
@@ -127,7 +129,7 @@ class LinkState:
         found._law, found.graphs, found.contacts = law, law.graphs, contacts
         found.watches = [*watches, *self.watches[self._first_level :]]
         found.recall((self.links, self.near))
-        found.sliding = {}
+        found.sliding, found._numbers = {}, None
         return found
 
     def _near_at(self, q: Array, watch: Watch) -> Links:
@@ -142,7 +144,8 @@ class LinkState:
         Pairs (agent, obstacle) within range follow, one group of obstacles after the other. Pieces are numbered from
         1 on, through the `borders` of all graphs and groups.
         """
-        found = [np.nonzero(links) for links in [*self.links, *self.active()]]
+        found = [upper_first(links, graph.directed) for links, graph in zip(self.links, self.graphs, strict=True)]
+        found += [upper_first(active, True) for active in self.active()]
         offsets = np.cumsum([0, *(len(i) for i, _ in found)])
         pieces = []
         first = 1
@@ -174,7 +177,7 @@ class LinkState:
     def functionals(self) -> Array:
         """Functional s_i of each graph for each agent, shape (graphs, N); zeros where no term uses one."""
         found = np.zeros((len(self.graphs), len(self._allowed[0])))
-        if not any(getattr(t, "functional", False) for t in self._law.pair_terms):
+        if not self.averages:
             return found
         from flocking.model.graph_functional import graph_functional
 
@@ -206,17 +209,38 @@ class LinkState:
         if balls is None:
             return None
         n = len(self._allowed[0])
-        found = list(self.watched())
-        near = np.array([self.near[number] for number, *_ in found], dtype=bool).reshape(-1, n, n)
-        active = np.array([pairs for _, _, pairs, _ in found], dtype=bool).reshape(-1, n, n)
-        watches = [watch for _, watch, _, _ in found]
-        enter = np.array([w.enter for w in watches]).reshape(-1, n)
-        leave = np.array([w.leave for w in watches]).reshape(-1, n)
-        slack = np.array([slack_of(w, 0.0) for w in watches])
-        directed = np.array([self.graphs[w.graph].directed for w in watches], dtype=bool)
-        smooth = np.array([w.smooth for w in watches], dtype=bool)
-        barred = np.array([w.kind == "link" and barriers[w.graph] for w in watches], dtype=bool)
-        return PairWatches(near, active, enter, leave, slack, directed, smooth, barred), balls
+        pairs = [pairs for _, _, pairs, _ in self.watched()]
+        near = np.array(self.near[: self._first_level], dtype=bool).reshape(-1, n, n)
+        active = np.array(pairs, dtype=bool).reshape(-1, n, n)
+        if self._numbers is None:
+            watches = self.watches[: self._first_level]
+            enter = np.array([w.enter for w in watches]).reshape(-1, n)
+            leave = np.array([w.leave for w in watches]).reshape(-1, n)
+            slack = np.array([slack_of(w, 0.0) for w in watches])
+            directed = np.array([self.graphs[w.graph].directed for w in watches], dtype=bool)
+            smooth = np.array([w.smooth for w in watches], dtype=bool)
+            self._numbers = enter, leave, slack, directed, smooth
+        barred = [w.kind == "link" and barriers[w.graph] for w in self.watches[: self._first_level]]
+        return PairWatches(near, active, *self._numbers, np.array(barred, dtype=bool)), balls
+
+    def take(self, near: Mask, links: Mask) -> None:
+        """Take links and sides of kinks that native functions have changed, see `tables`.
+
+        Parameters
+        ----------
+        near
+            Pairs within the distance of each watch of pairs of agents, shape (watches, N, N).
+        links
+            Links of each graph, shape (graphs, N, N).
+        """
+        self.links = list(links)
+        for number, watch in enumerate(self.watches[: self._first_level]):
+            self.near[number] = self.links[watch.graph] if watch.kind == "link" else near[number]
+
+    @property
+    def averages(self) -> bool:
+        """Whether a term uses a functional of a graph, which changes with the links."""
+        return any(getattr(t, "functional", False) for t in self._law.pair_terms)
 
     def would(self, number: int, i: int, j: int) -> str:
         """Kind of the switch that a pair would make next, as in `SWITCH_FIELDS`.
@@ -300,6 +324,17 @@ class LinkState:
         count = count + 1 if still else 0
         self.sliding[crossing.watch, i, j] = (time, abs(speed), count)
         return count >= MOST_SLIDES
+
+    def sliding_rows(self) -> Array:
+        """The last crossings of pairs: watch, pair, time, speed and number of those in a row, shape (k, 6)."""
+        rows = [(*key, *values) for key, values in self.sliding.items()]
+        return np.array(rows, dtype=np.float64).reshape(-1, 6)
+
+    def take_sliding(self, rows: Array) -> None:
+        """Take such ``rows`` in place of those known."""
+        self.sliding = {
+            (int(w), int(i), int(j)): (time, speed, int(number)) for w, i, j, time, speed, number in rows.tolist()
+        }
 
     def lost_link(self, crossings: Sequence[Crossing], barriers: Sequence[bool]) -> tuple[int, ...] | None:
         """The first pair that would break a link whose potential is infinite there; None if there is none.

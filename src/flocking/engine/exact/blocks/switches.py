@@ -1,0 +1,332 @@
+"""Switches of pairs of agents within the native loop, as `flocking.engine.exact.session.ExactSession` applies them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flocking.arrays import Array, Mask
+from flocking.engine.exact.blocks.arrays import (
+    BEGIN,
+    DELAY,
+    DRIFT,
+    ERROR,
+    FIRST,
+    FRESH_ROWS,
+    INWARD,
+    LATE,
+    RELATIVE,
+    SECOND,
+    SLID_AT,
+    SLID_SPEED,
+    SLIDES,
+    SLIDING_ROWS,
+    SPEED,
+    SWITCH_ROWS,
+    SWITCHED_AT,
+    WATCH,
+    Limits,
+    Method,
+    Solution,
+    Switched,
+    Switching,
+    Watches,
+    Work,
+)
+from flocking.engine.exact.blocks.doubts import begin_doubts, row_of
+from flocking.engine.exact.blocks.tried_steps import LAST, energy_at
+from flocking.engine.exact.companion import SAFETY
+from flocking.engine.exact.crossings.switch_numbers import largest_difference, pair_speed, radial_motion, switch_errors
+from flocking.engine.exact.crossings.switching import MOST_SLIDES, SLIDE
+from flocking.engine.exact.crossings.watch_tables import slack_at
+from flocking.engine.integrator.integration_method import DEGREE
+from flocking.engine.integrator.segment import ROUNDING, fill_part
+from flocking.engine.kernels.law_kernels import CompiledLaw, stages
+from flocking.formula.native.functions import native_apart
+
+
+def copy_matrices(source: Mask, target: Mask) -> None:
+    """Copy matrices, shape (k, N, N), from ``source`` to ``target``; for native functions."""
+    for w in range(source.shape[0]):
+        for i in range(source.shape[1]):
+            for j in range(source.shape[2]):
+                target[w, i, j] = source[w, i, j]
+
+
+def copy_links(source: Mask, target: Mask) -> None:
+    """Copy a matrix, shape (N, N), from ``source`` to ``target``; for native functions."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@native_apart
+def relink(law: CompiledLaw, watches: Watches, switching: Switching) -> int:
+    """Put the linked pairs of all graphs, and then those of obstacles, among the pairs of a law; how many are linked.
+
+    The pairs are those of `flocking.engine.exact.crossings.switching.LinkState.pairs`. Linked are those of the graph of
+    the law.
+
+    Parameters
+    ----------
+    law
+        Its ``pairs`` have room for all.
+    watches, switching
+        The watches, and the links.
+    """
+    pairs, near, others, linked = law.pairs, watches.pairs.near, switching.others, switching.linked
+    n, e, first, own = law.n, 0, 1, 0
+    for g in range(linked.shape[0]):
+        pairs.offsets[g] = e
+        inner = 0
+        for w in range(switching.owners.shape[0]):
+            if switching.kinks[w] and switching.owners[w] == g:
+                inner += 1
+        for half in range(1 if switching.directed[g] else 2):
+            for i in range(n):
+                begin = i + 1 if half == 0 and not switching.directed[g] else 0
+                for j in range(begin, i if half == 1 else n):
+                    if linked[g, i, j]:
+                        piece = first
+                        if inner > 0:
+                            for w in range(switching.owners.shape[0]):
+                                if switching.kinks[w] and switching.owners[w] == g and not near[w, i, j]:
+                                    piece += 1
+                        pairs.senders[e], pairs.sensed[e], pairs.pieces[e] = i, j, piece
+                        e += 1
+        first += inner + 1
+        if g == 0:
+            own = e
+    for k in range(others.offsets.shape[0]):
+        pairs.offsets[linked.shape[0] + k] = e + others.offsets[k]
+    for k in range(others.senders.shape[0]):
+        pairs.senders[e + k], pairs.sensed[e + k] = others.senders[k], others.sensed[k]
+        pairs.pieces[e + k] = others.pieces[k]
+    return own
+
+
+def toggle(watches: Watches, switching: Switching, w: int, i: int, j: int) -> None:
+    """Let a pair switch under watch ``w``; for native functions."""
+    pairs, g = watches.pairs, switching.owners[w]
+    both = switching.kinks[w] or not pairs.directed[w]
+    now = not pairs.near[w, i, j]
+    pairs.near[w, i, j] = now
+    if both:
+        pairs.near[w, j, i] = now
+    if not switching.kinks[w]:
+        switching.linked[g, i, j] = now
+        if both:
+            switching.linked[g, j, i] = now
+        at = pairs.enter[w, i] if now else pairs.leave[w, i]
+        for kink in range(switching.owners.shape[0]):
+            if switching.kinks[kink] and switching.owners[kink] == g:
+                # Before a link appears the side of the kink is not tracked.
+                pairs.near[kink, i, j] = pairs.near[kink, j, i] = at < pairs.leave[kink, i]
+                pairs.active[kink, i, j] = switching.linked[g, i, j]
+                pairs.active[kink, j, i] = switching.linked[g, j, i]
+
+
+def velocities_at_end(
+    law: CompiledLaw, method: Method, limits: Limits, stop: float, solution: Solution, work: Work
+) -> None:
+    """Fill ``work.velocities`` with the velocities of agents of order 1 at the end of a step and with their errors."""
+    size, tableau = work.new.shape[0], method.tableau
+    for c in range(size):
+        work.other[c] = work.new[c] + work.e[LAST, c]
+    t = stop + limits.base
+    stages(law, tableau.nodes, tableau.weights, 0, 1, -1, t, work.new, 0.0, work.K, work.middle)
+    for c in range(size):
+        work.velocities[0, c] = work.K[0, c]
+    stages(law, tableau.nodes, tableau.weights, 0, 1, -1, t, work.other, 0.0, work.K, work.middle)
+    for c in range(size):
+        work.velocities[1, c] = work.K[0, c] - work.velocities[0, c]
+
+
+@native_apart
+def judge_switches(
+    law: CompiledLaw, watches: Watches, switching: Switching, limits: Limits, stop: float, count: int,
+    solution: Solution, switched: Switched, work: Work, q_floor: float, p_floor: float,
+) -> bool:  # fmt: skip
+    """Compute what is recorded of the pairs that switch at the end of a step; whether all of them are ordinary.
+
+    Those that are not: pairs of agents and obstacles, pairs back within the error, pairs that slide or cross two
+    distances at once, switches whose time nothing bounds. Rows are written behind those in use, which do not change.
+
+    Parameters
+    ----------
+    law, watches, switching, limits
+        The law, what is watched, the links, and the time at which own times are 0.
+    stop, count
+        Where the step ends, and how many pairs switch there.
+    solution, switched, work
+        Hold the pairs, those that switched before, and the step.
+    q_floor, p_floor
+        What rounding adds to a position and to a velocity.
+    """
+    pairs, crossed, y, n, m, second = watches.pairs, solution.crossed, work.new, law.n, law.m, law.order == 2
+    counts, rows, begin = switched.counts, switched.switches, solution.progress[BEGIN]
+    room = min(switched.fresh.shape[0] - counts[FRESH_ROWS], rows.shape[0] - counts[SWITCH_ROWS])
+    room = min(room, switched.sliding.shape[0] - counts[SLIDING_ROWS])
+    if count > room or not stop > begin:
+        return False
+    late_by = math.nextafter(abs(stop + limits.base), np.inf) - abs(stop + limits.base)
+    for c in range(count):
+        s, w = counts[SWITCH_ROWS] + c, int(crossed[c, 0])
+        if w >= pairs.enter.shape[0] or switching.walls[w]:
+            return False
+        i, j = int(crossed[c, 2]), int(crossed[c, 3])
+        known = row_of(switched.fresh, counts[FRESH_ROWS], crossed[c, 0], crossed[c, 2], crossed[c, 3])
+        if known >= 0 or again(crossed, c):
+            return False
+        for k in range(m):
+            work.d[k] = y[j * m + k] - y[i * m + k]
+            if second:
+                work.v[k] = y[(n + j) * m + k] - y[(n + i) * m + k]
+            else:
+                work.v[k] = work.velocities[0, j * m + k] - work.velocities[0, i * m + k]
+        speed, relative = pair_speed(work.d, work.v)
+        bound = SAFETY * largest_difference(work.e, 0, i, j, m) + 2.0 * q_floor
+        if second:
+            drift = SAFETY * largest_difference(work.e, n * m, i, j, m) + 2.0 * p_floor
+        else:
+            square = 0.0
+            for k in range(m):
+                square += (work.velocities[1, j * m + k] - work.velocities[1, i * m + k]) ** 2
+            drift = SAFETY * np.sqrt(square) + 2.0 * p_floor
+        for a in range(work.apart.shape[0]):
+            for k in range(m):
+                work.apart[a, k] = work.C[a, j * m + k] - work.C[a, i * m + k]
+        for k in range(m):
+            work.d[k] = work.e[LAST, j * m + k] - work.e[LAST, i * m + k]
+        off, turning, acceleration = radial_motion(work.apart, begin, stop, work.d)
+        beyond = slack_at(pairs.slack[w], q_floor / ROUNDING)
+        late, drift, delay = switch_errors(bound, drift, speed, off, turning, acceleration, beyond)
+        if not np.isfinite(late) or slides(switched, pairs.smooth[w], pairs.leave[w, i], crossed[c], stop, speed):
+            return False
+        rows[s, WATCH], rows[s, FIRST], rows[s, SECOND], rows[s, SWITCHED_AT] = crossed[c, 0], i, j, stop
+        rows[s, SPEED], rows[s, RELATIVE], rows[s, LATE], rows[s, DRIFT] = speed, relative, late + late_by, drift
+        rows[s, INWARD], rows[s, DELAY], rows[s, ERROR] = 0.0 if pairs.near[w, i, j] else 1.0, delay, bound
+    return True
+
+
+def again(crossed: Array, c: int) -> bool:
+    """Whether the pair of row ``c`` crosses another distance at the same instant, for native functions."""
+    found = False
+    for k in range(c):
+        found = found or (crossed[k, 2] == crossed[c, 2] and crossed[k, 3] == crossed[c, 3])
+    return found
+
+
+def slides(switched: Switched, smooth: bool, leave: float, crossing: Array, time: float, speed: float) -> bool:
+    """Whether a pair has crossed so often without moving that it slides, for native functions; nothing is recorded.
+
+    Parameters
+    ----------
+    switched
+        The last crossings.
+    smooth, leave
+        Whether the force is continuous at the distance, and the distance.
+    crossing
+        A row of ``crossed``.
+    time, speed
+        When and how fast it crosses.
+    """
+    if smooth:
+        return False
+    k = row_of(switched.sliding, switched.counts[SLIDING_ROWS], crossing[0], crossing[2], crossing[3])
+    return slides_now(switched.sliding, k, time, speed, leave) >= MOST_SLIDES
+
+
+def slides_now(sliding: Array, k: int, time: float, speed: float, leave: float) -> float:
+    """Number of crossings in a row without moving, with one at ``time``; ``k`` is the row of the pair, or -1."""
+    if k < 0:
+        return 0.0
+    still = (time - sliding[k, SLID_AT]) * max(sliding[k, SLID_SPEED], abs(speed)) <= SLIDE * leave
+    return sliding[k, SLIDES] + 1.0 if still else 0.0
+
+
+@native_apart
+def apply_switches(
+    law: CompiledLaw, watches: Watches, switching: Switching, limits: Limits, stop: float, count: int,
+    crossed: Array, work: Work,
+) -> tuple[bool, bool]:  # fmt: skip
+    """Let the pairs switch; whether that is possible, and whether the energy may have changed.
+
+    The energies are left in ``work.energies`` where it may. Nothing changes where the energy would not be finite.
+
+    Parameters
+    ----------
+    law, watches, switching, limits
+        The law, what is watched, the links, and the energy of pairs without links.
+    stop, count
+        Where the step ends, and how many pairs switch there.
+    crossed, work
+        Hold the pairs, and the step.
+    """
+    before, jumping, n = limits.unlinked[0], False, law.n
+    copy_matrices(watches.pairs.near, work.near)
+    copy_matrices(watches.pairs.active, work.active)
+    for c in range(count):
+        w = int(crossed[c, 0])
+        toggle(watches, switching, w, int(crossed[c, 2]), int(crossed[c, 3]))
+        jumping = jumping or switching.jumping[w]
+    linked = relink(law, watches, switching)
+    limits.unlinked[0] = 0.5 * (n * (n - 1) - linked) * switching.each
+    if jumping and not np.isfinite(energy_at(law, limits, stop, work.new, work.energies)):
+        copy_matrices(work.near, watches.pairs.near)
+        copy_matrices(work.active, watches.pairs.active)
+        for w in range(switching.owners.shape[0]):
+            if not switching.kinks[w]:
+                copy_links(watches.pairs.near[w], switching.linked[switching.owners[w]])
+        relink(law, watches, switching)
+        limits.unlinked[0] = before
+        return False, jumping
+    return True, jumping
+
+
+@native_apart
+def restart(
+    law: CompiledLaw, method: Method, watches: Watches, limits: Limits, stop: float, count: int, solution: Solution,
+    switched: Switched, work: Work,
+) -> None:  # fmt: skip
+    """Record the pairs that have switched, and go on from the end of the step with the law that then acts.
+
+    Parameters
+    ----------
+    law, method, watches, limits
+        The law after the switches, the integrator, the watches, and the time at which own times are 0.
+    stop, count
+        Where the step ends, and how many pairs have switched.
+    solution, switched, work
+        Advanced to the end of the step; the pairs; the step.
+    """
+    rows, counts, size, tableau = switched.switches, switched.counts, work.new.shape[0], method.tableau
+    begin, first, delay = solution.progress[BEGIN], counts[SWITCH_ROWS], 0.0
+    for c in range(count):
+        s = first + c
+        if c == 0 or abs(rows[s, DELAY]) > abs(delay):
+            delay = rows[s, DELAY]
+        w = int(rows[s, WATCH])
+        if not watches.pairs.smooth[w]:
+            k = row_of(switched.sliding, counts[SLIDING_ROWS], rows[s, WATCH], rows[s, FIRST], rows[s, SECOND])
+            leave = watches.pairs.leave[w, int(rows[s, FIRST])]
+            number = slides_now(switched.sliding, k, stop, rows[s, SPEED], leave)
+            if k < 0:
+                k = counts[SLIDING_ROWS]
+                counts[SLIDING_ROWS] = k + 1
+            sliding = switched.sliding
+            sliding[k, WATCH], sliding[k, FIRST], sliding[k, SECOND] = rows[s, WATCH], rows[s, FIRST], rows[s, SECOND]
+            sliding[k, SLID_AT], sliding[k, SLID_SPEED], sliding[k, SLIDES] = stop, abs(rows[s, SPEED]), number
+    begin_doubts(watches, switched, solution.crossed, first, count, begin)
+    counts[SWITCH_ROWS] = first + count
+    t = stop + limits.base
+    stages(law, tableau.nodes, tableau.weights, 0, 1, -1, t, solution.y, 0.0, work.K, work.middle)
+    # The companion crosses by as much later as it is behind: the saltation rule.
+    span = stop - begin
+    x = (stop - begin) / span
+    fill_part(solution.coefficients, x, work.part)
+    for c in range(size):
+        before = DEGREE / (x * span) * (work.part[DEGREE, c] - work.part[DEGREE - 1, c])
+        solution.slope[c] = work.K[0, c]
+        solution.difference[LAST, c] += (before - work.K[0, c]) * delay
