@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flocking.engine.exact.blocks.corrected_companion import FEW_PAIRS as FEW_PAIRS
-from flocking.engine.exact.blocks.corrected_companion import SHORT, correct
 from flocking.engine.exact.crossings.switch_numbers import largest_difference
 from flocking.engine.exact.dynamics import Dynamics
+from flocking.engine.integrator.corrected_companion import FEW_PAIRS as FEW_PAIRS
+from flocking.engine.integrator.corrected_companion import SHORT, correct
 from flocking.engine.integrator.integration_method import halves, powers, tableau
 from flocking.engine.integrator.segment import ROUNDING, Segment, powers_at, weights_at
 from flocking.formula.native.functions import native_apart

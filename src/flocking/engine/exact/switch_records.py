@@ -21,8 +21,8 @@ def write_rows(recorder: ExactRecorder, rows: Array, links: LinkState, origin: O
         Takes the records.
     rows
         The switches, see `flocking.engine.exact.blocks.arrays.SWITCHED_AT`.
-    links
-        Their watches.
+    links, origin
+        Their watches, and the origin of their times.
     """
     for w, i, j, own, speed, relative, late, drift, inward, *_ in rows.tolist():
         watch = links.watches[int(w)]

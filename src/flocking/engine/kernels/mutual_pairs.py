@@ -50,8 +50,8 @@ def mutual_loop(number: int, formulas: LawFormulas, requested: Mapping[str, str]
 
     Parameters
     ----------
-    number
-        Number of the graph.
+    number, formulas
+        Number of the graph, and the formulas of the law.
     requested
         Formulas of a pair by the names they get: ``along``, ``drag``, ``dissipation``, ``supply``.
     """

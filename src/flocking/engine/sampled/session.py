@@ -195,7 +195,15 @@ class SampledSession(ImperfectSession):
         t, (q, p) = self._base + seconds, self.motion_at(seconds, np.array([found.agent]))
         speed = self.meetings.speed(found.group, t, q[0], p[0], found.obstacle)
         number = self.meetings.groups[found.group].numbers[found.obstacle]
-        row = (t, found.agent, number, "obstacle", found.group, speed, is_tangential(speed, p[0]))
+        row = (
+            t,
+            found.agent,
+            number,
+            "obstacle",
+            found.group,
+            speed,
+            is_tangential(speed, float(np.linalg.norm(p[0]))),
+        )
         self.records.switches.append((*row, math.nan, math.nan))
         self._record_row(seconds)
 

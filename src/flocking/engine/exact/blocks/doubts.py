@@ -117,7 +117,10 @@ def leaves_no_doubt(
 
 
 def settle_fresh(switched: Switched) -> None:
-    """Drop the pairs that were beyond the error on a step, and note the errors of the others; for native functions."""
+    """Drop the pairs of ``switched`` that were beyond the error on a step, and note the errors of the others.
+
+    For native functions.
+    """
     fresh, left = switched.fresh, 0
     for f in range(switched.counts[FRESH_ROWS]):
         if fresh[f, LEFT_AT] > 1.0:

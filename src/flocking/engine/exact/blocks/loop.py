@@ -143,7 +143,15 @@ def step_block(
 
 
 def compare_energies(law: CompiledLaw, limits: Limits, solution: Solution, work: Work) -> None:
-    """Let a step begin with the energy of the companion beside that of the solution; for native functions."""
+    """Let a step begin with the energy of the companion beside that of the solution; for native functions.
+
+    Parameters
+    ----------
+    law, limits
+        The law, and the energy of pairs without links.
+    solution, work
+        Where the step begins; arrays to work with.
+    """
     progress, e = solution.progress, solution.difference[LAST]
     for c in range(solution.y.shape[0]):
         work.other[c] = solution.y[c] + e[c]
@@ -152,7 +160,17 @@ def compare_energies(law: CompiledLaw, limits: Limits, solution: Solution, work:
 
 
 def add_step(records: Records, row: int, solution: Solution, switched: Switched, length: float) -> int:
-    """Put the end of a step on record in a ``row``, and say which is the next one; for native functions."""
+    """Put the end of a step on record in a ``row``, and say which is the next one; for native functions.
+
+    Parameters
+    ----------
+    records
+        Takes the row.
+    solution, switched
+        At the end of the step; the jumps of the energy.
+    length
+        Length of the step.
+    """
     steps, progress = records.steps, solution.progress
     steps[row, STEP_END], steps[row, STEP_ENERGY], steps[row, STEP_KINETIC] = (
         progress[TIME], progress[ENERGY], progress[KINETIC],

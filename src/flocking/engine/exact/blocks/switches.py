@@ -107,7 +107,13 @@ def relink(law: CompiledLaw, watches: Watches, switching: Switching) -> int:
 
 
 def toggle(watches: Watches, switching: Switching, w: int, i: int, j: int) -> None:
-    """Let a pair switch under watch ``w``; for native functions."""
+    """Let a pair switch under watch ``w``; for native functions.
+
+    Parameters
+    ----------
+    watches, switching
+        The watches, and the links.
+    """
     pairs, g = watches.pairs, switching.owners[w]
     both = switching.kinks[w] or not pairs.directed[w]
     now = not pairs.near[w, i, j]
@@ -130,7 +136,15 @@ def toggle(watches: Watches, switching: Switching, w: int, i: int, j: int) -> No
 def velocities_at_end(
     law: CompiledLaw, method: Method, limits: Limits, stop: float, solution: Solution, work: Work
 ) -> None:
-    """Fill ``work.velocities`` with the velocities of agents of order 1 at the end of a step and with their errors."""
+    """Fill ``work.velocities`` with the velocities of agents of order 1 at the end of a step and with their errors.
+
+    Parameters
+    ----------
+    law, method, limits
+        The law before the switches, the integrator, and the time at which own times are 0.
+    stop, solution
+        Where the step ends, and the solution there.
+    """
     size, tableau = work.new.shape[0], method.tableau
     for c in range(size):
         work.other[c] = work.new[c] + work.e[LAST, c]
@@ -211,7 +225,7 @@ def judge_switches(
 
 
 def again(crossed: Array, c: int) -> bool:
-    """Whether the pair of row ``c`` crosses another distance at the same instant, for native functions."""
+    """Whether the pair of row ``c`` of ``crossed`` is in a row before it, too; for native functions."""
     found = False
     for k in range(c):
         found = found or (crossed[k, 2] == crossed[c, 2] and crossed[k, 3] == crossed[c, 3])
@@ -239,7 +253,15 @@ def slides(switched: Switched, smooth: bool, leave: float, crossing: Array, time
 
 
 def slides_now(sliding: Array, k: int, time: float, speed: float, leave: float) -> float:
-    """Number of crossings in a row without moving, with one at ``time``; ``k`` is the row of the pair, or -1."""
+    """Number of crossings in a row without moving, with one at ``time``; ``k`` is the row of the pair, or -1.
+
+    Parameters
+    ----------
+    sliding
+        Last crossings of pairs.
+    speed, leave
+        How fast the pair crosses, and the distance.
+    """
     if k < 0:
         return 0.0
     still = (time - sliding[k, SLID_AT]) * max(sliding[k, SLID_SPEED], abs(speed)) <= SLIDE * leave

@@ -26,7 +26,6 @@ from flocking.engine.exact.blocks.arrays import (
     Watches,
     Work,
 )
-from flocking.engine.exact.blocks.corrected_companion import SHORT, correct
 from flocking.engine.exact.companion import NODES, SLOWER, companion_gap, compare, unexplained_energy
 from flocking.engine.exact.crossings.ball_guards import ball_slack, find_ball_crossings
 from flocking.engine.exact.crossings.guards import deepest_dip_of, find_crossings
@@ -35,6 +34,7 @@ from flocking.engine.exact.crossings.watch_tables import PairWatches, slack_at
 from flocking.engine.exact.dynamics import LEDGER
 from flocking.engine.exact.narrow_features import allowed_share
 from flocking.engine.exact.precision import places_fine, times_fine
+from flocking.engine.integrator.corrected_companion import SHORT, correct
 from flocking.engine.integrator.integration_method import DEGREE, STAGES, error_norm, next_length, polynomial
 from flocking.engine.integrator.segment import Motion, fill_part, split_motion
 from flocking.engine.integrator.stepper import SPACINGS

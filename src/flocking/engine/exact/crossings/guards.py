@@ -213,7 +213,7 @@ def deepest_dip(B: Array, far: Array, senders: Indices, sensed: Indices) -> floa
 
 @native_apart
 def deepest_dip_of(B: Array, far: Array, senders: Indices, sensed: Indices, count: int) -> float:
-    """As `deepest_dip`, for the first ``count`` of the pairs; for native functions."""
+    """As `deepest_dip`, for the first ``count`` of the pairs and bounds ``far``; for native functions."""
     deepest, where = DIP, NEVER
     square = np.empty(15)
     for e in range(count):
