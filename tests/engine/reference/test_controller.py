@@ -200,3 +200,24 @@ def test_a_call_takes_a_small_part_of_the_general_function():
         fk.control_of(LAW, agents[0], near)
         slow.append(time.thread_time() - begin)
     assert min(fast) < min(slow) / 10
+
+
+def test_a_call_takes_less_than_four_times_ten_additions_of_numpy():
+    """Ten neighbours. Where ten additions of short arrays take 5 microseconds a call takes less than 20."""
+    rng = np.random.default_rng(0)
+    q, p = rng.normal(size=(11, 2)) * 1.2, rng.normal(size=(11, 2))
+    controller = fk.Controller(LAW, agents=11)
+    known = {"ids": np.arange(1, 11), "q": q[1:].copy(), "p": p[1:].copy()}
+    short, call, reference = np.arange(20.0), [], []
+    for _ in range(60):
+        begin = time.thread_time()
+        for _ in range(25):
+            controller(0.0, q[0], p[0], **known)
+        call.append(time.thread_time() - begin)
+        begin = time.thread_time()
+        for _ in range(25):
+            x = short
+            for _ in range(10):
+                x = np.add(x, 1.0)
+        reference.append(time.thread_time() - begin)
+    assert min(call) < 4.0 * min(reference)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from flocking.engine.c_export.export import c_files
 from flocking.engine.driver.simulate import run_session
-from flocking.engine.nodes.faults import Fault
+from flocking.engine.nodes.faults import Fault, Kill, Restart
 from flocking.engine.nodes.processes import PATIENCE, AgentProcesses, Agents, LocalAgents
 from flocking.engine.nodes.recording import Recording
 from flocking.engine.nodes.session import NodeSession, check_nodes
@@ -120,6 +120,11 @@ def simulate_nodes(
     one_of("simulate_nodes", "code", code, CODES, "must be 'python' or 'c'")
     number("simulate_nodes", "patience", patience, above=0.0)
     check_nodes(scenario, real_time=real_time, exported=code == "c")
+    if not spawn and any(isinstance(fault, Kill | Restart) for fault in faults):
+        raise InvalidInput(
+            "simulate_nodes", "faults", "must kill and restart no agents whose processes are begun elsewhere", "others",
+            "End and begin such a process on its host.",
+        )  # fmt: skip
     with ExitStack() as stack:
         library = None
         if code == "c":

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import cast
 
 from flocking.engine.nodes.bus import Bus
-from flocking.engine.nodes.nodes import ExportedNode, Node, PythonNode
+from flocking.engine.nodes.exported_node import ExportedNode
+from flocking.engine.nodes.nodes import Node, PythonNode
 from flocking.engine.nodes.requests import Request, answer, packed, unpacked
 from flocking.errors import FlockingError
 

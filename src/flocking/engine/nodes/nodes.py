@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import ctypes
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.reference.controller import Controller
-from flocking.errors import SimulationError
+from flocking.engine.sampled.knowledge import Known
+from flocking.engine.sampled.safety import ForceFilter
 from flocking.model.law import Scenario
 from flocking.model.world.information import Messages
+from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND
 
 START = -1
@@ -61,9 +61,11 @@ class Node(ABC):
     def begin(self) -> None:
         """Know the exact start of everyone, and the links there."""
         start = self.scenario.start
+        # Agents of order 1 stand still before the start, whatever velocities it names.
+        sent = start.p if self.scenario.agents.order > 1 else np.zeros_like(start.p)
         for j in range(start.n):
             if j != self.agent:
-                self.hear(Sample(j, START, 0, tuple(start.q[j].tolist()), tuple(start.p[j].tolist())), 0)
+                self.hear(Sample(j, START, 0, tuple(start.q[j].tolist()), tuple(sent[j].tolist())), 0)
         self.link()
 
     @abstractmethod
@@ -104,6 +106,11 @@ class Node(ABC):
     def links(self) -> list[list[int]]:
         """Linked agents in each graph."""
 
+    @property
+    @abstractmethod
+    def filtered(self) -> tuple[bool, bool]:
+        """Whether a safety filter changed the last force, and whether its conditions contradicted each other."""
+
 
 class PythonNode(Node):
     """An agent that runs `flocking.Controller`.
@@ -128,6 +135,11 @@ class PythonNode(Node):
         self._expires = None if messages is None else messages.expires_in_nanoseconds
         self._predict = messages is not None and messages.predict
         self._known: dict[int, Sample] = {}
+        self._filter: ForceFilter | None = None
+        if isinstance(scenario.control, SafetyFilter):
+            masses = np.asarray(scenario.agents.masses)
+            self._filter = ForceFilter(scenario.control, masses, scenario.start.q, scenario.space)
+        self._filtered = False, False
 
     def link(self) -> None:
         """Take up the links of the start."""
@@ -160,89 +172,32 @@ class PythonNode(Node):
             since = np.array([t - (x.stamp * NANOSECOND + base) for x in known])
             places = places + since[:, None] * speeds
         ids = np.array([x.sender for x in known], dtype=np.int64)
-        return self.controller(t, q, p, ids=ids, q=places, p=speeds)
+        if self.scenario.agents.order == 1:
+            # Their law sees no velocities.
+            return self.controller(t, q, [0.0] * m, ids=ids, q=places, p=np.zeros_like(speeds))
+        force = self.controller(t, q, p, ids=ids, q=places, p=speeds)
+        return force if self._filter is None else self._kept_apart(self._filter, now, [*q, *p], known, force)
+
+    def _kept_apart(
+        self, keeper: ForceFilter, now: int, own: list[float], known: list[Sample], force: Array
+    ) -> Array:  # fmt: skip
+        """What the safety filter makes of a force."""
+        n, size = self.scenario.start.n, len(own)
+        rows, there, begun = np.zeros((1, n, size)), np.zeros((1, n), dtype=bool), np.zeros((1, n), dtype=np.int64)
+        for x in known:
+            rows[0, x.sender], there[0, x.sender], begun[0, x.sender] = [*x.q, *x.p], True, x.stamp
+        agents, moved_on = np.array([self.agent]), begun if self._predict else None
+        before = keeper.memory.changed, keeper.memory.relaxed
+        found = keeper.filtered(now, Known(agents, np.array([own]), rows, there, moved_on, now), force[None])[0]
+        self._filtered = keeper.memory.changed > before[0], keeper.memory.relaxed > before[1]
+        return np.asarray(found)
+
+    @property
+    def filtered(self) -> tuple[bool, bool]:
+        """What the safety filter did at the last tick."""
+        return self._filtered
 
     @property
     def links(self) -> list[list[int]]:
         """Linked agents in each graph."""
         return [np.flatnonzero(row).tolist() for row in self.controller.links]
-
-
-class ExportedNode(Node):
-    """An agent that runs exported C of double precision, see `flocking.export_c`.
-
-    Parameters
-    ----------
-    scenario, agent
-        As for `Node`.
-    library
-        The compiled law, a shared object.
-    """
-
-    def __init__(self, scenario: Scenario, agent: int, library: Path) -> None:
-        super().__init__(scenario, agent)
-        n, m = scenario.start.q.shape
-        words = (max(n - 1, 1) + 31) // 32
-        slots, graphs = max(n - 1, 1), len(scenario.law.graphs)
-
-        class Message(ctypes.Structure):
-            """``law_message``."""
-
-            _fields_ = (
-                ("stamp", ctypes.c_int64), ("number", ctypes.c_int32), ("sender", ctypes.c_uint16),
-                ("q", ctypes.c_double * m), ("p", ctypes.c_double * m),
-            )  # fmt: skip
-
-        class Memory(ctypes.Structure):
-            """``law_memory``."""
-
-            _fields_ = (
-                ("known", Message * slots), ("time", ctypes.c_int64),
-                ("links", (ctypes.c_uint32 * words) * graphs), ("used", ctypes.c_uint32 * words),
-                ("order", ctypes.c_uint16 * slots), ("count", ctypes.c_uint16), ("agent", ctypes.c_uint16),
-                ("begun", ctypes.c_uint8), ("saturated", ctypes.c_uint8),
-            )  # fmt: skip
-
-        self._library = ctypes.CDLL(str(library))
-        self._message, self._memory = Message, Memory()
-        self._vector, self._graphs = ctypes.c_double * m, graphs
-        self._checked(self._library.law_begin(ctypes.byref(self._memory), ctypes.c_uint16(agent)), 0)
-
-    def _checked(self, code: int, now: int) -> None:
-        from flocking.engine.c_export.header import STATUS
-
-        if code:
-            name, meaning = STATUS[code]
-            time = self.scenario.start.t + now * NANOSECOND
-            raise SimulationError(f"The exported law answered LAW_{name}: {meaning}.", time=time, agents=(self.agent,))
-
-    def link(self) -> None:
-        """Take up the links of the start."""
-        q = self._vector(*self.scenario.start.q[self.agent])
-        self._checked(self._library.law_start(ctypes.byref(self._memory), ctypes.c_int64(0), q), 0)
-
-    def hear(self, sample: Sample, now: int) -> None:
-        """Keep a sample, if it is newer."""
-        message = self._message(
-            sample.stamp, sample.number, sample.sender, self._vector(*sample.q), self._vector(*sample.p)
-        )
-        code = self._library.law_receive(ctypes.byref(self._memory), ctypes.c_int64(now), ctypes.byref(message))
-        # The code 1 says that a newer sample is known.
-        self._checked(0 if code == 1 else code, now)
-
-    def act(self, now: int, q: Sequence[float], p: Sequence[float]) -> Array:
-        """The force by what is known now."""
-        u = self._vector()
-        place = ctypes.byref(self._memory), ctypes.c_int64(now), self._vector(*q), self._vector(*p), u
-        self._checked(self._library.law_control(*place), now)
-        return np.array(u[:])
-
-    @property
-    def links(self) -> list[list[int]]:
-        """Linked agents in each graph."""
-        memory = self._memory
-        slots = memory.order[: memory.count]
-        return [
-            [memory.known[s].sender for s in slots if memory.links[g][s // 32] >> (s % 32) & 1]
-            for g in range(self._graphs)
-        ]

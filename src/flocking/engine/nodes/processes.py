@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import cast
 
 from flocking.engine.nodes.bus import Bus, free_endpoint
-from flocking.engine.nodes.nodes import ExportedNode, Node, PythonNode
+from flocking.engine.nodes.exported_node import ExportedNode
+from flocking.engine.nodes.nodes import Node, PythonNode
 from flocking.engine.nodes.requests import Answer, Request, answer, packed, unpacked
 from flocking.errors import EngineFailed
 from flocking.model.law import Scenario
@@ -33,6 +34,11 @@ BEAT = 1.0
 
 LEAVING = 5.0
 """Seconds in which a process must end by itself."""
+
+
+def _said(line: str) -> None:
+    """Print a line for whoever begins the agents, who may read it through a pipe."""
+    print(line, flush=True)
 
 
 class Agents(ABC):
@@ -121,7 +127,7 @@ class AgentProcesses(Agents):
     spawn
         Whether to begin the processes here; others are waited for, which are begun on other hosts.
     announce
-        Called with a line about what to do, where processes are not begun here.
+        Called with a line about what to do, where processes are not begun here; printed at once when absent.
 
     Raises
     ------
@@ -133,7 +139,7 @@ class AgentProcesses(Agents):
 
     def __init__(
         self, scenario: Scenario, *, library: Path | None = None, place: str = "", spawn: bool = True,
-        announce: Callable[[str], None] = print,
+        announce: Callable[[str], None] | None = None,
     ) -> None:  # fmt: skip
         self._scenario, self._library, self._spawned = to_data(scenario), library, spawn
         self.n, self._time = scenario.start.n, scenario.start.t
@@ -149,7 +155,7 @@ class AgentProcesses(Agents):
         try:
             self._bus.subscribe(f"flocking/{self.run}/from/*")
             if not spawn:
-                announce(f"python -m flocking.engine.nodes.agent_process {self.place} {self.run} AGENT")
+                (announce or _said)(f"python -m flocking.engine.nodes.agent_process {self.place} {self.run} AGENT")
             for agent in range(self.n):
                 self._begin(agent)
             self._gather(set(range(self.n)), begin=True)
@@ -208,6 +214,9 @@ class AgentProcesses(Agents):
                     break
                 continue
             agent, data = int(came[0]), unpacked(came[1])
+            if "hello" in data and not self._spawned:
+                # Begun anew on another host: it knows nothing.
+                self._tell(agent, {"scenario": self._scenario, "begin": False})
             # An answer to an earlier question comes too late.
             if agent in missing and data.get("id") == self._asked:
                 found[agent] = cast(Answer, data["answer"])

@@ -29,11 +29,12 @@ class Request(TypedDict, total=False):
 
 
 class Answer(TypedDict, total=False):
-    """What it answers: its sample, or its force and its links, or why there is none."""
+    """What it answers: its sample, or its force, its links and what its safety filter did, or why there is none."""
 
     sample: list[object]
     force: list[float]
     links: list[list[int]]
+    filtered: list[bool]
     fault: str
 
 
@@ -91,6 +92,7 @@ def answer(node: Node, request: Request) -> Answer:
     try:
         for row in request.get("heard", []):
             node.hear(sample_of(row), now)
-        return {"force": node.act(now, q, p).tolist(), "links": node.links}
+        force = node.act(now, q, p).tolist()
+        return {"force": force, "links": node.links, "filtered": list(node.filtered)}
     except FlockingError as error:
         return {"fault": str(error)}

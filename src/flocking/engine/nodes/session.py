@@ -20,7 +20,6 @@ from flocking.engine.sampled.session import SampledSession
 from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
-from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants
 
 
@@ -67,14 +66,8 @@ def check_nodes(scenario: Scenario, *, real_time: float | None, exported: bool) 
     """
     if not isinstance(scenario.control, Held):
         raise UnsupportedLaw("Processes of agents need control=Held(...): they act at ticks, not at every moment.")
-    if isinstance(scenario.control, SafetyFilter):
-        raise UnsupportedLaw("Processes of agents run no safety filter. Use control=Held(...).")
     SAMPLED.check(scenario)
     SAMPLED.check_space(scenario)
-    if scenario.agents.order == 1:
-        raise UnsupportedLaw("Processes of agents run bodies of order 2, not SingleIntegrator.")
-    if any(getattr(term, "groups", ()) for term in scenario.law.body_terms):
-        raise UnsupportedLaw("Processes of agents know no obstacles yet. Leave Avoid out.")
     if exported and scenario.start.links is not None:
         raise UnsupportedLaw(
             "Exported C begins with the links of its graph: a start with links of its own is for Python agents."
@@ -121,8 +114,11 @@ class NodeSession(SampledSession):
         self.recording = recording
         super().__init__(scenario)
         start = scenario.start
+        # Agents filter their forces themselves; here it is only counted what they did.
+        self._by_agents, self.filter = self.filter, None
         self.agents, self.patience, self._speed = agents, patience, real_time
-        self._heard = HeardKnowledge(scenario.information, start.q, start.p, self.links, scenario.space)
+        sent = start.p if scenario.agents.order > 1 else np.zeros_like(start.p)
+        self._heard = HeardKnowledge(scenario.information, start.q, sent, self.links, scenario.space)
         self.knowledge, self._heard.unsent = self._heard, set()
         cuts = [f for f in faults if isinstance(f, Cut)]
         self._heard.cuts = [(f.agent, round(f.time * PER_SECOND), round(f.until * PER_SECOND)) for f in cuts]
@@ -204,6 +200,7 @@ class NodeSession(SampledSession):
         for row, i in enumerate(acting.tolist()):
             if i in found:
                 force[row] = found[i]["force"]
+                self._count(instant, *found[i]["filtered"])
                 for graph, linked in enumerate(found[i]["links"]):
                     self.knowledge.links[graph, i] = False
                     self.knowledge.links[graph, i, linked] = True
@@ -212,6 +209,14 @@ class NodeSession(SampledSession):
             else:
                 force[row] = self._last_force(i)
         return force
+
+    def _count(self, instant: int, changed: bool, relaxed: bool) -> None:
+        """Count what the safety filter of an agent did."""
+        if self._by_agents is not None:
+            memory = self._by_agents.memory
+            memory.changed, memory.relaxed = memory.changed + changed, memory.relaxed + relaxed
+            if relaxed and memory.first_relaxed < 0:
+                memory.first_relaxed = instant
 
     def _last_force(self, agent: int) -> Array:
         """The force that an agent wanted last."""
@@ -255,7 +260,11 @@ class NodeSession(SampledSession):
     @property
     def about(self) -> dict[str, object]:
         """Where the results come from, and what happened to agents."""
-        found = super().about | {"agents killed": self.killed, "agents restarted": self.restarted}
+        found = (
+            super().about
+            | self._filter_counts(self._by_agents)
+            | {"agents killed": self.killed, "agents restarted": self.restarted}
+        )
         found |= {"late answers": self.late, "ticks of ended agents": self.dead_ticks}
         found |= {"radio cut": [f"agent {a}, {b * NANOSECOND:g} to {c * NANOSECOND:g}" for a, b, c in self._heard.cuts]}
         if self._speed is not None:

@@ -253,13 +253,15 @@ class SampledSession(ImperfectSession):
     @property
     def about(self) -> dict[str, object]:
         """Provenance of the records, with what a safety filter did."""
-        found = super().about
-        if self.filter is not None:
-            memory = self.filter.memory
-            found |= {"forces changed by the safety filter": memory.changed, "its conditions relaxed": memory.relaxed}
-            if memory.relaxed:
-                found["first relaxed at"] = self._base + memory.first_relaxed * NANOSECOND
-        return found
+        return super().about | self._filter_counts(self.filter)
+
+    def _filter_counts(self, keeper: ForceFilter | None) -> dict[str, object]:
+        """What a safety filter did."""
+        if keeper is None:
+            return {}
+        memory = keeper.memory
+        found = {"forces changed by the safety filter": memory.changed, "its conditions relaxed": memory.relaxed}
+        return found | ({"first relaxed at": self._base + memory.first_relaxed * NANOSECOND} if memory.relaxed else {})
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
