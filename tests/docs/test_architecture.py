@@ -111,6 +111,7 @@ HOMES = {
     "change which names in sentences are variables": "ARTICLES = ",
     "change the colour of a verdict beside the measures in the lab": "class ShownVerdict",
     "change which requests the lab refuses": "class AccessCheck",
+    "add a challenge to the lab": "class Challenge",
     "let a page of the lab ask for something else": "class Orders",
     "change what the timeline of the lab remembers": "class Timeline",
     "change which potentials the lab refuses": "def check_range",

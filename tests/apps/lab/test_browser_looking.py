@@ -349,3 +349,22 @@ def test_an_automatic_accessibility_check_is_clean(page, tab):
 
 def found(result):
     return [(x["id"], [node["target"] for node in x["nodes"]][:3]) for x in result.response["violations"]]
+
+
+def test_a_challenge_is_tried_and_its_score_kept(page, tab):
+    tab.open("challenges")
+    tab.tab.locator("[data-key=kick]").click()
+    tab.wait(lambda: page.experiment.state.n == 30, "the challenge opens")
+    card = tab.tab.locator("#challenge")
+    tab.wait(lambda: "holds together" in card.text_content(), "it says how it stands")
+    outer = int(page.experiment.state.q[:, 0].argmax())
+    page.apply({"kind": "kick", "agents": [outer], "velocity": [20.0, 0.0]})
+    page.clock.speed = 5.0
+    tab.press("Play")
+    tab.wait(lambda: "added speed 20" in card.text_content(), "it is torn")
+    tab.press("Pause")
+    tab.shot("challenge")
+    card.get_by_text("save the score").click()
+    tab.wait(lambda: page.files.saved, "the score is saved")
+    again = replay(EventLog.read(page.files.saved[0]))
+    assert [event["kind"] for _, event in again.log.entries] == ["kick"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -281,8 +281,15 @@ class EventLog:
     entries: list[tuple[float, Event]] = field(default_factory=list)
     end: float = 0.0
 
-    def write(self, path: str | Path) -> Path:
+    def write(self, path: str | Path, more: Mapping[str, object] | None = None) -> Path:
         """Write the log as JSON.
+
+        Parameters
+        ----------
+        path
+            The file.
+        more
+            Further data at the top of the file, which reading ignores.
 
         Raises
         ------
@@ -290,7 +297,7 @@ class EventLog:
             When the scenario has a part without a name in files, or the file cannot be written.
         """
         data = {
-            "format": FORMAT, "engine": self.engine, "end": self.end,
+            **(more or {}), "format": FORMAT, "engine": self.engine, "end": self.end,
             "events": [{"time": t, **event} for t, event in self.entries], "scenario": to_data(self.scenario),
         }  # fmt: skip
         try:

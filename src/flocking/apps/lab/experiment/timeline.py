@@ -157,6 +157,11 @@ class Timeline:
         """Times of the states."""
         return [state.t for state in self._states]
 
+    @property
+    def states(self) -> tuple[State, ...]:
+        """The recorded states, ascending."""
+        return tuple(self._states)
+
     def at(self, t: float) -> tuple[State, Scenario] | None:
         """The last recorded state not after ``t``, else the first; None while there is none."""
         if not self._states:

@@ -16,7 +16,7 @@ from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.apps.lab.live.hub import Hub, Message, Tab
 from flocking.apps.lab.live.measuring import Measuring
 from flocking.apps.lab.live.messages import scenario_message, stored_message, values_message
-from flocking.apps.lab.live.openings import Openings
+from flocking.apps.lab.live.openings import CHALLENGE, Openings
 from flocking.apps.lab.live.past import Past
 from flocking.apps.lab.panels.catalogue import catalogue
 from flocking.apps.lab.panels.choices import in_space
@@ -233,7 +233,7 @@ class Lab:
         try:
             found = self._openings.opened(name, seed, lambda: number == self._loads and not self.clock.closed)
             self.name = name
-            self._install([found])
+            self._install([found], challenge=name.removeprefix(CHALLENGE) if name.startswith(CHALLENGE) else "")
         finally:
             self._tell_opening("")
 
@@ -252,12 +252,13 @@ class Lab:
         self.count_request()
         self._install([Experiment(in_space(self.experiment.original))])
 
-    def _install(self, experiments: Sequence[Experiment], compared: tuple[Step, ...] = ()) -> None:
+    def _install(self, experiments: Sequence[Experiment], compared: tuple[Step, ...] = (), challenge: str = "") -> None:
         """Show other experiments, from their start, and paused."""
 
         def swap() -> None:
             self.clock.experiments = list(experiments)
             self.compared = compared
+            self.measuring.challenge = challenge
             self.past.stored = None
             self.measuring.reset()
 

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from flocking.apps.lab.experiment.challenges import CHALLENGES, Score, judged
 from flocking.apps.lab.experiment.clock import Clock, Frame
 from flocking.apps.lab.experiment.history import History
 from flocking.apps.lab.experiment.timeline import CURVES, Timeline
@@ -53,6 +54,8 @@ class Measuring:
         self.numbers: list[dict[str, float]] = []
         """The last measurements, of each experiment."""
         self.reads = 0
+        self.challenge = ""
+        """Key of the challenge that is tried; empty for none."""
         self.fault = ""
         """Why the last measurement failed; empty when it did not."""
         self._certified: tuple[float, Law, Certificates | None] | None = None
@@ -157,6 +160,25 @@ class Measuring:
                     since = min(max(verdict.witness.time, float(run.t[0])), until)
                 self.timeline.judge(verdict.claim.key, until, verdict.style, since, verdict.margin)
 
+    def score(self) -> Score | None:
+        """How the challenge stands; None where none is tried."""
+        if not self.challenge:
+            return None
+        experiment = self._clock.experiments[0]
+        with self._lock:
+            states = self.timeline.states
+        return judged(self.challenge, experiment.original, states, list(experiment.log.entries))
+
+    def _challenge(self) -> dict[str, object] | None:
+        score = self.score()
+        if score is None:
+            return None
+        challenge = CHALLENGES[self.challenge]
+        return {
+            "title": challenge.title, "goal": challenge.goal, "unit": challenge.unit, "reached": score.reached,
+            "value": _finite(score.value), "words": score.words,
+        }  # fmt: skip
+
     def content(self) -> dict[str, object]:
         """The measurements, the record and the verdicts as JSON data."""
         clock = self._clock
@@ -172,6 +194,7 @@ class Measuring:
             "claims": claims, "numbers": numbers, "fault": self.fault,
             "too_many": experiment.scenario.start.n > MOST_CLAIMS and MOST_CLAIMS,
             "reached": _finite(clock.reached), "speed": clock.speed, "playing": clock.playing,
+            "challenge": self._challenge(),
             "running": clock.running, "complete": experiment.complete, "failure": clock.frame.failure,
             "shrunk": clock.frame.shrunk,
         }  # fmt: skip

@@ -24,8 +24,8 @@ Answer = dict[str, object] | None
 
 SLOW = frozenset(
     {
-        "load", "space", "branch", "try", "properties", "small picture", "save", "save picture", "film", "save film",
-        "open run", "compare", "agent", "catalogue",
+        "load", "space", "branch", "try", "properties", "small picture", "save", "save picture", "save score", "film",
+        "save film", "open run", "compare", "agent", "catalogue",
     }
 )  # fmt: skip
 """Kinds of orders that compute for long, or wait for the clock."""
@@ -175,6 +175,14 @@ def _save_picture(page: Lab, _: Tab, order: Order) -> Answer:
     return page.saved(page.files.save_picture(order["data"]))
 
 
+def _save_score(page: Lab, _: Tab, __: Order) -> Answer:
+    page.count_request()
+    score = page.measuring.score()
+    if score is None:
+        raise InvalidInput("lab", "score", "needs a challenge", "none")
+    return page.saved(page.files.save_score(page.measuring.challenge, score))
+
+
 def _film(page: Lab, _: Tab, __: Order) -> None:
     page.files.start_film()
 
@@ -209,6 +217,6 @@ _ORDERS: dict[str, Callable[[Lab, Tab, Order], Answer]] = {
     "go back": lambda page, *_: page.go_back(), "event": _event, "set": _set, "move": _move, "add term": _add_term,
     "look": _look, "branch": _branch, "try": _try, "properties": _properties, "small picture": _small_picture,
     "agent": _agent, "compare": _compare, "only one": lambda page, *_: page.only_one(), "save": _save,
-    "save picture": _save_picture, "film": _film, "save film": _save_film, "open run": _open_run,
-    "close run": _close_run, "wants": _wants, "catalogue": _catalogue,
+    "save picture": _save_picture, "film": _film, "save film": _save_film, "save score": _save_score,
+    "open run": _open_run, "close run": _close_run, "wants": _wants, "catalogue": _catalogue,
 }  # fmt: skip

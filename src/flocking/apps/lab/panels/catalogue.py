@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from flocking.apps.lab.access.confinement import Folder
+from flocking.apps.lab.experiment.challenges import CHALLENGES
 from flocking.apps.lab.panels.choices import LARGER_GROUPS, library
 from flocking.apps.lab.scene.solids import solids
 from flocking.apps.scenario_names import paper_scenarios
@@ -59,7 +60,8 @@ def catalogue(folder: Folder) -> dict[str, object]:
             {"title": "Your files", "about": "In the folder of this lab",
              "scenarios": [{"name": name, "title": name} for name in files]}
         )  # fmt: skip
-    return {"kind": "catalogue", "groups": groups}
+    challenges = [{"key": key, "title": x.title, "goal": x.goal} for key, x in CHALLENGES.items()]
+    return {"kind": "catalogue", "groups": groups, "challenges": challenges}
 
 
 def about(name: str, scenario: Scenario) -> dict[str, str]:

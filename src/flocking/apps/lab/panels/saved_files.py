@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 from flocking.apps.lab.access.confinement import Folder
+from flocking.apps.lab.experiment.challenges import Score
 from flocking.apps.lab.experiment.clock import Clock
 from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.apps.lab.scene.filming import Film, Look
@@ -92,6 +93,30 @@ class SavedFiles:
             f"'flocking lab {paths[0].name}' replays the interventions; the TOML file starts from the present state"
         )  # fmt: skip
         return self._written(*paths, note=f"{note}. {faults[0] if faults else ''}")
+
+    def save_score(self, challenge: str, score: Score) -> str:
+        """Write a score with the log that gives it, which `flocking lab` replays; returns what was written.
+
+        Parameters
+        ----------
+        challenge
+            Key of the challenge.
+        score
+            The score.
+
+        Raises
+        ------
+        InvalidInput
+            When the goal is not reached, or the log does not hold all events.
+        """
+        experiment = self._clock.experiments[0]
+        if not score.reached or not experiment.complete:
+            raise InvalidInput("lab", "score", "needs a goal that is reached and a complete log", score.words)
+        path = self._path(f".{challenge}.events.json")
+        more = {"challenge": challenge, "score": score.value, "words": score.words}
+        paths: list[Path] = []
+        self._clock.do(lambda: paths.append(experiment.log.write(path, more)))
+        return self._written(*paths, note=f"'flocking lab {path.name}' replays it")
 
     def save_picture(self, data: object) -> str:
         """Write a picture that a page has painted, as PNG; returns what was written.

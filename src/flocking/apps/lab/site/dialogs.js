@@ -13,10 +13,11 @@ export class Dialogs {
     this.box.addEventListener("click", (event) => event.target === this.box && this.box.close());
     link.on("catalogue", (message) => {
       this.catalogue = message;
+      if (this.whenListed && this.box.open && this.box.dataset.kind === "challenges") this.whenListed();
       if (this.box.open && this.box.dataset.kind === "pick") this.fillTiles();
       if (this.box.open && this.box.dataset.kind === "files") this.fillRuns();
     });
-    const open = { pick: () => this.pick(), compare: () => this.compare(), view: () => this.view(), files: () => this.files() };
+    const open = { pick: () => this.pick(), challenges: () => this.challenges(), compare: () => this.compare(), view: () => this.view(), files: () => this.files() };
     for (const [id, act] of Object.entries(open)) document.getElementById(id).onclick = act;
   }
 
@@ -64,6 +65,23 @@ export class Dialogs {
     drawStart(tile.querySelector("canvas"), picture);
     tile.querySelector("small").textContent = picture.open ? `${picture.n} agents${picture.d > 2 ? " in space" : ""}` : "on a torus: not in the lab";
     tile.disabled = !picture.open;
+  }
+
+  challenges() {
+    this.show("challenges", "Challenges", "<div data-list>…</div>");
+    const fill = () => {
+      const area = this.box.querySelector("[data-list]");
+      area.innerHTML = this.catalogue.challenges.map((c) => `<h3>${escaped(c.title)}</h3><p>${escaped(c.goal)}</p><button class="small" data-key="${escaped(c.key)}">try it</button>`).join("");
+      for (const button of area.querySelectorAll("button")) button.onclick = () => {
+        this.box.close();
+        this.link.send("load", { name: `challenge: ${button.dataset.key}` });
+      };
+    };
+    if (this.catalogue) fill();
+    else {
+      this.whenListed = fill;
+      this.link.send("catalogue");
+    }
   }
 
   compare() {

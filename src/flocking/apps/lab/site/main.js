@@ -69,6 +69,15 @@ link.on("aim", () => {
 link.on("record", (message) => {
   timeline.take(message);
   law.showNumbers(message);
+  const task = message.challenge, card = at("challenge");
+  card.hidden = !task;
+  const told = task ? `${escaped(task.title)}<br>${task.reached ? `<b>${escaped(task.unit)} ${short(task.value)}</b> · ` : ""}${escaped(task.words)}${task.reached ? "<br><button>save the score</button>" : ""}` : "";
+  if (card.dataset.shown !== told) {
+    card.dataset.shown = card.innerHTML = told;
+    card.title = task?.goal ?? "";
+    const save = card.querySelector("button");
+    if (save) save.onclick = async () => show("message", (await link.ask("save score").catch(() => null))?.message ?? "");
+  }
   const stopped = message.failure || message.shrunk;
   const html = stopped ? `<b>${message.failure ? "Stopped" : "Stalled"}:</b> ${escaped(stopped)}<br><button>go back to the last good moment</button>` : "";
   if (at("stopped").dataset.shown !== html) {

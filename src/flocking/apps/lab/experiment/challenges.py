@@ -1,0 +1,185 @@
+"""Challenges of the lab: a scenario, a goal, and a score that follows from the log and the recorded states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from flocking.apps.lab.experiment.events import Event
+from flocking.model.law import Scenario
+from flocking.model.leaders_and_obstacles.leaders import Sink
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.observables import flocks
+from flocking.model.parts.structure import substituted, with_children
+from flocking.model.serial import to_data
+from flocking.model.state import State
+from flocking.model.terms.avoidance import Avoid
+
+GAP = 8.0
+"""Distance between the two obstacles: little more than the spacing 7 of the paper's lattice."""
+GAP_RADIUS, GAP_PLACE = 24.0, (120.0, 15.0)
+"""Radius of the two obstacles, and the middle of the gap between them: in front of the middle of the start."""
+GAP_AGENTS, GAP_BOX, GAP_END = 30, ((0.0, 0.0), (60.0, 30.0)), 60.0
+"""Number of agents, corner and sides of where they begin, and the time in which they can pass."""
+
+Entries = Sequence[tuple[float, Event]]
+
+
+@dataclass(frozen=True)
+class Score:
+    """How a challenge stands.
+
+    Parameters
+    ----------
+    reached
+        Whether the goal is reached.
+    value
+        The score, less is better; infinite while it is not reached.
+    words
+        What was found.
+    """
+
+    reached: bool
+    value: float
+    words: str
+
+
+@dataclass(frozen=True)
+class Challenge:
+    """A challenge.
+
+    Parameters
+    ----------
+    title, goal
+        What it is called, and what is to be done in a sentence.
+    unit
+        What the score is.
+    make
+        Makes its scenario.
+    judge
+        Judges the recorded states, ascending, and the log of the events.
+    """
+
+    title: str
+    goal: str
+    unit: str
+    make: Callable[[], Scenario]
+    judge: Callable[[Sequence[State], Entries], Score]
+
+
+def _lattice() -> Scenario:
+    from flocking.papers import paper
+
+    return paper("olfati-saber-2003").scenarios()["olfati-saber-2003-free"](0)
+
+
+def kick_score(states: Sequence[State], entries: Entries) -> Score:
+    """Added speeds of all kicks until the flock falls apart at a recorded moment; other events end the challenge.
+
+    Parameters
+    ----------
+    states
+        Recorded states with links, ascending.
+    entries
+        The log.
+    """
+    other = next((str(event["kind"]) for _, event in entries if event["kind"] != "kick"), None)
+    if other is not None:
+        return Score(False, math.inf, f"only kicks count, and there was another intervention: {other}")
+    apart = next((s.t for s in states if s.links is not None and flocks(s.links) > 1), None)
+    if apart is not None and (not entries or apart < entries[0][0]):
+        return Score(False, math.inf, "the flock fell apart before it was kicked")
+    spent = sum(_spent(event) for t, event in entries if apart is None or t <= apart)
+    if apart is None:
+        return Score(False, math.inf, f"kicks of {spent:.4g} so far, and it holds together")
+    return Score(True, spent, f"it fell apart by t = {apart:.4g} after kicks of {spent:.4g}")
+
+
+def _spent(event: Event) -> float:
+    """Sum of the speeds that a kick gives to its agents."""
+    size = float(np.linalg.norm(event["velocity"])) if "velocity" in event else float(event["speed"])
+    return len(event["agents"]) * size
+
+
+def _gap() -> Scenario:
+    from flocking.papers.olfati_saber_2003.system import obstacle_scenario
+
+    scenario = obstacle_scenario(0, agents=GAP_AGENTS, box=GAP_BOX)
+    avoid = next(term for term in scenario.law.terms if isinstance(term, Avoid))
+    x, y = GAP_PLACE
+    two = tuple(Ball(Sink([x, y + sign * (GAP_RADIUS + GAP / 2)]), GAP_RADIUS) for sign in (1, -1))
+    narrowed: Scenario = substituted(scenario, avoid, with_children(avoid, {"obstacles": two}))
+    return narrowed.with_(t_end=GAP_END, name="squeeze through 8")
+
+
+def gap_score(states: Sequence[State], entries: Entries) -> Score:
+    """Time until all agents are behind the two obstacles as one flock, none of them having been inside one.
+
+    Only numbers of the law may be changed. What happens between recorded moments is not seen.
+
+    Parameters
+    ----------
+    states
+        Recorded states with links, ascending.
+    entries
+        The log.
+    """
+    other = next((str(event["kind"]) for _, event in entries if event["kind"] not in ("set", "scale")), None)
+    moved = any("obstacles" in map(str, event.get("path", ())) for _, event in entries)
+    if other is not None or moved:
+        return Score(False, math.inf, "only the law may be changed, and there was another intervention")
+    obstacles = [x for term in _gap().law.terms if isinstance(term, Avoid) for x in term.obstacles]
+    end = GAP_PLACE[0] + GAP_RADIUS
+    for state in states:
+        inside = [i for o in obstacles for i in np.flatnonzero(o.distance(state.q, state.t) < 0)]
+        if inside:
+            return Score(False, math.inf, f"agent {inside[0]} was inside an obstacle at t = {state.t:.4g}")
+        together = state.links is not None and flocks(state.links) == 1
+        if state.n == GAP_AGENTS and (state.q[:, 0] > end).all() and together:
+            return Score(True, state.t, f"all {state.n} had passed as one flock by t = {state.t:.4g}")
+    passed = 0 if not states else int((states[-1].q[:, 0] > end).sum())
+    return Score(False, math.inf, f"{passed} of {GAP_AGENTS} have passed")
+
+
+def judged(key: str, original: Scenario, states: Sequence[State], entries: Entries) -> Score:
+    """How a challenge stands; only a run that began as its scenario says counts.
+
+    Parameters
+    ----------
+    key
+        Key of the challenge.
+    original
+        The scenario that the run began with.
+    states
+        Recorded states, ascending.
+    entries
+        The log.
+    """
+    if to_data(original) != _beginning(key):
+        return Score(False, math.inf, "the run did not begin as the challenge does: reset it")
+    return CHALLENGES[key].judge(states, entries)
+
+
+@cache
+def _beginning(key: str) -> object:
+    return to_data(CHALLENGES[key].make())
+
+
+CHALLENGES = {
+    "kick": Challenge(
+        "Break it with the smallest kick",
+        "Thirty agents hold each other. Kick one or several so that the flock falls apart: the speeds you add count.",
+        "added speed", _lattice, kick_score,
+    ),
+    "gap": Challenge(
+        "Squeeze through 8",
+        "Thirty agents, 7 apart, must pass a gap of 8 and come out as one flock, none inside an obstacle. Change the "
+        "law: the time they need counts.",
+        "time", _gap, gap_score,
+    ),
+}  # fmt: skip
+"""The challenges by their keys."""
