@@ -136,7 +136,7 @@ def _run(words: Sequence[str]) -> int:
     except FlockingError as error:
         if interruption.comes_of_interrupt(error):
             raise
-        return BAD_INPUT if getattr(error, "reported_elsewhere", False) else refused(str(error))
+        return BAD_INPUT if getattr(error, "reported_elsewhere", False) else refused(_said(error))
     except BrokenPipeError:
         # The reader of the output closed it.
         return FINE
@@ -148,6 +148,13 @@ def _run(words: Sequence[str]) -> int:
         if not isinstance(error, OSError):
             raise
         return refused(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error))
+
+
+def _said(error: Exception) -> str:
+    """The message of an error, in the words of files and flags."""
+    from flocking.apps.hint_words import in_files
+
+    return in_files(str(error))
 
 
 def _memory() -> tuple[str, str]:
