@@ -6,6 +6,7 @@ import pytest
 
 import flocking as fk
 from flocking.apps.hint_words import in_files
+from flocking.errors import UnsupportedLaw
 from tests.apps.test_cli import call
 
 
@@ -21,7 +22,7 @@ from tests.apps.test_cli import call
         ("information=Delayed(tau) with", 'information = {kind = "delayed"} with'),
         ("a graph of its own, with over=.", "a graph of its own, with over."),
         # What was given is quoted as it is.
-        ("k must hold; got Potential(k=1). Use engine='exact'.", "k must hold; got Potential(k=1). Use --engine exact."),
+        ("k must hold; got Limited(k=1). Use engine='exact'.", "k must hold; got Limited(k=1). Use --engine exact."),
         ("nothing of Python (as here) = stays", "nothing of Python (as here) = stays"),
     ],
 )  # fmt: skip
@@ -50,7 +51,7 @@ def test_an_engine_that_cannot_run_a_world_names_the_flag():
         fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)]), fk.start.box(3, side=1, seed=0), t_end=1.0,
         control=fk.Held(0.1),
     )  # fmt: skip
-    with pytest.raises(fk.UnsupportedLaw) as refused:
+    with pytest.raises(UnsupportedLaw) as refused:
         fk.simulate(scenario, engine="exact", progress=False)
     message = in_files(str(refused.value))
     assert "--engine" in message
