@@ -1,4 +1,4 @@
-"""The pictures of the README and of the page on clusters, computed: python docs/make_images.py."""
+"""The logo, and the pictures of the README and of the page on clusters, computed: python docs/make_images.py."""
 
 from __future__ import annotations
 
@@ -22,9 +22,39 @@ PERIODS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
 
 
 def main() -> None:
+    logo()
     large()
     hundred()
     safety_filter()
+
+
+def logo() -> None:
+    """Seven agents that settled into a hexagon, computed here: their links, and each as an arrow along its velocity."""
+    import matplotlib.pyplot as plt
+    from matplotlib.patches import FancyBboxPatch, Polygon
+
+    law = fk.Law(fk.Proximity(1.3), [fk.Gradient(fk.Potential("k*(r - 1)**2/2", k=4.0)), fk.Consensus(1.0)])
+    angles = np.arange(6) * np.pi / 3 + 0.15
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    rng = np.random.default_rng(7)
+    q = np.vstack([[0.0, 0.0], ring]) + rng.normal(scale=0.08, size=(7, 2))
+    p = np.array([0.8, 0.45]) + rng.normal(scale=0.3, size=(7, 2))
+    run = fk.simulate(fk.Scenario(law, fk.State(q, p), t_end=40.0, frames=2), progress=False)
+    q, p = run.q[-1] - run.q[-1].mean(axis=0), run.p[-1]
+    figure, axes = plt.subplots(figsize=(2.0, 2.0))
+    axes.set_position((0.0, 0.0, 1.0, 1.0))
+    axes.set(xlim=(-1.75, 1.75), ylim=(-1.75, 1.75), aspect="equal")
+    axes.axis("off")
+    tile = FancyBboxPatch((-1.6, -1.6), 3.2, 3.2, boxstyle="round,pad=0,rounding_size=0.6", color="#0f1720")
+    axes.add_patch(tile)
+    for i, j in zip(*np.nonzero(np.triu(run.links[-1])), strict=True):
+        axes.plot(*q[[i, j]].T, color="#7c93ab", linewidth=1.2, zorder=2)
+    dart = 0.36 * np.array([[0.6, 0.0], [-0.5, 0.4], [-0.25, 0.0], [-0.5, -0.4]])
+    for place, v in zip(q, p, strict=True):
+        c, s = v / np.linalg.norm(v)
+        axes.add_patch(Polygon(place + dart @ np.array([[c, s], [-s, c]]), color="#8fd0c8", zorder=3))
+    save(figure, IMAGES / "logo", ("svg",))
+    plt.close(figure)
 
 
 def large() -> None:
