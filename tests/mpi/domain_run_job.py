@@ -40,6 +40,31 @@ def twice():
             "migrated": migrated}  # fmt: skip
 
 
+def threads():
+    """The same ranks with one thread each and with three."""
+    found = []
+    for count in (1, 3):
+        scenario, options = streams(t_end=0.1)
+        session = open_session(ENGINE, scenario, LammpsOptions(threads=count, **options))
+        session.advance(scenario.t_end)
+        assert session.about["threads"] == count
+        found.append(session.run())
+        session.close()
+    return {"q": found[0].q, "again": found[1].q, "energy": found[0].trace["energy"],
+            "energy_again": found[1].trace["energy"]}  # fmt: skip
+
+
+def single():
+    """Forces and a motion in single precision."""
+    scenario, options = streams(t_end=0.1)
+    session = opened(scenario, precision="float32", **options)
+    begin = session.accelerations()
+    session.advance(scenario.t_end)
+    run = session.run()
+    session.close()
+    return {"begin": begin, "q": run.q, "gap": session.law_gaps.gap}
+
+
 def leaps():
     """Agents without forces fly from one end of the group to the other in one step."""
     scenario, _ = streams()
@@ -122,7 +147,15 @@ def main():
     if what in ("killed", "whole"):
         found = whole(**({"die_at": 0.2} if what == "killed" else {}), **asked)
     else:
-        found = {"twice": twice, "leaps": leaps, "lost": lost, "too large": too_large, "fails": fails}[what]()
+        found = {
+            "twice": twice,
+            "leaps": leaps,
+            "threads": threads,
+            "single": single,
+            "lost": lost,
+            "too large": too_large,
+            "fails": fails,
+        }[what]()
     if ENGINE.team().first:
         np.savez(out, **found)
 

@@ -13,7 +13,10 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.lammps.domains.session import DomainSession
+from flocking.engine.protocol.session import Stored
 from flocking.errors import InvalidInput, StepTooLarge, UnsupportedLaw
+from tests.mpi.domain_cases import case
 from tests.mpi.jobs import MPIEXEC, ROOT, WAITING, launch
 from tests.mpi.laws import start
 
@@ -37,6 +40,53 @@ def test_the_same_number_of_ranks_gives_the_same_bits(tmp_path):
     assert found["migrated"] > 20
     assert np.array_equal(found["q"], found["again"])
     assert np.array_equal(found["energy"], found["energy_again"])
+
+
+def test_bits_do_not_depend_on_the_threads_of_a_rank(tmp_path):
+    found, done = job(2, tmp_path, "threads")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert np.array_equal(found["q"], found["again"])
+    assert np.array_equal(found["energy"], found["energy_again"])
+
+
+def test_single_precision(tmp_path):
+    found, done = job(2, tmp_path, "single")
+    assert done.returncode == 0, done.stderr[-3000:]
+    made, options = case("streams with hysteresis")
+    made = made.with_(t_end=0.1)
+    reference = fk.evaluate(made.law, made.start)
+    scale = reference.pair_force_sum + 1.0
+    error = np.linalg.norm(found["begin"] - reference.u, axis=1) / scale
+    assert 1e-9 < error.max() < 1e-5
+    run = fk.simulate(made, engine="tiles", precision="float32", threads=1, progress=False, **options)
+    np.testing.assert_allclose(found["q"], run.q, rtol=0, atol=1e-3)
+
+
+def test_a_checkpoint_that_was_tampered_with_is_refused():
+    made, options = case("streams with hysteresis")
+    session = fk.start(made, "lammps", threads=1, **options)
+    session.advance(0.05)
+    numbers, arrays = session.pack()
+    stored = Stored(made, None, session.records.counts, lambda: session.run())
+    again = DomainSession.unpack((numbers, arrays), stored, {"threads": 1})
+    assert np.array_equal(again.state.q, session.state.q)
+    assert np.array_equal(again.state.links, session.state.links)
+    again.close()
+    names = numbers["session"]["dict"]["crowd"]["of"]["fields"]["dict"]
+    links = names["links"]["list"][0]["tuple"]
+    place, offsets, partners = names["q"]["array"], links[0]["array"], links[1]["array"]
+    broken = [
+        (place, arrays[place][:-1]),
+        (place, np.where(arrays[place] > 0, np.nan, 1.0)),
+        (offsets, arrays[offsets][::-1].copy()),
+        (offsets, arrays[offsets] + 1),
+        (partners, np.full_like(arrays[partners], 10**6)),
+        (partners, arrays[partners][:-1]),
+    ]
+    for name, array in broken:
+        with pytest.raises(ValueError, match=r"crowd"):
+            DomainSession.unpack((numbers, {**arrays, name: array}), stored, {"threads": 1})
+    session.close()
 
 
 def test_agents_that_leap_over_domains_are_found(tmp_path):
