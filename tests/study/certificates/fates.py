@@ -11,6 +11,7 @@ from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.consensus_certificates import LinearConsensus
 from flocking.study.certificates.linear.directed_consensus import DirectedConsensus
 from flocking.study.certificates.sampled_consensus import SampledConsensus
+from tests.study.certificates.lattice_fates import deformation_fates
 
 FALLEN = 1e-2
 """Share of its first value to which a disagreement must fall where it is promised that it does."""
@@ -52,6 +53,7 @@ def fates(found: Certificates, run: fk.Run) -> list[Fate]:
     if not run.finished:
         return []
     return [
+        *(Fate(*row) for row in deformation_fates(found, run)),
         *_world(found, run),
         *_decay(found, run),
         *_noise(found, run),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator
 
 import flocking as fk
-from tests.study.certificates import linear_scenarios
+from tests.study.certificates import lattice_scenarios, linear_scenarios
 from tests.study.certificates.draws import STRUCTURES, gain_of, number_of, places_of
 
 POTENTIALS = (
@@ -185,13 +185,14 @@ def _led(shape: Generator, rng: Generator) -> fk.Scenario:
 
 MAKERS: dict[str, Callable[[Generator, Generator], fk.Scenario]] = {
     "energetic": _energetic, "aligning": _aligning, "filtered": _filtered, "obstructed": _obstructed,
-    "braking": _braking, "led": _led, **linear_scenarios.MAKERS,
+    "braking": _braking, "led": _led, **linear_scenarios.MAKERS, **lattice_scenarios.MAKERS,
 }  # fmt: skip
 """Kinds of scenarios, by the kind of theorem that speaks of them."""
 
 NUMBERS = {
     "energetic": 6000, "aligning": 3600, "filtered": 2000, "obstructed": 500, "braking": 600, "led": 1500,
-    "agreeing": 1900, "sampled": 1400, "delayed": 500, "lossy": 300, "noisy": 300, "directed": 1400,
+    "agreeing": 1900, "sampled": 1400, "delayed": 500, "lossy": 300, "noisy": 300, "directed": 1000,
+    "linearised": 400,
 }  # fmt: skip
 """Scenarios of each kind, 20,000 together."""
 

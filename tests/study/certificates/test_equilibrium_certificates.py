@@ -53,6 +53,30 @@ def test_the_triangle_has_the_spectrum_of_three_springs():
     assert near.unstressed
 
 
+def test_the_second_derivative_under_stress_is_that_of_differences():
+    """Four agents of which all act on all: sides press, diagonals pull. Differences of forces written out anew."""
+    near = NearEquilibrium(scenario([[0.0, 0], [1.1, 0], [1.1, 1.1], [0, 1.0]]))
+    assert not near.unstressed
+
+    def slope(x: np.ndarray) -> np.ndarray:
+        q = x.reshape(4, 2)
+        found = np.zeros_like(q)
+        for i in range(4):
+            for j in range(4):
+                if i != j:
+                    r = np.linalg.norm(q[j] - q[i])
+                    found[i] -= (-2.0 / r**2 + 2.0 * r) * (q[j] - q[i]) / r
+        return found.ravel()
+
+    x = near.equilibrium.q.ravel()
+    assert np.abs(slope(x)).max() < 1e-9
+    step = 1e-5
+    rows = [(slope(x + step * e) - slope(x - step * e)) / (2 * step) for e in np.eye(8)]
+    assert np.abs(np.array(rows) - near.stiffness.values).max() < 1e-7
+    values = np.linalg.eigvalsh(0.5 * (np.array(rows) + np.array(rows).T))
+    assert near.least_stiffness.lo - 1e-7 <= values[3] <= near.least_stiffness.hi + 1e-7
+
+
 def test_two_agents_of_second_order_have_closed_forms():
     """Along their line h = 12 and b = 2 beta; across it b alone. Both commute, so that nothing is lost."""
     beta = 0.8
@@ -135,6 +159,6 @@ def test_what_is_not_proven_is_refused():
     assert "none was reached" in fk.certify(parting)["equilibrium"].reason
     # Of four agents that all attract, links press on each other: lost messages turn the group.
     pressed = fk.certify(scenario(corners))
-    assert "stressed" in pressed["equilibrium_loss"].reason
+    assert "stress" in pressed["equilibrium_loss"].reason
     assert pressed["equilibrium_period"].granted
     assert all(any(c.key == key for c in pressed) for key in KEYS)

@@ -11,7 +11,7 @@ from tests.study.certificates import random_promises
 from tests.study.certificates.random_promises import judged, stored, tally
 from tests.study.certificates.random_scenarios import MAKERS, NUMBERS
 
-SMALL = ("aligning", "filtered", "agreeing", "sampled", "braking", "led", "directed")
+SMALL = ("aligning", "filtered", "agreeing", "sampled", "braking", "led", "directed", "linearised")
 """Kinds of the small draw: those whose scenarios take a tenth of a second."""
 
 

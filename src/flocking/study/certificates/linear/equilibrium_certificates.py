@@ -70,7 +70,9 @@ def equilibrium_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     row(KEYS[4], period, "period of held control",
         "" if period is None else f"under held control no deformation grows for periods below {float(period.lo):.9g}.",
         unknown if period is None else "")  # fmt: skip
-    stressed = "" if system.unstressed else "links are stressed there: lost messages turn the group"
+    stressed = (
+        "" if system.unstressed else "links are not known to be without stress there: lost messages may turn the group"
+    )
     row(KEYS[5], period if first else None, "period of held control, with messages lost",
         "" if period is None or not first else
         "where every message may be lost, independently with any probability below 1, and is then left out, the mean "
