@@ -239,9 +239,10 @@ def test_links_switch_where_gusts_push_agents():
     """A gust that begins between two ticks ends every motion: links found beyond it are not taken."""
     law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(0.5)])
     start = fk.start.box(6, side=3.0, speed=1.0, seed=4)
-    bodies = fk.Lagged(fk.Disturbed(fk.PointMass(), 1.0, 0.03, 2), 0.2)
+    # Pieces of motion end at ticks and gusts alone; strong gusts turn agents around within a period.
+    bodies = fk.Disturbed(fk.PointMass(), 3.0, 0.07, 2)
     run = fk.simulate(
-        fk.Scenario(law, start, t_end=2.0, frames=201, bodies=bodies, control=fk.Held(0.1)), progress=False
+        fk.Scenario(law, start, t_end=4.0, frames=401, bodies=bodies, control=fk.Held(0.5)), progress=False
     )
     away = np.linalg.norm(run.q[:, :, None] - run.q[:, None], axis=-1)
     near = (away < 2.0) & ~np.eye(6, dtype=bool)

@@ -118,6 +118,16 @@ def test_meetings_are_where_fine_samples_say(obstacle):
         assert obstacle.at(place, t=float(row["time"]))["distance"][0] == pytest.approx(RANGE, abs=1e-11)
 
 
+def test_an_agent_meets_an_obstacle_twice_while_one_force_is_held():
+    """It passes the ball on a straight line, without a force: both times follow from Pythagoras."""
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(0.5), avoid((BALL,))])
+    start = fk.State([[0.0, 0.0]], [[2.0, 0.0]])
+    run = fk.simulate(fk.Scenario(law, start, t_end=4.0, frames=5, control=fk.Held(5.0, phase=4.0)), progress=False)
+    half = np.sqrt((BALL.radius + RANGE) ** 2 - 0.3**2)
+    assert run.switches["time"] == pytest.approx([(4.0 - half) / 2, (4.0 + half) / 2], abs=1e-11)
+    assert (np.sign(run.switches["speed"]) == [-1.0, 1.0]).all()
+
+
 def test_the_ledger_closes_and_another_force_departs():
     run = fk.simulate(scenario(information=fk.Messages(0.1, delay=0.05)), progress=False)
     assert np.abs(run.residual).max() <= 1e-9 * max(1.0, run.turnover) + run.fidelity.ledger.size
