@@ -119,9 +119,9 @@ def idle(page, seconds: float) -> float:
     return (time.process_time() - begin) / seconds
 
 
-def speeds(seconds: float) -> None:
+def speeds(seconds: float, names: tuple[str, ...] = ("group-1000", "group-10000", "group-100000")) -> None:
     """Rates, latency and idle load of groups of three sizes."""
-    for name in ("group-1000", "group-10000", "group-100000"):
+    for name in names:
         page = opened(name)
         found = rates(page, seconds)
         waits = latency(page, 20)

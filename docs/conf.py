@@ -56,6 +56,7 @@ sphinx_gallery_conf = {
 }
 
 html_theme = "furo"
+html_logo = html_favicon = "images/logo.svg"
 html_title = "flocking"
 # A font with a table of mathematics makes brackets grow; it is copied, so that no page asks another place for it.
 MATH_FONT = Path(ziamath.__file__).parent / "fonts" / "STIXTwoMath-Regular.ttf"

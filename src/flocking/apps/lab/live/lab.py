@@ -134,7 +134,9 @@ class Lab:
 
     def _greet(self, tab: Tab) -> None:
         tab.tell(self._scenario_message())
-        tab.tell(law_content(self.experiment.scenario, self.experiment.state))
+        # The frame, not the session, which may be in the middle of a step in another thread.
+        frame = self.clock.frame
+        tab.tell(law_content(frame.scenarios[0], frame.states[0]))
         tab.tell(self.measuring.content())
         if self._opening:
             tab.tell({"kind": "opening", "name": self._opening})
