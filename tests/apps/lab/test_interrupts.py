@@ -91,3 +91,25 @@ def test_a_browser_is_opened_but_not_from_a_notebook_whose_cell_shows_the_page(
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: None))
     server.lab()
     assert seen == ["opened nowhere"] * 3
+
+
+def test_a_port_that_is_taken_between_the_look_and_the_start_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As when two labs start at once."""
+    from flocking.apps.lab.access.web_server import WebServer
+
+    begun: list[int] = []
+    start = WebServer.start
+
+    def late(self: WebServer) -> None:
+        begun.append(self.port)
+        if len(begun) == 1:
+            raise OSError("taken")
+        start(self)
+
+    monkeypatch.setattr(WebServer, "start", late)
+    found = server.opened(None)
+    found.stop()
+    assert found.port == begun[1] > begun[0]
+    begun.clear()
+    with pytest.raises(fk.InvalidInput, match="must be free"):
+        server.opened(found.port)

@@ -126,16 +126,16 @@ def opened(port: int | None) -> WebServer:
             "lab", "websockets", "must be installed", "no module named websockets",
             "Install it: pip install 'flocking[lab]'.",
         )  # fmt: skip
-    free = next((p for p in ([port] if port else range(PORT, PORT + TRIES)) if _is_free(p)), None)
-    taken = InvalidInput("lab", "port", "must be free", port or f"{PORT} to {PORT + TRIES - 1}", "Give another --port.")
-    if free is None:
-        raise taken
-    server = WebServer(free, AccessCheck(), page_files())
-    try:
-        server.start()
-    except OSError:
-        raise taken from None
-    return server
+    for candidate in [port] if port else range(PORT, PORT + TRIES):
+        if not _is_free(candidate):
+            continue
+        server = WebServer(candidate, AccessCheck(), page_files())
+        try:
+            server.start()
+        except OSError:
+            continue  # another process took it meanwhile
+        return server
+    raise InvalidInput("lab", "port", "must be free", port or f"{PORT} to {PORT + TRIES - 1}", "Give another --port.")
 
 
 def _is_free(port: int) -> bool:
