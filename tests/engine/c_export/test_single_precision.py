@@ -59,3 +59,21 @@ def test_errors_of_more_states_and_papers(tmp_path):
         found[name] = within(compiled, scenario, 1000, 3)
     print({name: (round(a, 4), round(b, 5)) for name, (a, b) in found.items()})
     assert all(largest <= 1 for largest, _ in found.values())
+
+
+@pytest.mark.parametrize("name", ["vicsek-1995", "reynolds-1987", "reynolds-1987-comparison-small", "vasarhelyi-2018"])
+def test_averages_and_steering_round_what_they_add_up(name, tmp_path):
+    """To first order, within 8 roundings of the sum of absolute terms, which follows from the state alone."""
+    scenario = SCENARIOS[name](0)
+    compiled = CompiledLaw(tmp_path, scenario, float32=True, neighbours=8)
+    rng, acted = np.random.default_rng(11), 0
+    for _ in range(30):
+        agent, q, p, others = random_surroundings(rng, scenario)
+        q, p = np.float64(np.float32(q)), np.float64(np.float32(p))
+        others = {j: (np.float64(np.float32(x)), np.float64(np.float32(v))) for j, (x, v) in others.items()}
+        expected, size = judged(scenario, agent, q, p, others, 0.0)
+        code, u, _ = compiled.force(agent, q, p, others)
+        assert code == CODES["OK"]
+        assert (np.abs(u - expected) <= 8 * np.finfo(np.float32).eps * size + 1e-30).all()
+        acted += bool(u.any())
+    assert acted > 8
