@@ -241,6 +241,12 @@ def series():
         order_curves.order_series(made, 0)
     found = order_curves.mean_order.__wrapped__(12, 2.5, 3.0)
     assert_allclose(found, order_curves.order_series(system.group(12, 2.5, 3.0), 600)[200:].mean(), rtol=1e-12)
+    found = order_curves.mean_order.__wrapped__(12, 3.2, 3.0)
+    assert_allclose(found, order_curves.order_series(system.group(12, 3.2, 3.0), 600)[200:].mean(), rtol=1e-9)
+    few, many = (order_curves.begun(n, 9.0, 0.5).start for n in (999, 1000))
+    assert np.ptp(few.p[:, 0]) > 0.05
+    assert_allclose(many.p, np.tile([0.03, 0.0], (1000, 1)))
+    assert_allclose(many.q, system.group(1000, 9.0, 0.5).start.q)
 
 
 RULE, NOT = "the rule, as commonly cited", "not stated"

@@ -11,10 +11,10 @@ from flocking.model.bodies.discrete_bodies import Heading
 from flocking.papers.vicsek_1995 import system
 from flocking.papers.vicsek_1995.closed_forms import random_order
 from flocking.papers.vicsek_1995.order_curves import CURVES, NOISES, mean_order
-from flocking.papers.vicsek_1995.transition import FITTED, nearest_transition, stored_study
+from flocking.papers.vicsek_1995.transition import FITTED, nearest_transition, stored_study, strongest
 from flocking.show.declaration import Figure
 from flocking.show.sheet import panel, sheet
-from flocking.show.style import BLUE, GREEN, PAGE, VERMILION, axes_or_new, in_style
+from flocking.show.style import BLUE, GREEN, PAGE, PALETTE, VERMILION, axes_or_new, in_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 PATH = 20
 """Updates whose path is drawn behind an agent, as in the paper."""
+
+MANY_PASSAGES = 4
+"""Number of passages between the phases from which on an interval of the cumulant is drawn."""
 
 ARROW = 0.02
 """Length of the velocity of an agent in the picture, by the side."""
@@ -64,7 +67,7 @@ def _groups(run: Run, gathering: Run, ordered: Run) -> Picture:
 @in_style
 def _curves(run: Run, *, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
-    for (agents, side), color in zip(CURVES, (BLUE, VERMILION, GREEN), strict=True):
+    for (agents, side), color in zip(CURVES, PALETTE, strict=False):
         values = [mean_order(agents, side, noise) for noise in NOISES]
         axes.plot(NOISES, values, "o-", color=color, ms=3, gid="curve", label=f"$N = {agents}$")
         axes.axhline(random_order(agents)[0], color=color, lw=0.6, ls=":", gid="random")
@@ -109,14 +112,49 @@ def _histograms(run: Run, *, axes: Axes | None = None) -> Axes:
 def _cumulants(run: Run, *, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     study = stored_study()
-    for side, color in zip(sorted({point.side for point in study.points}), (BLUE, VERMILION), strict=False):
+    for side, color in zip(study.sides(), (VERMILION, BLUE, GREEN), strict=False):
         points = study.at(side)
         axes.plot([p.noise for p in points], [p.cumulant for p in points], "o-", color=color, ms=3, gid="cumulant",
                   label=f"$L = {side:g}$")  # fmt: skip
+        for p in points:
+            if p.passages >= MANY_PASSAGES and (interval := p.interval) is not None:
+                axes.plot([p.noise] * 2, [interval.low, interval.high], color=color, lw=1.0, gid="interval")
     for level in (1.0 / 3.0, 2.0 / 3.0):
         axes.axhline(level, color=GREEN, lw=0.6, ls=":", gid="level")
+    axes.axhline(0.0, color=GREEN, lw=0.6, gid="zero")
     axes.set_xlabel(r"$\eta$")
     axes.set_ylabel("$G$")
+    axes.set_xlim(0.598, 0.632)
+    axes.legend()
+    return axes
+
+
+@in_style
+def _bands(run: Run, *, noise_kind: str, axes: Axes | None = None) -> Axes:
+    """Density and order across the strongest wave of the stored run of the largest side that is ordered."""
+    axes = axes_or_new(axes)
+    wave = strongest(stored_study(), noise_kind)
+    place = (np.arange(len(wave.profile)) + 0.5) / len(wave.profile)
+    axes.plot(place, wave.profile, color=BLUE, gid="density", label="density")
+    axes.plot(place, wave.local, color=VERMILION, gid="order", label="$v_a$ in the strip")
+    axes.set_xlabel("place across the wave, by its length")
+    axes.set_title(rf"{noise_kind}, $L = {wave.side:g}$, $\eta = {wave.noise:g}$")
+    axes.set_ylim(bottom=0.0)
+    axes.legend()
+    return axes
+
+
+@in_style
+def _angular(run: Run, *, axes: Axes | None = None) -> Axes:
+    axes = axes_or_new(axes)
+    study = stored_study()
+    for side, color in zip(study.sides("angular"), (BLUE, VERMILION), strict=False):
+        points = study.at(side, "angular")
+        axes.plot([p.noise for p in points], [p.mean for p in points], "o-", color=color, ms=3, gid="angular",
+                  label=f"$L = {side:g}$")  # fmt: skip
+    axes.set_xlabel(r"$\eta$")
+    axes.set_ylabel("$v_a$, angular noise")
+    axes.set_ylim(0.0, 1.02)
     axes.legend()
     return axes
 
@@ -141,7 +179,8 @@ def _fluctuations(run: Run, *, axes: Axes | None = None) -> Axes:
 
 def _later(run: Run) -> Picture:
     parts = [panel(each, run) for each in (_histograms, _cumulants, _fluctuations)]
-    return sheet(parts, columns=3, width=PAGE, ratio=0.9)
+    parts += [panel(_bands, run, noise_kind=kind) for kind in ("vectorial", "angular")]
+    return sheet([*parts, panel(_angular, run)], columns=3, width=PAGE, ratio=0.9)
 
 
 def _transition(run: Run) -> Picture:
@@ -154,9 +193,11 @@ def figures() -> dict[int, Figure]:
         1: Figure("1", "Headings and recent paths: (a) at the start, (b) groups at low density and noise, (c) at high "
                   "density and noise, (d) ordered motion at high density and low noise.", _groups,
                   system.FIGURES[1], (system.GATHERING, system.ORDERED)),
-        2: Figure("2", "The order parameter against the noise for the three smaller groups of the paper, with that of "
+        2: Figure("2", "The order parameter against the noise for the five groups of the paper, with that of "
                   "independent headings (dotted); and over time for one of them.", _transition, system.FIGURES[2]),
-        3: Figure("3", "Not in the paper: large groups with vectorial noise, as stored. Histograms of the order "
-                  "parameter near the transition, its cumulant G, and numbers of agents in boxes of an ordered group.",
+        3: Figure("3", "Not in the paper: large groups of later work, as stored. With vectorial noise (a) "
+                  "histograms of the order parameter near the transition, (b) its cumulant G, (c) numbers of agents in boxes of an "
+                  "ordered group, (d) density and order across a band; with angular noise (e) the same, (f) the order "
+                  "parameter against the noise.",
                   _later, system.FIGURES[3]),
     }  # fmt: skip

@@ -16,6 +16,7 @@ import numpy as np
 from flocking.model.checks import Array, integer, number
 from flocking.papers.vicsek_1995 import system
 from flocking.papers.vicsek_1995.closed_forms import binder_cumulant
+from flocking.papers.vicsek_1995.density_waves import Waves, waves_of
 from flocking.papers.vicsek_1995.large_groups import HeadingGroup
 from flocking.study.confidence_intervals import Interval, mean_interval
 
@@ -37,6 +38,9 @@ SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 FITTED = (4.0, 130.0)
 """Mean numbers in a box between which the exponent of the fluctuations is fitted: larger boxes feel the torus."""
 
+PARTS = 20
+"""Parts of a run from which the interval of the cumulant is taken."""
+
 BLOCKS = 10
 """Blocks of snapshots from which the interval of the exponent is taken."""
 
@@ -55,6 +59,10 @@ class Point:
         Share of the values in each of `BINS` bins over [0, 1].
     passages
         How often v_a went from below `LOW` to above `HIGH`, or back.
+    moments
+        Means of v_a^2 and v_a^4 over each of `PARTS` equal parts of the run, shape (parts, 2); none in old studies.
+    noise_kind
+        ``"vectorial"`` or ``"angular"``.
     """
 
     side: float
@@ -65,6 +73,26 @@ class Point:
     cumulant: float
     histogram: tuple[float, ...]
     passages: int
+    moments: tuple[tuple[float, float], ...] = ()
+    noise_kind: str = "vectorial"
+
+    @property
+    def interval(self) -> Interval | None:
+        """95 % interval of the cumulant, by the jackknife over the parts of the run; None where they are not stored.
+
+        Parts are taken as independent, which needs several passages between the phases in each.
+        """
+        if not self.moments:
+            return None
+        rows = np.asarray(self.moments)
+        count = len(rows)
+
+        def cumulant(means: Array) -> float:
+            return float(1.0 - means[1] / (3.0 * means[0] ** 2))
+
+        whole = cumulant(rows.mean(axis=0))
+        left = np.array([cumulant(np.delete(rows, k, axis=0).mean(axis=0)) for k in range(count)])
+        return mean_interval(count * whole - (count - 1) * left)
 
     @property
     def shares(self) -> tuple[float, float]:
@@ -107,23 +135,39 @@ class Fluctuations:
         return float(slopes.mean()), mean_interval(slopes)
 
 
-def _group(side: float, noise: float, seed: int) -> HeadingGroup:
+def measured_waves(side: float, noise: float, updates: int, seed: int = 0, noise_kind: str = "vectorial") -> Waves:
+    """The strongest wave after some updates of a large group from random headings.
+
+    Parameters
+    ----------
+    side, noise, updates, seed, noise_kind
+        As of `Point`.
+    """
+    group = _group(side, noise, seed, noise_kind)
+    group.update(updates)
+    wave, strength, across, order, profile, local = waves_of(*group.state(), side)
+    group.close()
+    return Waves(side, noise, updates, seed, noise_kind, wave, strength, across, order, tuple(profile.tolist()),
+                 tuple(local.tolist()))  # fmt: skip
+
+
+def _group(side: float, noise: float, seed: int, noise_kind: str = "vectorial") -> HeadingGroup:
     agents = round(system.LATER_DENSITY * side**2)
     return HeadingGroup(system.group(
-        agents, side, noise, seed=seed, duration=1, speed=system.LATER_SPEED, noise_kind="vectorial", update="forward",
+        agents, side, noise, seed=seed, duration=1, speed=system.LATER_SPEED, noise_kind=noise_kind, update="forward",
     ))  # fmt: skip
 
 
-def order_values(side: float, noise: float, updates: int, seed: int = 0) -> Array:
+def order_values(side: float, noise: float, updates: int, seed: int = 0, noise_kind: str = "vectorial") -> Array:
     """V_a after each of the first updates of a large group, shape (updates,).
 
     Parameters
     ----------
-    side, noise, updates, seed
-        L, eta, number of updates, and seed of the start and of the noise.
+    side, noise, updates, seed, noise_kind
+        L, eta, number of updates, seed of the start and of the noise, and its kind.
     """
     count = integer("order_values", "updates", updates, least=1)
-    group = _group(number("order_values", "side", side, above=0.0), noise, seed)
+    group = _group(number("order_values", "side", side, above=0.0), noise, seed, noise_kind)
     found = np.empty(count)
     for k in range(count):
         group.update()
@@ -132,7 +176,7 @@ def order_values(side: float, noise: float, updates: int, seed: int = 0) -> Arra
     return found
 
 
-def point_of(side: float, noise: float, seed: int, values: Array) -> Point:
+def point_of(side: float, noise: float, seed: int, values: Array, noise_kind: str = "vectorial") -> Point:
     """What is stored of a series of the order parameter.
 
     Parameters
@@ -141,14 +185,17 @@ def point_of(side: float, noise: float, seed: int, values: Array) -> Point:
         L, eta and seed.
     values
         V_a after each update, shape (updates,).
+    noise_kind
+        Kind of the noise.
     """
     late = np.asarray(values, dtype=np.float64)[int(SETTLING * len(values)) :]
     histogram = np.histogram(late, np.linspace(0.0, 1.0, BINS + 1))[0] / len(late)
     phase = np.where(late > HIGH, 1, np.where(late < LOW, -1, 0))
     known = phase[phase != 0]
+    moments = tuple((float((part**2).mean()), float((part**4).mean())) for part in np.array_split(late, PARTS))
     return Point(
         side, noise, len(values), seed, float(late.mean()), binder_cumulant(late), tuple(float(x) for x in histogram),
-        int(np.count_nonzero(np.diff(known))),
+        int(np.count_nonzero(np.diff(known))), moments, noise_kind,
     )  # fmt: skip
 
 
@@ -227,20 +274,34 @@ class Study:
         Order parameters at several noises and sides.
     fluctuations
         Fluctuations in an ordered group.
+    waves
+        Waves of the density at the end of some runs.
     """
 
     points: tuple[Point, ...]
     fluctuations: Fluctuations
+    waves: tuple[Waves, ...] = ()
 
-    def at(self, side: float) -> tuple[Point, ...]:
-        """Points of one side, by the noise.
+    def at(self, side: float, noise_kind: str = "vectorial") -> tuple[Point, ...]:
+        """Points of one side and kind of noise, by the noise.
 
         Parameters
         ----------
-        side
-            L.
+        side, noise_kind
+            L, and the kind.
         """
-        return tuple(sorted((p for p in self.points if p.side == side), key=lambda p: p.noise))
+        found = (p for p in self.points if p.side == side and p.noise_kind == noise_kind)
+        return tuple(sorted(found, key=lambda p: p.noise))
+
+    def sides(self, noise_kind: str = "vectorial") -> tuple[float, ...]:
+        """Sides of which there are points, in order.
+
+        Parameters
+        ----------
+        noise_kind
+            The kind of noise.
+        """
+        return tuple(sorted({p.side for p in self.points if p.noise_kind == noise_kind}))
 
     def text(self) -> str:
         """The study as JSON."""
@@ -251,10 +312,17 @@ class Study:
 def stored_study() -> Study:
     """The study that comes with the package."""
     data = json.loads(files("flocking.papers.vicsek_1995").joinpath(FILE).read_text(encoding="utf-8"))
-    points = tuple(Point(**{**row, "histogram": tuple(row["histogram"])}) for row in data["points"])
+    points = tuple(
+        Point(**{**row, "histogram": tuple(row["histogram"]), "moments": tuple(map(tuple, row.get("moments", ())))})
+        for row in data["points"]
+    )
+    waves = tuple(
+        Waves(**{**row, **{name: tuple(row[name]) for name in ("wave", "profile", "local")}})
+        for row in data.get("waves", ())
+    )
     kept = data["fluctuations"]
     deviations = tuple(tuple(row) for row in kept["deviations"])
-    return Study(points, Fluctuations(**{**kept, "means": tuple(kept["means"]), "deviations": deviations}))
+    return Study(points, Fluctuations(**{**kept, "means": tuple(kept["means"]), "deviations": deviations}), waves)
 
 
 def nearest_transition(study: Study) -> tuple[Point, ...]:
@@ -265,6 +333,17 @@ def nearest_transition(study: Study) -> tuple[Point, ...]:
     study
         The study.
     """
-    points = study.at(min(p.side for p in study.points))
+    points = study.at(study.sides()[0])
     fall = int(np.argmin(np.diff([p.mean for p in points])))
     return tuple(points[max(fall - 1, 0) : fall + 2])
+
+
+def strongest(study: Study, noise_kind: str) -> Waves:
+    """The stored wave of the largest strength of a kind of noise.
+
+    Parameters
+    ----------
+    study, noise_kind
+        The study, and the kind.
+    """
+    return max((wave for wave in study.waves if wave.noise_kind == noise_kind), key=lambda wave: wave.strength)
