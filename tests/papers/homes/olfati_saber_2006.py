@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from inspect import signature
 
 import numpy as np
 import pytest
@@ -209,6 +210,11 @@ STATED = {
     "-split": PASSING,
     "-squeeze": PASSING,
     "-network": PASSING,
+    "-network-held": [
+        ENERGY,
+        ("held", "the simulator's program", "PAPER", "HOLDS", False, "moved_as_held", "granted"),
+        *PASSING[2:],
+    ],
 }
 
 
@@ -231,6 +237,22 @@ def claims():
         theorems.claims("olfati-saber-2005")
 
 
+def held():
+    for seed in (0, 4):
+        made = system.held_network(seed)
+        plain = system.scenario(name=system.NETWORK, seed=seed)
+        assert repr(made.law) == repr(plain.law)
+        assert (made.t_end, made.seed, made.start.n) == (50.0, seed, 50)
+        assert_array_equal(made.start.q, plain.start.q)
+        assert_array_equal(made.start.p, 0.0)
+        assert made.start.q.min() >= 0.0
+        assert 45.0 < made.start.q.max() <= 50.0
+        assert (made.control.period, made.control.phase, made.control.latency) == (0.2, 0.0, 0.0)
+        assert made.name == f"{system.KEY}-network-held"
+        assert_allclose(made.frame_times, 0.2 * np.arange(251), atol=1e-9)
+    assert signature(system.held_network).parameters["seed"].default == 0
+
+
 PAPER = "flocking.papers.olfati_saber_2006"
 SHAPES = "flocking.model.leaders_and_obstacles.obstacles"
 HOMES = {
@@ -243,6 +265,7 @@ HOMES = {
     f"{PAPER}.closed_forms.obstacle_action": functions,
     f"{PAPER}.closed_forms.pair_potential": pair_potential,
     f"{PAPER}.system.law": law,
+    f"{PAPER}.system.held_network": held,
     f"{SHAPES}.Ball": round_things,
     f"{SHAPES}.Wall": round_things,
     f"{PAPER}.closed_forms.structural_energy": energy,

@@ -37,6 +37,7 @@ PAPER = Paper(
         "olfati-saber-2006-split": "Algorithm 3: split and rejoin among obstacles",
         "olfati-saber-2006-squeeze": "Algorithm 3: squeeze through a gap",
         "olfati-saber-2006-network": "The setting of a published network simulator",
+        "olfati-saber-2006-network-held": "The same with control held for 0.2, as the simulator runs it",
     },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year

@@ -15,6 +15,7 @@ from flocking.model.leaders_and_obstacles.obstacles import Ball, Wall
 from flocking.model.potentials.sigma_norm import SigmaNorm
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Consensus
+from flocking.model.world.control import Held
 from flocking.papers import examples
 from flocking.papers.olfati_saber_2006 import closed_forms, system, theorems
 from flocking.study.claims.judgement import Judgement
@@ -168,3 +169,11 @@ def theorem_of(gain: float) -> dict[str, Judgement]:
         return system.law(system.Algorithm(2, (1.0, 1.0, system.GROUP_GAIN * gain), goal=goal))
 
     return examples.judged(system.scenarios()[name], plant, theorems.claims(name), range(2))
+
+
+def held_of(scale: float) -> tuple[Array, Array]:
+    """Places and velocities at the third update of the network simulator's setting, the time of an update scaled."""
+    step = scale * system.NETWORK_STEP
+    made = system.held_network(3).with_(control=Held(step), t_end=3.0 * step, frames=4)
+    run = simulate(made, progress=False)
+    return np.asarray(run.q[3]), np.asarray(run.p[3])

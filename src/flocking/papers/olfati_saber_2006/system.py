@@ -20,10 +20,12 @@ from flocking.model.state import State
 from flocking.model.terms.avoidance import Avoid
 from flocking.model.terms.body_terms import Track
 from flocking.model.terms.pair_terms import Consensus, Gradient, Term
+from flocking.model.world.control import Held
 
 KEY = "olfati-saber-2006"
 FRAGMENTS, SPACE, GENTLE, PRESSED = (f"{KEY}-{name}" for name in ("fragments", "space", "gentle", "pressed"))
-SPLIT, SQUEEZE, NETWORK = f"{KEY}-split", f"{KEY}-squeeze", f"{KEY}-network"
+SPLIT, SQUEEZE = f"{KEY}-split", f"{KEY}-squeeze"
+NETWORK, HELD = f"{KEY}-network", f"{KEY}-network-held"
 
 DISTANCE = 7.0
 """d, the distance of neighbours in a lattice."""
@@ -66,6 +68,10 @@ SQUEEZE_OBSTACLES = ((150.0, 30.0, 25.0), (150.0, 100.0, 25.0))
 """Those of the squeeze; their vertical places differ between transcriptions."""
 NETWORK_OBSTACLES = ((75.0, 10.0, 10.0), (75.0, 50.0, 10.0))
 """Those of the published network simulator."""
+NETWORK_STEP = 0.2
+"""Time for which the simulator holds the control of its agents."""
+NETWORK_DURATION = 50.0
+"""Duration of its runs."""
 NETWORK_GOAL, NETWORK_VELOCITY = (60.0, 25.0), (4.0, 0.0)
 """Place and velocity of its gamma-agent, which does not advance."""
 
@@ -286,13 +292,29 @@ def among_obstacles(seed: int = 0, *, rows: Sequence[Sequence[float]] = SPLIT_OB
 def network(seed: int = 0) -> Scenario:
     """The setting of a published network simulator, with ideal information and continuous control.
 
-    Its control is held for 0.2; engines for held control do not run obstacles.
+    Parameters
+    ----------
+    seed
+        Seed of the start.
     """
     begin = starts.box(NETWORK_AGENTS, side=(50.0, 50.0), seed=seed)
     algorithm = Algorithm(
         3, obstacles=balls(NETWORK_OBSTACLES), goal=Sink(NETWORK_GOAL), velocity=Velocity(NETWORK_VELOCITY)
     )
-    return _scenario(NETWORK, algorithm, begin, seed, 50.0)
+    return _scenario(NETWORK, algorithm, begin, seed, NETWORK_DURATION)
+
+
+def held_network(seed: int = 0) -> Scenario:
+    """The same with control that is held for 0.2, as the simulator runs it; every update is a frame.
+
+    Parameters
+    ----------
+    seed
+        Seed of the start.
+    """
+    made = network(seed)
+    frames = round(NETWORK_DURATION / NETWORK_STEP) + 1
+    return made.with_(control=Held(NETWORK_STEP), frames=frames, name=HELD)
 
 
 def scenarios() -> dict[str, Callable[[int], Scenario]]:
@@ -306,6 +328,7 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         SPLIT: among_obstacles,
         SQUEEZE: lambda seed: among_obstacles(seed, rows=SQUEEZE_OBSTACLES, name=SQUEEZE),
         NETWORK: network,
+        HELD: held_network,
     }
 
 

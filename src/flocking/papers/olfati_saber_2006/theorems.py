@@ -6,12 +6,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from flocking.engine.reference.control import control
 from flocking.errors import InvalidInput
 from flocking.model.bodies.point_bodies import is_point_mass
+from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.observables import flocks
+from flocking.model.state import State
 from flocking.model.terms.body_terms import Track
 from flocking.model.terms.schedules import Schedule
+from flocking.model.world.control import Held
 from flocking.papers import obstacle_passages
 from flocking.papers.grounds import OBSERVED, Ground, grounded, proved, refuted
 from flocking.papers.olfati_saber_2006 import system
@@ -40,6 +44,15 @@ QUASI = 0.02
 EXACT = 1e-4
 """Largest error of the centre, by the first distance from the goal, that counts as agreement with its closed form."""
 
+
+JUDGED = 40
+"""Updates of a run with held control that are computed again, spread over the run."""
+
+AGREED = 1e-6
+"""Relative difference of an update from the declared one that counts as rounding."""
+
+ROUNDING_OF_TIMES = 1e-6
+"""Largest difference of the times of frames from those of updates."""
 
 ROUNDING = 1e-12
 """Relative difference of gains that counts as none."""
@@ -142,6 +155,29 @@ def never_inside(e: Evidence) -> Measure:
     return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
 
 
+@about(Subject.NET, lasting=True)
+def moved_as_held(e: Evidence) -> Measure:
+    """Largest difference of frames from the motion under the law's force at the frame before, held for the period."""
+    control_, body = e.run.scenario.control, e.run.scenario.agents
+    if not isinstance(control_, Held) or np.ndim(control_.period) or np.any(control_.phase) or control_.latency:
+        raise NotMeasurable("control is not held for one time from the start on")
+    if type(e.law.graph) is not Smooth or not is_point_mass(body):
+        raise NotMeasurable("the net is not one of distances alone, or agents are no point masses")
+    if np.any(np.asarray(body.masses) != 1.0) or np.any(np.asarray(body.damping)):
+        raise NotMeasurable("agents are no undamped unit masses")
+    period = float(control_.period)
+    if len(e.t) < 2 or np.abs(np.diff(e.t) - period).max() > ROUNDING_OF_TIMES or e.t[0] != e.run.scenario.start.t:
+        raise NotMeasurable("the frames are not those of every update")
+    off, judged = 0.0, np.unique(np.linspace(0, len(e.t) - 2, JUDGED).astype(int))
+    for k in judged:
+        u = control(e.law, State(e.q[k], e.p[k], float(e.t[k])))
+        q = e.q[k] + period * e.p[k] + 0.5 * period**2 * u
+        scale = max(float(np.abs(period * u).max()), float(np.abs(e.p[k]).max()))
+        off = max(off, float(np.abs(q - e.q[k + 1]).max()) / (period * scale))
+        off = max(off, float(np.abs(e.p[k] + period * u - e.p[k + 1]).max()) / scale)
+    return below(off, AGREED, f"{len(judged)} updates differ from those of the held force by at most {off:.1e} of it")
+
+
 @about(Subject.CONNECTIVITY)
 def splits(e: Evidence) -> Measure:
     """Largest number of flocks among the obstacles, against that before."""
@@ -174,6 +210,7 @@ def grounds() -> Mapping[str, Ground]:
         "one-flock": OBSERVED,
         "one-flock-alone": refuted(lambda: system.scenarios()[system.FRAGMENTS](0)),
         "lattice": OBSERVED,
+        "held": proved("by the definition of the system"),
         "no-entry": OBSERVED,
         "split": OBSERVED,
         "rejoin": OBSERVED,
@@ -228,13 +265,16 @@ def _stated(name: str) -> Sequence[Claim]:
             Claim("apart-by", "not stated", "No agents come closer than H(0) allows.", apart_by_energy,
                   too_little_energy, origin=own),
         )  # fmt: skip
-    if name in (system.SPLIT, system.SQUEEZE, system.NETWORK):
-        return (
-            energy,
-            Claim("no-entry", THIRD, "No agent enters an obstacle.", never_inside),
+    if name in (system.SPLIT, system.SQUEEZE, system.NETWORK, system.HELD):
+        passage = (
             Claim("split", THIRD, "Obstacles split the flock.", splits),
             Claim("rejoin", THIRD, "The parts of the flock rejoin.", rejoins),
-        )  # fmt: skip
+        )
+        if name == system.HELD:
+            words = "Forces are those of the law at the last update, and are held."
+            held = Claim("held", "the simulator's program", words, moved_as_held, dynamic=False)
+            return (energy, held, *passage)
+        return (energy, Claim("no-entry", THIRD, "No agent enters an obstacle.", never_inside), *passage)
     merging = (
         Claim("merge", "not stated", "No two agents merge, whatever the gains.", never_merge, origin=own,
               expected=Verdict.FAILS,

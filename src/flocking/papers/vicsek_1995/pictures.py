@@ -195,9 +195,9 @@ def figures() -> dict[int, Figure]:
                   system.FIGURES[1], (system.GATHERING, system.ORDERED)),
         2: Figure("2", "The order parameter against the noise for the five groups of the paper, with that of "
                   "independent headings (dotted); and over time for one of them.", _transition, system.FIGURES[2]),
-        3: Figure("3", "Not in the paper: large groups of later work, as stored. With vectorial noise (a) "
-                  "histograms of the order parameter near the transition, (b) its cumulant G, (c) numbers of agents in boxes of an "
-                  "ordered group, (d) density and order across a band; with angular noise (e) the same, (f) the order "
-                  "parameter against the noise.",
+        3: Figure("3", "Not in the paper: large groups of later work, as stored. With vectorial noise (a) histograms "
+                  "of the order parameter near the transition, (b) its cumulant G, (c) numbers of agents in boxes of "
+                  "an ordered group, (d) density and order across a band; with angular noise (e) the same, (f) the "
+                  "order parameter against the noise.",
                   _later, system.FIGURES[3]),
     }  # fmt: skip

@@ -154,9 +154,23 @@ def start(found):
     near(found.p, rng.uniform(-2.0, -1.0, size=(150, 2)))
 
 
+def held(found):
+    """Three updates of the network simulator's setting, its double integrator discretised exactly."""
+    q, p, step = np.random.default_rng(3).random((50, 2)) * 50.0, np.zeros((50, 2)), 0.2
+    balls = [(75.0, 10.0, 10.0), (75.0, 50.0, 10.0)]
+    for _ in range(3):
+        u = by_hand.alpha(q, p, 1.0, 2.0) + by_hand.beta(q, p, balls, 4.5, 2 * math.sqrt(4.5))
+        for i in range(50):
+            away = q[i] - [60.0, 25.0]
+            u[i] -= 1.2 * away / math.sqrt(1 + away @ away) + 2 * math.sqrt(1.2) * (p[i] - [4.0, 0.0])
+        q, p = q + step * p + step**2 / 2 * u, p + step * u
+    near(found, (q, p))
+
+
 CHECKS = {
     "sigma-norm": sigma, "n_ij": slope, "rho_h": bump, "a_ij": adjacency, "phi": sigmoid, "phi_alpha": action,
     "psi_alpha": pair_potential, "Algorithm 1": first, "Algorithm 2": second, "Algorithm 3": third,
     "phi_beta": obstacle_action, "sphere": sphere, "wall": wall, "inside an obstacle": inside, "H": energy,
     "collisions": collisions, "Theorem (Algorithm 2)": theorem, "centre": centre, "metrics": metrics, "start": start,
+    "network simulator": held,
 }  # fmt: skip
