@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 import flocking as fk
 from flocking.model.observables import order
 from flocking.model.world.random_numbers import Purpose, normal_pairs
-from flocking.papers.vicsek_1995 import closed_forms, order_curves, system, theorems
+from flocking.papers.vicsek_1995 import closed_forms, density_waves, order_curves, system, theorems
 from tests.papers.homes.stated_claims import agree_on
 from tests.papers.transcriptions.standard_laws import vicsek as by_hand
 
@@ -178,6 +178,27 @@ def cumulant():
             closed_forms.binder_cumulant(wrong)
 
 
+def bands():
+    q, u = RNG.random((40, 2)) * SIDE, RNG.normal(size=(40, 2))
+    wave, strength, across, order_, profile, local = density_waves.waves_of(q, u, SIDE)
+    sizes = {}
+    for a in range(-4, 5):
+        for b in range(-4, 5):
+            if (a, b) > (0, 0):
+                phase = 2 * math.pi * (a * q[:, 0] + b * q[:, 1]) / SIDE
+                sizes[a, b] = abs(np.exp(1j * phase).sum()) ** 2 / 40
+    assert wave == max(sizes, key=sizes.get)
+    assert_allclose(strength, max(sizes.values()), rtol=1e-10)
+    mean = u.mean(axis=0)
+    assert_allclose(order_, math.hypot(*mean), rtol=1e-12)
+    assert_allclose(across, abs(mean @ wave) / math.hypot(*wave) / order_, rtol=1e-12)
+    strip = np.floor(((q @ wave) / SIDE % 1.0) * 60).astype(int)
+    for k in range(60):
+        inside = u[strip == k]
+        assert_allclose(profile[k], len(inside) * 60 / 40)
+        assert_allclose(local[k], math.hypot(*inside.mean(axis=0)) if len(inside) else 0.0, atol=1e-12)
+
+
 def groups():
     found = system.group(9, 3.5, 0.8, seed=4, duration=6, speed=0.2, noise_kind="vectorial", update="forward", name="x")
     assert (found.t_end, found.name, found.seed, found.start.n) == (6.0, "x", 4, 9)
@@ -286,6 +307,7 @@ HOMES = {
     f"{PAPER}.closed_forms.deviations": turns,
     f"{PAPER}.closed_forms.random_order": random,
     f"{PAPER}.closed_forms.binder_cumulant": cumulant,
+    f"{PAPER}.density_waves.waves_of": bands,
     f"{PAPER}.system.group": groups,
     f"{PAPER}.system.scenario": scenarios,
     f"{PAPER}.order_curves.order_series": series,

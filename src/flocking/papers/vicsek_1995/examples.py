@@ -16,6 +16,7 @@ from flocking.model.state import State
 from flocking.model.terms.alignment import VelocityAverage
 from flocking.papers import examples
 from flocking.papers.vicsek_1995 import closed_forms, order_curves, system, theorems, transition
+from flocking.papers.vicsek_1995.density_waves import waves_of
 from flocking.papers.vicsek_1995.large_groups import HeadingGroup
 from flocking.study.claims.audit import audit
 from flocking.study.claims.claim import Verdict
@@ -118,6 +119,14 @@ def counts_of(scale: float) -> tuple[float, ...]:
     means = [float(10.0**k) for k in range(len(transition.SIZES))]
     made = transition.Fluctuations(1.0, 0.0, 1, 0, tuple(means), tuple(tuple(x**0.7 for x in means) for _ in range(10)))
     return tuple(scale * x for x in (*found, made.exponent[0]))
+
+
+def bands_of(scale: float) -> tuple[float, ...]:
+    """Strength of the strongest wave of eight agents, its angle to the mean velocity, and v_a, the side scaled."""
+    start = few().start
+    unit = start.p / np.linalg.norm(start.p, axis=1)[:, None]
+    wave, strength, across, order_, profile, local = waves_of(start.q, unit, scale * SIDE)
+    return (*map(float, wave), strength, across, order_, *profile[profile > 0.0], *local[profile > 0.0])
 
 
 def judgements_of(scale: float) -> dict[str, Verdict]:

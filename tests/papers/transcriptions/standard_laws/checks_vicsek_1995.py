@@ -90,6 +90,29 @@ def counts(found):
     near(found, (5 / 16, (4 + 1 + 1 + 1) / 16, 5 / 4, (9 + 4) / 4, 0.7))
 
 
+def bands(found):
+    q, p = begin()
+    q, u = [list(map(float, x)) for x in q], [[float(c) / SPEED for c in v] for v in p]
+    best = None
+    for a in range(-4, 5):
+        for b in range(-4, 5):
+            if (a, b) > (0, 0):
+                angles = [2 * math.pi * (a * x + b * y) / SIDE for x, y in q]
+                size = (sum(map(math.cos, angles)) ** 2 + sum(map(math.sin, angles)) ** 2) / 8
+                if best is None or size > best[0]:
+                    best = (size, a, b)
+    size, a, b = best
+    mean = [sum(v[k] for v in u) / 8 for k in (0, 1)]
+    order_ = math.hypot(*mean)
+    across = abs(a * mean[0] + b * mean[1]) / math.hypot(a, b) / order_
+    strips = {}
+    for (x, y), v in zip(q, u, strict=True):
+        strips.setdefault(int((a * x + b * y) / SIDE % 1.0 * 60), []).append(v)
+    shares = [len(strips[k]) * 60 / 8 for k in sorted(strips)]
+    local = [math.hypot(*(sum(v[k] for v in strips[s]) for k in (0, 1))) / len(strips[s]) for s in sorted(strips)]
+    near(found, (a, b, size, across, order_, *shares, *local))
+
+
 def sector(found):
     assert set(found.values()) == {Verdict.HOLDS}
     assert len(found) == 5
@@ -108,5 +131,6 @@ CHECKS = {
     "cumulant": cumulants,
     "large groups": large,
     "fluctuations": counts,
+    "bands": bands,
     "sector": sector,
 }
