@@ -11,7 +11,7 @@ from flocking.model.bodies.discrete_bodies import Heading
 from flocking.papers.vicsek_1995 import system
 from flocking.papers.vicsek_1995.closed_forms import random_order
 from flocking.papers.vicsek_1995.order_curves import CURVES, NOISES, mean_order
-from flocking.papers.vicsek_1995.transition import FITTED, nearest_transition, stored_study, strongest
+from flocking.papers.vicsek_1995.transition import FITTED, pooled_cumulant, shown_histograms, stored_study, strongest
 from flocking.show.declaration import Figure
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import BLUE, GREEN, PAGE, PALETTE, VERMILION, axes_or_new, in_style
@@ -94,13 +94,13 @@ def _series(run: Run, *, axes: Axes | None = None) -> Axes:
 
 @in_style
 def _histograms(run: Run, *, axes: Axes | None = None) -> Axes:
-    """Histograms of v_a of the smaller groups of the stored study, one above the other by the noise."""
+    """Histograms of v_a of the stored study: of the lowest cumulant, and beside the jump of one side."""
     axes = axes_or_new(axes)
-    for k, point in enumerate(nearest_transition(stored_study())):
+    for k, point in enumerate(shown_histograms(stored_study())):
         shares = np.asarray(point.histogram)
         edges = np.linspace(0.0, 1.0, len(shares) + 1)
-        color = (BLUE, VERMILION, GREEN)[k % 3]
-        axes.stairs(shares, edges, color=color, gid="histogram", label=rf"$\eta = {point.noise:g}$")
+        color = PALETTE[k % len(PALETTE)]
+        axes.stairs(shares, edges, color=color, gid="histogram", label=rf"${point.side:g}$, ${point.noise:g}$")
     axes.set_xlabel("$v_a$")
     axes.set_ylabel("share of updates")
     axes.set_yscale("log")
@@ -112,19 +112,27 @@ def _histograms(run: Run, *, axes: Axes | None = None) -> Axes:
 def _cumulants(run: Run, *, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     study = stored_study()
-    for side, color in zip(study.sides(), (VERMILION, BLUE, GREEN), strict=False):
+    for side, color in zip(study.sides(), PALETTE, strict=False):
         points = study.at(side)
-        axes.plot([p.noise for p in points], [p.cumulant for p in points], "o-", color=color, ms=3, gid="cumulant",
-                  label=f"$L = {side:g}$")  # fmt: skip
-        for p in points:
-            if p.passages >= MANY_PASSAGES and (interval := p.interval) is not None:
-                axes.plot([p.noise] * 2, [interval.low, interval.high], color=color, lw=1.0, gid="interval")
+        noises = sorted({p.noise for p in points})
+        found = []
+        for noise in noises:
+            runs = [p for p in points if p.noise == noise]
+            if not runs[0].moments:
+                found.append(runs[0].cumulant)
+                continue
+            value, interval = pooled_cumulant(runs)
+            found.append(value)
+            if sum(p.passages for p in runs) >= MANY_PASSAGES:
+                axes.plot([noise] * 2, [interval.low, interval.high], color=color, lw=1.0, gid="interval")
+        axes.plot(noises, found, "o-", color=color, ms=3, gid="cumulant", label=f"$L = {side:g}$")
     for level in (1.0 / 3.0, 2.0 / 3.0):
         axes.axhline(level, color=GREEN, lw=0.6, ls=":", gid="level")
     axes.axhline(0.0, color=GREEN, lw=0.6, gid="zero")
     axes.set_xlabel(r"$\eta$")
     axes.set_ylabel("$G$")
     axes.set_xlim(0.598, 0.632)
+    axes.set_ylim(-1.5, 0.8)
     axes.legend()
     return axes
 
@@ -138,7 +146,7 @@ def _bands(run: Run, *, noise_kind: str, axes: Axes | None = None) -> Axes:
     axes.plot(place, wave.profile, color=BLUE, gid="density", label="density")
     axes.plot(place, wave.local, color=VERMILION, gid="order", label="$v_a$ in the strip")
     axes.set_xlabel("place across the wave, by its length")
-    axes.set_title(rf"{noise_kind}, $L = {wave.side:g}$, $\eta = {wave.noise:g}$")
+    axes.set_title(rf"$L = {wave.side:g}$, $\eta = {wave.noise:g}$")
     axes.set_ylim(bottom=0.0)
     axes.legend()
     return axes
@@ -196,8 +204,8 @@ def figures() -> dict[int, Figure]:
         2: Figure("2", "The order parameter against the noise for the five groups of the paper, with that of "
                   "independent headings (dotted); and over time for one of them.", _transition, system.FIGURES[2]),
         3: Figure("3", "Not in the paper: large groups of later work, as stored. With vectorial noise (a) histograms "
-                  "of the order parameter near the transition, (b) its cumulant G, (c) numbers of agents in boxes of "
-                  "an ordered group, (d) density and order across a band; with angular noise (e) the same, (f) the "
-                  "order parameter against the noise.",
+                  "of the order parameter near the transition (L, noise), (b) its cumulant G, (c) numbers of "
+                  "agents in boxes of an ordered group, (d) density and order across a band; with angular noise "
+                  "(e) the same, (f) the order parameter against the noise.",
                   _later, system.FIGURES[3]),
     }  # fmt: skip

@@ -13,6 +13,7 @@ from importlib.resources import files
 
 import numpy as np
 
+from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, number
 from flocking.papers.vicsek_1995 import system
 from flocking.papers.vicsek_1995.closed_forms import binder_cumulant
@@ -75,24 +76,6 @@ class Point:
     passages: int
     moments: tuple[tuple[float, float], ...] = ()
     noise_kind: str = "vectorial"
-
-    @property
-    def interval(self) -> Interval | None:
-        """95 % interval of the cumulant, by the jackknife over the parts of the run; None where they are not stored.
-
-        Parts are taken as independent, which needs several passages between the phases in each.
-        """
-        if not self.moments:
-            return None
-        rows = np.asarray(self.moments)
-        count = len(rows)
-
-        def cumulant(means: Array) -> float:
-            return float(1.0 - means[1] / (3.0 * means[0] ** 2))
-
-        whole = cumulant(rows.mean(axis=0))
-        left = np.array([cumulant(np.delete(rows, k, axis=0).mean(axis=0)) for k in range(count)])
-        return mean_interval(count * whole - (count - 1) * left)
 
     @property
     def shares(self) -> tuple[float, float]:
@@ -325,17 +308,63 @@ def stored_study() -> Study:
     return Study(points, Fluctuations(**{**kept, "means": tuple(kept["means"]), "deviations": deviations}), waves)
 
 
-def nearest_transition(study: Study) -> tuple[Point, ...]:
-    """Points of the smallest side beside the largest fall of the mean between two noises: two before it, one after.
+def pooled_cumulant(points: Sequence[Point]) -> tuple[float, Interval]:
+    """The cumulant of several runs together, with its 95 % interval by the jackknife over the parts of the runs.
+
+    Parts are taken as independent. Where a run passes between the phases seldom, that of a single run is too narrow,
+    since it leaves out what the run does not visit.
+
+    Parameters
+    ----------
+    points
+        Runs of one side, noise and kind of noise, with stored moments.
+
+    Raises
+    ------
+    InvalidInput
+        When there are none, or they are of different settings.
+    """
+    rows = np.array([row for point in points for row in point.moments])
+    if not len(rows) or len({(p.side, p.noise, p.noise_kind) for p in points}) != 1:
+        raise InvalidInput(
+            "pooled_cumulant", "points", "must be runs of one side and noise with stored moments", len(points)
+        )
+
+    def cumulant(chosen: Array) -> float:
+        second, fourth = chosen.mean(axis=0)
+        return float(1.0 - fourth / (3.0 * second**2))
+
+    whole, count = cumulant(rows), len(rows)
+    left = np.array([cumulant(np.delete(rows, k, axis=0)) for k in range(count)])
+    return whole, mean_interval(count * whole - (count - 1) * left)
+
+
+HISTOGRAMS = 24.0
+"""Side of the groups whose histograms are drawn beside the one of the lowest cumulant."""
+
+
+def shown_histograms(study: Study) -> tuple[Point, ...]:
+    """The point of the lowest cumulant, and of one side those beside the largest fall of the mean.
 
     Parameters
     ----------
     study
         The study.
     """
-    points = study.at(study.sides()[0])
+    points = study.at(HISTOGRAMS)
     fall = int(np.argmin(np.diff([p.mean for p in points])))
-    return tuple(points[max(fall - 1, 0) : fall + 2])
+    return (lowest(study), *points[max(fall - 1, 0) : fall + 2])
+
+
+def lowest(study: Study) -> Point:
+    """The point of the lowest cumulant.
+
+    Parameters
+    ----------
+    study
+        The study.
+    """
+    return min(study.points, key=lambda p: p.cumulant)
 
 
 def strongest(study: Study, noise_kind: str) -> Waves:
