@@ -55,9 +55,9 @@ def test_agents_at_one_point_are_named_where_the_force_is_infinite() -> None:
         fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]]), t_end=1.0)
 
 
-def test_lammps_refuses_it_by_name() -> None:
+def test_pair_styles_of_lammps_refuse_it_by_name() -> None:
     with pytest.raises(fk.FlockingError, match=r"Complete|LAMMPS"):
-        fk.simulate(scenario(fk.Complete()), engine="lammps", progress=False)
+        fk.simulate(scenario(fk.Complete()), engine="lammps", forces="pair styles", progress=False)
 
 
 def test_certificates_know_its_pairs() -> None:
