@@ -123,6 +123,9 @@ SCENARIOS = {
         information=fk.Fixes(0.1, delay=0.3, range=100.0, diffusion=1 / 3, damping=0.1, stiffness=0.01, seed=2),
     ),
     "unicycles": scenario(agents=fk.Unicycle(0.1)),
+    "mixtures": scenario(
+        agents=fk.Mixture((fk.PointMass(damping=np.arange(5) / 7), fk.Lagged(fk.Unicycle(0.1), 0.3)), [0, 1, 1, 0, 1])
+    ),
     "quadrotors": scenario(
         agents=fk.Quadrotor(masses=np.arange(1, 6) / 3, reach=0.7),
         start=fk.State(np.hstack([START.q, np.arange(5)[:, None] / 7])),
