@@ -104,8 +104,8 @@ def _world(found: Certificates, run: fk.Run) -> list[Fate]:
         elif each.granted and each.bound is not None:
             # Far below the limit 40 delays are many times of decay for the fast ones, and slow ones do not grow.
             far = scenario.information.tau < 0.7 * each.bound.lo
-            if far:
-                rows.append(Fate(key, bool(share < 1.0 + SLACK or scenario.agents.order == 2), words))
+            if far and scenario.agents.order == 1:
+                rows.append(Fate(key, bool(share < 1.0 + SLACK), words))
         elif "it does not fall" in each.reason or "it is not stable" in each.reason:
             moving = np.sqrt((values**2).sum(axis=(1, 2))) if "common motion" in each.reason else spread
             rows.append(Fate(key, bool(moving[-1] > 1e-9 * moving[0]), words))
