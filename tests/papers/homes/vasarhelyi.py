@@ -266,6 +266,13 @@ def program():
     q = made.start.q
     apart = min(math.dist(q[i], q[j]) for i in range(50) for j in range(i))
     assert apart > 8.0
+    assert_allclose(made.frame_times, np.arange(6.0))
+    rng, places = np.random.default_rng(3), []
+    while len(places) < 50:
+        place = rng.uniform(-230.0, 230.0, 2)
+        if all(math.dist(place, other) > 8.0 for other in places):
+            places.append(place)
+    assert_allclose(q, places)
     assert not made.start.p.any()
     assert np.abs(q).max() <= 230.0
     assert np.abs(q).max() > 200.0
@@ -339,7 +346,10 @@ def lone():
 
 def orders():
     q, p = np.concatenate([Q, Q[:2] + [300.0, 10.0]]), np.concatenate([P, P[:2]])
-    q[1] = q[0] + [0.9, 1.1]
+    q[1], q[3] = q[0] + [0.9, 1.1], q[2] + [3.05, 0.0]
+    p[4] = [0.03, 0.02]
+    apart = sorted(math.dist(a, b) for k, a in enumerate(q) for b in q[:k])
+    assert apart[0] < 3.0 < apart[1] < 3.15
     for radius, half in ((14.0, 25.0), (30.0, 400.0)):
         n, group = len(q), list(range(len(q)))
         for _ in range(n):
