@@ -265,7 +265,7 @@ def summary(
             for c in range(part * n * m, (part + 1) * n * m):
                 sizes[part] = max(sizes[part], abs(coefficients[a, c]))
     most = np.zeros(2)
-    apart, spread, finite = 0.0, 0.0, True
+    apart, spread, finite, middle = 0.0, 0.0, True, np.empty(m)
     for k in range(nodes.shape[0]):
         for part in range(order):
             for i in range(n):
@@ -274,13 +274,15 @@ def summary(
                     square += nodes[k, (part * n + i) * m + c] ** 2
                 most[part] = max(most[part], square)
                 finite = finite and np.isfinite(square)
+        for c in range(m):
+            middle[c] = 0.0
+            for j in range(n):
+                middle[c] += nodes[k, j * m + c]
+            middle[c] /= n
         for i in range(n):
             square = 0.0
             for c in range(m):
-                mean = 0.0
-                for j in range(n):
-                    mean += nodes[k, j * m + c]
-                square += (nodes[k, i * m + c] - mean / n) ** 2
+                square += (nodes[k, i * m + c] - middle[c]) ** 2
             apart = max(apart, square)
     last = coefficients.shape[0] - 1
     for c in range(m):

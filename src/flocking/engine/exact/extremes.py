@@ -12,6 +12,7 @@ from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import diameter, find_fastest
 from flocking.engine.exact.crossings.guards import find_closest
 from flocking.engine.exact.crossings.images import image_closest
+from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs, all_pairs
 from flocking.engine.exact.origin import Origin
 from flocking.engine.integrator.segment import Motion, Segment
 from flocking.engine.kernels.bernstein import FINEST, NEVER
@@ -120,7 +121,7 @@ class Extremes:
         _, off = origin.rounded(segment.t1, 0.0, error.velocity)
         times, errors = StepTimes(segment.t0, segment.t1, origin.time), StepErrors(error.lost, error.pairs, off)
         closest = self.rows[CLOSEST:].copy()
-        follow_extremes(motion, linked, self.references(origin), times, errors, self.rows)
+        follow_extremes(motion, linked, all_pairs(self.n), self.references(origin), times, errors, self.rows)
         if not space.is_open and self.n > 1:
             self.rows[CLOSEST:] = closest
             _image_approach(space, motion, linked, times, errors.pairs, self.rows)
@@ -196,8 +197,9 @@ class StepErrors(NamedTuple):
 
 @native_apart
 def follow_extremes(
-    motion: Motion, linked: Links, references: References, times: StepTimes, errors: StepErrors, rows: Array
-) -> None:
+    motion: Motion, linked: Links, nearby: NearbyPairs, references: References, times: StepTimes, errors: StepErrors,
+    rows: Array,
+) -> None:  # fmt: skip
     """Record a step.
 
     Parameters
@@ -206,6 +208,8 @@ def follow_extremes(
         Motion of the agents on it.
     linked
         Links during the step, shape (N, N).
+    nearby
+        Pairs that are looked at.
     references, times, errors
         Velocities for comparison, times of the step, and the errors on it.
     rows
@@ -216,7 +220,7 @@ def follow_extremes(
         value, x, i, j = diameter(B, far, _least(rows, DIAMETER, errors.pairs))
         if x <= 1.0 or errors.lost:
             _take(rows, DIAMETER, times, value, x, i, j, errors.pairs)
-        _approach(motion, linked, times, errors.pairs, rows)
+        _approach(motion, linked, nearby, times, errors.pairs, rows)
     if P.shape[1] == 0:
         return
     shifted = np.empty((P.shape[0], P.shape[1], P.shape[2]))
@@ -257,12 +261,12 @@ def _take(rows: Array, row: int, times: StepTimes, value: float, x: float, i: fl
     rows[row, ERROR] = ceiling - rows[row, VALUE]
 
 
-def _approach(motion: Motion, linked: Links, times: StepTimes, error: float, rows: Array) -> None:
+def _approach(motion: Motion, linked: Links, nearby: NearbyPairs, times: StepTimes, error: float, rows: Array) -> None:
     """Record the closest pairs on a step."""
     B, far = motion.positions, motion.far
     known, most, found = np.empty(2), np.empty(2), np.empty((2, 4))
     _bounds(error, rows, known, most)
-    find_closest(B, far, linked, most[0], most[1], found)
+    find_closest(B, far, linked, nearby, most[0], most[1], found)
     for row in range(2):
         i, j = int(found[row, 2]), int(found[row, 3])
         _take_approach(B, i, j, found[row], known[row], times, error, rows[CLOSEST + row])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from flocking.arrays import Array, Indices, Links, Mask
+from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs
 from flocking.engine.exact.crossings.watch_tables import BallWatches, PairWatches
 from flocking.engine.integrator.integration_method import Tableau
 from flocking.engine.integrator.segment import Motion
@@ -84,6 +85,8 @@ class Watches(NamedTuple):
     ----------
     pairs, balls
         Distances that may be crossed.
+    nearby
+        Pairs of agents that are looked at.
     zones, owners
         Narrow features of the potentials, rows (from, to, width), and the graphs they belong to.
     graphs
@@ -94,6 +97,7 @@ class Watches(NamedTuple):
 
     pairs: PairWatches
     balls: BallWatches
+    nearby: NearbyPairs
     zones: Array
     owners: Indices
     graphs: int
@@ -273,8 +277,9 @@ class Work(NamedTuple):
         Crossings of one watch, shape (room, 3), and pairs that come within the error of one, shape (room, 6).
     energies
         Pair storage, body storage and kinetic energy.
-    linked, near, active
-        Links of the graph of the law on the step, and the sides and watched pairs of all watches.
+    linked, sides
+        Links of the graph of the law on the step, and the sides and watched pairs of those that switch at its end, see
+        `flocking.engine.exact.blocks.switches.keep_sides`, shape (room, watches, 4).
     d, v, apart
         Of a pair the differences of positions, of velocities, shape (m,), and of the Bernstein coefficients of the
         positions, shape (8, m).
@@ -297,8 +302,7 @@ class Work(NamedTuple):
     doubtful: Array
     energies: Array
     linked: Links
-    near: Mask
-    active: Mask
+    sides: Mask
     d: Array
     v: Array
     apart: Array

@@ -33,6 +33,7 @@ from flocking.engine.exact.blocks.arrays import (
 from flocking.engine.exact.blocks.link_tables import switching_tables, with_room
 from flocking.engine.exact.blocks.loop import OPEN, REFUSED, step_block
 from flocking.engine.exact.companion import INSIDE, SECOND, Difference
+from flocking.engine.exact.crossings.nearby_pairs import unknown_pairs
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.extremes import Extremes
@@ -57,9 +58,12 @@ MOST_SWITCHES = 256
 MOST_FRAMES = 64
 """Most frames of one native call."""
 
-WORK = 1_000_000
-"""Approximate number of pairs processed in one native call: Ctrl-C and clocks wait for its end, some hundredths of a
-second.
+MOST_LINKS = 64_000_000
+"""Most bytes of the link matrices of these frames."""
+
+WORK = 100_000_000
+"""Approximate work of one native call, in pairs looked at; to follow a linked one costs some 200 times as much. Ctrl-C
+and clocks wait for its end, some hundredths of a second.
 """
 
 
@@ -165,21 +169,28 @@ def take_block(
     if law is None or watched is None or memory.step == 0.0 or known.lost < np.inf:
         return None
     n, pairs, size = dynamics.n, len(dynamics.pairs[0]), len(memory.y)
-    room = 1 if seconds < SHORT_SLICE else max(1, min(MOST_STEPS, WORK // (n * n + 8 * pairs + 1)))
+    room = 1 if seconds < SHORT_SLICE else max(1, min(MOST_STEPS, WORK // (n * n + 200 * pairs + 1)))
     solution = _solution(memory, known, stepper.slopes, energies)
     switching = switching_tables(dynamics, links)
     law = law._replace(pairs=with_room(law.pairs, len(links.graphs), n))
     switched = _switched(error.fresh, links.sliding_rows(), energies[2])
     looked_at = Watches(
-        *watched, dynamics.zones, dynamics.zone_graphs, len(links.graphs), dynamics.singular, precision.timed
+        *watched,
+        unknown_pairs(watched[0], n),
+        dynamics.zones,
+        dynamics.zone_graphs,
+        len(links.graphs),
+        dynamics.singular,
+        precision.timed,
     )
     limits = Limits(
         *until, dynamics.base, dynamics.scenario.tolerance, stepper.tolerance, error.reach, precision.finest,
         np.array([dynamics.unlinked]), not error.in_doubt, room, companion.FEW_PAIRS,
     )  # fmt: skip
+    shown = max(1, min(MOST_FRAMES, MOST_LINKS // (n * n)))
     records = Records(
-        extremes.rows.copy(), origin.rounded(memory.t, 0.0, 0.0)[1], frame_times[: MOST_FRAMES + 1],
-        np.empty((MOST_FRAMES, size)), np.empty((MOST_FRAMES, 2)), np.empty((MOST_FRAMES, n, n), dtype=bool),
+        extremes.rows.copy(), origin.rounded(memory.t, 0.0, 0.0)[1], frame_times[: shown + 1],
+        np.empty((shown, size)), np.empty((shown, 2)), np.empty((shown, n, n), dtype=bool),
         np.empty((2 * room, STEP_NUMBERS)), np.empty((2 * room, size)),
     )  # fmt: skip
     method = Method(tableau(), TO_BERNSTEIN, INSIDE, SECOND)
@@ -187,7 +198,7 @@ def take_block(
         found = step_block(
             law, method, looked_at, switching, limits, extremes.references(origin), solution, switched, records
         )
-    taken, rows, shown, ending, count = cast(tuple[int, int, int, int, int], found)
+    taken, rows, frames, ending, count = cast(tuple[int, int, int, int, int], found)
     progress, coefficients, crossed = solution.progress, solution.coefficients, solution.crossed[:count]
     begin, t, stop, length, proposed = progress[[BEGIN, TIME, STOP, LENGTH, PROPOSED]].tolist()
     if progress[TRIED]:
@@ -210,7 +221,7 @@ def take_block(
     fresh, sliding, switches = switched.counts.tolist()
     return StepBlock(
         records.steps[:rows], records.states[:rows], (t - begin, float(progress[ENERGY]), float(progress[KINETIC])),
-        taken, (records.frames[:shown], records.frame_errors[:shown], records.frame_links[:shown]),
+        taken, (records.frames[:frames], records.frame_errors[:frames], records.frame_links[:frames]),
         switched.switches[:switches], switched.fresh[:fresh], switched.sliding[:sliding],
         (watched[0].near, switching.linked) if switches else None, memory, known, records.extremes, segment,
         solution.errors, pending, tried,

@@ -26,6 +26,7 @@ from flocking.engine.exact.blocks.arrays import (
 )
 from flocking.engine.exact.companion import NODES, SAFETY
 from flocking.engine.exact.crossings.band_guards import closest_after, find_within_error, first_beyond
+from flocking.engine.exact.crossings.nearby_pairs import BASE, TOP
 from flocking.engine.exact.crossings.switch_numbers import largest_difference
 from flocking.engine.exact.crossings.watch_tables import near_miss_floor, slack_at
 from flocking.engine.exact.uncertain_switches import LEFT
@@ -89,9 +90,11 @@ def leaves_no_doubt(
         if pairs.smooth[w]:
             continue
         floor = near_miss_floor(pairs.slack[w], q_floor)
+        if watches.nearby.bounds[TOP] + most + floor > watches.nearby.bounds[BASE]:
+            return False
         found = find_within_error(
             B, far, pairs.near[w], pairs.active[w], pairs.enter[w], pairs.leave[w], pairs.directed[w], offsets,
-            most + floor, floor, rows,
+            most + floor, floor, watches.nearby, rows,
         )  # fmt: skip
         if found > rows.shape[0]:
             return False

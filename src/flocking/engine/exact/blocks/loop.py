@@ -47,6 +47,7 @@ from flocking.engine.exact.blocks.tried_steps import (
     try_step,
 )
 from flocking.engine.exact.companion import LOST, summary
+from flocking.engine.exact.crossings.nearby_pairs import note_displacements
 from flocking.engine.exact.extremes import References, StepErrors, StepTimes, add_unexplained, follow_extremes
 from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import fill_part
@@ -85,12 +86,13 @@ def step_block(
     progress, errors = solution.progress, solution.errors
     work = new_work(law, watches.pairs, solution)
     compare_energies(law, limits, solution, work)
+    copy_links(switching.linked[0], work.linked)
     while True:
         t = progress[TIME]
         stop, fine = try_step(law, method, limits, solution, work)
         if not fine:
             return taken, rows, shown, FAILED, 0
-        stop, count = cut_at_crossing(watches, stop, solution, work)
+        stop, count = cut_at_crossing(watches, switching.linked, stop, solution, work)
         if count < 0 or not is_sound(law, watches, limits, stop, solution, work):
             return taken, rows, shown, REFUSED, 0
         follow_companion(law, method, limits, stop, solution, work)
@@ -110,7 +112,6 @@ def step_block(
         room = due <= records.frames.shape[0]
         if not room or not leaves_no_doubt(watches, switched, solution, work, count, pairs, q_floor):
             return taken, rows, shown, OPEN, count
-        copy_links(switching.linked[0], work.linked)
         jumping = False
         if count > 0:
             if law.order == 1:
@@ -125,7 +126,8 @@ def step_block(
         settle_fresh(switched)
         times = StepTimes(t, stop, limits.base)
         of_step = StepErrors(False, pairs, velocity + records.velocity_rounding)
-        follow_extremes(work.motion, work.linked, references, times, of_step, records.extremes)
+        follow_extremes(work.motion, work.linked, watches.nearby, references, times, of_step, records.extremes)
+        note_displacements(watches.nearby, work.motion.far)
         add_unexplained(records.extremes, unexplained, stop + limits.base)
         for f in range(shown, due):
             make_frame(records, f, t, stop, work)
@@ -133,6 +135,7 @@ def step_block(
         shown = due
         rows = add_step(records, rows, solution, switched, stop - t)
         if count > 0:
+            copy_links(switching.linked[0], work.linked)
             restart(law, method, watches, limits, stop, count, solution, switched, work)
             if jumping:
                 energy = found[0] + found[1] + found[2] + limits.unlinked[0]

@@ -46,14 +46,6 @@ from flocking.engine.kernels.law_kernels import CompiledLaw, stages
 from flocking.formula.native.functions import native_apart
 
 
-def copy_matrices(source: Mask, target: Mask) -> None:
-    """Copy matrices, shape (k, N, N), from ``source`` to ``target``; for native functions."""
-    for w in range(source.shape[0]):
-        for i in range(source.shape[1]):
-            for j in range(source.shape[2]):
-                target[w, i, j] = source[w, i, j]
-
-
 def copy_links(source: Mask, target: Mask) -> None:
     """Copy a matrix, shape (N, N), from ``source`` to ``target``; for native functions."""
     for i in range(source.shape[0]):
@@ -76,6 +68,7 @@ def relink(law: CompiledLaw, watches: Watches, switching: Switching) -> int:
         The watches, and the links.
     """
     pairs, near, others, linked = law.pairs, watches.pairs.near, switching.others, switching.linked
+    nearby = watches.nearby
     n, e, first, own = law.n, 0, 1, 0
     for g in range(linked.shape[0]):
         pairs.offsets[g] = e
@@ -85,9 +78,10 @@ def relink(law: CompiledLaw, watches: Watches, switching: Switching) -> int:
                 inner += 1
         for half in range(1 if switching.directed[g] else 2):
             for i in range(n):
-                begin = i + 1 if half == 0 and not switching.directed[g] else 0
-                for j in range(begin, i if half == 1 else n):
-                    if linked[g, i, j]:
+                for place in range(nearby.starts[i], nearby.starts[i + 1]):
+                    j = nearby.partners[place]
+                    here = switching.directed[g] or (j > i) == (half == 0)
+                    if here and linked[g, i, j]:
                         piece = first
                         if inner > 0:
                             for w in range(switching.owners.shape[0]):
@@ -131,6 +125,32 @@ def toggle(watches: Watches, switching: Switching, w: int, i: int, j: int) -> No
                 pairs.near[kink, i, j] = pairs.near[kink, j, i] = at < pairs.leave[kink, i]
                 pairs.active[kink, i, j] = switching.linked[g, i, j]
                 pairs.active[kink, j, i] = switching.linked[g, j, i]
+
+
+def keep_sides(watches: Watches, crossed: Array, count: int, sides: Mask, back: bool) -> None:
+    """Keep the sides of pairs that switch, and whether they are watched, or put them back; for native functions.
+
+    Parameters
+    ----------
+    watches
+        What is watched.
+    crossed, count
+        The pairs, and how many they are.
+    sides
+        Takes or holds, of each pair and watch, these in both orders of the pair, shape (room, watches, 4).
+    back
+        Whether to put them back.
+    """
+    near, active = watches.pairs.near, watches.pairs.active
+    for c in range(count):
+        i, j = int(crossed[c, 2]), int(crossed[c, 3])
+        for w in range(near.shape[0]):
+            if back:
+                near[w, i, j], near[w, j, i] = sides[c, w, 0], sides[c, w, 1]
+                active[w, i, j], active[w, j, i] = sides[c, w, 2], sides[c, w, 3]
+            else:
+                sides[c, w, 0], sides[c, w, 1] = near[w, i, j], near[w, j, i]
+                sides[c, w, 2], sides[c, w, 3] = active[w, i, j], active[w, j, i]
 
 
 def velocities_at_end(
@@ -287,8 +307,7 @@ def apply_switches(
         Hold the pairs, and the step.
     """
     before, jumping, n = limits.unlinked[0], False, law.n
-    copy_matrices(watches.pairs.near, work.near)
-    copy_matrices(watches.pairs.active, work.active)
+    keep_sides(watches, crossed, count, work.sides, False)
     for c in range(count):
         w = int(crossed[c, 0])
         toggle(watches, switching, w, int(crossed[c, 2]), int(crossed[c, 3]))
@@ -296,11 +315,14 @@ def apply_switches(
     linked = relink(law, watches, switching)
     limits.unlinked[0] = 0.5 * (n * (n - 1) - linked) * switching.each
     if jumping and not np.isfinite(energy_at(law, limits, stop, work.new, work.energies)):
-        copy_matrices(work.near, watches.pairs.near)
-        copy_matrices(work.active, watches.pairs.active)
-        for w in range(switching.owners.shape[0]):
-            if not switching.kinks[w]:
-                copy_links(watches.pairs.near[w], switching.linked[switching.owners[w]])
+        keep_sides(watches, crossed, count, work.sides, True)
+        for c in range(count):
+            i, j = int(crossed[c, 2]), int(crossed[c, 3])
+            for w in range(switching.owners.shape[0]):
+                if not switching.kinks[w]:
+                    g = switching.owners[w]
+                    switching.linked[g, i, j] = watches.pairs.near[w, i, j]
+                    switching.linked[g, j, i] = watches.pairs.near[w, j, i]
         relink(law, watches, switching)
         limits.unlinked[0] = before
         return False, jumping

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Links
 from flocking.engine.exact.barriers import LEDGER_GAP, relative_gap
 from flocking.engine.exact.blocks.arrays import (
     BEGIN,
@@ -29,6 +29,7 @@ from flocking.engine.exact.blocks.arrays import (
 from flocking.engine.exact.companion import NODES, SLOWER, companion_gap, compare, unexplained_energy
 from flocking.engine.exact.crossings.ball_guards import ball_slack, find_ball_crossings
 from flocking.engine.exact.crossings.guards import deepest_dip_of, find_crossings
+from flocking.engine.exact.crossings.nearby_pairs import require_pairs
 from flocking.engine.exact.crossings.switching import TIE
 from flocking.engine.exact.crossings.watch_tables import PairWatches, slack_at
 from flocking.engine.exact.dynamics import LEDGER
@@ -57,7 +58,7 @@ def new_work(law: CompiledLaw, pairs: PairWatches, solution: Solution) -> Work:
         np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty(size),
         np.empty((solution.K.shape[0], size)), np.empty((count, size)), motion, np.empty((NODES, size)),
         np.empty((NODES, n, m)), np.empty((count, size)), np.empty((room, 3)), np.empty((room, 6)), np.empty(3),
-        np.empty((n, n), np.bool_), np.empty((watches, n, n), np.bool_), np.empty((watches, n, n), np.bool_),
+        np.empty((n, n), np.bool_), np.empty((room, watches, 4), np.bool_),
         np.empty(m), np.empty(m), np.empty((count, m)), np.empty((2, size)),
     )  # fmt: skip
 
@@ -155,7 +156,7 @@ def all_crossings(watches: Watches, extent: float, solution: Solution, work: Wor
             slack = slack_at(pairs.slack[w], extent)
             found = find_crossings(
                 motion.positions, motion.far, pairs.near[w], pairs.active[w], pairs.enter[w], pairs.leave[w],
-                pairs.directed[w], slack, motion.velocities, work.hits,
+                pairs.directed[w], slack, motion.velocities, watches.nearby, work.hits,
             )  # fmt: skip
         else:
             b = w - pairs.enter.shape[0]
@@ -202,13 +203,15 @@ def first_crossings(pairs: PairWatches, crossed: Array, count: int) -> tuple[int
     return left, first
 
 
-def cut_at_crossing(watches: Watches, stop: float, solution: Solution, work: Work) -> tuple[float, int]:
+def cut_at_crossing(watches: Watches, linked: Links, stop: float, solution: Solution, work: Work) -> tuple[float, int]:
     """End a step at its first crossing: where it ends then, and how many cross there, or `REFUSED`.
 
     Parameters
     ----------
     watches
         What is watched.
+    linked
+        Links of each graph, shape (graphs, N, N).
     stop
         Where the step ends.
     solution
@@ -218,6 +221,7 @@ def cut_at_crossing(watches: Watches, stop: float, solution: Solution, work: Wor
     """
     C, motion = work.C, work.motion
     extent = split_motion(C, motion.positions, motion.velocities, motion.far)
+    require_pairs(watches.nearby, motion, watches.pairs, linked, extent)
     count = all_crossings(watches, extent, solution, work)
     if count > 0:
         t = solution.progress[TIME]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine.exact.crossings.guards import squared_distance
+from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs, all_pairs
 from flocking.engine.kernels.bernstein import NEVER, all_rows, first_above, part_from, smallest_value
 from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
@@ -60,14 +61,14 @@ def within_error(
         Rows: the pair, where on the segment it comes closest to switching, how close, its error, and 1 where it
         is within the error at the end; shape (k, 6).
     """
-    given = B, far, near, active, enter, leave, directed, nodes, most, floor
+    given = B, far, near, active, enter, leave, directed, nodes, most, floor, all_pairs(B.shape[1])
     return all_rows(lambda found: int(find_within_error(*given, found)), 6)
 
 
 @native_apart
 def find_within_error(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool,
-    nodes: Array, most: float, floor: float, found: Array,
+    nodes: Array, most: float, floor: float, nearby: NearbyPairs, found: Array,
 ) -> int:  # fmt: skip
     """Fill the rows of `within_error`, as many as fit; returns their total number.
 
@@ -75,6 +76,8 @@ def find_within_error(
     ----------
     B, far, near, active, enter, leave, directed, nodes, most, floor
         As for `within_error`.
+    nearby
+        Pairs that are looked at.
     found
         The rows, shape (room, 6).
     """
@@ -82,8 +85,9 @@ def find_within_error(
     count = 0
     square = np.empty(15)
     for i in range(n):
-        for j in range(0 if directed else i + 1, n):
-            if i == j or not active[i, j]:
+        for e in range(nearby.starts[i], nearby.starts[i + 1]):
+            j = nearby.partners[e]
+            if (j < i and not directed) or not active[i, j]:
                 continue
             inside = near[i, j]
             level = leave[i] if inside else enter[i]
@@ -208,8 +212,12 @@ def diameter(B: Array, far: Array, least: float) -> tuple[float, float, int, int
     """
     best, where, one, two = max(least, -1.0) * abs(least), NEVER, -1, -1
     square = np.empty(15)
-    away = _farthest_from_mean(B, far)
+    away, most = _farthest_from_mean(B, far), 0.0
     for i in range(B.shape[1]):
+        most = max(most, away[i])
+    for i in range(B.shape[1]):
+        if (away[i] + most) ** 2 <= best:
+            continue
         for j in range(i + 1, B.shape[1]):
             if (away[i] + away[j]) ** 2 <= best:
                 continue

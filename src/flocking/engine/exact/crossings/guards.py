@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Indices
+from flocking.engine.exact.crossings.nearby_pairs import BASE, NearbyPairs, all_pairs
 from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, first_above, part_from, smallest_value
 from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
@@ -111,14 +112,14 @@ def crossings(
     tuple
         Crossing positions in [0, 1], shape (k,), and ordered pairs, shape (k, 2).
     """
-    given = B, far, near, active, enter, leave, directed, slack, P
+    given = B, far, near, active, enter, leave, directed, slack, P, all_pairs(B.shape[1])
     return places_and_pairs(all_rows(lambda found: int(find_crossings(*given, found)), 3))
 
 
 @native_apart
 def find_crossings(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool, slack: float,
-    P: Array, found: Array,
+    P: Array, nearby: NearbyPairs, found: Array,
 ) -> int:  # fmt: skip
     """Fill the rows (place, i, j) of `crossings`, as many as fit; returns their total number.
 
@@ -126,6 +127,8 @@ def find_crossings(
     ----------
     B, far, near, active, enter, leave, directed, slack, P
         As for `crossings`.
+    nearby
+        Pairs that are looked at.
     found
         The rows, shape (room, 3).
     """
@@ -133,8 +136,9 @@ def find_crossings(
     count = 0
     square = np.empty(15)
     for i in range(n):
-        for j in range(0 if directed else i + 1, n):
-            if i == j or not active[i, j]:
+        for e in range(nearby.starts[i], nearby.starts[i + 1]):
+            j = nearby.partners[e]
+            if (j < i and not directed) or not active[i, j]:
                 continue
             level = leave[i] if near[i, j] else enter[i]
             if level == np.inf or (level <= 0.0 and not near[i, j]):
@@ -161,7 +165,9 @@ def find_crossings(
 
 
 @native
-def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: float, found: Array) -> None:
+def find_closest(
+    B: Array, far: Array, linked: Links, nearby: NearbyPairs, best_linked: float, best_free: float, found: Array
+) -> None:
     """Closest approach on the segment of a linked and of an unlinked pair, where closer than the best so far.
 
     Parameters
@@ -172,6 +178,8 @@ def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_f
         See `flocking.engine.integrator.segment.Motion`.
     linked
         Links during the segment, shape (N, N).
+    nearby
+        Pairs that are looked at, unless others may be closer than the closest so far.
     best_linked, best_free
         Smallest distances of linked and of unlinked pairs so far.
     found
@@ -182,8 +190,14 @@ def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_f
         found[row, 0] = best_free**2 if row else best_linked**2
         found[row, 1], found[row, 2], found[row, 3] = NEVER, -1.0, -1.0
     square = np.empty(15)
+    # Linked pairs are all in the list.
+    whole = best_free > nearby.bounds[BASE]
     for i in range(n):
-        for j in range(i + 1, n):
+        first, last = (i + 1, n) if whole else (nearby.starts[i], nearby.starts[i + 1])
+        for e in range(first, last):
+            j = e if whole else nearby.partners[e]
+            if j < i:
+                continue
             row = 0 if (linked[i, j] or linked[j, i]) else 1
             d2 = 0.0
             for k in range(B.shape[2]):

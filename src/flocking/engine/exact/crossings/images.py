@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from flocking.arrays import Indices
 from flocking.engine.exact.crossings.band_guards import within_error
 from flocking.engine.exact.crossings.guards import crossings, find_closest
+from flocking.engine.exact.crossings.nearby_pairs import all_pairs
 from flocking.engine.integrator.segment import ROUNDING, Motion
 from flocking.engine.kernels.bernstein import NEVER
 from flocking.model.checks import Array
@@ -247,7 +248,7 @@ def image_closest(
                 path = paths(B, i[k : k + 1], j[k : k + 1], shift[k : k + 1])
                 found, link = np.empty((2, 4)), np.array([[False, row == 0], [row == 0, False]])
                 best = float(np.sqrt(rows[row, 0]))
-                find_closest(path, far[[i[k], j[k]]], link, best, best, found)
+                find_closest(path, far[[i[k], j[k]]], link, all_pairs(2), best, best, found)
                 if found[row, 1] <= 1.0:
                     rows[row] = found[row, 0], found[row, 1], i[k], j[k]
                     closest[row] = path
