@@ -51,6 +51,7 @@ HOMES = {
     "let native functions use another operation": "_KNOWN: dict[",
     "change the relative tolerance of the exact engine's integration method": "RELATIVE =",
     "change how a crossing of a distance is located": "def crossings(",
+    "change which pairs the native loop looks at": "def require_pairs(",
     "change which switches the native loop applies by itself": "def judge_switches(",
     "change how pairs that act on each other are computed": "def mutual_loop(",
     "change the companion solution that estimates the integration error": "class Companion",

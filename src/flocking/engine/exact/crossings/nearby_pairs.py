@@ -61,7 +61,7 @@ def all_pairs(n: int) -> NearbyPairs:
 
 
 def unknown_pairs(watches: PairWatches, n: int) -> NearbyPairs:
-    """A list of pairs of ``n`` agents that is still to be made."""
+    """A list of pairs of ``n`` agents under some ``watches`` that is still to be made."""
     levels = np.concatenate([watches.enter.ravel(), watches.leave.ravel()])
     top = float(levels[np.isfinite(levels)].max(initial=0.0))
     room = max(n * (n - 1), 1)
@@ -120,6 +120,6 @@ def require_pairs(nearby: NearbyPairs, motion: Motion, watches: PairWatches, lin
 
 
 def note_displacements(nearby: NearbyPairs, far: Array) -> None:
-    """Take a step in, on which no agent moves by more than ``far``, shape (N,); for native functions."""
+    """Take in that no agent of ``nearby`` has moved by more than ``far`` on a step, shape (N,); for native functions."""
     for i in range(far.shape[0]):
         nearby.moved[i] += far[i]
