@@ -120,6 +120,6 @@ def require_pairs(nearby: NearbyPairs, motion: Motion, watches: PairWatches, lin
 
 
 def note_displacements(nearby: NearbyPairs, far: Array) -> None:
-    """Take in that no agent of ``nearby`` has moved by more than ``far`` on a step, shape (N,); for native functions."""
+    """Take in that no agent of ``nearby`` moved by more than ``far``, shape (N,), on a step; for native functions."""
     for i in range(far.shape[0]):
         nearby.moved[i] += far[i]
