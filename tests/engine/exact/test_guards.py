@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flocking.engine.exact.crossings.guards import crossings, deepest_dip, find_closest, squared_distance
+from flocking.engine.exact.crossings.nearby_pairs import all_pairs
 from flocking.engine.exact.crossings.view_guards import first_all_above
 from flocking.engine.integrator.segment import Segment, bound_excursions
 from flocking.engine.kernels.bernstein import NEVER, first_above, smallest_value
@@ -22,10 +23,10 @@ def reach(B):
     return far
 
 
-def closest(*given):
+def closest(B, far, linked, best_linked, best_free):
     """Closest approaches, a row for linked pairs and one for the others."""
     found = np.empty((2, 4))
-    find_closest(*given, found)
+    find_closest(B, far, linked, all_pairs(B.shape[1]), best_linked, best_free, found)
     return found
 
 
