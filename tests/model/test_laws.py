@@ -12,6 +12,7 @@ from flocking.model.graphs.weights import pair_uniform
 PSI = fk.Potential("1/r + 1/(R - r)", R=4)
 GRAPH = fk.Proximity(4)
 START = fk.start.box(3, side=2, seed=1)
+ONE_WAY = np.array([[0, 0, 1], [0, 0, 0], [0, 0, 0]], dtype=bool)
 
 
 def law(*terms, graph=GRAPH):
@@ -118,12 +119,22 @@ TWO = fk.State([[0, 0], [0, 0.0]])
         (lambda: fk.Scenario(law(), TWO, 1), r"agents 0 and 1 at the same point; got \[0.0, 0.0\]"),
         (lambda: fk.Scenario(law(fk.Gradient(PSI, over=fk.Fixed.complete(2)), graph=fk.Fixed(2, [])), TWO, 1),
          "agents 0 and 1 at the same point"),
+        (lambda: fk.Scenario(law(), fk.State(START.q, START.p, links=ONE_WAY), 1),
+         "links must be mutual under .*agent 0 senses agent 2, which does not sense it"),
         (lambda: fk.control(law(), START.q), "state must be a State"),
     ],
 )  # fmt: skip
 def test_bad_input_is_explained(make, words):
     with pytest.raises(InvalidInput, match=words):
         make()
+
+
+def test_links_of_one_way_are_fine_under_a_directed_graph() -> None:
+    start = fk.State(START.q, START.p, links=ONE_WAY)
+    run = fk.simulate(
+        fk.Scenario(law(fk.Consensus(), graph=fk.Fixed(3, [(0, 2)], directed=True)), start, 0.1), progress=False
+    )
+    assert (run.p[-1, 2] == START.p[2]).all()
 
 
 def test_coincident_agents_are_fine_where_nothing_is_singular():

@@ -16,6 +16,7 @@ from flocking.model.bodies.body import Body
 from flocking.model.energy import Energy
 from flocking.model.graphs.coincident_starts import coincident_groups, linked_pair
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.mutual_links import check_mutual
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, Nested, Unwritten, add_group
@@ -241,8 +242,9 @@ class Scenario(ScenarioCell):
     Raises
     ------
     InvalidInput
-        When parts disagree in number of agents or dimensions, times are out of order, two agents coincide
-        under a potential that is singular there, or the law cannot act in the space, see
+        When parts disagree in number of agents or dimensions, times are out of order, links of the start are not
+        mutual under an undirected graph, two agents coincide under a potential that is singular there, or the law
+        cannot act in the space, see
         `flocking.model.space_checks.check_space`.
     """
 
@@ -288,6 +290,8 @@ class Scenario(ScenarioCell):
         self.law.check_count(self.start.n, self.start.dimension)
         check_space(self.space, self.law.graphs, self.law.body_terms, self.start.dimension)
         check_steering(self.space, self.law.steering_terms, self.agents)
+        if self.start.links is not None:
+            check_mutual(self.law.graph, self.start.links)
         self._check_coincidence()
         check_reach(self.law.pair_terms, self.law.graph)
 

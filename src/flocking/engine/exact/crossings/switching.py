@@ -21,6 +21,7 @@ from flocking.engine.kernels.mutual_pairs import upper_first
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.mutual_links import check_mutual
 from flocking.model.graphs.views import FieldOfView
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
@@ -96,6 +97,8 @@ class LinkState:
         self.links: list[Links] = [np.array(g.links_in(space, q, headings)) for g in self.graphs]
         if links is not None:
             self.links[0] = np.array(links)
+        for graph, given in zip(self.graphs, self.links, strict=True):
+            check_mutual(graph, given)
         self.watches = watches_of(law, len(q))
         self.near: list[Links] = [self._near_at(q, w) for w in self.watches]
         self.contacts = ObstacleContacts(law)
