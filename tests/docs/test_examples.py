@@ -20,6 +20,7 @@ BEFORE = {
     "before_the_run": "",
     "safety_filter": "",
     "audit_data": "",
+    "released_programs": "",
     "two_papers": "",
     "large_groups": "import flocking as fk",
     "writing_laws": (

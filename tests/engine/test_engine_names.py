@@ -16,6 +16,8 @@ FOLDERS = tuple(f"flocking.engine.{name}" for name in BUILT_IN)
 MAY_IMPORT = {
     "__init__.py",  # gives ExactSession its public name
     "engine/driver/registry.py",
+    "engine/c_export/exported_law.py",  # what the sampled engine asks of a safety filter
+    "engine/c_export/safety_source.py",  # numbers of the sampled engine's safety filter, which exported C repeats
     "engine/driver/lammps_export.py",  # writes an input deck and runs nothing
     "engine/nodes/session.py",  # the sampled engine's world, with agents in processes of their own
     "study/evidence/repetitions.py",  # repeats runs of the delayed engine with shorter steps

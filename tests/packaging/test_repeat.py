@@ -27,6 +27,7 @@ LEFT_OUT = {
     "tests/papers/test_own_paper.py": "runs a program to its end, without limit",
     "tests/repeat.py": "no tests: runs the repetitions",
     "tests/show/test_output.py": "runs programs to their end, without limit",
+    "tests/study/certificates/random_promises.py": "no tests: a program that goes on until it is stopped",
     "tests/test_floors.py": "runs ruff to its end, without limit",
     "tests/validation": "clocks are printed, not judged",
 }

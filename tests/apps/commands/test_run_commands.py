@@ -92,7 +92,7 @@ def test_every_option_of_the_engine_is_reached(large: Path, tmp_path: Path, caps
         (["--precision", "half"], "precision must be one of float64, float32"),
         (["--threads", "0"], "threads"),
         (["--step", "-1"], "step"),
-        (["--engine", "exact", "--scheme", "rk4"], "scheme is only an option of engine='tiles'"),
+        (["--engine", "exact", "--scheme", "rk4"], "scheme is only an option of --engine tiles"),
     ],
 )
 def test_wrong_options_are_refused(

@@ -93,6 +93,7 @@ def test_a_browser_is_opened_but_not_from_a_notebook_whose_cell_shows_the_page(
     assert seen == ["opened nowhere"] * 3
 
 
+@pytest.mark.server
 def test_a_port_that_is_taken_between_the_look_and_the_start_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """As when two labs start at once."""
     from flocking.apps.lab.access.web_server import WebServer

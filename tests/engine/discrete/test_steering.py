@@ -146,8 +146,6 @@ def test_what_states_no_formulas_is_refused_where_it_would_be_left_out():
         fk.simulate(made, engine="tiles", progress=False)
     with pytest.raises(UnsupportedLaw, match="states no formulas"):
         fk.Controller(made.law, 0, agents=25, dimension=3)
-    with pytest.raises(UnsupportedLaw, match="states no formulas"):
-        fk.control_of(made.law, fk.Agent([0.0, 0, 0], [1.0, 0, 0]), [])
     flat = fk.State(made.start.q, made.start.p)
     with pytest.raises(fk.InvalidInput, match="acts about a place"):
         fk.Scenario(made.law, flat, t_end=1.0, agents=made.agents, control=made.control, space=fk.Periodic([99.0] * 3))

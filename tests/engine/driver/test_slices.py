@@ -205,7 +205,7 @@ def test_an_interrupt_within_a_step_leaves_the_session_whole(monkeypatch):
     draw = np.random.default_rng(0)
 
     def check():
-        if draw.random() < 0.5:
+        if draw.random() < 0.9:
             raise interruption.Noted
 
     monkeypatch.setattr(interruption, "check", check)

@@ -181,4 +181,4 @@ def test_the_command_refuses_what_is_not_so(tmp_path, capsys):
     assert main(["nodes", str(path), "--agents", "12"]) == 2
     assert "must be the number of agents of the scenario, 5" in capsys.readouterr().err
     assert main(["nodes", "zhou-2015"]) == 2
-    assert "need control=Held" in capsys.readouterr().err
+    assert 'need control = {kind = "held"}' in capsys.readouterr().err

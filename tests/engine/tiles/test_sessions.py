@@ -245,7 +245,7 @@ def test_bad_numbers_are_caught_with_the_agent_named():
 
 
 def test_a_nan_from_the_formula_is_caught():
-    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("sqrt(r - 0.5)"))])
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("sqrt(r - 0.5)"))])
     start = fk.State([[0.0, 0.0], [0.9, 0.0]], [[0.5, 0.0], [-0.5, 0.0]])
     with pytest.raises(fk.SimulationError) as caught:
         fk.simulate(fk.Scenario(law, start, t_end=2, frames=3), engine="tiles", step=0.01, progress=False)

@@ -9,6 +9,7 @@ import flocking as fk
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.motion_source import RATES
+from flocking.engine.kernels.mutual_pairs import upper_first
 from flocking.engine.kernels.pieces import free_pieces
 from tests.bodies import Actuated
 
@@ -18,7 +19,7 @@ N = 3
 def double_integrators():
     """dq/dt = p and m dp/dt = u - k p; agents of first order move with u. The ledger comes after them."""
     rng = np.random.default_rng(5)
-    pairs = [k.astype(np.int64) for k in np.nonzero(~np.eye(N, dtype=bool))]
+    pairs = [k.astype(np.int64) for k in upper_first(~np.eye(N, dtype=bool), directed=False)]
     for m in (1, 2, 3):
         law = fk.Law(fk.Proximity(10.0), [fk.Consensus(0.7), fk.Track(fk.Sink(np.arange(1.0, m + 1)), 0.4, 0.3)])
         for order in (1, 2):
@@ -47,7 +48,7 @@ def double_integrators():
 def other_bodies():
     """Further columns have the rates that they state; power that a body adds departs, and counts as supplied too."""
     rng = np.random.default_rng(6)
-    pairs = [k.astype(np.int64) for k in np.nonzero(~np.eye(N, dtype=bool))]
+    pairs = [k.astype(np.int64) for k in upper_first(~np.eye(N, dtype=bool), directed=False)]
     tau, leader = 0.7, fk.Velocity([0.3, -0.2])
     masses, damping = rng.uniform(0.5, 2.0, (2, N))
     layout = Layout(fk.Law(fk.Proximity(10.0), [fk.Consensus(0.7)]), fk.Energy("leader", leader),

@@ -36,7 +36,7 @@ def plot(
     source
         Folder of a run, a name that 'flocking list' shows, or a TOML file.
     kind
-        What to draw: net, density, energy, phase, spread, connectivity, closest, links, departed, velocities,
+        What to draw: net, density, energy, phase, spread, connectivity, lattice, closest, links, departed, velocities,
         positions, errors or series (a sheet of several); once for each picture. '--kind list' prints them.
     out
         The file, ending in .svg, .png or .pdf; SVG and PNG of that name without such an ending. Beside the run's

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from flocking.engine.c_export.exported_law import ExportedLaw
+from flocking.model.world.safety_filters import SAMPLED
 
 STATUS = (
     ("OK", "the force is valid"),
@@ -38,7 +39,7 @@ def header(law: ExportedLaw, name: str, *, single: bool) -> str:
     x, X = f"{name}_", f"{name.upper()}_"
     kept = (
         f"    {x}real normals[{X}NEIGHBOURS][{X}DIMENSION]; /* lines along which neighbours were braked for */\n"
-        if law.filter is not None and law.filter.form == "sampled"
+        if law.filter is not None and law.filter.form == SAMPLED
         else ""
     )
     velocity = (

@@ -7,6 +7,7 @@ import numpy as np
 from flocking.arrays import Array
 from flocking.engine.c_export.exported_law import ExportedGraph, ExportedLaw
 from flocking.formula.c_source import CSource
+from flocking.model.world.safety_filters import SAMPLED
 from flocking.model.world.times import NANOSECOND
 
 
@@ -163,7 +164,7 @@ def _interface(law: ExportedLaw, x: str, X: str) -> str:
     fresh, made = "", ""
     if law.filter is not None:
         fresh = "    memory->filtered = 0u;\n    memory->relaxed = 0u;\n"
-        if law.filter.form == "sampled":
+        if law.filter.form == SAMPLED:
             made = (
                 f"        for (k = 0u; k < {X}DIMENSION; k++)\n        {{\n"
                 f"            memory->normals[slot][k] = ({x}real)0;\n        }}\n"

@@ -13,7 +13,7 @@ from flocking.engine.c_export.stopping_source import ACCELERATION, PATHS, PLANES
 from flocking.engine.sampled.safety import ASKED
 from flocking.engine.sampled.stopping import RELAXED, ROUNDING, SHARES
 from flocking.formula.c_source import CSource
-from flocking.model.world.safety_filters import SafetyFilter
+from flocking.model.world.safety_filters import SAMPLED, SafetyFilter
 from flocking.model.world.times import NANOSECOND
 
 SINGLE_RELAXED = 1e-5
@@ -45,7 +45,7 @@ def safety_source(law: ExportedLaw, c: CSource) -> str:
     numbers = {"most": control.accelerations(n), "mass": np.broadcast_to(np.asarray(law.scenario.agents.masses), n)}
     if control.form != "continuous":
         numbers["period"] = np.broadcast_to(period, n)
-    if control.form == "sampled":
+    if control.form == SAMPLED:
         numbers["decay"] = np.exp(-control.gain * numbers["period"])
     obstacles = len(control.obstacles)
     text = "".join(of_agent(c, name, values) for name, values in numbers.items())

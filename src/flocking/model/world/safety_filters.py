@@ -27,6 +27,9 @@ FORMS = ("sampled", "continuous", "stopping")
 """Conditions of the filter: of pairs, for forces that are held for a period and for forces that change at every moment;
 and of stopping paths, for held forces and groups of any size."""
 
+SAMPLED = FORMS[0]
+"""The form for forces that are held for a period."""
+
 
 @register_part("safety_filter")
 @dataclass(frozen=True, eq=False)
