@@ -19,6 +19,7 @@ MAY_IMPORT = {
     "engine/c_export/exported_law.py",  # what the sampled engine asks of a safety filter
     "engine/c_export/safety_source.py",  # numbers of the sampled engine's safety filter, which exported C repeats
     "engine/driver/lammps_export.py",  # writes an input deck and runs nothing
+    "engine/nodes/nodes.py",  # agents that filter their forces themselves, as that engine does
     "engine/nodes/session.py",  # the sampled engine's world, with agents in processes of their own
     "study/evidence/repetitions.py",  # repeats runs of the delayed engine with shorter steps
     "study/certificates/safety_certificates.py",  # the braking paths of which the certificate speaks
