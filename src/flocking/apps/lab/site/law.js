@@ -51,7 +51,7 @@ export class LawPanel {
     box.className = "pot";
     box.dataset.path = key(potential.path);
     const many = this.law.potentials.length > 1 ? ` of term ${potential.path[2] + 1}` : "";
-    box.append(fragment(`<h3>Potential ψ(r)${many}</h3>
+    box.append(fragment(`<h3>Potential <var>ψ(r)</var>${many}</h3>
       <canvas role="img" aria-label="The potential, the force, and how often each distance occurs"></canvas>
       <div class="keys"><span><i style="color:var(--accent)"></i>ψ(r)</span><span><i style="color:var(--force);border-top-style:dashed"></i>force ψ′(r)</span><span>bars: how often each distance occurs</span></div>
       <textarea aria-label="Formula of the potential" spellcheck="false"></textarea>
