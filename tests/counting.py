@@ -50,10 +50,10 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
 
 
 def seconds_of_files(reports: Iterable[Any]) -> Counter[str]:
-    """Seconds of the tests of each file, fixtures included."""
+    """Seconds of the tests of each file, fixtures included; files that could not be read have none."""
     seconds: Counter[str] = Counter()
     for report in reports:
-        seconds[report.nodeid.partition("::")[0]] += report.duration
+        seconds[report.nodeid.partition("::")[0]] += getattr(report, "duration", 0.0)
     return seconds
 
 

@@ -133,7 +133,7 @@ SCENARIOS = {
     "single integrators": scenario(agents=fk.SingleIntegrator(headings=np.arange(5) * 0.1)),
     "energy": scenario(energy=fk.Energy("centre of mass", unlinked=0.1, name='J "tilde" \\')),
     "frames": scenario(frames=(0.0, 0.1, 0.30000000000000004 - 1e-16), tolerance=1e-7, seed=2**40, name="naïve é"),
-    "links": scenario(start=fk.State(START.q, START.p, 0.1, np.eye(5, k=1, dtype=bool))),
+    "links": scenario(start=fk.State(START.q, START.p, 0.1, np.eye(5, k=1, dtype=bool) | np.eye(5, k=-1, dtype=bool))),
     "no links": scenario(start=fk.State(START.q, links=np.zeros((5, 5), bool))),
     "obstacles": scenario(
         terms=(
