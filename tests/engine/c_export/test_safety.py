@@ -61,6 +61,33 @@ def test_the_force_is_that_of_the_filter(form, m, tmp_path):
     assert relaxed > 1
 
 
+POLES = fk.Law(fk.Proximity(4.0), [fk.Gradient(fk.Potential("1/r**2 + 1/(R - r)**2 + exp(-r)", R=4.0))])
+PAIR = fk.State([[0.0, 0.0], [2.0, 0.0]], [[0.0, 0.0], [0.0, 0.0]])
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("form", ["sampled", "continuous", "stopping"])
+def test_a_force_that_is_far_too_large_is_one_of_the_largest_size_allowed(form, single, tmp_path):
+    """A law with an exponential function and poles, whose force is up to 1e20 times what is allowed."""
+    control = fk.SafetyFilter(0.05, distance=0.3, acceleration=6.0, form=form)
+    compiled = CompiledLaw(tmp_path, fk.Scenario(POLES, PAIR, 1.0, control=control), float32=single)
+    for gap in (1e-3, 1e-5, 5e-7):
+        q = np.array([[0.0, 0.0], [4.0 - gap, 0.0]])
+        code, u = called(compiled, compiled.begin(0), 0, q, np.zeros((2, 2)), [1], 0)
+        assert code == CODES["OK"]
+        np.testing.assert_allclose(u, [6.0, 0.0], rtol=1e-4)
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_a_force_whose_square_overflows_has_the_size_of_the_limit(single, tmp_path):
+    compiled = CompiledLaw(tmp_path, fk.Scenario(POLES, PAIR, 1.0), float32=single, limit=5.0)
+    for gap in (1e-3, 5e-7, 2.5e-7) if single else (1e-3, 1e-15):
+        q = np.array([[0.0, 0.0], [4.0 - gap, 0.0]])
+        code, u = called(compiled, compiled.begin(0), 0, q, np.zeros((2, 2)), [1], 0)
+        assert code == CODES["OK"]
+        np.testing.assert_allclose(u, [5.0, 0.0], rtol=1e-6)
+
+
 @pytest.mark.parametrize("m", [2, 3])
 def test_forces_of_single_precision_keep_the_conditions(m, tmp_path):
     """Conditions of pairs are kept within a hundredth of the largest acceleration, and nothing nearer is given away.

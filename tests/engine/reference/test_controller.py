@@ -130,7 +130,8 @@ def test_space_averages_schedules_and_fixed_graphs():
         ({"p": [[0.0]]}, "q must be 2 numbers"),
         ({"ids": [2, 2], "q": [[2.0, 0.0]] * 2, "p": [[0.0, 0.0]] * 2}, "ids must differ"),
         ({"ids": [-1]}, "ids must be from 0"), ({"t": -1.0}, "t must not be before"),
-        ({"t": np.nan}, "t must not be before"), ({"q": [[np.nan, 0.0]]}, "must be finite"),
+        ({"t": np.nan}, "t must be finite"), ({"t": np.inf}, "t must be finite"),
+            ({"q": [[np.nan, 0.0]]}, "must be finite"),
         ({"own_p": [np.inf, 0.0]}, "must be finite"), ({"q": [[0.0, 0.0]]}, "where the force of the law is finite"),
     ],
 )  # fmt: skip

@@ -275,3 +275,15 @@ def test_wrong_values_are_refused(make, said):
 def test_agents_that_do_not_brake_by_their_force_alone_are_refused(agents):
     with pytest.raises(UnsupportedLaw, match="undamped point masses"):
         fk.start(crossing(filtered(0.1), agents=agents))
+
+
+@pytest.mark.parametrize("size", [1e3, 1e7, 1e13, 1e20, 1e200, 1e308])
+def test_what_is_nearest_to_a_far_acceleration_is_that_of_its_direction(size):
+    """A condition along an axis, and a disc of radius 6: towards the disc alone, or the corner of both."""
+    normals, bounds = np.array([[1.0, 0.0]]), np.array([-3.0])
+    free, there = nearest(np.array([size, 0.3 * size]), normals, bounds, 6.0)
+    np.testing.assert_allclose(free, 6.0 * np.array([1.0, 0.3]) / np.hypot(1.0, 0.3), rtol=1e-9)
+    held, also = nearest(np.array([-size, 0.3 * size]), normals, bounds, 6.0)
+    np.testing.assert_allclose(held, [-3.0, np.sqrt(27.0)], rtol=1e-9)
+    assert there
+    assert also

@@ -9,6 +9,12 @@ from flocking.engine.c_export.safety_source import safety_source
 from flocking.engine.kernels.displacements import displacement_lines
 from flocking.formula.c_source import CSource
 
+LARGEST = {False: 1.7e308, True: 3.4e38}
+"""Nearly the largest number, in double and in single precision: what is above it is infinite."""
+
+SCALED = {False: 2.0**-520, True: 2.0**-70}
+"""Factor at which squares of all finite numbers, and sums of four of them, are finite."""
+
 
 def block(lines: Iterable[str], depth: int) -> str:
     """The ``lines`` as text, indented by ``depth`` levels of four blanks."""
@@ -57,11 +63,16 @@ def entry_source(law: ExportedLaw, name: str, c: CSource, lengths: Sequence[str]
     limit = []
     if law.limit is not None:
         most = c.literal(law.limit)
-        limit = [f"const {real} size = {x}sqrt({' + '.join(f'(u[{k}] * u[{k}])' for k in range(m))});"]
-        limit += [f"if (size > {most})", "{"]
+        length = f"size = {x}sqrt({' + '.join(f'(u[{k}] * u[{k}])' for k in range(m))});"
+        limit = [f"{real} {length}"]
+        # Where a square overflows, the direction is that of the same force by a power of two, which changes no digit.
+        share = [f"    u[{k}] = u[{k}] * ({most} / size);" for k in range(m)] + ["    memory->saturated = 1u;", "}"]
+        limit += [f"if (size > {c.literal(LARGEST[c.single])})", "{"]
+        limit += [f"    u[{k}] = u[{k}] * {c.literal(SCALED[c.single])};" for k in range(m)]
+        limit += [f"    {length}", *share, f"else if (size > {most})", "{"]
         limit += [f"    const {real} share = {most} / size;"]
         limit += [f"    u[{k}] = u[{k}] * share;" for k in range(m)]
-        limit += ["    memory->saturated = 1u;", "}"]
+        limit += ["    memory->saturated = 1u;", "}", "else", "{", "    /* No longer than the limit. */", "}"]
     # What was filtered was so by the last call.
     flags = ["memory->filtered = 0u;", "memory->relaxed = 0u;"] if law.filter is not None else []
     limit += [f"{x}filter(memory, q, p, &seen, u);"] if law.filter is not None else []

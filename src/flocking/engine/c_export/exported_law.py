@@ -191,7 +191,7 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
     if kept > MOST_NEIGHBOURS:
         raise InvalidInput(
             "export_c", "neighbours", f"must be at most {MOST_NEIGHBOURS}", kept,
-            "Give the largest number of neighbours that an agent may have, as in --neighbours 16.",
+            "Give the largest number of agents that one may hear at a time, as in --neighbours 16.",
         )  # fmt: skip
     layout = Layout(law, Energy(), space=scenario.space, steering=True)
     formulas = law_formulas(layout, m, integrals=False)

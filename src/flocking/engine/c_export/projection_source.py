@@ -23,18 +23,21 @@ class Slacks:
         Relaxation, by the largest acceleration, that rounding explains.
     halvings
         Halvings of an interval in which a share or a relaxation is sought: the bits of a number, and a few.
+    farthest
+        Largest acceleration that is looked at, by the largest one allowed.
     """
 
     rounding: float
     parallel: float
     relaxed: float
     halvings: int
+    farthest: float
 
 
-DOUBLE = Slacks(1e-12, 1e-6, 1e-9, 60)
+DOUBLE = Slacks(1e-12, 1e-6, 1e-9, 60, 1e6)
 """Those of `flocking.engine.sampled.nearest_force`."""
 
-SINGLE = Slacks(2e-6, 3e-4, 1e-4, 28)
+SINGLE = Slacks(2e-6, 3e-4, 1e-4, 28, 1e3)
 """A scalar product of three numbers rounds by 3e-7 of its largest; the others follow as in double precision."""
 
 
@@ -96,7 +99,7 @@ def projection_source(c: CSource, dimension: int, conditions: int) -> str:
         for level in reversed(range(dimension + 1))
     )
     text = (_TYPES + levels + _NEAREST).replace("@conditions@", str(max(conditions, 1)))
-    for name in ("rounding", "parallel", "relaxed"):
+    for name in ("rounding", "parallel", "relaxed", "farthest"):
         text = text.replace(f"@{name}@", f"#{getattr(slacks, name)!r}#")
     return filled(text.replace("@halvings@", str(slacks.halvings)), c)
 
@@ -331,11 +334,45 @@ static uint32_t $xwithin(const $xconditions *all, $real shift, const $real wante
     return found;
 }
 
-/* The acceleration nearest to wanted that satisfies all conditions; where none does, all are relaxed by the least
-   amount for which one does. Gives whether none was relaxed. */
-static uint32_t $xnearest(const $xconditions *all, const $real wanted[$XDIMENSION], $real most, $real u[$XDIMENSION])
+/* A vector of the same direction that is no longer than most, also where its square overflows. */
+static void $xshortened(const $real from[$XDIMENSION], $real most, $real to[$XDIMENSION])
 {
-    uint32_t fits = $xwithin(all, #0#, wanted, most, u);
+    $real largest = #0#;
+    uint32_t k;
+    for (k = 0u; k < $XDIMENSION; k++)
+    {
+        const $real size = (from[k] < #0#) ? (-from[k]) : from[k];
+        largest = (size > largest) ? size : largest;
+        to[k] = from[k];
+    }
+    if (largest > #0#)
+    {
+        $real unit[$XDIMENSION];
+        $real length;
+        for (k = 0u; k < $XDIMENSION; k++)
+        {
+            unit[k] = from[k] / largest;
+        }
+        length = $xsqrt($xdot(unit, unit));
+        if (length > (most / largest))
+        {
+            for (k = 0u; k < $XDIMENSION; k++)
+            {
+                to[k] = unit[k] * (most / length);
+            }
+        }
+    }
+}
+
+/* The acceleration nearest to asked that satisfies all conditions; where none does, all are relaxed by the least
+   amount for which one does. Gives whether none was relaxed. */
+static uint32_t $xnearest_force(const $xconditions *all, const $real asked[$XDIMENSION], $real most,
+                                $real u[$XDIMENSION])
+{
+    $real wanted[$XDIMENSION];
+    uint32_t fits;
+    $xshortened(asked, @farthest@ * most, wanted);
+    fits = $xwithin(all, #0#, wanted, most, u);
     if (fits == 0u)
     {
         $real low = #0#;

@@ -225,7 +225,7 @@ _CONDITIONS = """    (void)q;
         }
         $xcondition(memory, slot, dp, dv, seen->distance[slot], &all);
     }
-    fits = $xnearest(&all, wanted, most, used);
+    fits = $xnearest_force(&all, wanted, most, used);
 """
 
 _FILTER = """/* The force that the agent exerts instead of u, by what it knows of all others. */

@@ -291,10 +291,11 @@ static void $xtowards(const $xconditions *all, const $real target[$XDIMENSION], 
 }
 
 /* An acceleration near the wanted one that keeps the agent on its side of planes; gives whether none was relaxed. */
-static uint32_t $xstopping($xconditions *all, const $real wanted[$XDIMENSION], const $real v[$XDIMENSION],
+static uint32_t $xstopping($xconditions *all, const $real asked[$XDIMENSION], const $real v[$XDIMENSION],
                            $real most, $real period, $real u[$XDIMENSION])
 {
-    const $real size = $xsqrt($xdot(wanted, wanted));
+    $real wanted[$XDIMENSION];
+    $real size;
     const $real speed = $xsqrt($xdot(v, v));
     $real first[$XDIMENSION];
     $real brake[$XDIMENSION];
@@ -302,6 +303,8 @@ static uint32_t $xstopping($xconditions *all, const $real wanted[$XDIMENSION], c
     $real rounded;
     uint32_t fits = 1u;
     uint32_t k;
+    $xshortened(asked, @asked@ * most, wanted);
+    size = $xsqrt($xdot(wanted, wanted));
     for (k = 0u; k < $XDIMENSION; k++)
     {
         first[k] = (size <= most) ? wanted[k] : (wanted[k] * (most / size));
@@ -349,7 +352,7 @@ static uint32_t $xstopping($xconditions *all, const $real wanted[$XDIMENSION], c
                 crossed.count++;
             }
         }
-        (void)$xnearest(&crossed, first, most, slide);
+        (void)$xnearest_force(&crossed, first, most, slide);
         $xtowards(all, slide, brake, v, most, period, other);
         for (k = 0u; k < $XDIMENSION; k++)
         {

@@ -297,7 +297,7 @@ class Controller:
         who = np.ascontiguousarray(who, dtype=np.int64)
         axes, shape = (self.m,), (len(who), self.m)
         known = places.shape == shape and speeds.shape == shape and who.ndim == 1 and integers
-        if not (t >= self.time and known and own.shape == axes and moving.shape == axes):
+        if not (self.time <= t < np.inf and known and own.shape == axes and moving.shape == axes):
             self._refuse(t, own, moving, who, places, speeds, integers=integers)
         if self.expires is not None:
             who, places, speeds = self._fresh(t, who, places, speeds, stamps)
@@ -364,6 +364,8 @@ class Controller:
             raise InvalidInput(
                 "Controller", "q", f"must be {self.m} numbers for each of ids, as p", f"{places.shape}, {speeds.shape}"
             )
+        if not np.isfinite(t):
+            raise InvalidInput("Controller", "t", "must be finite", t)
         if not t >= self.time:
             raise InvalidInput(
                 "Controller", "t", f"must not be before the last call, {self.time:g}", t, "Call reset() to begin anew."

@@ -18,6 +18,10 @@ FOUND = 1e-6
 HALVINGS = 60
 """Halvings of an interval in which a bound on the acceleration or a relaxation is sought."""
 
+FARTHEST = 1e6
+"""Largest acceleration that is looked at, by the largest one allowed. What is nearest to a farther one in the same
+direction hardly differs, and its size would hide whether the conditions hold."""
+
 CLOSED_FORM = 2
 """Number of binding conditions up to which the nearest acceleration is computed in closed form."""
 
@@ -36,6 +40,7 @@ def nearest(wanted: Array, normals: Array, bounds: Array, most: float) -> tuple[
     most
         a.
     """
+    wanted = shortened(wanted, FARTHEST * most)
     found = _within_ball(wanted, normals, bounds, most)
     if found is not None:
         return found, True
@@ -48,6 +53,16 @@ def nearest(wanted: Array, normals: Array, bounds: Array, most: float) -> tuple[
     found = _within_ball(wanted, normals, bounds - high, most)
     assert found is not None
     return found, high <= ROUNDED * most
+
+
+def shortened(wanted: Array, most: float) -> Array:
+    """A vector of the same direction that is no longer than ``most``, also where its square overflows."""
+    largest = float(np.abs(wanted).max())
+    if not largest > 0.0:
+        return wanted
+    unit = wanted / largest
+    length = float(np.linalg.norm(unit))
+    return wanted if length <= most / largest else np.asarray(unit * (most / length))
 
 
 def _within_ball(wanted: Array, normals: Array, bounds: Array, most: float) -> Array | None:
