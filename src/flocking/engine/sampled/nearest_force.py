@@ -56,7 +56,13 @@ def nearest(wanted: Array, normals: Array, bounds: Array, most: float) -> tuple[
 
 
 def shortened(wanted: Array, most: float) -> Array:
-    """A vector of the same direction that is no longer than ``most``, also where its square overflows."""
+    """A vector of the same direction that is no longer than ``most``, also where its square overflows.
+
+    Parameters
+    ----------
+    wanted
+        The vector, shape (m,).
+    """
     largest = float(np.abs(wanted).max())
     if not largest > 0.0:
         return wanted
