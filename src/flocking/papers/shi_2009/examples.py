@@ -5,6 +5,7 @@ Every function takes a factor of the number that determines its object; 1 gives 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
@@ -135,9 +136,9 @@ def definition(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]
 def least_value(scale: float) -> tuple[float, bool]:
     """Smallest value of (3) for a = 0.3 and b = 1.005 a/e, b times ``scale``; and whether 0.995 a/e is refused."""
     a = 0.3
-    psi = system.potential(a, 1.005 * scale * a / np.e, 2.0)
+    psi = system.potential(a, 1.005 * scale * a / math.e, 2.0)
     try:
-        system.potential(a, 0.995 * a / np.e, 2.0)
+        system.potential(a, 0.995 * a / math.e, 2.0)
     except InvalidInput:
         return smallest_value(psi, 2.0)[1], True
     return smallest_value(psi, 2.0)[1], False
