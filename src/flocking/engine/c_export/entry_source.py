@@ -65,14 +65,14 @@ def entry_source(law: ExportedLaw, name: str, c: CSource, lengths: Sequence[str]
         most = c.literal(law.limit)
         length = f"size = {x}sqrt({' + '.join(f'(u[{k}] * u[{k}])' for k in range(m))});"
         limit = [f"{real} {length}"]
-        # Where a square overflows, the direction is that of the same force by a power of two, which changes no digit.
-        share = [f"    u[{k}] = u[{k}] * ({most} / size);" for k in range(m)] + ["    memory->saturated = 1u;", "}"]
+        # Where a square overflows, the direction is that of the same force by a power of two; components below 1e-36 of
+        # the largest may lose digits.
+        shorten = ["{", f"    const {real} share = {most} / size;"]
+        shorten += [f"    u[{k}] = u[{k}] * share;" for k in range(m)] + ["    memory->saturated = 1u;", "}"]
         limit += [f"if (size > {c.literal(LARGEST[c.single])})", "{"]
         limit += [f"    u[{k}] = u[{k}] * {c.literal(SCALED[c.single])};" for k in range(m)]
-        limit += [f"    {length}", *share, f"else if (size > {most})", "{"]
-        limit += [f"    const {real} share = {most} / size;"]
-        limit += [f"    u[{k}] = u[{k}] * share;" for k in range(m)]
-        limit += ["    memory->saturated = 1u;", "}", "else", "{", "    /* No longer than the limit. */", "}"]
+        limit += [f"    {length}", *(f"    {line}" for line in shorten), "}"]
+        limit += [f"else if (size > {most})", *shorten, "else", "{", "    /* No longer than the limit. */", "}"]
     # What was filtered was so by the last call.
     flags = ["memory->filtered = 0u;", "memory->relaxed = 0u;"] if law.filter is not None else []
     limit += [f"{x}filter(memory, q, p, &seen, u);"] if law.filter is not None else []
