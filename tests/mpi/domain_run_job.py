@@ -102,7 +102,7 @@ def whole(save=None, die_at=None, t_end=0.4, frames=6, out=None, **_):
         if die_at is not None and session.time >= die_at and session.ranks.rank == doomed:
             os.kill(os.getpid(), signal.SIGKILL)
         take()
-        if session.ranks.first and session.steps == 3:
+        if out is not None and session.ranks.first and session.steps == 3:
             Path(f"{out}.part").write_text(str(os.getpid()))
             Path(f"{out}.part").rename(f"{out}.pid")
 
