@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import signal
-import sys
 import threading
-from types import FrameType
 
 import pytest
 
@@ -14,6 +12,7 @@ from flocking.engine import interruption
 from flocking.engine.exact import session
 from flocking.engine.exact.blocks.block import take_block
 from tests.engine.exact.test_sessions import particles
+from tests.interrupting import interrupted_at
 
 
 def test_a_real_signal_in_the_middle_of_a_step_ends_the_run_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,27 +69,17 @@ def test_a_signal_at_any_instruction_is_raised_or_kept_and_the_old_handler_comes
     before, instruction, met = signal.getsignal(signal.SIGINT), 0, True
     while met:
         instruction += 1
-        left, deferred, raised = [instruction], interruption.Deferred(), False
-
-        def trace(frame: FrameType, event: str, _: object, left: list[int] = left) -> object:
-            if frame.f_code.co_filename != interruption.__file__:
-                return None
-            frame.f_trace_opcodes = True
-            if event == "opcode":
-                left[0] -= 1
-                if left[0] == 0:
-                    signal.raise_signal(signal.SIGINT)
-            return trace
-
-        sys.settrace(trace)
+        deferred, raised, strike = interruption.Deferred(), False, None
         try:
-            with deferred:
+            with (
+                interrupted_at(instruction, lambda code: code.co_filename == interruption.__file__) as strike,
+                deferred,
+            ):
                 pass
         except KeyboardInterrupt:
             raised = True
-        finally:
-            sys.settrace(None)
-        met = left[0] <= 0
+        assert strike is not None
+        met = strike.came
         assert signal.getsignal(signal.SIGINT) is before, instruction
         assert not interruption.note(), f"half entered after {instruction} instructions"
         assert (raised or deferred.late) == met, instruction

@@ -21,6 +21,7 @@ LEFT_OUT = {
     "tests/docs/test_pages.py": "runs a command to its end; the limit of 50 minutes is for one that hangs",
     "tests/engine/c_export": "runs compilers to their end, without limit",
     "tests/engine/storage/storage_victim.py": "no tests: part of test_storage_kill.py",
+    "tests/interrupting.py": "no tests: a signal at an instruction, without a clock",
     "tests/mpi": "make test-mpi",
     "tests/packaging": "builds the package, without limit",
     "tests/papers/broken": "no tests: faults for test_broken_homes.py, under a limit of processor time",

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import signal
-import sys
 import threading
 from functools import cache
-from types import FrameType
 
 import numpy as np
 import pytest
@@ -19,6 +17,7 @@ from flocking.engine.driver.run_progress import Progress
 from flocking.engine.protocol.session import Session
 from flocking.errors import InvalidInput, NotFinite, RunsFailed, UnsupportedLaw
 from tests.engine.driver.test_chosen_engine import LAW
+from tests.interrupting import interrupted_at
 
 LONGEST = 600.0
 """Seconds after which a thread counts as one that never ends, on a busy machine."""
@@ -189,29 +188,14 @@ def test_an_interrupt_at_any_instruction_ends_all_threads(monkeypatch):
     endless = [zhou(seed).with_(t_end=1e9, frames=2) for seed in range(2)]
     shared = (threading.__file__, interruption.__file__)
     for instruction in range(1, 1000, 13):
-        left = [instruction]
-
-        def trace(frame: FrameType, event: str, _: object, left: list[int] = left) -> object:
-            if frame.f_code is not code and frame.f_code.co_filename not in shared:
-                return None
-            frame.f_trace_opcodes = True
-            if event == "opcode":
-                left[0] -= 1
-                if left[0] == 0:
-                    signal.raise_signal(signal.SIGINT)
-            return trace
-
-        raised, runs = False, ()
-        # Python 3.12 traces instructions only if a frame asked for them before.
-        sys._getframe().f_trace_opcodes = True
-        sys.settrace(trace)
+        raised, runs, strike = False, (), None
         try:
-            runs = simulate_many(endless, threads=2, progress=False)
+            with interrupted_at(instruction, lambda x: x is code or x.co_filename in shared) as strike:
+                runs = simulate_many(endless, threads=2, progress=False)
         except KeyboardInterrupt:
             raised = True
-        finally:
-            sys.settrace(None)
-        assert left[0] <= 0, instruction
+        assert strike is not None
+        assert strike.came, instruction
         for thread in working():
             thread.join(LONGEST)
         assert working() == [], f"threads go on after an interrupt at instruction {instruction}"

@@ -15,6 +15,7 @@ from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.terms import braking
 from flocking.model.world.random_numbers import Purpose, normal_axes
 from flocking.papers.vasarhelyi_2018 import closed_forms, parameters, system, theorems
+from tests.papers.homes.reynolds import refused
 from tests.papers.homes.stated_claims import agree_on
 from tests.papers.transcriptions.standard_laws import vasarhelyi as by_hand
 
@@ -28,12 +29,6 @@ LINES = ((0.4, 2.5), (3.2, 4.16), (1.1, 0.7))
 
 def forces(term, q=Q, p=P):
     return fk.control(fk.Law(fk.Proximity(1.0), (term,)), fk.State(q, p))
-
-
-def refused(part, wrong, given):
-    for name, value in wrong.items():
-        with pytest.raises(fk.InvalidInput, match=f"{part.__name__}: {name}"):
-            part(**{**given, name: value})
 
 
 def curve():

@@ -7,47 +7,31 @@ import gc
 import os
 import signal
 import struct
-import sys
 import threading
 import time
 from concurrent.futures import Future
-from types import FrameType
 
 import pytest
 
 from flocking.study.sweeps import worker_pool
 from flocking.study.sweeps.worker_pool import LocalProcesses, WorkerPool
+from tests.interrupting import interrupted_at
 
 SHARED = (threading.__file__, os.path.dirname(concurrent.futures.__file__))
 """Modules whose locks this thread shares with the one that hands out results."""
 
 
-def interrupted_at(instruction: int, future: Future[int]) -> tuple[bool, bool]:
+def awaited(instruction: int, future: Future[int]) -> tuple[bool, bool]:
     """Await a ``future`` with an interrupt at an instruction of shared modules: whether it came, and was raised."""
-    left = [instruction]
-
-    def trace(frame: FrameType, event: str, _: object) -> object:
-        if not frame.f_code.co_filename.startswith(SHARED):
-            return None
-        frame.f_trace_opcodes = True
-        if event == "opcode":
-            left[0] -= 1
-            if left[0] == 0:
-                signal.raise_signal(signal.SIGINT)
-        return trace
-
-    raised = False
-    # Python 3.12 traces instructions only if a frame asked for them before.
-    sys._getframe().f_trace_opcodes = True
-    sys.settrace(trace)
+    raised, strike = False, None
     try:
-        ended = WorkerPool().first_ended([future])
-        assert {x: WorkerPool.result(x) for x in ended} == {future: 7}
+        with interrupted_at(instruction, lambda code: code.co_filename.startswith(SHARED)) as strike:
+            ended = WorkerPool().first_ended([future])
+            assert {x: WorkerPool.result(x) for x in ended} == {future: 7}
     except KeyboardInterrupt:
         raised = True
-    finally:
-        sys.settrace(None)
-    return left[0] <= 0, raised
+    assert strike is not None
+    return strike.came, raised
 
 
 def test_an_interrupt_at_any_instruction_of_a_wait_leaves_no_lock_held() -> None:
@@ -67,7 +51,7 @@ def test_an_interrupt_at_any_instruction_of_a_wait_leaves_no_lock_held() -> None
 
         giver = threading.Thread(target=give, daemon=True)
         giver.start()
-        met, raised = interrupted_at(instruction, future)
+        met, raised = awaited(instruction, future)
         over.set()
         giver.join(20)
         assert not giver.is_alive(), f"a lock is held after an interrupt at instruction {instruction}"

@@ -105,6 +105,7 @@ def _spent(event: Event) -> float:
     return len(event["agents"]) * size
 
 
+@cache
 def _gap() -> Scenario:
     from flocking.papers.olfati_saber_2003.system import obstacle_scenario
 
