@@ -85,6 +85,18 @@ def test_help_imports_nothing_heavy() -> None:
     assert shown.returncode == 0, shown.stderr
 
 
+def test_a_run_whose_code_is_stored_imports_neither_sympy_nor_scipy_nor_zarr() -> None:
+    code = (
+        "import sys; from flocking.apps.cli import main; main(['run', 'zhou-2015', '--json']);"
+        "print({'sympy', 'scipy', 'zarr', 'matplotlib'} & set(sys.modules) or 'none', file=sys.stderr)"
+    )
+    said = [
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120).stderr.split()[-1:]
+        for _ in range(2)
+    ]
+    assert said[1] == ["none"], said  # the first one may have compiled
+
+
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert call(capsys, "--version")[:2] == (0, f"{fk.__version__}\n")
 

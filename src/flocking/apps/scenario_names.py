@@ -33,11 +33,12 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
     InvalidInput
         When there is no such name or file, or the file has faults.
     """
+    from flocking.papers import paper, paper_of
     from flocking.papers.showcases.files import TITLES, showcase_scenario
 
-    known = paper_scenarios()
-    if name in known:
-        return known[name][1](0 if seed is None else seed)
+    key = paper_of(name)
+    if key and name in (made := paper(key).scenarios()):
+        return made[name](0 if seed is None else seed)
     if name in TITLES:
         return showcase_scenario(name, seed)
     if Path(name).suffix == ".toml" or Path(name).exists():
@@ -51,5 +52,5 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
         "scenario",
         "must be a name that 'flocking list' shows, or a TOML file",
         name,
-        nearest(name, [*known, *TITLES]),
+        nearest(name, [*paper_scenarios(), *TITLES]),
     )

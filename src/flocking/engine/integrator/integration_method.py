@@ -1,4 +1,4 @@
-"""The method of Dormand and Prince of order 8 (DOP853): error of a step, length of the next one, and its polynomial.
+"""The method of Dormand and Prince of order 8 (DOP853): lengths of steps, their errors, and their polynomials.
 
 Coefficients are those of SciPy, after Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993.
 """
@@ -7,7 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from importlib.util import find_spec
 from math import comb
+from pathlib import Path
+from runpy import run_path
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +35,11 @@ THIRD_ORDER = 0.01
 
 EXPONENT = -1 / 8
 """Exponent of the error in the length of the next step, for an estimate of order 7."""
+
+STEP_SHARE, UNKNOWN, NEGLIGIBLE, CONSTANT, CONSTANT_SHARE = 0.01, 1e-6, 1e-5, 1e-15, 1e-3
+"""For the length of the first step, as in SciPy: the share of the state, or of a unit error, by which it may change;
+the length where norms say nothing; norms in units of the tolerance below which a state or slope says nothing, and below
+which a slope is constant; and the least share of the guess that is left then."""
 
 Stages = Callable[[int, int, int, float, Array, float, Array, Array, Array], Array]
 """Computes stages, see `flocking.engine.exact.dynamics.Dynamics.stages`."""
@@ -59,10 +67,12 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau() -> Tableau:
-    """Coefficients of the method."""
-    from scipy.integrate._ivp import dop853_coefficients as known
-
-    return Tableau(*map(np.ascontiguousarray, (known.C, known.A, known.E3, known.E5, known.D)))
+    """Coefficients of the method, from SciPy's file of them; its other integrators are not imported."""
+    package = find_spec("scipy")
+    assert package is not None
+    assert package.origin is not None
+    known = run_path(str(Path(package.origin).parent / "integrate" / "_ivp" / "dop853_coefficients.py"))
+    return Tableau(*(np.ascontiguousarray(known[name]) for name in ("C", "A", "E3", "E5", "D")))
 
 
 def _dense_to_bernstein() -> Array:
@@ -129,6 +139,40 @@ def error_norm(K: Array, h: float, before: Array, after: Array, tolerance: Array
     if three == 0.0 and five == 0.0:
         return 0.0
     return float(abs(h) * five / np.sqrt((five + THIRD_ORDER * three) * size))
+
+
+def first_length(
+    slope: Callable[[float, Array], Array], t: float, y: Array, known: Array, tolerance: Array, bound: float
+) -> float:
+    """Length of the first step (Hairer, Norsett & Wanner, section II.4), by one Euler step of a guessed length.
+
+    Parameters
+    ----------
+    slope
+        The slope at a time and a state.
+    t, y, known
+        Where the step begins, and the slope there, shape (size,).
+    tolerance
+        Absolute tolerance of each component, shape (size,).
+    bound
+        Time beyond which no slope is asked.
+    """
+    if bound == t:
+        return 0.0
+    scale = tolerance + np.abs(y) * RELATIVE
+
+    def size_of(vector: Array) -> float:
+        return float(np.linalg.norm(vector / scale) / y.size**0.5)
+
+    state, rate = size_of(y), size_of(known)
+    guess = UNKNOWN if state < NEGLIGIBLE or rate < NEGLIGIBLE else STEP_SHARE * state / rate
+    guess = min(guess, bound - t)
+    change = size_of(slope(t + guess, y + guess * known) - known) / guess
+    if rate <= CONSTANT and change <= CONSTANT:
+        length = max(UNKNOWN, guess * CONSTANT_SHARE)
+    else:
+        length = (STEP_SHARE / max(rate, change)) ** -EXPONENT
+    return min(100.0 * guess, length, bound - t)
 
 
 @native

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
-from typing import cast
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from flocking.engine.integrator.integration_method import (
     TO_BERNSTEIN,
     Stages,
     error_norm,
+    first_length,
     next_length,
     polynomial,
     tableau,
@@ -99,14 +99,6 @@ class Stepper:
         each = errors[: int(np.prod(self._shape))].reshape(self._shape)
         return most_strained(each.max(axis=(0, 2)))
 
-    def _first_length(self, bound: float, longest: float) -> float:
-        """Initial step length, chosen as in SciPy (Hairer et al., section II.4)."""
-        from scipy.integrate import DOP853
-
-        before, tolerance = self.memory, cast(float, self.tolerance)  # as SciPy's types have it, which takes arrays too
-        solver = DOP853(self._slope, before.t, before.y, bound, max_step=longest, rtol=RELATIVE, atol=tolerance)
-        return float(solver.h_abs)
-
     def step(self, bound: float, longest: float = np.inf) -> Segment:
         """Take one step, not beyond time ``bound`` nor longer than ``longest``.
 
@@ -122,7 +114,7 @@ class Stepper:
         nodes, weights, third, fifth, dense = tableau()
         shortest = SPACINGS * abs(float(np.nextafter(t, np.inf)) - t)
         with np.errstate(all="ignore"):
-            proposed = before.step or self._first_length(bound, longest)
+            proposed = before.step or min(first_length(self._slope, t, y, before.slope, self.tolerance, bound), longest)
             length = min(max(proposed, shortest), longest)
             error = np.inf
             for trial in count(1):

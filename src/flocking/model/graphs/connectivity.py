@@ -7,24 +7,40 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Links as Links
 
+SMALL = 300
+"""Largest group whose components are found by a plain loop, which is faster there than to import SciPy's graphs."""
+
 
 def components(links: Links) -> NDArray[np.intp]:
-    """Label of the weakly connected component of each agent, 0 for the component of agent 0."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
+    """Label of the weakly connected component of each agent, numbered by the first agent of each, from 0 on."""
+    links = np.atleast_2d(np.asarray(links, dtype=bool))
+    if len(links) > SMALL:
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import connected_components
 
-    _, labels = connected_components(csr_array(np.atleast_2d(links).astype(np.int8)), directed=True, connection="weak")
-    return np.asarray(labels, dtype=np.intp)
+        _, found = connected_components(csr_array(links.astype(np.int8)), directed=True, connection="weak")
+        return np.asarray(found, dtype=np.intp)
+    either = links | links.T
+    labels = np.full(len(links), -1, dtype=np.intp)
+    label = 0
+    for agent in range(len(links)):
+        if labels[agent] < 0:
+            labels[_reached(either, agent)] = label
+            label += 1
+    return labels
 
 
 def is_connected(links: Links) -> bool:
     """Whether all agents belong to one weakly connected component (Olfati-Saber, Definition 1)."""
-    # Starts are redrawn thousands of times, and for ten agents a plain loop is faster than SciPy.
-    reached = np.zeros(len(links), dtype=bool)
-    reached[0] = True
-    either = links | links.T
+    return bool(_reached(links | links.T, 0).all())
+
+
+def _reached(either: Links, agent: int) -> Links:
+    """The agents that paths of links lead to from one of them, itself included, shape (N,)."""
+    reached = np.zeros(len(either), dtype=bool)
+    reached[agent] = True
     frontier = reached
     while frontier.any():
         frontier = either[frontier].any(axis=0) & ~reached
         reached |= frontier
-    return bool(reached.all())
+    return reached
