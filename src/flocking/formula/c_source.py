@@ -25,6 +25,10 @@ _SIGNS: dict[type[ast.AST], str] = {
 }  # fmt: skip
 
 
+LEAST_SINGLE = float(np.finfo(np.float32).tiny)
+"""The smallest positive number of single precision with all its digits; those below lose some, or become zero."""
+
+
 class NoCError(Exception):
     """An expression has no translation into C; its argument names what has none."""
 
@@ -57,12 +61,14 @@ class CSource:
         Raises
         ------
         NoCError
-            When it is not finite in the precision.
+            When it is not finite in the precision, or so small that it loses digits there or all of itself.
         """
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", under="ignore"):
             rounded = float(np.float32(value)) if self.single else float(value)
         if not math.isfinite(rounded):
             raise NoCError(f"the number {value}, which is not finite in this precision")
+        if self.single and value and abs(rounded) < LEAST_SINGLE:
+            raise NoCError(f"the number {value}, which is too small for this precision")
         text = str(np.float32(value)) if self.single else repr(rounded)
         text += "" if "." in text or "e" in text else ".0"
         text += "f" if self.single else ""

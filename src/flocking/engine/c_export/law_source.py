@@ -51,7 +51,8 @@ def c_source(law: ExportedLaw, name: str, *, single: bool) -> str:
         memory, tables = memory_source(law, name, writer.c), writer.tables()
     except NoCError as error:
         raise UnsupportedLaw(
-            f"export_c cannot write {error} in C. Write the law with sqrt, exp, log, sin and cos."
+            f"export_c cannot write {error} in C. Write the law with sqrt, exp, log, sin and cos, and with numbers of "
+            "ordinary size."
         ) from None
     functions = elementary_functions(writer.c.used, f"{name}_", Precision(single))
     return head + "\n".join(x for x in (tables, functions, memory, body) if x)
