@@ -113,6 +113,8 @@ class CSource:
                 return f"(-{self.expression(inner)})"
             case ast.BinOp(left=base, op=ast.Pow(), right=exponent):
                 return self._power(base, exponent)
+            case ast.BinOp(left=left, op=ast.Add(), right=right) if self._keeps_from_zero(right):
+                return f"({self.expression(left)} + {self.literal(LEAST_SINGLE)})"
             case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _SIGNS:
                 return f"({self.expression(left)} {_SIGNS[type(sign)]} {self.expression(right)})"
             case ast.IfExp(test=test, body=yes, orelse=no):
@@ -128,6 +130,11 @@ class CSource:
                     found = f"(({other} {'<' if name == 'min' else '>'} {found}) ? {other} : {found})"
                 return found
         raise NoCError(ast.unparse(node))
+
+    def _keeps_from_zero(self, addend: ast.expr) -> bool:
+        """Whether a number is added that single precision has not, so that a root or a divisor is not zero."""
+        known = constant(addend)
+        return self.single and known is not None and 0.0 < known < LEAST_SINGLE
 
     def condition(self, node: ast.expr) -> str:
         """A condition in C."""
