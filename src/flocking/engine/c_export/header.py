@@ -97,7 +97,7 @@ typedef struct
 {kept}    int64_t time;
     uint32_t links[{X}GRAPHS][{X}WORDS]; /* a bit for each slot of known */
     uint32_t used[{X}WORDS];
-    uint32_t lost; /* messages within reach of the law that found no slot, and states of such that were forgotten */
+    uint32_t lost; /* messages and states without a slot that the law saw from q */
     {x}real q[{X}DIMENSION]; /* where the agent acted last */
     uint16_t order[{X}NEIGHBOURS]; /* slots in use, by sender */
     uint16_t count;
