@@ -111,8 +111,8 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     rule = ""
     if scenario.agents.discrete:
         rule = (
-            f"`{name}_velocity` then gives the velocity that the agent sets at the tick, without the noise of its body, "
-            "and a code."
+            f"`{name}_velocity` then gives the velocity that the agent sets at the tick, without the noise of its "
+            "body, and a code."
         )
     elif scenario.agents.order == 1:
         rule = (
