@@ -13,6 +13,9 @@ from rclpy.qos import qos_profile_sensor_data
 import flocking as fk
 from flocking.errors import InvalidInput
 
+EXPIRES = 0.5
+"""Age in seconds from which odometry is not used, the robot's own as that of others."""
+
 LAW = fk.Law(fk.Hysteresis(4.0, 0.5), [fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=4.0)), fk.Consensus(0.7)])
 
 
@@ -37,8 +40,8 @@ class FlockingNode(Node):
         super().__init__("flocking")
         self.agent = self.declare_parameter("agent", 0).value
         count = self.declare_parameter("agents", 3).value
-        # Odometry older than half a second is not used; forces are at most 5 N.
-        self.controller = fk.Controller(LAW, self.agent, agents=count, mass=1.0, limit=5.0, expires=0.5)
+        # Forces are at most 5 N.
+        self.controller = fk.Controller(LAW, self.agent, agents=count, mass=1.0, limit=5.0, expires=EXPIRES)
         self.newest = {}
         self.output = self.create_publisher(Wrench, "force", 1)
         for robot in range(count):
@@ -60,6 +63,12 @@ class FlockingNode(Node):
         if own is None:
             return
         now = self.get_clock().now().nanoseconds * 1e-9
+        age = now - seconds(own.header.stamp)
+        if not 0.0 <= age < EXPIRES:
+            # Where the robot is now is not known, as when its estimator has stopped.
+            self.get_logger().warning(f"own odometry is {age:.3g} s old: no force is flown")
+            self.output.publish(Wrench())
+            return
         # A stamp of another robot's clock may be ahead of this one's.
         others = {j: m for j, m in self.newest.items() if j != self.agent and seconds(m.header.stamp) <= now}
         motions = [motion(message) for message in others.values()]

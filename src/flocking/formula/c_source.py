@@ -25,6 +25,10 @@ _SIGNS: dict[type[ast.AST], str] = {
 }  # fmt: skip
 
 
+LEAST_SINGLE = float(np.finfo(np.float32).tiny)
+"""The smallest positive number of single precision with all its digits; those below lose some, or become zero."""
+
+
 class NoCError(Exception):
     """An expression has no translation into C; its argument names what has none."""
 
@@ -57,12 +61,14 @@ class CSource:
         Raises
         ------
         NoCError
-            When it is not finite in the precision.
+            When it is not finite in the precision, or so small that it loses digits there or all of itself.
         """
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", under="ignore"):
             rounded = float(np.float32(value)) if self.single else float(value)
         if not math.isfinite(rounded):
             raise NoCError(f"the number {value}, which is not finite in this precision")
+        if self.single and value and abs(rounded) < LEAST_SINGLE:
+            raise NoCError(f"the number {value}, which is too small for this precision")
         text = str(np.float32(value)) if self.single else repr(rounded)
         text += "" if "." in text or "e" in text else ".0"
         text += "f" if self.single else ""
@@ -107,6 +113,8 @@ class CSource:
                 return f"(-{self.expression(inner)})"
             case ast.BinOp(left=base, op=ast.Pow(), right=exponent):
                 return self._power(base, exponent)
+            case ast.BinOp(left=left, op=ast.Add(), right=right) if self._keeps_from_zero(right):
+                return f"({self.expression(left)} + {self.literal(LEAST_SINGLE)})"
             case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _SIGNS:
                 return f"({self.expression(left)} {_SIGNS[type(sign)]} {self.expression(right)})"
             case ast.IfExp(test=test, body=yes, orelse=no):
@@ -122,6 +130,11 @@ class CSource:
                     found = f"(({other} {'<' if name == 'min' else '>'} {found}) ? {other} : {found})"
                 return found
         raise NoCError(ast.unparse(node))
+
+    def _keeps_from_zero(self, addend: ast.expr) -> bool:
+        """Whether a number is added that single precision has not, so that a root or a divisor is not zero."""
+        known = constant(addend)
+        return self.single and known is not None and 0.0 < known < LEAST_SINGLE
 
     def condition(self, node: ast.expr) -> str:
         """A condition in C."""

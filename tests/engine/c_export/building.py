@@ -43,8 +43,9 @@ def structures(n, m, slots, graphs, real, form=None):
     class Memory(ctypes.Structure):
         _fields_ = [("known", Message * slots), *normals, ("time", ctypes.c_int64),
                     ("links", (ctypes.c_uint32 * words(slots)) * graphs), ("used", ctypes.c_uint32 * words(slots)),
-                    ("order", ctypes.c_uint16 * slots), ("count", ctypes.c_uint16), ("agent", ctypes.c_uint16),
-                    ("begun", ctypes.c_uint8), ("saturated", ctypes.c_uint8), *said]  # fmt: skip
+                    ("lost", ctypes.c_uint32), ("q", real * m), ("order", ctypes.c_uint16 * slots),
+                    ("count", ctypes.c_uint16), ("agent", ctypes.c_uint16), ("begun", ctypes.c_uint8),
+                    ("saturated", ctypes.c_uint8), *said]  # fmt: skip
 
     return Message, Memory
 

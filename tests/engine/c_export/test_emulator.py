@@ -153,7 +153,7 @@ def _for_agents(scenario, law, start):
 @pytest.mark.parametrize("float32", [False, True])
 def test_cppcheck_finds_nothing(float32, tmp_path):
     for name, make in SCENARIOS.items():
-        fk.export_c(make(0), tmp_path / name, float32=float32, neighbours=8)
+        fk.export_c(make(0), tmp_path / name, float32=float32, neighbours=8, limit=5.0)
     for form in ("sampled", "continuous", "stopping"):
         fk.export_c(filtered_scenario(form), tmp_path / form, float32=float32)
     rules = ["--std=c99", "--enable=warning,style,performance,portability", "--inconclusive", "--error-exitcode=2"]

@@ -66,6 +66,18 @@ def test_numbers_too_large_for_single_precision_are_refused():
         c_files(scenario(law), float32=True)
 
 
+@pytest.mark.parametrize("value", [1e-50, 1e-39])
+def test_numbers_too_small_for_single_precision_are_refused(value):
+    """A limit that rounds to zero would take every force away, and a gain its term."""
+    for found, options in (
+        (scenario(), {"limit": value}), (scenario(law_of(fk.Consensus(value))), {}),
+        (scenario(law_of(fk.Gradient(fk.Potential(f"{value!r}*r")))), {}),
+    ):  # fmt: skip
+        assert c_files(found, **options)
+        with pytest.raises(UnsupportedLaw, match=f"{value!r}, which is too small for this precision"):
+            c_files(found, float32=True, **options)
+
+
 @needs_compiler
 def test_the_command_writes_a_folder_whose_example_runs(tmp_path, capsys):
     folder = tmp_path / "law"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import flocking as fk
 from flocking.papers import keys, paper
 from tests.engine.c_export.building import CODES, CompiledLaw, needs_compiler
 from tests.engine.c_export.judging import judged, linked_at_start, random_surroundings
@@ -77,3 +78,17 @@ def test_averages_and_steering_round_what_they_add_up(name, tmp_path):
         assert (np.abs(u - expected) <= 8 * np.finfo(np.float32).eps * size + 1e-30).all()
         acted += bool(u.any())
     assert acted > 8
+
+
+def test_what_keeps_a_root_from_zero_does_so_in_single_precision(tmp_path):
+    """At the centre of a ball its direction is a quotient of zeros but for 1e-300, which single precision has not."""
+    ball = fk.Avoid([fk.Ball([1.0, 2.0], 0.5)], range=5.0, repulsion_gain=5.0, gamma_agents=False)
+    law = fk.Law(fk.Proximity(2.0), [ball, fk.Track(fk.Velocity([0.5, 0.0]), 0.0, 1.0)])
+    scenario = fk.Scenario(law, fk.State([[5.0, 0.0], [9.0, 0.0]], np.zeros((2, 2))), 1.0)
+    codes = []
+    for name in ("single", "double"):
+        (tmp_path / name).mkdir()
+        compiled = CompiledLaw(tmp_path / name, scenario, float32=name == "single")
+        code, u, _ = compiled.force(0, [1.0, 2.0], [0.0, 0.0], {})
+        codes.append((code, np.isfinite(u).all()))
+    assert codes[0] == codes[1] == (CODES["OK"], True)

@@ -126,3 +126,49 @@ def test_velocities_are_those_of_the_body(body, tmp_path):
         quiet = replace(body, noise=0.0) if isinstance(body, fk.Heading) else body
         expected = quiet.updated(p[None], u[None], np.array([0.1]), who, who)[0]
         assert np.abs(np.array(v[:]) - expected).max() <= 8 * EPS * (np.abs(p).max() + np.abs(u).max())
+
+
+@pytest.mark.parametrize("float32", [False, True])
+@pytest.mark.parametrize(
+    ("body", "length"),
+    [
+        (fk.Heading(1.0), 1.0), (fk.Impulsive(force=30.0), 3.0), (fk.Impulsive(speed=0.7), 0.7),
+        (fk.VelocityUnit(1.0, speed=1.1), 1.1), (fk.VelocityUnit(1.0, speed=1.1, fixed=True), 1.1),
+    ],
+    ids=lambda x: getattr(x, "summary", ""),
+)  # fmt: skip
+def test_velocities_from_forces_whose_squares_overflow(body, length, float32, tmp_path):
+    """They have the direction of the force and the length of the limit, in C and in the body itself."""
+    compiled = CompiledLaw(tmp_path, scenario_of(TERMS[:1], body), float32=float32)
+    single, who = np.finfo(compiled.kind), np.array([0])
+    for size in (1e19, 1e30, 0.9 * float(single.max) / np.sqrt(2)) if float32 else (1e160, 0.6 * float(single.max)):
+        u = size * np.array([0.6, -0.8])
+        for k in (0, 1):
+            wanted = u * np.eye(2)[k] if k else u
+            expected = length * (wanted / (size * (0.8 if k else 1.0)))
+            p, v, memory = np.array([1.0, 0.0]), compiled.vector(), compiled.begin(0)
+            code = compiled.library.law_velocity(
+                ctypes.byref(memory), compiled.vector(*p), compiled.vector(*wanted), v
+            )  # fmt: skip
+            drift = p * isinstance(body, fk.Impulsive) * (body.parameters.get("speed") is None)
+            assert code == CODES["OK"]
+            assert np.array(v[:]) == pytest.approx(expected + drift, rel=1e-5 if float32 else 1e-14)
+            found = body.updated(p[None], wanted[None], np.array([0.1]), who, who)[0]
+            assert found == pytest.approx(expected + drift, rel=1e-14)
+
+
+def test_velocities_from_numbers_that_are_none_have_a_code(tmp_path):
+    for k, (body, force, said) in enumerate(
+        (
+            (fk.VelocityUnit(1.0), np.nan, "NOT_FINITE"), (fk.Heading(1.0), np.inf, "NOT_FINITE"),
+            (fk.Impulsive(masses=1e-9, speed=1.0), 1e307, "NO_FORCE"), (fk.Impulsive(), 1.0, "OK"),
+        )
+    ):  # fmt: skip
+        (tmp_path / str(k)).mkdir()
+        compiled = CompiledLaw(tmp_path / str(k), scenario_of(TERMS[:1], body))
+        v, memory = compiled.vector(), compiled.begin(0)
+        code = compiled.library.law_velocity(
+            ctypes.byref(memory), compiled.vector(1.0, 0.0), compiled.vector(force, 0.0), v
+        )
+        assert code == CODES[said]
+        assert (v[0] != 0.0) == (said == "OK")

@@ -85,9 +85,22 @@ def test_old_states_are_not_used():
     one = controller(1.1, [0.0, 0.0], stamps=[1.1, 0.6], **known)
     assert controller.links[0].tolist() == [False, True, False]
     assert both[1] != 0.0 == one[1]
-    for stamps in (None, [1.0], [9.0, 1.0], [np.nan, 1.0]):
-        with pytest.raises(InvalidInput, match="Controller: stamps"):
-            controller(1.2, [0.0, 0.0], stamps=stamps, **known)
+    wrong = (None, [1.0], [9.0, 1.0], [np.nan, 1.0], [-np.inf, 1.0], ["1.0", "1.0"], [[1.0, 1.0]], 1.0, [1j, 1.0])
+    # They are checked where nothing expires, too; and nobody has none.
+    for keeper in (controller, fk.Controller(LAW, agents=3)):
+        for stamps in wrong if keeper is controller else wrong[1:]:
+            with pytest.raises(InvalidInput, match="Controller: stamps"):
+                keeper(1.2, [0.0, 0.0], stamps=stamps, **known)
+        assert keeper(1.2, [0.0, 0.0], [0.0, 0.0], ids=[], q=[], p=[]).tolist() == [0.0, 0.0]
+    assert (fk.Controller(LAW, agents=3)(1.0, [0.0, 0.0], stamps=[1.0, 0.1], **known) == both).all()
+
+
+def test_a_neighbour_whose_squared_distance_overflows_is_not_taken_for_an_old_one():
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Consensus(1.0)])
+    for stamps in (None, [1.0]):
+        controller = fk.Controller(law, agents=2, expires=None if stamps is None else 0.5)
+        found = controller(1.0, [0.0, 0.0], [0.0, 0.0], ids=[1], q=[[1e200, 0.0]], p=[[2.0, 3.0]], stamps=stamps)
+        assert found.tolist() == [2.0, 3.0]
 
 
 def test_forces_are_limited_by_length():
@@ -120,10 +133,51 @@ def test_space_averages_schedules_and_fixed_graphs():
         assert fixed(t, [0.0, 0.0], [0.0, 0.0], **known) == pytest.approx([1.0, 2.0])
 
 
+def test_forces_whose_length_overflows_are_limited():
+    """The limit in the direction of the force, where its length is no finite number."""
+    sink = fk.Law(fk.Proximity(1.0), [fk.Track(fk.Sink([0.0, 0.0]), 1.5e308)])
+    u = fk.Controller(sink, agents=1, limit=2.0)(0.0, [1.0, -1.0], [0.0, 0.0], ids=[], q=[], p=[])
+    assert u == pytest.approx([-np.sqrt(2.0), np.sqrt(2.0)], rel=1e-15)
+
+
+class Odd:
+    """Something that is no number."""
+
+
+@pytest.mark.parametrize("name", ["t", "own_q", "own_p", "ids", "q", "p", "stamps"])
+@pytest.mark.parametrize(
+    "wrong",
+    [None, "a", "1", b"1", ["a"], [["1", "2"]], [None], [[1.0], [1.0, 2.0]], {}, {"a": 1}, Odd(), [Odd()], 1j,
+     [1j, 0.0], np.array([1j, 0.0]), [10**400], 10**400, [[[1.0]]], np.array(["1"]), object, [True],
+     np.datetime64("2026-01-01")],
+    ids=lambda x: ascii(x)[:20],
+)  # fmt: skip
+def test_arguments_of_other_types_are_refused_in_a_sentence(name, wrong):
+    if name == "stamps" and wrong is None:
+        return
+    controller = fk.Controller(LAW, agents=3)
+    usual = {"t": 0.0, "own_q": [0.0, 0.0], "ids": [1], "q": [[2.0, 0.0]], **CALM}
+    before = controller(**usual)
+    with pytest.raises(InvalidInput, match=f"Controller: {'own_q|own_p' if 'own' in name else 'q|p|ids|t|stamps'}"):
+        controller(**{**usual, name: wrong})
+    assert (controller(**usual) == before).all()
+
+
+@pytest.mark.parametrize("links", ["ab", None, [[1, 0], [1]], [[2, 0, 1]], [[np.nan, 0, 1]], [["a", "", ""]], [[True]]])
+def test_links_of_other_types_are_refused(links):
+    controller = fk.Controller(LAW, agents=3)
+    with pytest.raises(InvalidInput, match="Controller: links must"):
+        controller.recall(links)
+    assert not controller.links.any()
+    controller.recall([[False, True, False]])
+    assert controller.links[0].tolist() == [False, True, False]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ({"own_q": [0.0]}, "own_q must have 2"), ({"q": [[1.0, 0.0, 0.0]]}, "q must be 2 numbers for each of ids"),
+        ({"ids": []}, "q must be 2 numbers"), ({"own_q": [0.0]}, "own_q must have 2"),
+        ({"q": [[1.0, 0.0, 0.0]]}, "q must be 2 numbers for each of ids"),
         ({"ids": [1, 2]}, "q must be 2 numbers"), ({"ids": [5]}, "ids must be from 0 to 2"),
         ({"ids": [0]}, "ids must differ"), ({"ids": [1.5]}, "ids must be a list of whole numbers"),
         ({"ids": [[1]]}, "ids must be a list"), ({"own_p": [0.0]}, "own_q must have 2"),

@@ -100,8 +100,10 @@ def test_robots_with_odometry_fly_the_law(example, monkeypatch):
     assert found == pytest.approx(expected, rel=1e-12)
     # Half a second later nothing is known of the others any more.
     monkeypatch.setattr(Node, "now", 100 * second + second // 2)
+    nodes[0].subscribed["/robot_0/odometry"](Odometry(100 * second + second // 2, start.q[0], start.p[0]))
     nodes[0].timers[0][1]()
     assert (nodes[0].published[-1].force.x, nodes[0].published[-1].force.y) == (0.0, 0.0)
+    assert nodes[0].warnings == []
     # Two robots at one place have no force: none is flown, and it is said.
     monkeypatch.setattr(Node, "now", 101 * second)
     for robot in (0, 1):
@@ -109,3 +111,17 @@ def test_robots_with_odometry_fly_the_law(example, monkeypatch):
     nodes[0].timers[0][1]()
     assert (nodes[0].published[-1].force.x, nodes[0].published[-1].force.y) == (0.0, 0.0)
     assert "where the force of the law is finite" in nodes[0].warnings[0]
+
+
+@pytest.mark.parametrize(("age", "flown"), [(0, True), (499, True), (500, False), (9000, False), (-20, False)])
+def test_a_robot_whose_own_odometry_is_old_flies_no_force(age, flown, example, monkeypatch):
+    """Its neighbours are as new as can be; a force from where it was once would be a wrong one."""
+    monkeypatch.setattr(Node, "parameters", {"agents": 2})
+    node, now = example.FlockingNode(), 100 * 10**9
+    monkeypatch.setattr(Node, "now", now)
+    node.subscribed["/robot_0/odometry"](Odometry(now - age * 10**6, [0.0, 0.0], [0.0, 0.0]))
+    node.subscribed["/robot_1/odometry"](Odometry(now, [3.0, 0.0], [0.0, 0.0]))
+    node.timers[0][1]()
+    assert (node.published[-1].force.x != 0.0) == flown
+    assert len(node.warnings) == (not flown)
+    assert flown or "own odometry" in node.warnings[0]

@@ -5,15 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from flocking.engine.c_export.exported_law import ExportedLaw
+from flocking.engine.c_export.message_source import LATEST, message_source
 from flocking.engine.c_export.safety_source import safety_source
 from flocking.engine.kernels.displacements import displacement_lines
 from flocking.formula.c_source import CSource
-
-LARGEST = {False: 1.7e308, True: 3.4e38}
-"""Nearly the largest number, in double and in single precision: what is above it is infinite."""
-
-SCALED = {False: 2.0**-520, True: 2.0**-70}
-"""Factor at which squares of all finite numbers, and sums of four of them, are finite."""
 
 
 def block(lines: Iterable[str], depth: int) -> str:
@@ -63,20 +58,13 @@ def entry_source(law: ExportedLaw, name: str, c: CSource, lengths: Sequence[str]
     limit = []
     if law.limit is not None:
         most = c.literal(law.limit)
-        length = f"size = {x}sqrt({' + '.join(f'(u[{k}] * u[{k}])' for k in range(m))});"
-        limit = [f"{real} {length}"]
-        # Where a square overflows, the direction is that of the same force by a power of two; components below 1e-36 of
-        # the largest may lose digits.
-        shorten = ["{", f"    const {real} share = {most} / size;"]
-        shorten += [f"    u[{k}] = u[{k}] * share;" for k in range(m)] + ["    memory->saturated = 1u;", "}"]
-        limit += [f"if (size > {c.literal(LARGEST[c.single])})", "{"]
-        limit += [f"    u[{k}] = u[{k}] * {c.literal(SCALED[c.single])};" for k in range(m)]
-        limit += [f"    {length}", *(f"    {line}" for line in shorten), "}"]
-        limit += [f"else if (size > {most})", *shorten, "else", "{", "    /* No longer than the limit. */", "}"]
+        limit = [f"if ({x}length(u) > {most})", "{", f"    {x}scaled(u, {most});", "    memory->saturated = 1u;", "}"]
     # What was filtered was so by the last call.
     flags = ["memory->filtered = 0u;", "memory->relaxed = 0u;"] if law.filter is not None else []
     limit += [f"{x}filter(memory, q, p, &seen, u);"] if law.filter is not None else []
-    expired = [f"{x}forget(memory, now);"] if law.expires is not None else []
+    expired = [f"{x}expire(memory, now);"] if law.expires is not None else []
+    early = f"(now < memory->time) || (now < -INT64_C({LATEST})) || (now > INT64_C({LATEST}))"
+    acted = block([*(f"memory->q[{k}] = q[{k}];" for k in range(m)), "memory->begun = 1u;", "memory->time = now;"], 1)
     return f"""\
 /* Where a neighbour is now by what is known, relative to the agent; gives its distance. */
 static {real} {x}offset_of(const {x}message *message, int64_t now, const {real} q[{X}DIMENSION],
@@ -84,7 +72,7 @@ static {real} {x}offset_of(const {x}message *message, int64_t now, const {real} 
 {{
 {block(predicted, 1)}{offsets}}}
 
-{safety_source(law, c)}\
+{message_source(law, name, c)}{safety_source(law, c)}\
 int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
                    const {real} p[{X}DIMENSION], {real} u[{X}DIMENSION])
 {{
@@ -109,7 +97,7 @@ int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
             code = {X}NOT_FINITE;
         }}
     }}
-    if ((code == {X}OK) && (now < memory->time))
+    if ((code == {X}OK) && ({early}))
     {{
         code = {X}TIME;
     }}
@@ -127,7 +115,8 @@ int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
             seen.distance[slot] = {x}offset_of(message, now, q, seen.offset[slot]);
             for (g = 0u; g < {X}GRAPHS; g++)
             {{
-                if ({x}linked(memory, g, slot, seen.distance[slot]) != 0u)
+                const uint32_t old = {x}bit(memory->links[g], slot);
+                if ({x}linked(memory, g, old, message->sender, seen.distance[slot]) != 0u)
                 {{
                     seen.next[g][slot / 32u] |= (uint32_t)1u << (slot % 32u);
                 }}
@@ -150,9 +139,7 @@ int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
             memory->links[g][k] = seen.next[g][k];
         }}
     }}
-    memory->begun = 1u;
-    memory->time = now;
-{block(["{", *(f"    {line}" for line in limit), "}"], 1) if limit else ""}\
+{acted}{block(limit, 1)}\
     return code;
 }}
 
@@ -168,7 +155,18 @@ int32_t {x}start({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION])
             return {X}NOT_FINITE;
         }}
     }}
-    memory->begun = 0u;
+    if ({early})
+    {{
+        return {X}TIME;
+    }}
+    for (k = 0u; k < memory->count; k++)
+    {{
+        if (now < memory->known[memory->order[k]].stamp)
+        {{
+            return {X}TIME;
+        }}
+    }}
+{block(expired, 1)}    memory->begun = 0u;
     for (g = 0u; g < {X}GRAPHS; g++)
     {{
         for (k = 0u; k < {X}WORDS; k++)
@@ -179,18 +177,17 @@ int32_t {x}start({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION])
     for (k = 0u; k < memory->count; k++)
     {{
         const uint16_t slot = memory->order[k];
-        const {real} distance = {x}offset_of(&memory->known[slot], now, q, offset);
+        const {x}message *message = &memory->known[slot];
+        const {real} distance = {x}offset_of(message, now, q, offset);
         for (g = 0u; g < {X}GRAPHS; g++)
         {{
-            if ({x}linked(memory, g, slot, distance) != 0u)
+            if ({x}linked(memory, g, 0u, message->sender, distance) != 0u)
             {{
                 memory->links[g][slot / 32u] |= (uint32_t)1u << (slot % 32u);
             }}
         }}
     }}
-    memory->begun = 1u;
-    memory->time = now;
-    return {X}OK;
+{acted}    return {X}OK;
 }}
 """
 

@@ -7,14 +7,15 @@ from flocking.model.world.safety_filters import SAMPLED
 
 STATUS = (
     ("OK", "the force is valid"),
-    ("OLD", "the message is not newer than what is known of its sender, and is not used"),
+    ("OLD", "the message was not measured later than what is known of its sender, and is not used"),
     ("NO_AGENT", "no such agent, or the agent itself"),
     ("NOT_FINITE", "an argument is not finite"),
-    ("FULL", "no slot is free for another neighbour; the message is not used"),
-    ("TIME", "the time is before that of the last call, or before that of a message"),
+    ("FULL", "no slot is free, and none is given up for one so far away; the message is not used"),
+    ("TIME", "the time is before that of the last call or of a message, or out of range"),
     ("COINCIDENT", "a neighbour is at the agent's own place, where the law has no force"),
     ("POLE", "a neighbour is at or beyond a pole of a potential"),
     ("NO_FORCE", "the force is not finite, or an angle too large to be reduced"),
+    ("ROOM", "the message is used; for it the farthest sender was forgotten that is not linked"),
 )
 """Codes that functions return, from 0 on, with what they mean."""
 
@@ -44,8 +45,8 @@ def header(law: ExportedLaw, name: str, *, single: bool) -> str:
     )
     velocity = (
         f"/* The velocity that the agent sets at a tick, from its own and the force of the law, without noise. */\n"
-        f"void {x}velocity(const {x}memory *memory, const {x}real p[{X}DIMENSION], const {x}real u[{X}DIMENSION],\n"
-        f"                  {x}real v[{X}DIMENSION]);\n\n"
+        f"int32_t {x}velocity(const {x}memory *memory, const {x}real p[{X}DIMENSION], const {x}real u[{X}DIMENSION],\n"
+        f"                     {x}real v[{X}DIMENSION]);\n\n"
         if law.scenario.agents.discrete
         else ""
     )
@@ -96,6 +97,8 @@ typedef struct
 {kept}    int64_t time;
     uint32_t links[{X}GRAPHS][{X}WORDS]; /* a bit for each slot of known */
     uint32_t used[{X}WORDS];
+    uint32_t lost; /* messages and states without a slot that the law saw from q */
+    {x}real q[{X}DIMENSION]; /* where the agent acted last */
     uint16_t order[{X}NEIGHBOURS]; /* slots in use, by sender */
     uint16_t count;
     uint16_t agent;
@@ -106,8 +109,13 @@ typedef struct
 /* Begin as agent number agent, below {X}AGENTS. */
 int32_t {x}begin({x}memory *memory, uint16_t agent);
 
-/* Take a message that has arrived. The newest sample of a sender counts, whatever the order of arrival. */
+/* Take a message that has arrived. The sample of a sender counts that was measured last, whatever the order of arrival
+   and wherever its numbers begin; of one instant, that of the highest number. Where no slot is free, one is given up
+   for a sender that is linked or nearer: {X}ROOM. */
 int32_t {x}receive({x}memory *memory, int64_t now, const {x}message *message);
+
+/* Forget a sender and its links, as one whose clock was set back. {X}NO_AGENT where nothing is known of it. */
+int32_t {x}forget({x}memory *memory, uint16_t sender);
 
 /* Link with those that are known now by the rule of a start; without this call the first one of {x}control does. */
 int32_t {x}start({x}memory *memory, int64_t now, const {x}real q[{X}DIMENSION]);

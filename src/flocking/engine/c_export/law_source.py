@@ -51,7 +51,8 @@ def c_source(law: ExportedLaw, name: str, *, single: bool) -> str:
         memory, tables = memory_source(law, name, writer.c), writer.tables()
     except NoCError as error:
         raise UnsupportedLaw(
-            f"export_c cannot write {error} in C. Write the law with sqrt, exp, log, sin and cos."
+            f"export_c cannot write {error} in C. Write the law with sqrt, exp, log, sin and cos, and with numbers of "
+            "ordinary size."
         ) from None
     functions = elementary_functions(writer.c.used, f"{name}_", Precision(single))
     return head + "\n".join(x for x in (tables, functions, memory, body) if x)
@@ -251,15 +252,14 @@ class _Writer:
         unused = [name for name in ("memory", "now", "q", "p", "seen") if name not in known]
         lines = [*declared, f"{real} sum[{X}DIMENSION] = {{ {', '.join([zero] * m)} }};"]
         lines += [f"(void){name};" for name in unused]
-        return steering_functions(steering, self.c) + (
+        acting = entry_source(law, self.x[:-1], self.c, lengths) + velocity_source(law, self.c)
+        return steering_functions(steering + acting, self.c) + (
             f"/* Neighbours as they are seen now, by slot, and a bit for each that is linked, of every graph. */\n"
             f"typedef struct\n{{\n    {real} offset[{X}NEIGHBOURS][{X}DIMENSION];\n"
             f"    {real} distance[{X}NEIGHBOURS];\n"
             f"    uint32_t next[{X}GRAPHS][{X}WORDS];\n}} {x}view;\n\n"
             f"/* The sum over neighbours, obstacles and the agent's own terms. */\n{signature}{{\n"
-            f"{block([*lines, *steps], 1)}{code}{block(finish, 1)}}}\n\n"
-            + entry_source(law, self.x[:-1], self.c, lengths)
-            + velocity_source(law, self.c)
+            f"{block([*lines, *steps], 1)}{code}{block(finish, 1)}}}\n\n" + acting
         )
 
     def _finish(self, pole: bool, meets: bool) -> list[str]:

@@ -1,4 +1,4 @@
-"""Source of the memory of an exported law: what is known of neighbours, and links as bits."""
+"""Source of the memory of an exported law: links as bits, and what has expired."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ import numpy as np
 from flocking.arrays import Array
 from flocking.engine.c_export.exported_law import ExportedGraph, ExportedLaw
 from flocking.formula.c_source import CSource
-from flocking.model.world.safety_filters import SAMPLED
 from flocking.model.world.times import NANOSECOND
 
 
 def memory_source(law: ExportedLaw, name: str, c: CSource) -> str:
-    """Source of ``begin`` and ``receive`` and of what they and ``control`` share.
+    """Source of links and of what expires, which messages and ``control`` share.
 
     Parameters
     ----------
@@ -27,7 +26,7 @@ def memory_source(law: ExportedLaw, name: str, c: CSource) -> str:
         _bits(x, X, real),
         _linked(law, c, x, X, real),
     ]
-    parts += [_removal(law, x, X) if law.expires is not None else "", _interface(law, x, X)]
+    parts += [_removal(law, x, X) if law.expires is not None else ""]
     return "\n".join(part for part in parts if part)
 
 
@@ -84,7 +83,7 @@ def _linked(law: ExportedLaw, c: CSource, x: str, X: str, real: str) -> str:
             table, place = _radii_table(law, number, c, x, real)
             near, far = (f"{place}[0]", f"{place}[1]") if place else (c.literal(float(v)) for v in graph.radii[0])
             first = "<=" if graph.closed else "<"
-            linked = f"{x}bit(memory->links[{number}], slot) != 0u"
+            linked = "old != 0u"
             alike = bool((graph.radii[:, 0] == graph.radii[:, 1]).all())
             lines = [f"const {real} leave = {far};"]
             lines += [] if alike else [f"const {real} appear = {near};"]
@@ -99,11 +98,12 @@ def _linked(law: ExportedLaw, c: CSource, x: str, X: str, real: str) -> str:
         body = "".join(f"        {line}\n" for line in lines)
         cases.append(f"    {'else ' if number else ''}if (g == {number}u)\n    {{\n{body}    }}\n")
     text = "".join(cases)
-    reads = (("memory", "memory->"), ("slot", "slot"), ("distance", "distance"))
+    reads = (("memory", "memory->"), ("old", "(old "), ("sender", "sender"), ("distance", "distance"))
     unused = "".join(f"    (void){argument};\n" for argument, used in reads if used not in text)
     return (
         f"{tables}/* Whether a neighbour is linked now, by its distance and the memory of the graph. */\n"
-        f"static uint32_t {x}linked(const {x}memory *memory, uint32_t g, uint16_t slot, {real} distance)\n{{\n"
+        f"static uint32_t {x}linked(const {x}memory *memory, uint32_t g, uint32_t old, uint16_t sender,\n"
+        f"    {real} distance)\n{{\n"
         f"    uint32_t found = 0u;\n{unused}{text}"
         "    else\n    {\n        /* There is no such graph. */\n    }\n    return found;\n}\n"
     )
@@ -117,7 +117,6 @@ def _fixed(graph: ExportedGraph, number: int, n: int, x: str) -> tuple[str, list
     rows = ", ".join("{ " + ", ".join(f"{byte}u" for byte in row) + " }" for row in packed.tolist())
     table = f"static const uint8_t {x}fixed{number}[{n}][{packed.shape[1]}] = {{ {rows} }};\n\n"
     return table, [
-        "const uint16_t sender = memory->known[slot].sender;",
         f"found = ((uint32_t){x}fixed{number}[memory->agent][sender / 8u] >> (sender % 8u)) & 1u;",
     ]
 
@@ -125,7 +124,7 @@ def _fixed(graph: ExportedGraph, number: int, n: int, x: str) -> tuple[str, list
 def _removal(law: ExportedLaw, x: str, X: str) -> str:
     return f"""\
 /* Forget whoever has not been heard of for {law.expires} nanoseconds, and the links with it. */
-static void {x}forget({x}memory *memory, int64_t now)
+static void {x}expire({x}memory *memory, int64_t now)
 {{
     uint16_t kept = 0u;
     uint16_t k;
@@ -149,115 +148,5 @@ static void {x}forget({x}memory *memory, int64_t now)
         }}
     }}
     memory->count = kept;
-}}
-"""
-
-
-def _interface(law: ExportedLaw, x: str, X: str) -> str:
-    # What has expired makes room for others, before a control forgets it.
-    room = (
-        f"    if ((known == 0u) && (memory->count >= {X}NEIGHBOURS))\n    {{\n"
-        f"        {x}forget(memory, now);\n        place = {x}place(memory, message->sender);\n    }}\n"
-        if law.expires is not None
-        else "    (void)now;\n"
-    )
-    fresh, made = "", ""
-    if law.filter is not None:
-        fresh = "    memory->filtered = 0u;\n    memory->relaxed = 0u;\n"
-        if law.filter.form == SAMPLED:
-            made = (
-                f"        for (k = 0u; k < {X}DIMENSION; k++)\n        {{\n"
-                f"            memory->normals[slot][k] = ({x}real)0;\n        }}\n"
-            )
-    below = f"(agent < {X}AGENTS)" if law.n < 65536 else "(1 == 1)"
-    return f"""\
-/* The first place in the order whose sender is not below another. */
-static uint16_t {x}place(const {x}memory *memory, uint16_t sender)
-{{
-    uint16_t k = 0u;
-    while ((k < memory->count) && (memory->known[memory->order[k]].sender < sender))
-    {{
-        k++;
-    }}
-    return k;
-}}
-
-int32_t {x}begin({x}memory *memory, uint16_t agent)
-{{
-    uint32_t k;
-    uint32_t g;
-    if (!{below})
-    {{
-        return {X}NO_AGENT;
-    }}
-    for (k = 0u; k < {X}WORDS; k++)
-    {{
-        memory->used[k] = 0u;
-        for (g = 0u; g < {X}GRAPHS; g++)
-        {{
-            memory->links[g][k] = 0u;
-        }}
-    }}
-    memory->agent = agent;
-    memory->count = 0u;
-    memory->begun = 0u;
-    memory->saturated = 0u;
-{fresh}\
-    memory->time = INT64_MIN;
-    return {X}OK;
-}}
-
-int32_t {x}receive({x}memory *memory, int64_t now, const {x}message *message)
-{{
-    uint16_t place = {x}place(memory, message->sender);
-    uint32_t known = 0u;
-    uint16_t slot = 0u;
-    uint16_t k;
-    if ((message->sender >= {X}AGENTS) || (message->sender == memory->agent))
-    {{
-        return {X}NO_AGENT;
-    }}
-    for (k = 0u; k < {X}DIMENSION; k++)
-    {{
-        if (({x}finite(message->q[k]) == 0u) || ({x}finite(message->p[k]) == 0u))
-        {{
-            return {X}NOT_FINITE;
-        }}
-    }}
-    if (message->stamp > now)
-    {{
-        return {X}TIME;
-    }}
-    if ((place < memory->count) && (memory->known[memory->order[place]].sender == message->sender))
-    {{
-        slot = memory->order[place];
-        known = 1u;
-        if (message->number <= memory->known[slot].number)
-        {{
-            return {X}OLD;
-        }}
-    }}
-{room}\
-    if (known == 0u)
-    {{
-        if (memory->count >= {X}NEIGHBOURS)
-        {{
-            return {X}FULL;
-        }}
-        while ({x}bit(memory->used, slot) != 0u)
-        {{
-            slot++;
-        }}
-        memory->used[slot / 32u] |= (uint32_t)1u << (slot % 32u);
-        for (k = memory->count; k > place; k--)
-        {{
-            memory->order[k] = memory->order[k - 1u];
-        }}
-        memory->order[place] = slot;
-        memory->count++;
-{made}\
-    }}
-    memory->known[slot] = *message;
-    return {X}OK;
 }}
 """

@@ -111,7 +111,8 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     rule = ""
     if scenario.agents.discrete:
         rule = (
-            f"`{name}_velocity` then gives the velocity that the agent sets at the tick, without the noise of its body."
+            f"`{name}_velocity` then gives the velocity that the agent sets at the tick, without the noise of its "
+            "body, and a code."
         )
     elif scenario.agents.order == 1:
         rule = (
@@ -136,7 +137,10 @@ IEEE 754. There is no heap, no library of mathematics, and every loop ends after
 
 ## Calls
 
-`{name}_begin` once; `{name}_receive` for every message that arrives; `{name}_control` at every tick, for the force.
+`{name}_begin` once; `{name}_receive` for every message that arrives; `{name}_control` at every tick, for the force;
+`{name}_forget` for a sender whose clock was set back, whose stamps are else older than what is known of it.
+Where more than {law.neighbours} senders are heard, those that are linked are kept, then the nearest; `memory.lost`
+counts messages and states without a slot that the law saw from where the agent acted last.
 {rule}
 Times are nanoseconds from the start of the scenario. Within single precision a leader's time has 24 bits.
 

@@ -4,6 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+LARGE = {False: 2.0**500, True: 2.0**60}
+"""Length above which a vector is made smaller before it is squared, in double and in single precision.
+
+The squares of what is shorter, and the sum of as many as there are axes, are finite.
+"""
+
+FACTOR = {False: 2.0**-520, True: 2.0**-70}
+"""Power of two by which it is made smaller: squares of all finite numbers, and sums of some hundred, are finite then.
+
+Components that are lost by it are below 1e-36 of the length.
+"""
+
 FUNCTIONS = {
     "length": """\
 static $real $xlength(const $real a[$XDIMENSION])
@@ -15,6 +27,37 @@ static $real $xlength(const $real a[$XDIMENSION])
         sum = sum + (a[k] * a[k]);
     }
     return $xsqrt(sum);
+}
+
+""",
+    "lowered": """\
+/* The length of a vector; where its square may overflow the vector is made smaller by a power of two before. */
+static $real $xlowered($real a[$XDIMENSION])
+{
+    $real size = $xlength(a);
+    if (size > @large@)
+    {
+        uint32_t k;
+        for (k = 0u; k < $XDIMENSION; k++)
+        {
+            a[k] = a[k] * @factor@;
+        }
+        size = $xlength(a);
+    }
+    return size;
+}
+
+""",
+    "scaled": """\
+/* Give a vector another length. */
+static void $xscaled($real a[$XDIMENSION], $real most)
+{
+    const $real share = most / $xlowered(a);
+    uint32_t k;
+    for (k = 0u; k < $XDIMENSION; k++)
+    {
+        a[k] = a[k] * share;
+    }
 }
 
 """,

@@ -16,7 +16,7 @@ from flocking.engine.c_export.braking_source import (
     shill_walls,
 )
 from flocking.engine.c_export.projection_source import filled
-from flocking.engine.c_export.steering_blocks import FUNCTIONS, each_axis, loop, number
+from flocking.engine.c_export.steering_blocks import FACTOR, FUNCTIONS, LARGE, each_axis, loop, number
 from flocking.errors import UnsupportedLaw
 from flocking.formula.c_source import CSource
 from flocking.model.terms.braking import BrakingAlignment, LinearRepulsion, SelfPropulsion, ShillDisc, ShillWalls
@@ -67,13 +67,16 @@ def steering_functions(blocks: str, c: CSource) -> str:
     Parameters
     ----------
     blocks
-        What `steering_source` gave.
+        All source after these functions, what `steering_source` gave among it.
     c
         Writes numbers.
     """
     found = ""
+    numbers = {"@large@": f"#{LARGE[c.single]!r}#", "@factor@": f"#{FACTOR[c.single]!r}#"}
     for name, text in reversed(FUNCTIONS.items()):
         if f"{c.prefix}{name}(" in blocks + found:
+            for mark, number_of in numbers.items():
+                text = text.replace(mark, number_of)
             found = filled(text, c) + found
     if found:
         c.used.add("sqrt")

@@ -54,33 +54,41 @@ def velocity_source(law: ExportedLaw, c: CSource) -> str:
     tables = "".join(
         of_agent(c, name, np.broadcast_to(np.asarray(value, dtype=np.float64), n)) for name, value in numbers.items()
     )
-    return "\n" + tables + filled(limits + _SIGNATURE + rule, c)
+    return "\n" + tables + filled(limits + _SIGNATURE + rule + _CHECKED, c)
 
 
 _SIGNATURE = """\
-void $xvelocity(const $xmemory *memory, const $real p[$XDIMENSION], const $real u[$XDIMENSION],
-                $real v[$XDIMENSION])
+int32_t $xvelocity(const $xmemory *memory, const $real p[$XDIMENSION], const $real u[$XDIMENSION],
+                   $real v[$XDIMENSION])
 {
+    int32_t code = $XOK;
+"""
+
+_CHECKED = """\
+    for (k = 0u; k < $XDIMENSION; k++)
+    {
+        code = (($xfinite(p[k]) == 0u) || ($xfinite(u[k]) == 0u)) ? $XNOT_FINITE : code;
+    }
+    for (k = 0u; k < $XDIMENSION; k++)
+    {
+        code = ((code == $XOK) && ($xfinite(v[k]) == 0u)) ? $XNO_FORCE : code;
+    }
+    for (k = 0u; k < $XDIMENSION; k++)
+    {
+        v[k] = (code == $XOK) ? v[k] : #0#;
+    }
+    return code;
+}
 """
 
 _LIMIT = """\
 /* Scale a vector back that is longer than most, or, to have that length, any but zero. */
 static void $xlimit($real a[$XDIMENSION], $real most, uint32_t fixed)
 {
-    $real size = a[0] * a[0];
-    uint32_t k;
-    for (k = 1u; k < $XDIMENSION; k++)
-    {
-        size = size + (a[k] * a[k]);
-    }
-    size = $xsqrt(size);
+    const $real size = $xlength(a);
     if ((size > most) || ((fixed != 0u) && (size > #0#)))
     {
-        const $real share = most / size;
-        for (k = 0u; k < $XDIMENSION; k++)
-        {
-            a[k] = a[k] * share;
-        }
+        $xscaled(a, most);
     }
 }
 
@@ -89,19 +97,17 @@ static void $xlimit($real a[$XDIMENSION], $real most, uint32_t fixed)
 _HEADING = """\
     const $real step = $xstep(memory->agent);
     const $real speed = $xspeed(memory->agent);
-    $real size = #0#;
+    $real size;
     uint32_t k;
     for (k = 0u; k < $XDIMENSION; k++)
     {
         v[k] = p[k] + (u[k] * step);
-        size = size + (v[k] * v[k]);
     }
-    size = $xsqrt(size);
+    size = $xlowered(v);
     for (k = 0u; k < $XDIMENSION; k++)
     {
         v[k] = (size > #0#) ? (speed * (v[k] / size)) : (speed * (p[k] / speed));
     }
-}
 """
 
 _IMPULSIVE = """\
@@ -116,15 +122,12 @@ _IMPULSIVE = """\
     {
         v[k] = p[k] + ((applied[k] - ($xdamping(memory->agent) * p[k])) * step);
     }
-@speed@}
-"""
+@speed@"""
 
 _WANTED = """\
     uint32_t k;
-    (void)p;
     for (k = 0u; k < $XDIMENSION; k++)
     {
         v[k] = u[k];
     }
-@limit@}
-"""
+@limit@"""

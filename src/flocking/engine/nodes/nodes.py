@@ -74,7 +74,7 @@ class Node(ABC):
 
     @abstractmethod
     def hear(self, sample: Sample, now: int) -> None:
-        """Keep a sample of another agent, if it is newer than what is known.
+        """Keep a sample of another agent, if it was measured later than what is known.
 
         Parameters
         ----------
@@ -153,7 +153,8 @@ class PythonNode(Node):
     def hear(self, sample: Sample, now: int) -> None:
         """Keep a sample, if it is newer."""
         known = self._known.get(sample.sender)
-        if known is None or sample.number > known.number:
+        # Numbers begin anew with a process; of one instant the higher counts, as after the start.
+        if known is None or (sample.stamp, sample.number) > (known.stamp, known.number):
             self._known[sample.sender] = sample
 
     def act(self, now: int, q: Sequence[float], p: Sequence[float]) -> Array:

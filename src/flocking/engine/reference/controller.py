@@ -14,9 +14,11 @@ from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import free_pieces
+from flocking.engine.reference.call_arguments import identifiers, link_rows, numbers, refuse_shapes, time_stamps
 from flocking.engine.reference.finite_forces import bounding_poles
 from flocking.errors import InvalidInput
 from flocking.formula.native.functions import native
+from flocking.model.bodies.discrete_bodies import FACTOR
 from flocking.model.checks import Array, integer, number, truth
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
@@ -30,8 +32,9 @@ from flocking.model.terms.schedules import Schedule
 MOST_NEIGHBOURS = 1024
 """Number of agents that may be heard of where none is given."""
 
-NOT_FINITE, NO_AGENT, TWICE = 1, 2, 3
-"""Faults of what is known of the others: a number that is not finite, an agent that is not, one given twice."""
+NOT_FINITE, NO_AGENT, TWICE, NO_STAMP = 1, 2, 3, 4
+"""Faults of what is known of the others: a number that is not finite, an agent that is not, one given twice, a stamp
+that is not finite or in the future."""
 
 CLOSED, FIXED = 1.0, 2.0
 """Kinds of graphs in the native rules: links of a start at the radius itself, and links that never change."""
@@ -40,7 +43,7 @@ CLOSED, FIXED = 1.0, 2.0
 @native
 def _prepare(  # type: ignore[no-untyped-def]
     call, relative, started, own, moving, who, places, speeds, lengths, rules, links, after, marks, Q, V, r, sensed,
-    offsets,
+    offsets, t, stamps, expires,
 ):  # fmt: skip
     """Copy and check what is known, and find the linked agents of every graph; returns a fault, 0 for none."""
     m, k, n = own.shape[0], who.shape[0], marks.shape[0]
@@ -51,6 +54,14 @@ def _prepare(  # type: ignore[no-untyped-def]
         V[0, c] = moving[c]
     for e in range(k):
         j = who[e]
+        if stamps.shape[0] > 0:
+            stamp = stamps[e]
+            if not stamp <= t or stamp - stamp != 0.0:
+                return 4
+            if not t - stamp < expires:
+                # Too old to be used, which no distance says.
+                r[e] = -1.0
+                continue
         if j < 0 or j >= n:
             return 2
         if marks[j] == call:
@@ -76,6 +87,8 @@ def _prepare(  # type: ignore[no-untyped-def]
             after[g, j] = links[g, j] and rules[g, 2] == 2.0
         for e in range(k):
             old = links[g, who[e]]
+            if r[e] < 0.0:
+                continue
             if rules[g, 2] == 2.0:
                 linked = old
             elif started:
@@ -198,7 +211,8 @@ class Controller:
         self._marks, self._calls = np.zeros(self.count, dtype=np.int64), 0
         self._pieces, self._ones = free_pieces(size * len(law.graphs)), np.ones((1, size))
         self._senders = np.zeros(size * (len(law.graphs) + 1) + MOST_NEIGHBOURS, dtype=np.int64)
-        self._no_weights = np.zeros((0, 1, 1))
+        self._no_weights, self._no_stamps = np.zeros((0, 1, 1)), np.zeros(0)
+        self._oldest = np.inf if self.expires is None else self.expires
         self.reset()
 
     def _check_law(self) -> None:
@@ -246,11 +260,9 @@ class Controller:
         Raises
         ------
         InvalidInput
-            When they are of another shape.
+            When they are of another shape, or not true or false.
         """
-        found = np.array(links, dtype=bool)
-        if found.shape != self.links.shape:
-            raise InvalidInput("Controller", "links", f"must have the shape {self.links.shape}", found.shape)
+        found = link_rows(links, self.links.shape)
         self.links, self._after, self._started = found, found.copy(), True
 
     def _take_parameters(self, t: float) -> None:
@@ -279,28 +291,27 @@ class Controller:
         q, p
             Their positions and velocities, shape (k, m); relative to the agent's where that was declared.
         stamps
-            When these were measured, shape (k,); needed where they expire.
+            When these were measured, shape (k,); needed where they expire, and checked wherever they are given.
 
         Raises
         ------
         InvalidInput
-            When an argument is malformed or not finite, the time is before that of the last call, or the law has no
-            force: at the place of a neighbour, or beyond a pole of a potential. Links are then those of the last call.
+            When an argument is malformed or not finite, the time is before that of the last call, a stamp is in the
+            future, or the law has no force: at the place of a neighbour, or beyond a pole of a potential. Links are
+            then those of the last call.
         """
-        own, moving = np.ascontiguousarray(own_q, dtype=np.float64), np.ascontiguousarray(own_p, dtype=np.float64)
-        who = np.asarray(ids)
-        places, speeds = np.ascontiguousarray(q, dtype=np.float64), np.ascontiguousarray(p, dtype=np.float64)
-        if who.size:
-            integers = who.dtype.kind in "iu"
-        else:
-            places, speeds, integers = self._Q[:0], self._V[:0], True
-        who = np.ascontiguousarray(who, dtype=np.int64)
+        own, moving = numbers("own_q", own_q), numbers("own_p", own_p)
+        who, places, speeds = identifiers(ids), numbers("q", q), numbers("p", p)
+        if type(t) is not float:
+            t = number("Controller", "t", t)
+        if not (who.size or places.size or speeds.size):
+            places, speeds = self._Q[:0], self._V[:0]
         axes, shape = (self.m,), (len(who), self.m)
-        known = places.shape == shape and speeds.shape == shape and who.ndim == 1 and integers
+        known = places.shape == shape and speeds.shape == shape
         if not (self.time <= t < np.inf and known and own.shape == axes and moving.shape == axes):
-            self._refuse(t, own, moving, who, places, speeds, integers=integers)
-        if self.expires is not None:
-            who, places, speeds = self._fresh(t, who, places, speeds, stamps)
+            refuse_shapes(self.m, t, self.time, (own, moving), (who, places, speeds))
+        timed = stamps is not None or self.expires is not None
+        measured = time_stamps(stamps, len(who)) if timed else self._no_stamps
         if self._changes or math.isnan(self._since):
             self._take_parameters(t)
         k, graphs = len(who), len(self._rules)
@@ -311,10 +322,10 @@ class Controller:
         fault = _prepare(
             self._calls, self.relative, self._started, own, moving, who, places,
             speeds, self._lengths, self._rules, self.links, self._after, self._marks, Q, V, self._r,
-            self._sensed, offsets,
+            self._sensed, offsets, t, measured, self._oldest,
         )  # fmt: skip
         if fault:
-            self._refuse_known(int(fault), who)
+            self._refuse_known(int(fault), who, measured)
         sensed = self._sensed
         for place, (_, near) in enumerate(self._obstacles.met(Q[:1], t) if self._obstacles.groups else ()):
             total = int(offsets[graphs + place])
@@ -324,6 +335,10 @@ class Controller:
         size = math.hypot(*u.tolist())
         if self._meets_poles or not size < np.inf:
             self._refuse_no_force(u, who, offsets)
+            if not size < np.inf and self.limit is not None:
+                # Finite components whose length is not: the same direction.
+                u = u * FACTOR
+                size = math.hypot(*u.tolist())
         # Links of agents that this call did not name are forgotten.
         self.links, self._after = self._after, self.links
         self._started, self.time = True, float(t)
@@ -352,46 +367,18 @@ class Controller:
         found: Array = u[0]
         return found
 
-    def _refuse(
-        self, t: float, own: Array, moving: Array, who: Indices, places: Array, speeds: Array, *, integers: bool
-    ) -> None:
-        """Say what is wrong with the arguments, where something is."""
-        if own.shape != (self.m,) or moving.shape != (self.m,):
-            raise InvalidInput("Controller", "own_q", f"must have {self.m} components, as own_p", own.tolist())
-        if who.ndim != 1 or (who.size and not integers):
-            raise InvalidInput("Controller", "ids", "must be a list of whole numbers", who.tolist())
-        if places.shape != (len(who), self.m) or speeds.shape != places.shape:
-            raise InvalidInput(
-                "Controller", "q", f"must be {self.m} numbers for each of ids, as p", f"{places.shape}, {speeds.shape}"
-            )
-        if not np.isfinite(t):
-            raise InvalidInput("Controller", "t", "must be finite", t)
-        if not t >= self.time:
-            raise InvalidInput(
-                "Controller", "t", f"must not be before the last call, {self.time:g}", t, "Call reset() to begin anew."
-            )
-
-    def _refuse_known(self, fault: int, who: Indices) -> None:
+    def _refuse_known(self, fault: int, who: Indices, stamps: Array) -> None:
         """Say what is wrong with what is known of the others."""
         if fault == NOT_FINITE:
             raise InvalidInput("Controller", "q", "must be finite, as p, own_q and own_p", "a number that is not")
         if fault == NO_AGENT:
             raise InvalidInput("Controller", "ids", f"must be from 0 to {self.count - 1}", who.tolist())
-        raise InvalidInput("Controller", "ids", f"must differ from each other and from {self.agent}", who.tolist())
-
-    def _fresh(
-        self, t: float, who: Indices, places: Array, speeds: Array, stamps: ArrayLike | None
-    ) -> tuple[Indices, Array, Array]:
-        """Those whose state is not too old."""
-        given = np.asarray(np.nan if stamps is None else stamps, dtype=np.float64)
-        if given.shape != who.shape or not (given <= t).all():
+        if fault == NO_STAMP:
             raise InvalidInput(
-                "Controller", "stamps", "must be one for each of ids and not lie in the future, since states expire",
-                stamps,
+                "Controller", "stamps", "must be finite and not in the future", stamps.tolist(),
+                "Leave states out whose clock is ahead, until their time has come.",
             )  # fmt: skip
-        assert self.expires is not None
-        fresh = t - given < self.expires
-        return who[fresh], places[fresh], speeds[fresh]
+        raise InvalidInput("Controller", "ids", f"must differ from each other and from {self.agent}", who.tolist())
 
     def _refuse_no_force(self, u: Array, who: Indices, offsets: Indices) -> None:
         """Refuse neighbours where the law has no force."""
@@ -403,6 +390,7 @@ class Controller:
                         f"agent {who[place - 1]} at distance {self._r[place - 1]:.9g}",
                     )  # fmt: skip
         if not np.isfinite(u).all():
-            near = int(np.argmin(self._r[: len(who)])) if len(who) else -1
+            used = np.where(self._r[: len(who)] < 0.0, np.inf, self._r[: len(who)])
+            near = int(np.argmin(used)) if (used < np.inf).any() else -1
             place_of = f"agent {who[near]} at distance {self._r[near]:.9g}" if near >= 0 else "no neighbour"
             raise InvalidInput("Controller", "q", "must be where the force of the law is finite", place_of)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from flocking.arrays import Indices
+from flocking.arrays import Indices, Links
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body, MotionSymbols
 from flocking.model.checks import Array, integer, one_of, scalar_or_each
@@ -243,9 +243,9 @@ class Heading(DiscreteBody):
         noisy = bool(np.max(noise) > 0.0)
         if noisy and self.noise_kind == "vectorial":
             wanted = wanted / speed[:, None] + noise[:, None] * self._unit_vectors(p.shape[1], agents, tick)
-        length = np.linalg.norm(wanted, axis=1, keepdims=True)
-        still = length == 0.0
-        found = np.where(still, p / speed[:, None], wanted / np.where(still, 1.0, length))
+        wanted, length = lowered(wanted)
+        still = (length == 0.0)[:, None]
+        found = np.where(still, p / speed[:, None], wanted / np.where(still, 1.0, length[:, None]))
         if noisy and self.noise_kind == "angular":
             angle = noise * (uniform(self.seed, Purpose.HEADING, agents, 0, tick) - 0.5)
             c, s = np.cos(angle), np.sin(angle)
@@ -346,6 +346,47 @@ def _within(vectors: Array, limit: float | Array | None, agents: Indices) -> Arr
     if limit is None:
         return vectors
     most = _of_agents(limit, agents)
-    length = np.linalg.norm(vectors, axis=1)
-    share = np.where(length > most, most / np.where(length > 0.0, length, 1.0), 1.0)
-    return np.asarray(vectors * share[:, None])
+    with np.errstate(over="ignore"):
+        longer = np.linalg.norm(vectors, axis=1) > most
+    return scaled(vectors, longer, most)
+
+
+LARGE, FACTOR = 2.0**500, 2.0**-520
+"""Length above which a vector is made smaller before it is squared, and the power of two by which.
+
+Squares of shorter vectors are finite, and those of all finite ones by the power.
+"""
+
+
+def lowered(vectors: Array) -> tuple[Array, Array]:
+    """Vectors and their lengths, shapes (K, m) and (K,); those whose squares may overflow are made smaller before.
+
+    Parameters
+    ----------
+    vectors
+        The vectors, shape (K, m).
+    """
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(vectors, axis=1)
+    large = length > LARGE
+    if not large.any():
+        return vectors, length
+    smaller = np.where(large[:, None], vectors * FACTOR, vectors)
+    return smaller, np.linalg.norm(smaller, axis=1)
+
+
+def scaled(vectors: Array, which: Links, length: float | Array) -> Array:
+    """Vectors, shape (K, m), some of them with another length.
+
+    Parameters
+    ----------
+    vectors
+        The vectors, shape (K, m).
+    which
+        Which of them, shape (K,); none of these is zero.
+    length
+        Their new length, one for all or shape (K,).
+    """
+    smaller, sizes = lowered(vectors)
+    share = (length / np.where(which, sizes, 1.0))[:, None]
+    return np.where(which[:, None], smaller * share, vectors)

@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.arrays import Indices
 from flocking.errors import InvalidInput
-from flocking.model.bodies.discrete_bodies import DiscreteBody
+from flocking.model.bodies.discrete_bodies import DiscreteBody, scaled
 from flocking.model.checks import Array, integer, number, scalar_or_each, truth
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
@@ -138,9 +138,9 @@ class VelocityUnit(DiscreteBody):
         """
         if self.speed is None:
             return u
-        length = np.linalg.norm(u, axis=1)
-        scaled = (length > 0.0) if self.fixed else (length > self.speed)
-        return np.asarray(u * np.where(scaled, self.speed / np.where(scaled, length, 1.0), 1.0)[:, None])
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(u, axis=1)
+        return scaled(u, (length > 0.0) if self.fixed else (length > self.speed), self.speed)
 
     def moved(
         self, q: Array, p: Array, wanted: Array, error: Array, period: float, tick: int
