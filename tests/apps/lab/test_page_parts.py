@@ -126,8 +126,15 @@ def test_a_paused_clock_does_nothing(clock):
 
 def test_of_a_wild_slider_only_the_last_value_counts(clock):
     experiment = clock.experiments[0]
-    gate = threading.Event()
-    clock.post(gate.wait)
+    held, gate = threading.Event(), threading.Event()
+
+    def hold():
+        held.set()
+        gate.wait()
+
+    clock.post(hold)
+    # What is posted before the clock is held may be taken along with what holds it.
+    assert held.wait(60.0)
     for k in range(1000):
         event = {"kind": "set", "path": ["law", "terms", 1, "gain"], "value": 0.001 * k}
         clock.post(lambda event=event: experiment.apply(event), "gain")

@@ -284,7 +284,7 @@ start = {draw = "box", n = 4, side = 2.0, speed = 1.0, seed = 0}
 
 def test_the_command_prints_a_table_and_writes_its_data(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "four.toml").write_text(FILE)
+    (tmp_path / "four.toml").write_text(FILE, encoding="utf-8-sig")
     words = ["margins", "four.toml", "--vary", "period", "--levels", "period=0.1,2", "--seeds", "2", "--workers", "1"]
     assert main(words) == 0
     shown = capsys.readouterr().out

@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.session import SampledSession
+from flocking.engine.storage.record_checks import _check_log
 from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.study.message_logs.departed import departed_causes
 from tests.engine.sampled.test_independent import random_world
 
 LATE = 60_000_000
@@ -238,3 +242,44 @@ def test_runs_without_a_log_are_refused():
     guarded = world(information=fk.Instant(), control=fk.SafetyFilter(0.05, distance=0.1, acceleration=10.0), t_end=0.1)
     with pytest.raises(UnsupportedLaw, match="SafetyFilter"):
         fk.replay(ran(guarded))
+
+
+@pytest.mark.parametrize(
+    ("part", "column", "value", "said"),
+    [
+        ("ticks", 0, 2**62, r"tick must not hold values above 1e\+09"),
+        ("ticks", 2, 2**62, "tick must not hold values above"),
+        ("uses", 2, 2**57, "use must not hold values above"),
+    ],
+)
+def test_a_log_that_asks_for_more_than_there_can_be_is_refused_when_it_is_read(whole, part, column, value, said):
+    """Read as it is, the first one asked for 687 GiB, and the sum of four of the second one wraps around to zero."""
+    tables = {"tick": whole.log.ticks.copy(), "tick_force": whole.log.forces, "use": whole.log.uses.copy()}
+    changed = tables[{"ticks": "tick", "uses": "use"}[part]]
+    changed[-4:, column] = value
+    with pytest.raises(MalformedError, match=said):
+        _check_log(whole.scenario, tables)
+    if column == 2 and part == "ticks":
+        with pytest.raises(MalformedError, match="all entries of every act"):
+            MessageLog(changed[-4:], whole.log.forces[-4:], whole.log.uses[:0])
+
+
+def test_a_sample_that_nobody_took_is_named_before_it_is_sought(whole):
+    uses = whole.log.uses.copy()
+    uses[40:, 2] = 10**9
+    run = dataclasses.replace(whole, log=dataclasses.replace(whole.log, uses=uses))
+    assert not fk.replay(run).agrees
+    with pytest.raises(InvalidInput, match=r"log must name samples that agent \d took; got 1000000000"):
+        departed_causes(run)
+
+
+@pytest.mark.parametrize("size", [1e150, 1e308])
+def test_forces_that_cannot_be_computed_with_are_refused_or_agree_with_nothing(whole, size):
+    forces = whole.log.forces.copy()
+    forces[15] = size
+    run = dataclasses.replace(whole, log=dataclasses.replace(whole.log, forces=forces))
+    try:
+        agrees = fk.replay(run).agrees
+    except InvalidInput:
+        agrees = False
+    assert not agrees

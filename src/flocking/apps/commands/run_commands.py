@@ -104,7 +104,7 @@ def _named_options(texts: Sequence[str]) -> dict[str, object]:
             raise InvalidInput("run", "option", "must be name=value, such as step=0.01, once for each name", text)
         try:
             found[name] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError, OverflowError):
             found[name] = value
     return found
 

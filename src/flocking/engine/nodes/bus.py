@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import queue
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -48,18 +49,22 @@ class Bus:
             raise EngineMissing(MISSING) from None
         config = zenoh.Config()
         settings = {
-            "mode": '"peer"', "listen/endpoints": f'["{listen}"]' if listen else "[]",
-            "connect/endpoints": f'["{connect}"]' if connect else "[]", "scouting/multicast/enabled": "false",
+            "mode": '"peer"', "listen/endpoints": json.dumps([listen] if listen else []),
+            "connect/endpoints": json.dumps([connect] if connect else []), "scouting/multicast/enabled": "false",
             "scouting/gossip/enabled": "false",
         }  # fmt: skip
-        for name, value in settings.items():
-            config.insert_json5(name, value)
         self.heard: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._subscribers: list[zenoh.Subscriber[None]] = []
         try:
+            for name, value in settings.items():
+                config.insert_json5(name, value)
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
-            raise StorageError(f"{listen or connect}: cannot open this place for messages ({error}).") from None
+            # Its words end in places of its own source files.
+            said = str(error).partition(" at /")[0].strip()
+            raise StorageError(
+                f"{listen or connect}: cannot open this place for messages ({said}). Name one as tcp/192.168.1.5:7447."
+            ) from None
 
     def subscribe(self, key: str) -> None:
         """Hear messages under a key."""

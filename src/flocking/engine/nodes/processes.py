@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import signal
 import subprocess
 import sys
 import threading
@@ -172,7 +173,13 @@ class AgentProcesses(Agents):
             return
         command = [sys.executable, "-m", "flocking.engine.nodes.agent_process", self.place, self.run, str(agent)]
         command += [] if self._library is None else ["--library", str(self._library)]
-        self.processes[agent] = subprocess.Popen(command, stdin=subprocess.DEVNULL)
+        # Ctrl-C is for the world, which ends its agents. A new process inherits what is blocked; without that, it would
+        # say where among its imports the signal has met it. Here the signal only waits.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+        try:
+            self.processes[agent] = subprocess.Popen(command, stdin=subprocess.DEVNULL)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def _gather(self, agents: set[int], *, begin: bool) -> None:
         """Wait until agents have said that they are ready."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from flocking.engine.runs.message_log import OWN, PRESENT, TICK_PARTS, MessageLo
 from flocking.errors import StorageError
 from flocking.model.law import Scenario
 from flocking.model.terms.avoidance import ObstacleTerm
+from flocking.model.world.times import PER_SECOND
 
 MOST_SAMPLES = 2**56
 """Largest number of a sample: the random numbers are functions of 56 bits of it."""
@@ -82,7 +84,10 @@ def _check_log(scenario: Scenario, tables: dict[str, AnyArray]) -> None:
     ticks, uses = tables["tick"], tables["use"]
     Table("f8", (len(ticks), scenario.start.dimension)).check(tables["tick_force"], "tick_force")
     Table("i8", (None, len(TICK_PARTS)), least=0).check(ticks, "tick")
-    Table("i8", (None,), least=0, most=n - 1).check(ticks[:, 1].copy(), "tick")
+    # A log that names a later time, or more entries than there are, would ask the second computation for their samples.
+    end = math.ceil((scenario.t_end - scenario.start.t) * PER_SECOND)
+    for column, most in ((0, end), (1, n - 1), (2, len(uses))):
+        Table("i8", (None,), least=0, most=most).check(ticks[:, column].copy(), "tick")
     for column, least, most in ((0, OWN, graphs - 1), (1, 0, n - 1), (2, PRESENT, MOST_SAMPLES)):
         Table("i8", (None,), least=least, most=most).check(uses[:, column].copy(), "use")
     MessageLog(ticks, tables["tick_force"], uses)

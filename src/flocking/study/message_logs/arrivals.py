@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Array
 from flocking.engine.runs.message_log import AT_START, PRESENT
+from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.model.world.information import Messages
 from flocking.model.world.random_numbers import Purpose, uniform
@@ -85,13 +86,21 @@ class Arrivals:
         return AT_START if instant < self._phase[agent] else (instant - self._phase[agent]) // self._period[agent]
 
     def sample(self, agent: int, k: int, instant: int) -> Sample:
-        """What is used of an agent: sample ``k``, the state at the start, or the true state at an ``instant``."""
+        """What is used of an agent: sample ``k``, the state at the start, or the true state at an ``instant``.
+
+        Raises
+        ------
+        InvalidInput
+            When the agent took no such sample.
+        """
         if k == AT_START:
             q, p = self.scenario.start.q[agent], self.scenario.start.p[agent]
             return Sample(q, p, q, p, 0, open=False)
         if k == PRESENT:
             q, p = self.motion.state(agent, instant * NANOSECOND, instant)
             return Sample(q, p, q, p, instant, open=False)
+        if not 0 <= k < self.counts[agent]:
+            raise InvalidInput("run", "log", f"must name samples that agent {agent} took", k, "The log was changed.")
         mine = self._samples[agent]
         while len(mine) <= k:
             mine.append(self._measured(agent, len(mine)))

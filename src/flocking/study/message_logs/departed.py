@@ -72,7 +72,7 @@ def departed_causes(run: Run) -> Departed:
         )
     world = LoggedWorld(scenario, log)
     trace = run.trace
-    with Reading():
+    with Reading(), np.errstate(over="ignore", invalid="ignore"):
         differences = _differences(run, world)
     causes = {name: np.zeros(len(trace)) for name in CAUSES}
     acting = {name: np.full(world.n, -1) for name in differences}

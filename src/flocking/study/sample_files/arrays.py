@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import lzma
+import struct
 import zipfile
+import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,13 +14,16 @@ import numpy as np
 from flocking.engine.storage.export_formats import missing_package
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
-from flocking.study.sample_files.samples import Columns, Samples, check_size, check_times, finite_array
+from flocking.study.sample_files.samples import Columns, Samples, check_size, check_times, finite_array, reason
 
 if TYPE_CHECKING:
     import gsd.hoomd
 
 ARRAY_COLUMNS = ("t", "q", "p")
 """Arrays of an NPZ file: times, positions and velocities."""
+
+INDEX_ENTRY = 32
+"""Bytes of an entry of the index of a GSD file; every frame that is stored has one or more."""
 
 OWN_TIME, OWN_POSITION, OWN_VELOCITY = "flocking/time", "particles/flocking/position", "particles/flocking/velocity"
 """Entries of the log of GSD files that ``flocking export`` writes: in double precision, not wrapped into the box."""
@@ -50,8 +56,12 @@ def read_npz(path: Path, columns: Columns) -> Samples:
             arrays = {ours: found[columns.name(ours)] for ours in ARRAY_COLUMNS if columns.present(ours, names)}
     except InvalidInput:
         raise
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise InvalidInput(str(path), "file", f"must be an NPZ file of plain arrays ({error})", path.name) from None
+    except (
+        ValueError, OSError, EOFError, KeyError, TypeError, SyntaxError, MemoryError, OverflowError, RuntimeError,
+        NotImplementedError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error,
+    ) as error:  # fmt: skip
+        said = f"must be an NPZ file of plain arrays ({reason(error)})"
+        raise InvalidInput(str(path), "file", said, path.name) from None
     checked = {
         ours: finite_array(path, columns.name(ours), values, 1 if ours == "t" else 3) for ours, values in arrays.items()
     }
@@ -94,17 +104,22 @@ def read_gsd(path: Path, columns: Columns, time_step: float | None) -> Samples:
     try:
         with gsd.hoomd.open(str(path), "r") as file:
             return _read_frames(path, file, time_step)
-    except (RuntimeError, OSError, ValueError) as error:
-        if isinstance(error, InvalidInput):
-            raise
-        raise InvalidInput(str(path), "file", f"must be a GSD file of particles ({error})", path.name) from None
+    except InvalidInput:
+        raise
+    except (RuntimeError, OSError, ValueError, TypeError, LookupError, MemoryError, ArithmeticError) as error:
+        raise InvalidInput(str(path), "file", f"must be a GSD file of particles ({reason(error)})", path.name) from None
 
 
 def _read_frames(path: Path, file: gsd.hoomd.HOOMDTrajectory, time_step: float | None) -> Samples:
     count = len(file)
     if not count:
         raise InvalidInput(str(path), "file", "must have frames", 0)
+    most = path.stat().st_size // INDEX_ENTRY
+    if count > most:
+        raise InvalidInput(str(path), "frames", f"must be at most {most} in a file of this size", count)
     n = int(file[0].particles.N)
+    if n < 1:
+        raise InvalidInput(str(path), "particles", "must be at least one", n)
     check_size(path, count * n * 3 * 8 * 2, "its positions and velocities")
     own = OWN_TIME in file[0].log and OWN_POSITION in file[0].log
     if not own and not (time_step is not None and np.isfinite(time_step) and time_step > 0):
@@ -113,7 +128,9 @@ def _read_frames(path: Path, file: gsd.hoomd.HOOMDTrajectory, time_step: float |
             "Give the time of one step with --time-step.",
         )  # fmt: skip
     m = 2 if file[0].configuration.dimensions == 2 else 3
-    m = int(file[0].log["flocking/dimension"][0]) if own and "flocking/dimension" in file[0].log else m
+    if own and "flocking/dimension" in file[0].log:
+        m = int(file[0].log["flocking/dimension"][0])
+        check_size(path, count * n * max(m, 1) * 8 * 2, "its positions and velocities")
     has_velocity = own or all(file.file.chunk_exists(frame=k, name="particles/velocity") for k in (0, count - 1))
     t, q, p = np.zeros(count), np.zeros((count, n, m)), np.zeros((count, n, m))
     for k in range(count):
@@ -121,7 +138,12 @@ def _read_frames(path: Path, file: gsd.hoomd.HOOMDTrajectory, time_step: float |
         if n != frame.particles.N:
             raise InvalidInput(str(path), f"frame {k}", f"must have {n} particles, as the first", frame.particles.N)
         if own:
-            t[k], q[k], p[k] = frame.log[OWN_TIME][0], frame.log[OWN_POSITION], frame.log[OWN_VELOCITY]
+            t[k] = frame.log[OWN_TIME][0]
+            for values, name in ((q, OWN_POSITION), (p, OWN_VELOCITY)):
+                if frame.log[name].shape != (n, m):
+                    shape = frame.log[name].shape
+                    raise InvalidInput(str(path), f"frame {k}, {name}", f"must have the shape {(n, m)}", shape)
+                values[k] = frame.log[name]
             continue
         box = np.asarray(frame.configuration.box, dtype=np.float64)
         if box[3:].any():

@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 import json
+import struct
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flocking.engine.storage.export_formats import missing_package
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
-from flocking.study.sample_files.samples import Columns, Samples, check_size, check_times, finite_array
+from flocking.study.sample_files.samples import (
+    LARGEST_FILE,
+    Columns,
+    Samples,
+    check_size,
+    check_times,
+    finite_array,
+    reason,
+)
+
+if TYPE_CHECKING:
+    from mcap.records import Chunk
 
 TOPIC = "/state"
 """Topic whose messages are read: JSON with the time ``t`` and the rows of ``q`` and, where there are any, of ``p``."""
@@ -35,27 +49,23 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
     """
     columns.check_names(("t", "q", "p"))
     try:
-        from mcap.exceptions import McapError
-        from mcap.reader import make_reader
+        import mcap.exceptions
     except ImportError:
         raise missing_package("mcap", "MCAP") from None
     rows: list[dict[str, object]] = []
-    size = 0
     try:
-        with path.open("rb") as file:
-            for _, channel, message in make_reader(file).iter_messages(topics=[TOPIC]):
-                if channel.message_encoding != "json":
-                    raise ValueError(f"messages of {TOPIC} are {channel.message_encoding}, not JSON")
-                size += len(message.data)
-                check_size(path, size, "its messages")
-                found = json.loads(message.data)
-                if not isinstance(found, dict):
-                    raise ValueError(f"a message of {TOPIC} is no object")
-                rows.append(found)
+        for data in _messages(path):
+            found = json.loads(data)
+            if not isinstance(found, dict):
+                raise ValueError(f"a message of {TOPIC} is no object")
+            rows.append(found)
     except InvalidInput:
         raise
-    except (McapError, ValueError, OSError, RuntimeError, KeyError, EOFError, RecursionError) as error:
-        raise InvalidInput(str(path), "file", f"must be a finished MCAP file ({error})", path.name) from None
+    except (
+        mcap.exceptions.McapError, ValueError, OSError, RuntimeError, LookupError, TypeError, EOFError, MemoryError,
+        OverflowError, struct.error, *_decompression_errors(),
+    ) as error:  # fmt: skip
+        raise InvalidInput(str(path), "file", f"must be a finished MCAP file ({reason(error)})", path.name) from None
     if not rows:
         raise InvalidInput(str(path), "file", f"must have messages of the topic {TOPIC}", "none")
     names = list(rows[0])
@@ -67,10 +77,9 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
         name = columns.name(ours)
         try:
             array = np.array([row[name] for row in rows], dtype=np.float64)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InvalidInput(
-                str(path), name, f"must be numbers of one shape in all messages ({error})", name
-            ) from None
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            said = f"must be numbers of one shape in all messages ({reason(error)})"
+            raise InvalidInput(str(path), name, said, name) from None
         return finite_array(path, name, array, axes)
 
     t, q = values("t", 1), values("q", 3)
@@ -79,3 +88,57 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
         raise InvalidInput(str(path), columns.name("p"), f"must have the shape of q, {q.shape}", p.shape)
     check_times(path, t, f"field {columns.name('t')}")
     return Samples(t, q, p, tuple(map(str, range(q.shape[1]))))
+
+
+def _messages(path: Path) -> list[bytes]:
+    """The messages of the topic in order of their times; no more is unpacked than `LARGEST_FILE`."""
+    from mcap.records import Channel, Chunk, Message
+    from mcap.stream_reader import StreamReader, breakup_chunk
+
+    channels: dict[int, Channel] = {}
+    found: list[tuple[int, bytes]] = []
+    size = 0
+    with path.open("rb") as file:
+        for record in StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LARGEST_FILE).records:
+            parts = [record]
+            if isinstance(record, Chunk):
+                size += record.uncompressed_size
+                check_size(path, size, "its messages unpacked")
+                parts = breakup_chunk(_unpacked(record), validate_crc=True)
+            for part in parts:
+                if isinstance(part, Channel):
+                    channels[part.id] = part
+                elif isinstance(part, Message) and channels[part.channel_id].topic == TOPIC:
+                    encoding = channels[part.channel_id].message_encoding
+                    if encoding != "json":
+                        raise ValueError(f"messages of {TOPIC} are {encoding}, not JSON")
+                    found.append((part.log_time, part.data))
+    return [data for _, data in sorted(found, key=lambda message: message[0])]
+
+
+def _unpacked(chunk: Chunk) -> Chunk:
+    """A chunk without compression, of the size that it declares: the package's own reader knows no bound."""
+    most = chunk.uncompressed_size + 1
+    if chunk.compression == "zstd":
+        import zstandard
+
+        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as stream:
+            data = stream.read(most)
+    elif chunk.compression == "lz4":
+        import lz4.frame
+
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most)
+    elif not chunk.compression:
+        data = chunk.data
+    else:
+        raise ValueError(f"compression {chunk.compression!r} is not known")
+    if len(data) != chunk.uncompressed_size:
+        raise ValueError(f"a chunk is not of the {chunk.uncompressed_size} bytes that it declares")
+    return replace(chunk, compression="", data=data)
+
+
+def _decompression_errors() -> tuple[type[Exception], ...]:
+    """The error of zstandard, a class of its own; lz4 raises ``RuntimeError``."""
+    from zstandard import ZstdError
+
+    return (ZstdError,)

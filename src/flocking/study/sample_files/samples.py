@@ -143,6 +143,22 @@ def check_size(path: Path, size: int, what: str = "the file") -> None:
         )
 
 
+LONGEST_REASON = 200
+"""Characters of what a library says of a file that it cannot read; it may repeat parts of the file."""
+
+
+def reason(error: BaseException) -> str:
+    """What a library says of a file that it cannot read, on one line and of bounded length.
+
+    Parameters
+    ----------
+    error
+        The error of the library.
+    """
+    words = " ".join(str(error).split()) or type(error).__name__
+    return words if len(words) <= LONGEST_REASON else words[:LONGEST_REASON] + "..."
+
+
 def finite_array(path: Path, name: str, values: object, ndim: int) -> Array:
     """An array of a file as double precision; a value that is not finite is named by its place.
 
@@ -187,8 +203,11 @@ def check_times(path: Path, t: Array, name: str) -> None:
     Raises
     ------
     InvalidInput
-        When there are fewer than three, or one is not later than the one before.
+        When there are fewer than three, or one is not finite or not later than the one before.
     """
+    if not np.isfinite(t).all():
+        k = int(np.flatnonzero(~np.isfinite(t))[0])
+        raise InvalidInput(str(path), f"{name}, entry {k}", "must be a finite number", float(t[k]))
     if len(t) < 3:
         raise InvalidInput(str(path), name, "must hold at least three times", len(t))
     late = np.flatnonzero(np.diff(t) <= 0)
@@ -213,7 +232,8 @@ def number(path: Path, row: int, column: str, text: str) -> float:
         When it is not a finite number.
     """
     try:
-        value = float(text)
+        # Python alone reads 1_000 as a number.
+        value = math.nan if "_" in text else float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):

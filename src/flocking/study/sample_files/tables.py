@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flocking.engine.storage.export_formats import missing_package
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
-from flocking.study.sample_files.samples import LARGEST_FILE, Columns, Samples, check_size, check_times, number
+from flocking.study.sample_files.samples import LARGEST_FILE, Columns, Samples, check_size, check_times, number, reason
 
 if TYPE_CHECKING:
     from _csv import Reader
@@ -45,7 +45,7 @@ def read_csv(path: Path, columns: Columns) -> Samples:
     except UnicodeDecodeError as error:
         raise InvalidInput(str(path), "file", "must be UTF-8 text", f"byte {error.object[error.start]:#x}") from None
     except (OSError, csv.Error) as error:
-        raise InvalidInput(str(path), "file", f"must be a CSV table ({error})", path.name) from None
+        raise InvalidInput(str(path), "file", f"must be a CSV table ({reason(error)})", path.name) from None
 
 
 def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
@@ -98,19 +98,26 @@ def read_parquet(path: Path, columns: Columns) -> Samples:
     except ImportError:
         raise missing_package("pyarrow", "Parquet") from None
     try:
-        with parquet.ParquetFile(path) as file:
+        # A label that many rows repeat is held once.
+        with parquet.ParquetFile(path, read_dictionary=[columns.name("id")]) as file:
             names = [str(name) for name in file.schema_arrow.names]
             axes, speeds = _axes(columns, names)
             needed = ["t", *axes, *speeds]
             check_size(path, file.metadata.num_rows * 8 * (len(needed) + 1), "its columns")
+            groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
+            check_size(path, sum(max(group.total_byte_size, 0) for group in groups), "its columns unpacked")
             found = file.read(columns=[columns.name(ours) for ours in (*needed, "id")])
-    except (pyarrow.ArrowException, OSError) as error:
-        raise InvalidInput(str(path), "file", f"must be a Parquet table ({error})", path.name) from None
+            labels = found.column(columns.name("id")).dictionary_encode().combine_chunks()
+    except (pyarrow.ArrowException, OSError, MemoryError, UnicodeDecodeError) as error:
+        raise InvalidInput(str(path), "file", f"must be a Parquet table ({reason(error)})", path.name) from None
     numbers = [_parquet_column(path, columns.name(ours), found.column(columns.name(ours))) for ours in needed]
-    labels = found.column(columns.name("id")).to_pylist()
     known: dict[str, int] = {}
-    agents = np.array([known.setdefault(str(label), len(known)) for label in labels], dtype=np.int64)
-    rows = np.arange(1, len(labels) + 1)
+    numbered = np.array([known.setdefault(str(x), len(known)) for x in labels.dictionary.to_pylist()], dtype=np.int64)
+    if labels.null_count:
+        row = int(np.flatnonzero(labels.is_null().to_numpy(zero_copy_only=False))[0])
+        raise InvalidInput(str(path), f"row {row + 1}, column {columns.name('id')}", "must name an agent", "nothing")
+    agents = numbered[labels.indices.to_numpy()]
+    rows = np.arange(1, len(agents) + 1)
     return _pivoted(path, columns, np.stack(numbers, axis=1), agents, list(known), rows, len(axes), "row")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
 import threading
 import time
 from collections import deque
@@ -213,7 +214,15 @@ def _order(text: object) -> dict[str, Any] | None:
     if not isinstance(text, str):
         return None
     try:
-        order = json.loads(text)
+        order = json.loads(text, parse_constant=_finite, parse_float=_finite)
     except (ValueError, RecursionError):
         return None
     return order if isinstance(order, dict) and isinstance(order.get("kind"), str) else None
+
+
+def _finite(text: str) -> float:
+    """A number of an order: pages write no others, and answers repeat the ``id`` of an order as JSON."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value
