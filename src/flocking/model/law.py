@@ -82,22 +82,22 @@ class Law(LawCell):
         for pair_term in self.pair_terms:
             check_pair_term(pair_term, pair_term.over or self.graph)
 
-    @property
+    @cached_property
     def pair_terms(self) -> tuple[PairTerm, ...]:
         """The terms that sum over neighbours."""
         return tuple(t for t in self.terms if isinstance(t, PairTerm))
 
-    @property
+    @cached_property
     def body_terms(self) -> tuple[BodyTerm, ...]:
         """The terms that act on one agent."""
         return tuple(t for t in self.terms if isinstance(t, BodyTerm))
 
-    @property
+    @cached_property
     def steering_terms(self) -> tuple[Steering, ...]:
         """The terms that an agent computes from all that it sees at once."""
         return tuple(t for t in self.terms if isinstance(t, Steering))
 
-    @property
+    @cached_property
     def graphs(self) -> tuple[Graph, ...]:
         """The law's graph, then every other graph a term names, each once."""
         found = [self.graph]
@@ -112,7 +112,7 @@ class Law(LawCell):
             return 0
         return next(k for k, g in enumerate(self.graphs) if g is term.over)
 
-    @property
+    @cached_property
     def leaders(self) -> tuple[Leader, ...]:
         """Every leader a term looks at, each once."""
         found: list[Leader] = []

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Links, Reals, Records
-from flocking.engine.reference.control import evaluate
+from flocking.engine.reference.control import evaluate_each
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run, ledger_of
 from flocking.errors import InvalidInput
@@ -86,13 +86,7 @@ def _run_of(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
 def _ledger(scenario: Scenario, t: Array, q: Reals, p: Reals, links: list[Links]) -> tuple[Records, LedgerRule]:
     """The ledger of samples by the powers of the declared law, and how far it is known."""
     with Reading():
-        found = [
-            evaluate(
-                scenario.law, State(q[k], p[k], float(t[k]), links[k]), agents=scenario.agents,
-                energy=scenario.energy, space=scenario.space,
-            )
-            for k in range(len(t))
-        ]  # fmt: skip
+        found = evaluate_each(scenario, (State(q[k], p[k], float(t[k]), links[k]) for k in range(len(t))))
     n = q.shape[1]
     unlinked = np.array([0.5 * (n * (n - 1) - int(x.sum())) for x in links]) * scenario.energy.unlinked
     energy = np.array([e.storage + e.kinetic for e in found]) + unlinked

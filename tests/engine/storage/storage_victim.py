@@ -78,7 +78,7 @@ def held() -> fk.Scenario:
     """Twenty agents with links that switch, held control, and messages that are late, lost and wrong."""
     law = fk.Law(fk.Hysteresis(radius=4, gap=0.1), [fk.Gradient(fk.Potential("(r - 3)^2")), fk.Consensus(0.1)])
     return fk.Scenario(
-        law, fk.start.box(20, side=12, speed=4, seed=1), t_end=1.5, frames=16, name="held", seed=1,
+        law, fk.start.box(20, side=12, speed=4, seed=1), t_end=1.0, frames=16, name="held", seed=1,
         control=fk.Held(0.02, latency=0.03),
         information=fk.Messages(
             0.05, delay=0.02, jitter=0.05, loss=fk.DistanceLoss(6.0), noise=fk.OrnsteinUhlenbeck(0.01, 0.01),
@@ -95,7 +95,7 @@ def sampled(folder: Path) -> None:
 
 def late() -> fk.Scenario:
     """The same group, which knows everybody a time ago."""
-    return held().with_(control=fk.Continuous(), information=fk.Delayed(0.07), t_end=1.0, name="late")
+    return held().with_(control=fk.Continuous(), information=fk.Delayed(0.07), t_end=0.7, name="late")
 
 
 def delayed(folder: Path) -> None:

@@ -20,7 +20,6 @@ from flocking.model.checks import Array
 from flocking.model.graph_functional import averages
 from flocking.model.graphs.weights import HashedWeights, PairWeights, pair_uniform
 from flocking.model.law import Scenario
-from flocking.model.terms.schedules import Schedule
 
 LinkedPairs = tuple[NDArray[np.integer], NDArray[np.integer], Mask]
 """Sensing and sensed agents of pairs, and whether it is certain that they are linked."""
@@ -108,21 +107,9 @@ class Declared:
         self._layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space, True)
         self._module = array_kernels(self._layout, scenario.start.dimension)
 
-    def _slots(self, since: float) -> tuple[Array, list[float | Array], list[PairWeights]]:
-        scalars: list[float] = []
-        rows: list[float | Array] = [self.scenario.agents.masses, self.scenario.agents.damping]
-        weights: list[PairWeights] = []
-        for _, owned in self._layout.owners():
-            for value in owned.values():
-                known = value.at(since) if isinstance(value, Schedule) else value
-                if isinstance(known, PairWeights):
-                    weights.append(known)
-                elif isinstance(known, float | int):
-                    scalars.append(float(known))
-                elif isinstance(known, np.ndarray):
-                    rows.append(known) if known.ndim else scalars.append(float(known))
-        P = np.concatenate([np.array(scalars, dtype=np.float64), self._layout.obstacle_rows().ravel()])
-        return P, rows, weights
+    def _numbers(self, since: float) -> tuple[Array, list[float | Array], list[PairWeights]]:
+        found = self._layout.numbers(self.scenario.agents, since)
+        return self._layout.packed(found.single), found.each, found.pairs
 
     def state(self, group: Group, judged: Indices, pairs: Sequence[LinkedPairs]) -> Statement:
         """Evaluate the law for the agents at the indices ``judged``, shape (S,).
@@ -142,7 +129,7 @@ class Declared:
 
     def _flow(self, group: Group, judged: Indices, pairs: Sequence[LinkedPairs], seen: Statement) -> Statement:
         """The same with the powers of agents of order 1; see `flocking.engine.kernels.flow_formulas`."""
-        P, rows, weights = self._slots(group.since)
+        P, rows, weights = self._numbers(group.since)
         m, count, n = group.q.shape[1], len(judged), self.scenario.start.n
         q, u = (np.asarray(x[judged], dtype=np.float64) for x in (group.q, group.p))
         who = group.ids[judged]
@@ -186,7 +173,7 @@ class Declared:
 
     def _seen(self, group: Group, judged: Indices, pairs: Sequence[LinkedPairs]) -> Statement:
         """Evaluate the law with the velocities of the group."""
-        P, rows, weights = self._slots(group.since)
+        P, rows, weights = self._numbers(group.since)
         m, count = group.q.shape[1], len(judged)
         force, size, error = np.zeros((count, m)), np.zeros(count), np.zeros(count)
         powers, errors = np.zeros((count, len(POWERS))), np.zeros((count, len(POWERS)))

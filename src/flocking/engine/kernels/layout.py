@@ -116,6 +116,10 @@ class Layout:
 
     def owners(self) -> list[tuple[str, dict[str, Value | PerObstacle | Place]]]:
         """Every owner of parameters with what it owns, in slot order."""
+        return self._owners
+
+    @cached_property
+    def _owners(self) -> list[tuple[str, dict[str, Value | PerObstacle | Place]]]:
         found: list[tuple[str, dict[str, Value | PerObstacle | Place]]] = []
         found += [(f"graph{k}", dict(g.parameters)) for k, g in enumerate(self.law.graphs)]
         found += [(f"term{k}", dict(t.parameters)) for k, t in enumerate(self.law.terms)]
@@ -257,8 +261,11 @@ class Layout:
         """
         single, each, weights = self.numbers(agents, t)
         pairs = np.array([w.of(agents.headings, n) for w in weights]) if weights else np.zeros((0, 1, 1))
-        P = np.concatenate([np.array(single, dtype=np.float64), self.obstacle_rows().ravel()])
-        return P, np.array([np.broadcast_to(row, n) for row in each], dtype=np.float64), pairs
+        return self.packed(single), np.array([np.broadcast_to(row, n) for row in each], dtype=np.float64), pairs
+
+    def packed(self, single: list[float]) -> Array:
+        """The array P of a kernel: the single numbers, then the rows of `obstacle_rows`."""
+        return np.concatenate([np.array(single, dtype=np.float64), self.obstacle_rows().ravel()])
 
     def obstacle_rows(self) -> Array:
         """Numbers for the slots per obstacle, shape (rows, K): K is that of the largest group, the rest is NaN."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -24,12 +25,12 @@ from flocking.model.graph_functional import averages, graph_functional
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import MatrixWeights
-from flocking.model.law import Law
+from flocking.model.law import Law, Scenario
 from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
 from flocking.model.terms.schedules import Schedule
 
-__all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate"]
+__all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "evaluate_each"]
 
 
 def graph_links(law: Law, state: State, headings: Array | None = None, space: Space = OPEN) -> list[Links]:
@@ -95,9 +96,18 @@ def evaluate(
     return _evaluated(law, state, agents, energy, space, checked=False)
 
 
+def evaluate_each(scenario: Scenario, states: Iterable[State]) -> list[Evaluation]:
+    """What `evaluate` gives for each state under the law of a scenario, which is taken apart once."""
+    law, agents, energy, space = scenario.law, scenario.agents, scenario.energy, scenario.space
+    layout = Layout(law, energy, agents, space, steering=True)
+    taken_apart = layout, array_kernels(layout, scenario.start.dimension)
+    return [_evaluated(law, state, agents, energy, space, taken_apart, checked=False) for state in states]
+
+
 def _evaluated(
-    law: Law, state: State, agents: Body | None, energy: Energy | None, space: Space, *, checked: bool
-) -> Evaluation:
+    law: Law, state: State, agents: Body | None, energy: Energy | None, space: Space,
+    taken_apart: tuple[Layout, ModuleType] | None = None, *, checked: bool,
+) -> Evaluation:  # fmt: skip
     if not isinstance(state, State):
         raise InvalidInput("control", "state", "must be a State", state, "Use fk.State(q, p).")
     given_parts = (
@@ -116,8 +126,10 @@ def _evaluated(
         state = replace(state, p=np.zeros_like(state.q))
     law.check_count(n, m)
     energy = energy or Energy()
-    layout = Layout(law, energy, agents, space, steering=True)
-    module = array_kernels(layout, m)
+    if taken_apart is None:
+        layout = Layout(law, energy, agents, space, steering=True)
+        taken_apart = layout, array_kernels(layout, m)
+    layout, module = taken_apart
     P, A, W = layout.values(agents, n, state.t)
     u = np.zeros((n, m))
     force_sum = np.zeros(n)
