@@ -102,9 +102,7 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
         _print_claims(report, scenario.name, proven)
         print_promises(promised)
         if broken:
-            print(
-                "What is guaranteed of the scenario is broken: the run is that of another law, or was changed on its way."
-            )
+            print("What is guaranteed of the scenario is broken: the run has another law, or was changed on its way.")
         outcome = "All decided claims have" if report.as_expected else "Some claims do not have"
         print(f"{outcome} the expected verdict.")
         if again is not None:
