@@ -142,12 +142,17 @@ def _conditional(claim: Claim) -> Claim:
 def guarantees_of(run: Run) -> Certificates | None:
     """What is guaranteed of the motion from the first frame of a run on; None for groups that are too large.
 
+    None, too, from a later frame on where forces are held or messages are on their way: a state does not tell these.
+
     Parameters
     ----------
     run
         The run, whose law did not change.
     """
     if run.n > MOST_CERTIFIED or not len(run.t):
+        return None
+    scenario = run.scenario
+    if run.t[0] > scenario.start.t and not (scenario.control.ideal and scenario.information.ideal):
         return None
     try:
         return certify(
