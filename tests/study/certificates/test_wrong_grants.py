@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.model.leaders_and_obstacles.obstacles import Piece
 from flocking.study.certificates.energy_setting import EnergySetting
 
 RNG = np.random.default_rng(1)
@@ -44,3 +45,32 @@ def test_the_nearest_image_may_be_in_the_way():
     assert fk.certify(scenario)["braking_suffices"].granted
     found = fk.certify(scenario.with_(space=fk.Periodic([4.0, 4.0])))
     assert found["braking_suffices"].outcome == "not applicable"
+
+
+class Arena(fk.Ball):
+    """All that is outside of a circle: not convex."""
+
+    @property
+    def structure(self):
+        return ("arena", self.centre.structure)
+
+    def signed_distance(self, q, t, parameter):
+        return [Piece(-piece.distance) for piece in super().signed_distance(q, t, parameter)]
+
+
+def test_damping_drives_agents_inside_of_a_circle():
+    """The projection onto the inside of a circle is faster than what it projects: damping towards it adds energy."""
+    spring = fk.Potential("(r - 2)**2/2")
+    laws = [
+        fk.Law(fk.Complete(), [fk.Consensus(0.0), fk.Avoid(
+            [obstacle], range=1.0, repulsion_gain=4.0, damping_gain=8.0, repulsion=spring, gamma_agents=False)])
+        for obstacle in (Arena([0.0, 0.0], 2.0), fk.Ball([0.0, 0.0], 0.5))
+    ]  # fmt: skip
+    start = fk.State([[1.4, 0.0]], [[0.0, 0.5]])
+    scenario = fk.Scenario(laws[0], start, t_end=3.0, frames=31)
+    run = fk.simulate(scenario, progress=False)
+    assert np.linalg.norm(run.q, axis=2).max() > 2.0
+    found = fk.certify(scenario)["obstacles_not_entered"]
+    assert not found.granted
+    assert "convex" in found.reason
+    assert fk.certify(scenario.with_(law=laws[1]))["obstacles_not_entered"].granted
