@@ -74,3 +74,6 @@ def test_damping_drives_agents_inside_of_a_circle():
     assert not found.granted
     assert "convex" in found.reason
     assert fk.certify(scenario.with_(law=laws[1]))["obstacles_not_entered"].granted
+    # The planes of a safety filter would be those of a ball.
+    with pytest.raises(fk.InvalidInput, match="obstacles"):
+        fk.SafetyFilter(0.1, distance=0.5, acceleration=4.0, form="stopping", obstacles=[Arena([0.0, 0.0], 2.0)])
