@@ -53,8 +53,7 @@ class Law(LawCell):
     Raises
     ------
     InvalidInput
-        When the graph or a term is none, damping is compensated twice, or the energies a pair term states are not
-        those of its forces.
+        When the graph or a term is none, two compensate damping, or the energies of a pair term are not of its forces.
 
     Examples
     --------
@@ -80,10 +79,8 @@ class Law(LawCell):
         if not terms:
             raise InvalidInput("Law", "terms", "must hold at least one term", terms)
         if sum(isinstance(t, Compensate) for t in terms) > 1:
-            raise InvalidInput(
-                "Law", "terms", "must hold at most one Compensate", "several",
-                "One cancels the damping of the agents; a second one would drive them.",
-            )  # fmt: skip
+            hint = "One cancels the damping of the agents; a second one would drive them."
+            raise InvalidInput("Law", "terms", "must hold at most one Compensate", "several", hint)
         object.__setattr__(self, "terms", terms)
         for pair_term in self.pair_terms:
             check_pair_term(pair_term, pair_term.over or self.graph)
