@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -132,6 +133,8 @@ def test_run_audit_and_resume_of_a_file(quick: Path, tmp_path: Path, capsys: pyt
     code, text, _ = call(capsys, "audit", out)
     assert "verdict" in text
     assert "closest_approach   >=" in text
+    assert re.search(r"^links-kept +holds,", text, re.M)
+    assert "links-kept (links_kept)" in text
     assert max(map(len, text.splitlines())) <= 80
     code, text, _ = call(capsys, "resume", out, "--json")
     assert code == 0
@@ -154,6 +157,22 @@ def test_an_audit_that_finds_a_wrong_run_exits_with_1(
     code, text, _ = call(capsys, "audit", tmp_path / "mutant")
     assert code == 1
     assert "do not have the expected" in text
+
+
+def test_nothing_is_guaranteed_of_a_run_that_breaks_a_promise(
+    quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The run is that of agents that do not hold together, under the name of those that do."""
+    scenario = fk.read_scenario(quick)
+    scenario = scenario.with_(t_end=6.0)
+    loose = fk.Law(scenario.law.graph, (fk.Consensus(0.0),))
+    fk.write_run(fk.simulate(scenario, plant=loose, progress=False), tmp_path / "loose")
+    code, text, _ = call(capsys, "audit", tmp_path / "loose")
+    assert code == 1
+    assert re.search(r"^links_kept .* NO ", text, re.M)
+    assert ", guaranteed" not in text
+    assert "links-kept (links_kept)" not in text
+    assert "is broken" in text
 
 
 def test_a_run_that_cannot_go_on_exits_with_1_and_tells_what_was_reached(

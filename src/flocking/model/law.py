@@ -26,7 +26,7 @@ from flocking.model.space import OPEN, Space
 from flocking.model.space_checks import check_space, check_steering
 from flocking.model.state import Agents, State
 from flocking.model.terms.balances import check_body_term, check_pair_term
-from flocking.model.terms.body_terms import BodyTerm
+from flocking.model.terms.body_terms import BodyTerm, Compensate
 from flocking.model.terms.pair_terms import Gradient, PairTerm, Term
 from flocking.model.terms.potential_reach import check_reach
 from flocking.model.terms.steering import Steering
@@ -53,7 +53,7 @@ class Law(LawCell):
     Raises
     ------
     InvalidInput
-        When the graph or a term is none, or the energies a pair term states are not those of its forces.
+        When the graph or a term is none, two compensate damping, or the energies of a pair term are not of its forces.
 
     Examples
     --------
@@ -78,6 +78,9 @@ class Law(LawCell):
                 )
         if not terms:
             raise InvalidInput("Law", "terms", "must hold at least one term", terms)
+        if sum(isinstance(t, Compensate) for t in terms) > 1:
+            hint = "One cancels the damping of the agents; a second one would drive them."
+            raise InvalidInput("Law", "terms", "must hold at most one Compensate", "several", hint)
         object.__setattr__(self, "terms", terms)
         for pair_term in self.pair_terms:
             check_pair_term(pair_term, pair_term.over or self.graph)

@@ -8,10 +8,18 @@ from numpy.random import Generator
 STRUCTURES = 50
 """Structures of laws for each kind."""
 
+LAWS = 12
+"""Sets of coefficients for each structure of energies: what is proven of their pairs serves many starts."""
+
 
 def number_of(rng: Generator) -> int:
     """A number of agents, small but for one in fifty."""
-    return int(rng.choice([12, 20, 30])) if rng.random() < 0.02 else int(rng.choice([1, 2, 2, 3, 4, 5, 6, 8, 10]))
+    return int(rng.choice([12, 20])) if rng.random() < 0.01 else int(rng.choice([1, 2, 2, 3, 3, 4, 4, 5, 6, 8]))
+
+
+def coefficients_of(shape: Generator, rng: Generator) -> Generator:
+    """Draws of one of the sets of coefficients of a structure."""
+    return np.random.default_rng([int(shape.integers(2**31)), int(rng.integers(LAWS))])
 
 
 def places_of(rng: Generator, n: int, m: int, size: float) -> np.ndarray:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from numpy.random import Generator
 
 import flocking as fk
-from tests.study.certificates.draws import places_of
+from flocking.study.certificates.consensus_certificates import LinearConsensus
+from tests.study.certificates.draws import coefficients_of, places_of
 
 
 def _law(shape: Generator, rng: Generator, n: int, *, first: bool, moving: bool = False) -> fk.Law:
@@ -15,7 +16,7 @@ def _law(shape: Generator, rng: Generator, n: int, *, first: bool, moving: bool 
     if moving and shape.random() < 0.5:
         radius = float(rng.uniform(0.5, 3.0))
         graph = fk.Proximity(radius) if shape.random() < 0.5 else fk.Hysteresis(radius, 0.3 * radius)
-    spring = fk.Gradient(fk.Potential("a*r**2/2", a=float(rng.uniform(0.1, 3))))
+    spring = fk.Gradient(fk.Potential("a*r**2/2", a=float(coefficients_of(shape, rng).uniform(0.1, 3))))
     terms: list[object] = [spring] if first or shape.random() < 0.6 else []
     if not first:
         terms.append(fk.Consensus(float(rng.uniform(0.1, 3))))
@@ -28,20 +29,24 @@ def _agreeing(shape: Generator, rng: Generator) -> fk.Scenario:
     law = _law(shape, rng, n, first=first, moving=True)
     bodies = fk.SingleIntegrator() if first else fk.PointMass(float(rng.uniform(0.5, 2)))
     p = rng.normal(size=(n, m)) * (not first)
-    return fk.Scenario(law, fk.State(places_of(rng, n, m, 3.0), p), t_end=4.0, frames=11, bodies=bodies)
+    return fk.Scenario(law, fk.State(places_of(rng, n, m, 3.0), p), t_end=4.0, frames=6, bodies=bodies)
 
 
-def _base(shape: Generator, rng: Generator) -> tuple[fk.Scenario, bool]:
-    n, first = int(rng.integers(2, 6)), bool(shape.random() < 0.5)
+def _base(shape: Generator, rng: Generator, most: int = 5) -> tuple[fk.Scenario, bool]:
+    n, first = int(rng.integers(2, most + 1)), bool(shape.random() < 0.5)
     law = _law(shape, rng, n, first=first)
     bodies = fk.SingleIntegrator() if first else fk.PointMass(float(rng.uniform(0.5, 2)))
     start = fk.State(rng.normal(size=(n, 1)), rng.normal(size=(n, 1)) * (not first))
     return fk.Scenario(law, start, t_end=1.0, bodies=bodies), first
 
 
+def _longest_period(base: fk.Scenario) -> float:
+    return float(LinearConsensus(base).period().lo)
+
+
 def _sampled(shape: Generator, rng: Generator) -> fk.Scenario:
     base, first = _base(shape, rng)
-    period = round(float(rng.uniform(0.4, 1.3)) * fk.certify(base)["control_period"].bound.lo, 6)
+    period = round(float(rng.uniform(0.4, 1.3)) * _longest_period(base), 6)
     late = int(rng.integers(0, 3)) if first else 0
     information = fk.Instant() if not late else fk.Messages(period, delay=round(late * period, 9))
     return base.with_(t_end=100 * period, frames=3, control=fk.Held(period), information=information)
@@ -49,14 +54,14 @@ def _sampled(shape: Generator, rng: Generator) -> fk.Scenario:
 
 def _delayed(shape: Generator, rng: Generator) -> fk.Scenario:
     base, _ = _base(shape, rng)
-    tau = float(rng.uniform(0.3, 1.3)) * fk.certify(base)["delay"].bound.lo
+    tau = float(rng.uniform(0.3, 1.3)) * float(LinearConsensus(base).delay().lo)
     both = bool(rng.random() < 0.7)
     return base.with_(t_end=40.0 * tau, frames=3, information=fk.Delayed(tau, self_delayed=both))
 
 
 def _lossy(shape: Generator, rng: Generator) -> fk.Scenario:
-    base, first = _base(shape, rng)
-    period = round(float(rng.uniform(0.2, 0.9)) * fk.certify(base)["control_period"].bound.lo, 6)
+    base, first = _base(shape, rng, 4)
+    period = round(float(rng.uniform(0.2, 0.9)) * _longest_period(base), 6)
     late = int(rng.integers(0, 2)) if first else 0
     loss = fk.Bernoulli(float(rng.uniform(0.05, 0.6)), paired=bool(rng.random() < 0.4))
     keeps = first and rng.random() < 0.5
@@ -69,7 +74,7 @@ def _lossy(shape: Generator, rng: Generator) -> fk.Scenario:
 
 def _noisy(shape: Generator, rng: Generator) -> fk.Scenario:
     base, first = _base(shape, rng)
-    period = round(float(rng.uniform(0.2, 0.7)) * fk.certify(base)["control_period"].bound.lo, 6)
+    period = round(float(rng.uniform(0.2, 0.7)) * _longest_period(base), 6)
     noise = fk.WhiteNoise(float(rng.uniform(0.01, 0.2)), float(rng.uniform(0.01, 0.2)))
     late = int(rng.integers(0, 2)) if first else 0
     known = str(rng.choice(["true", "measured"]))

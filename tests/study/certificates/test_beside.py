@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,16 @@ def test_verdicts_of_a_running_motion_say_what_is_guaranteed():
     assert ShownVerdict(claim, "holds", "", running=True).lamp == "not guaranteed, holds so far"
     assert ShownVerdict(claim, "fails", "", running=True).lamp == "fails"
     assert ShownVerdict(claim, "fails", "", None, shown["all-apart"].guarantee, running=True).lamp == "fails"
+    # The forces that are held between two ticks are no part of a state.
+    held = scenario.with_(control=fk.SafetyFilter(0.3, distance=0.2, acceleration=5.0, form="stopping"))
+    behind = fk.simulate(held, progress=False)
+    assert guarantees_of(behind)["safe_distance"].granted
+    assert (
+        guarantees_of(replace(behind, **{name: getattr(behind, name)[4:] for name in ("t", "q", "p", "links")})) is None
+    )
+    assert (
+        guarantees_of(replace(run, **{name: getattr(run, name)[4:] for name in ("t", "q", "p", "links")})) is not None
+    )
     many = fk.start.box(100, side=30.0, speed=1.0, seed=0)
     large = fk.Scenario(fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)]), many, t_end=0.01, frames=2)
     assert guarantees_of(fk.simulate(large, progress=False)) is None

@@ -162,3 +162,20 @@ def test_what_is_not_proven_is_refused():
     assert "stress" in pressed["equilibrium_loss"].reason
     assert pressed["equilibrium_period"].granted
     assert all(any(c.key == key for c in pressed) for key in KEYS)
+
+
+def test_lost_messages_move_agents_away_from_an_equilibrium_under_stress():
+    """No certificate of loss could be true there: a square at rest is deformed by a thousandth and more."""
+    seen = {}
+    for name, places in (("square", [[0.0, 0], [1.1, 0], [1.1, 1.1], [0, 1.1]]), ("triangle", TRIANGLE)):
+        near = NearEquilibrium(scenario(places))
+        period = round(0.1 * float(near.period().lo), 9)
+        world = {"control": fk.Held(period), "information": fk.Messages(period, loss=0.3, expires=period, seed=1)}
+        made = scenario(near.equilibrium.q, **world).with_(t_end=50 * period, frames=51)
+        run = fk.simulate(made, progress=False)
+        lengths = np.array([np.linalg.norm(q[:, None] - q[None], axis=2) for q in run.q])
+        seen[name] = np.abs(lengths[1:] - lengths[0]).max(axis=(1, 2))
+        assert near.unstressed == (name == "triangle")
+    # Until the first message is lost the square stays.
+    assert seen["square"][10:].min() > 1e-3
+    assert seen["triangle"].max() < 1e-9

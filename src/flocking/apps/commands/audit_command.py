@@ -78,7 +78,7 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
     from flocking.apps.reproduction.run_page import write_run_page
     from flocking.engine.storage.stored_runs import read_run
     from flocking.papers.auditing import audit as audit_run
-    from flocking.study.certificates.beside.guaranteed_claims import guarantee_of
+    from flocking.study.certificates.beside.guaranteed_claims import WITH_GUARANTEE, guarantee_of
     from flocking.study.certificates.certify import certify
     from flocking.study.message_logs.replay import replay as replay_run
 
@@ -88,7 +88,10 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
     scenario = report.run.scenario
     certificates = certify(scenario)
     promised = certificate_rows(report.run, certificates)
-    proofs = {r.claim.key: guarantee_of(r.claim, certificates, scenario) for r in report.results}
+    broken = any(row["kept"] is False for row in promised)
+    # A run that breaks a promise is not one of the declared scenario: of it nothing is guaranteed.
+    shown = [r for r in report.results if r.verdict in WITH_GUARANTEE and not broken]
+    proofs = {r.claim.key: guarantee_of(r.claim, certificates, scenario) for r in shown}
     proven = {key: proof.key for key, proof in proofs.items() if proof is not None}
     if html is not None:
         write_run_page(report, html, stated={"stored run": str(folder)}, source=folder.name)
@@ -98,6 +101,8 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
     else:
         _print_claims(report, scenario.name, proven)
         print_promises(promised)
+        if broken:
+            print("What is guaranteed of the scenario is broken: the run has another law, or was changed on its way.")
         outcome = "All decided claims have" if report.as_expected else "Some claims do not have"
         print(f"{outcome} the expected verdict.")
         if again is not None:
@@ -191,13 +196,17 @@ def _named_columns(texts: list[str]) -> dict[str, str]:
 
 
 def _print_claims(report: Report, title: str, proven: Mapping[str, str] | None = None) -> None:
-    """The claims with their verdicts and, below, keys of certificates that prove some, where they are given."""
+    """The claims with their verdicts, which of them certificates prove, and below the keys of these."""
     import shutil
     import textwrap
 
     from flocking.apps.tables import print_table, short
 
-    rows = [(r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note) for r in report.results]
+    sure = dict.fromkeys(proven or (), ", guaranteed")
+    rows = [
+        (r.claim.key, f"{r.verdict}{sure.get(r.claim.key, '')}", short(r.margin), short(r.error), r.note)
+        for r in report.results
+    ]
     print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=title)
     if proven:
         known = [f"{key} ({proven[key]})" for key, *_ in rows if key in proven]

@@ -112,7 +112,8 @@ class SafetyFilter(Held):
         obstacles = listed("SafetyFilter", "obstacles", self.obstacles, "must be a sequence of balls and walls")
         object.__setattr__(self, "obstacles", tuple(obstacles))
         for each in self.obstacles:
-            if not (isinstance(each, Ball | Wall) and isinstance(each.mover, Sink)):
+            own = type(each) not in (Ball, Wall)  # Its planes may be others.
+            if own or not (isinstance(each, Ball | Wall) and isinstance(each.mover, Sink)):
                 raise InvalidInput(
                     "SafetyFilter", "obstacles", "must be balls and walls at rest", each,
                     "Let the law avoid other ones.",

@@ -16,8 +16,7 @@ import numpy as np
 from flocking.arrays import Array, Links, PerAgent
 from flocking.formula.intervals import Interval
 from flocking.model.bodies.point_bodies import SingleIntegrator, is_point_mass
-from flocking.model.graphs.all_pairs import Complete
-from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
+from flocking.model.graphs.distance_graphs import Graph, Hysteresis
 from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -26,7 +25,7 @@ from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
 from flocking.study.certificates.certificate import Hypothesis, ideal_world, until_failed
 from flocking.study.certificates.pair_energy import PairEnergy, energy_of, integrated_energy_of
-from flocking.study.certificates.pieces import jump, leader_jump
+from flocking.study.certificates.pieces import KNOWN_GRAPHS, jump, leader_jump, unknown_weight
 
 LARGEST_GROUP = 500
 """Agents up to which all pairs are looked at: 125,000 intervals, some seconds."""
@@ -116,11 +115,16 @@ class EnergySetting:
         return Hypothesis(statement, fits, type(body).__name__)
 
     def _known_terms(self) -> Hypothesis:
+        statement = "pairs act by gradients of potentials and by velocity consensus alone"
+        own = next((g for t in self.law.pair_terms if (g := unknown_weight(t, self.graph)) is not None), None)
+        if own is not None:
+            # A negative weight would push agents apart in their velocities.
+            found = f"the weight of {type(own).__name__} by which velocity consensus is multiplied is not known"
+            return Hypothesis(statement, False, found)
         kinds = [type(t) for t in self.law.pair_terms]
         strange = [k.__name__ for k in kinds if k not in (Gradient, Consensus)]
         velocities = self.order == 1 and Consensus in kinds
         found = ", ".join(strange or (["Consensus, with agents of order 1"] if velocities else [])) or "so"
-        statement = "pairs act by gradients of potentials and by velocity consensus alone"
         return Hypothesis(statement, not strange and not velocities, found)
 
     def _opposite_forces(self) -> Hypothesis:
@@ -139,7 +143,7 @@ class EnergySetting:
     def _known_graph(self) -> Hypothesis:
         graph = self.graph
         statement = "the energy of a pair is continuous in its distance, also where it is linked or unlinked"
-        known = type(graph) in (Complete, Fixed, Proximity, Hysteresis, Smooth)
+        known = type(graph) in KNOWN_GRAPHS
         if not known or getattr(graph, "has_own_bump", True) is False:
             return Hypothesis(statement, False, f"not known for links by {type(graph).__name__}")
         if type(graph) is Smooth:
@@ -266,7 +270,7 @@ class EnergySetting:
                 # The force is the slope of psi times the weight; its energy is the integral.
                 return integrated_energy_of(r, weight * sympy.diff(value, r), end)
             value = value * weight
-        return energy_of(r, value, sympy.diff(value, r), end)
+        return energy_of(r, value, end)
 
     @cached_property
     def least(self) -> Interval:

@@ -53,6 +53,7 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         lambda: Hypothesis(
             "it is the same in all directions, and agents are undamped", bool(round_ and undamped), "so"
         ),
+        lambda: Hypothesis("space is open", scenario.space.is_open, "so" if scenario.space.is_open else "it repeats"),
     )
     if not all(h.holds for h in hypotheses):
         return not_applicable(STOPPING, source, hypotheses)

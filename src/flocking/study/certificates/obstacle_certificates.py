@@ -18,6 +18,8 @@ import numpy as np
 
 from flocking.formula.intervals import Interval
 from flocking.model.law import Law, Scenario
+from flocking.model.leaders_and_obstacles.obstacles import Ball, Wall
+from flocking.model.leaders_and_obstacles.polygons import ConvexPolygon
 from flocking.model.terms.avoidance import Avoid
 from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable
 from flocking.study.certificates.energy_setting import EnergySetting
@@ -32,6 +34,9 @@ if TYPE_CHECKING:
 
 KEY = "obstacles_not_entered"
 """Key of the certificate."""
+
+CONVEX = (Ball, Wall, ConvexPolygon)
+"""Obstacles that are proven to be convex bodies; one of a user may be none, whatever its documentation asks."""
 
 DISTANCE_ERROR = 1e-12
 """Relative error of computed signed distances: some thousand units of rounding."""
@@ -88,13 +93,15 @@ class ObstacleSetting:
         """Whether the terms store the energy of their repulsion and only dissipate besides."""
         import sympy
 
-        statement = "obstacles are at rest, and beta-agents alone act, with a force that does not jump"
+        statement = "obstacles are convex and at rest, and beta-agents alone act, with a force that does not jump"
         for term in self.terms:
             if term.gamma_agents:
                 return Hypothesis(statement, False, "there are gamma-agents")
             if not isinstance(term.bump, str):
                 return Hypothesis(statement, False, "not known for a bump of one's own")
             for obstacle in term.obstacles:
+                if type(obstacle) not in CONVEX:
+                    return Hypothesis(statement, False, f"a {type(obstacle).__name__} is not known to be convex")
                 if obstacle.mover is not None and any(
                     v != 0
                     for v in obstacle.mover.velocity(sympy.Symbol("t", real=True), lambda name: sympy.Symbol(name))

@@ -267,15 +267,17 @@ class IntegratedEnergy(PairEnergy):
 
 
 @lru_cache(maxsize=64)
-def energy_of(symbol: sympy.Symbol, value: sympy.Expr, slope: sympy.Expr, end: float) -> PairEnergy:
-    """The energy of a pair, the same object for the same formulas: what it found of them is not sought again.
+def energy_of(symbol: sympy.Symbol, value: sympy.Expr, end: float) -> PairEnergy:
+    """The energy of a pair, the same object for the same formula: what it found of it is not sought again.
 
     Parameters
     ----------
-    symbol, value, slope, end
+    symbol, value, end
         As in `PairEnergy`.
     """
-    return PairEnergy(symbol, value, slope, end)
+    import sympy
+
+    return PairEnergy(symbol, value, sympy.diff(value, symbol), end)
 
 
 @lru_cache(maxsize=16)

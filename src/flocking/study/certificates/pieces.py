@@ -1,4 +1,4 @@
-"""Formulas made of pieces: whether they are continuous, decided exactly."""
+"""Formulas of one's own: whether their pieces meet, decided exactly, and whether a weight is known."""
 
 from __future__ import annotations
 
@@ -10,6 +10,10 @@ import numpy as np
 from flocking.arrays import Array
 from flocking.formula.interval_values import enclosed
 from flocking.formula.intervals import Interval
+from flocking.model.graphs.all_pairs import Complete
+from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
+from flocking.model.graphs.smooth_graphs import Smooth
+from flocking.model.terms.pair_terms import Consensus, PairTerm
 
 if TYPE_CHECKING:
     import sympy
@@ -24,6 +28,27 @@ BOXES, PARTS, ROUNDS = 256, 16, 11
 
 MOST_BOXES = 4096
 """Intervals that a round looks at most at again; more of them mean a denominator that vanishes on a range."""
+
+
+KNOWN_GRAPHS = (Complete, Fixed, Proximity, Hysteresis, Smooth)
+"""Graphs whose weights are known: 1, or a bump of the library between 0 and 1."""
+
+
+def unknown_weight(term: PairTerm, graph: Graph) -> Graph | None:
+    """The graph whose weight multiplies a velocity consensus and may be anything; None where there is none.
+
+    Parameters
+    ----------
+    term
+        The term.
+    graph
+        Graph of the law.
+    """
+    if not isinstance(term, Consensus) or not term.weighted:
+        return None
+    over = term.over or graph
+    known = type(over) in KNOWN_GRAPHS and isinstance(getattr(over, "bump", ""), str)
+    return None if known else over
 
 
 def jump(expression: sympy.Expr, r: sympy.Symbol, first: float = 0.0, last: float = np.inf) -> str:

@@ -10,7 +10,7 @@ from flocking.errors import FlockingError
 from flocking.model import observables
 from flocking.model.state import State
 from flocking.papers.auditing import paper_claims
-from flocking.study.certificates.beside.guaranteed_claims import guarantee_of
+from flocking.study.certificates.beside.guaranteed_claims import WITH_GUARANTEE, guarantee_of
 from flocking.study.certificates.certificate import Certificate, Certificates
 from flocking.study.certificates.certify import certify
 from flocking.study.claims import general_claims as general
@@ -103,7 +103,7 @@ class ShownVerdict:
     @property
     def lamp(self) -> str:
         """The verdict in words: what holds is guaranteed, or is not and holds so far."""
-        if self.guarantee is not None and self.word in ("holds", "not yet", "not resolved"):
+        if self.guarantee is not None and self.word in WITH_GUARANTEE:
             return "guaranteed" if self.word == "holds" else f"{self.word}, guaranteed"
         if self.word == "holds" and self.running and self.claim.about.lasting:
             return "not guaranteed, holds so far"
@@ -142,12 +142,17 @@ def _conditional(claim: Claim) -> Claim:
 def guarantees_of(run: Run) -> Certificates | None:
     """What is guaranteed of the motion from the first frame of a run on; None for groups that are too large.
 
+    None, too, from a later frame on where forces are held or messages are on their way: a state does not tell these.
+
     Parameters
     ----------
     run
         The run, whose law did not change.
     """
     if run.n > MOST_CERTIFIED or not len(run.t):
+        return None
+    scenario = run.scenario
+    if run.t[0] > scenario.start.t and not (scenario.control.ideal and scenario.information.ideal):
         return None
     try:
         return certify(

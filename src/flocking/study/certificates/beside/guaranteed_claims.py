@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from flocking.model.law import Scenario
 from flocking.study.certificates.certificate import Certificate, Certificates
-from flocking.study.claims.claim import Claim, Measure
+from flocking.study.claims.claim import Claim, Measure, Verdict
 from flocking.study.claims.conclusions.approach import all_apart, linked_apart, safe_distance_kept
 from flocking.study.claims.conclusions.limits import distances_settle, velocities_agree
 from flocking.study.claims.conclusions.links import no_link_lost, stays_connected
@@ -14,6 +14,9 @@ from flocking.study.evidence import Evidence
 
 ALL_PAIRS = "smallest distance of two agents"
 """The quantity of a closest approach that speaks of all pairs, not of linked ones alone."""
+
+WITH_GUARANTEE = (Verdict.HOLDS, Verdict.NOT_YET, Verdict.NOT_RESOLVED)
+"""Verdicts beside which a guarantee is shown. A claim that fails is guaranteed by nothing."""
 
 PROVEN_BY: dict[Callable[[Evidence], Measure], tuple[str, ...]] = {
     linked_apart: ("closest_approach", "safe_distance"),

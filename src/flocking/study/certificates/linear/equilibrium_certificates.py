@@ -71,7 +71,10 @@ def equilibrium_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         "" if period is None else f"under held control no deformation grows for periods below {float(period.lo):.9g}.",
         unknown if period is None else "")  # fmt: skip
     stressed = (
-        "" if system.unstressed else "links are not known to be without stress there: lost messages may turn the group"
+        ""
+        if system.unstressed
+        else "links are not known to be without stress there, and where one presses or pulls no "
+        "deformation falls to zero: a lost message leaves the forces of other links without their counterpart"
     )
     row(KEYS[5], period if first else None, "period of held control, with messages lost",
         "" if period is None or not first else
