@@ -59,7 +59,8 @@ def test_other_scenarios_are_refused():
         (made.with_(control=fk.Held(1.0, phase=0.5)), "one clock"),
         (made.with_(law=fk.Law(law.graph, [fk.VelocityAverage(0.5)])), "a gain"),
         (made.with_(law=fk.Law(law.graph, [fk.Consensus(1.0)])), "VelocityAverage alone"),
-        (made.with_(space=fk.Periodic([7.3, 8.0])), "a square torus"),
+        (made.with_(space=fk.Open()), "a torus in the plane"),
+        (made.with_(law=fk.Law(fk.Proximity(1.0, closed=True), law.terms)), "not closed"),
         (made.with_(space=fk.Periodic([2.5, 2.5])), "three radii"),
     ):
         with pytest.raises(UnsupportedLaw, match=word):
