@@ -287,8 +287,8 @@ class DiscreteSession(Session):
 
     def _check_finite(self, what: str, values: Array, agents: Indices) -> None:
         """Refuse to go on with ``values`` of ``agents``, shape (agents, m), that are infinite or NaN."""
-        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if bad.size:
+        if not np.isfinite(values).all():
+            bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
             raise NotFinite(f"{what} is infinite or NaN.", time=self.time, agents=(int(agents[bad[0]]),))
 
     def _record_frames(self, until: int) -> None:
@@ -343,10 +343,10 @@ class DiscreteSession(Session):
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
-        memory = self.memory
-        if self._headings is not None and self.steps:
-            self.neighbours[0].move(memory.q)
-        return packed_memory(memory, self.time, self.steps, [x.pairs for x in self.neighbours], self.law_gaps)
+        none = np.zeros(0, dtype=np.int64)
+        # Sorted agents find their neighbours from places alone.
+        pairs = [(none, none) if self._headings is not None else x.pairs for x in self.neighbours]
+        return packed_memory(self.memory, self.time, self.steps, pairs, self.law_gaps)
 
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> DiscreteSession:

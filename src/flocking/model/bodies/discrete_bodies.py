@@ -349,7 +349,7 @@ class Impulsive(DiscreteBody):
 def _of_agents(value: float | Array, agents: Indices) -> Array:
     """Numbers of ``agents``, shape (K,), from one for all or one for each."""
     found = np.asarray(value, dtype=np.float64)
-    return found[agents] if found.ndim else np.broadcast_to(found, len(agents))
+    return found[agents] if found.ndim else np.full(len(agents), float(found))
 
 
 def _within(vectors: Array, limit: float | Array | None, agents: Indices) -> Array:
