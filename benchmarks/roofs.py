@@ -37,7 +37,7 @@ def add_scaled(first, last, a, b, c):
 
 def triad(threads, size=20_000_000):
     """Bytes per second of a = b + s c over the same threads, counting the read of a that a plain store makes."""
-    from flocking.engine.tiles.threads import Workers
+    from flocking.engine.fixed_step.threads import Workers
 
     workers = Workers(threads)
     a, b, c = np.zeros(size), np.ones(size), np.ones(size)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.discrete.heading_updates import HeadingUpdates
 from flocking.engine.discrete.law_in_force import DiscreteLaw
 from flocking.errors import InvalidInput, LawNotObeyed, SimulationError, UnsupportedLaw
 from tests.engine.discrete.test_motion import vicsek
@@ -76,8 +77,29 @@ def test_forces_are_compared_with_the_law(monkeypatch):
     forces = DiscreteLaw.forces
     monkeypatch.setattr(DiscreteLaw, "forces", lambda self, *given: 1.0000001 * forces(self, *given))
     with pytest.raises(LawNotObeyed, match="not those of the declared law") as error:
-        fk.simulate(vicsek())
+        fk.simulate(vicsek(side=2.5))
     assert error.value.run is not None
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("turn", lambda found: found * 1.0000001, "not those of the declared law"),
+        ("waiting", lambda found: found[:, ::-1].copy(), "A computed heading is not that of Heading"),
+    ],
+)
+def test_headings_of_sorted_agents_are_compared_with_the_law(monkeypatch, name, change, said):
+    """Wrong averages, and right averages with wrong headings."""
+    kept = HeadingUpdates.__dict__[name]
+    given = kept.fget if isinstance(kept, property) else kept
+
+    def changed(self, *parts, **named):
+        found = given(self, *parts, **named)
+        return found if found is None else change(found)
+
+    monkeypatch.setattr(HeadingUpdates, name, property(changed) if isinstance(kept, property) else changed)
+    with pytest.raises(LawNotObeyed, match=said):
+        fk.simulate(vicsek())
 
 
 def test_a_lost_neighbour_is_noticed(monkeypatch):

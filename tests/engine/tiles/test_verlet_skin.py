@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.neighbours import verlet_skin as skins
 from flocking.engine.tiles.neighbours.cell_list import Sorter
-from flocking.engine.tiles.threads import Workers
 
 
 def sorted_agents(n, dimension, side, reach=1.5):

@@ -26,6 +26,7 @@ class DiscreteEngine(Engine):
     summary = "bodies in discrete time, such as headings set at ticks; straight motion between"
     options = DiscreteOptions
     runs_in_threads = True
+    free_options = frozenset({"threads"})
     spaces = (Open, Periodic)
     worlds = (Held, Fixes)
     discrete_bodies = True
@@ -54,7 +55,8 @@ class DiscreteEngine(Engine):
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
         """Start a session."""
         self.check(scenario, plant)
-        return DiscreteSession(scenario)
+        assert isinstance(options, DiscreteOptions)
+        return DiscreteSession(scenario, options)
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""

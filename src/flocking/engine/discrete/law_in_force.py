@@ -18,9 +18,11 @@ from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.reference.steering import WIDER, everyone, farthest, seen_by, steering_forces, within
 from flocking.errors import LawNotObeyed
+from flocking.model.bodies.discrete_bodies import Heading
 from flocking.model.graph_functional import averages, graph_functional, uses_functional
 from flocking.model.law import Scenario
 from flocking.model.terms.steering import Seen
+from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND
 
 CHECKED = 64
@@ -170,7 +172,7 @@ class DiscreteLaw:
             found[number] = graph_functional(self.law, number, each.matrix(each.pairs))
         return found
 
-    def judged(self, step: int, neighbours: list[Neighbours], q: Array) -> Judged | None:
+    def judged(self, step: int, neighbours: list[Neighbours], q: Array, slack: float = EDGE * UNIT) -> Judged | None:
         """Agents whose forces are to be compared, and their links by distances from all agents; None for no law.
 
         Parameters
@@ -179,16 +181,19 @@ class DiscreteLaw:
             Number of the tick, which chooses the agents.
         neighbours
             Linked pairs of each graph before agents came to ``q``, shape (N, m).
+        slack
+            Relative difference of a distance from a radius within which a link is uncertain.
         """
         if self._others:
             return None
         count = min(CHECKED, self.n, max(1, MOST_COMPARED // self.n))
         first = int(step * SPREAD * self.n) % self.n
         agents: Indices = np.unique((first + np.arange(count) * self.n // count) % self.n).astype(np.int64)
-        return agents, [each.seen_by(agents, q, EDGE * UNIT) for each in neighbours]
+        return agents, [each.seen_by(agents, q, slack) for each in neighbours]
 
     def compare(
-        self, judged: Judged, t: float, state: tuple[Array, Array], u: Array, gaps: LawGaps, known: Known | None = None
+        self, judged: Judged, t: float, state: tuple[Array, Array], u: Array, gaps: LawGaps, known: Known | None = None,
+        rounding: Array | None = None,
     ) -> None:  # fmt: skip
         """Compare forces of some agents with those of the declared law, while no number is too large for it.
 
@@ -204,6 +209,8 @@ class DiscreteLaw:
             Takes the largest difference.
         known
             What agents know, where that is not the present.
+        rounding
+            Bound on the rounding error of the forces of these agents, shape (K,), where that is not of the terms.
 
         Raises
         ------
@@ -228,8 +235,64 @@ class DiscreteLaw:
                 force_error=declared.force_error + SAFETY * UNIT * size,
             )  # fmt: skip
         damping = np.broadcast_to(np.asarray(self.scenario.agents.damping, dtype=np.float64), self.n)
-        wrong = gaps.compare_forces(declared, u[agents] - damping[agents, None] * p[agents], np.zeros(len(agents)))
+        if rounding is None:
+            rounding = np.zeros(len(agents))
+        wrong = gaps.compare_forces(declared, u[agents] - damping[agents, None] * p[agents], rounding)
         self._count(gaps, t, None if wrong is None else int(agents[wrong]))
+
+    def compare_headings(
+        self, step: int, neighbours: list[Neighbours], t: float, state: tuple[Array, Array],
+        turned: tuple[Array, Array], ticked: int, gaps: LawGaps,
+    ) -> None:  # fmt: skip
+        """Compare averages and headings that `flocking.engine.discrete.heading_updates` gave with law and body.
+
+        Parameters
+        ----------
+        step, neighbours
+            As for `judged`.
+        t, state
+            The scenario's time; positions and velocities before the update, shape (N, 2) each.
+        turned
+            What agents averaged, and the velocities that they set, shape (N, 2) each.
+        ticked
+            How often they had ticked before.
+        gaps
+            Takes the largest difference.
+
+        Raises
+        ------
+        LawNotObeyed
+            When one is not that of the law and the body.
+        """
+        (q, p), (means, found), body, control = state, turned, self.scenario.agents, self.scenario.control
+        assert isinstance(body, Heading)
+        assert isinstance(control, Held)
+        period, speed = float(np.max(control.period)), float(np.max(body.speed))
+        per_mean = float(np.max(body.masses)) / period
+        radius = float(np.max(self.law.graph.break_radius))
+        # Places are wrapped before they are compared, which rounds them.
+        slack = (EDGE + SAFETY * max(float(np.abs(q).max()), *self.scenario.space.lengths) / radius) * UNIT
+        judged = self.judged(step, neighbours, q, slack)
+        if judged is None:
+            return
+        agents, [(of, _, _)] = judged
+        u = per_mean * (means - p)
+        neighbours_of = np.bincount(of, minlength=len(agents)).astype(np.float64)
+        rounding = SAFETY * UNIT * speed * per_mean * (2.0 + neighbours_of)
+        self.compare(judged, t, state, u, gaps, rounding=rounding)
+        given = p[agents], u[agents], np.full(len(agents), period), agents, np.full(len(agents), ticked)
+        off = np.linalg.norm(found[agents] - body.updated(*given), axis=1)
+        # A vector to turn into that is short beside what adds up to it has a direction of few digits.
+        parts = 1.0 + float(np.max(body.noise)) if body.noise_kind == "vectorial" else speed
+        length = np.linalg.norm(body.wanted(*given), axis=1)
+        with np.errstate(divide="ignore"):
+            wrong = off > SAFETY * UNIT * speed * (1.0 + parts / length)
+        if wrong.any():
+            raise LawNotObeyed(
+                f"A computed heading is not that of {type(body).__name__}: velocities differ by {off.max():.3g}. This "
+                "is an error of the engine; report the law.",
+                time=t, agents=(int(agents[np.argmax(wrong)]),),
+            )  # fmt: skip
 
     def _compared(self, agents: Indices, q: Array, p: Array, known: Known | None) -> Array:
         """Forces of the steering terms on some agents, shape (K, m), by comparison with all others."""

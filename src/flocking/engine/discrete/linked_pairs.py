@@ -26,11 +26,6 @@ class Neighbours:
     given
         Links at the start, shape (N, N), where they are given.
 
-    Attributes
-    ----------
-    pairs
-        Sensing and sensed agents of the linked pairs; sorted where links are remembered.
-
     Raises
     ------
     InvalidInput
@@ -51,15 +46,25 @@ class Neighbours:
         )
         self._remembers = bool((self._enter != self._leave).any())
         self._search = CellPairs(space, reach, self.n)
-        if given is not None:
-            self.pairs = _of_matrix(given)
-        elif self._sparse:
-            i, j, r = self.near(q)
-            level = self._leave[i]
-            linked = r < level if np.ndim(graph.break_radius) else np.asarray(graph.among(r), dtype=bool)
-            self.pairs = i[linked], j[linked]
-        else:
-            self.pairs = _of_matrix(graph.links_in(space, q))
+        self._first, self._pairs = q, None if given is None else _of_matrix(given)
+
+    @property
+    def pairs(self) -> tuple[Indices, Indices]:
+        """Sensing and sensed agents of the linked pairs, found when asked for; sorted where links are remembered."""
+        if self._pairs is None:
+            self._pairs = self._at_first(self._first)
+        return self._pairs
+
+    @pairs.setter
+    def pairs(self, pairs: tuple[Indices, Indices]) -> None:
+        self._pairs = pairs
+
+    def _at_first(self, q: Array) -> tuple[Indices, Indices]:
+        if not self._sparse:
+            return _of_matrix(self.graph.links_in(self.space, q))
+        i, j, r = self.near(q)
+        linked = r < self._leave[i] if np.ndim(self.graph.break_radius) else np.asarray(self.graph.among(r), dtype=bool)
+        return i[linked], j[linked]
 
     def near(self, q: Array) -> tuple[Indices, Indices, Array]:
         """Ordered pairs up to the largest radius apart, and their distances; sorted where links are remembered.

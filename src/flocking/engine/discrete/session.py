@@ -12,9 +12,11 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links, Mask
 from flocking.engine import interruption
 from flocking.engine.discrete.checkpoint import DiscreteMemory, packed_memory, unpacked_memory
+from flocking.engine.discrete.heading_updates import HeadingUpdates, heading_updates
 from flocking.engine.discrete.law_in_force import DiscreteLaw, Known
 from flocking.engine.discrete.linked_pairs import Neighbours
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
+from flocking.engine.fixed_step.threads import check_threads
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.runs.fidelity import Fidelity, LedgerRule
 from flocking.engine.runs.recorder import MOST_LINKED, Recorder
@@ -33,7 +35,25 @@ COMPARED_IN_TURN = 16
 
 @dataclass(frozen=True)
 class DiscreteOptions:
-    """Options of the engine: there are none."""
+    """Options of the engine for bodies in discrete time.
+
+    Parameters
+    ----------
+    threads
+        Number of threads of `flocking.engine.discrete.heading_updates.HeadingUpdates`; other groups have one. By
+        default all processors for groups of more than `FEW_AGENTS`. Results do not depend on it.
+
+    Raises
+    ------
+    InvalidInput
+        If it is out of range.
+    """
+
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.threads is not None:
+            check_threads("DiscreteOptions", self.threads)
 
 
 class DiscreteSession(Session):
@@ -48,11 +68,11 @@ class DiscreteSession(Session):
     ----------
     scenario
         What is simulated; its bodies are in discrete time, its control is held.
+    options
+        Number of threads.
 
     Attributes
     ----------
-    memory
-        What the session goes on from.
     neighbours
         Linked pairs of each graph at the last instant.
     """
@@ -60,10 +80,10 @@ class DiscreteSession(Session):
     engine = "discrete"
     saves_when_interrupted = True
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, options: DiscreteOptions | None = None) -> None:
         assert isinstance(scenario.control, Held)
         assert isinstance(scenario.agents, DiscreteBody)
-        self.scenario, self.plant, self.options = scenario, None, DiscreteOptions()
+        self.scenario, self.plant, self.options = scenario, None, options or DiscreteOptions()
         self._body: DiscreteBody = scenario.agents
         start = scenario.start
         self.n, self.m = start.q.shape
@@ -74,22 +94,38 @@ class DiscreteSession(Session):
         self._period: Array = np.asarray(self._ticks.period * NANOSECOND, dtype=np.float64)
         self._law = DiscreteLaw(scenario)
         self.law_gaps = LawGaps()
-        self.memory = DiscreteMemory(
+        self._memory = DiscreteMemory(
             np.array(start.q, dtype=np.float64), np.array(start.p, dtype=np.float64),
             np.zeros((self.n, self.m)), np.zeros(self.n, dtype=np.int64),
         )  # fmt: skip
         if self._body.moves_itself:
-            self.memory.ahead = self.memory.q.copy()
+            self._memory.ahead = self._memory.q.copy()
         if isinstance(scenario.information, Fixes):
-            exact = np.concatenate([self.memory.q, self.memory.p], axis=1)
-            self.memory.heard = np.repeat(exact[None], scenario.information.late + 1, axis=0)
-            self.memory.errors = np.zeros_like(exact)
+            exact = np.concatenate([self._memory.q, self._memory.p], axis=1)
+            self._memory.heard = np.repeat(exact[None], scenario.information.late + 1, axis=0)
+            self._memory.errors = np.zeros_like(exact)
         graphs = scenario.law.graphs
         self.neighbours = [
             Neighbours(graph, scenario.space, start.q, start.links if k == 0 else None)
             for k, graph in enumerate(graphs)
         ]
+        self._together = np.ones(self.n, dtype=bool) if self._ticks.alike else None
+        self._headings = heading_updates(scenario, self.neighbours[0], start.links, self.options.threads)
+        self._newer = False
+        self._take_memory()
         self._record_frames(0)
+
+    @property
+    def memory(self) -> DiscreteMemory:
+        """What the session goes on from."""
+        if self._headings is not None and self._newer:
+            self._headings.write(self._memory)
+            self._newer = False
+        return self._memory
+
+    def _take_memory(self) -> None:
+        if self._headings is not None:
+            self._headings.take(self._memory.q, self._memory.p, self._memory.waiting)
 
     # Times, in nanoseconds from the start.
 
@@ -113,12 +149,10 @@ class DiscreteSession(Session):
         try:
             while True:
                 interruption.check()
-                ticks = self._ticks.at(np.arange(self.n), self.memory.ticked)
-                at = int(ticks.min())
+                at, ticking = self._next_tick()
                 if at > end:
                     break
                 self._record_frames(at - 1)
-                ticking = ticks == at
                 self._come_to(at, ticking)
                 self._record_frames(at)
                 if at >= end:
@@ -132,10 +166,24 @@ class DiscreteSession(Session):
             error.run = self.run(str(error))
             raise
 
+    def _next_tick(self) -> tuple[int, Mask]:
+        """The next instant at which agents tick, and which do."""
+        ticked = self._memory.ticked
+        if self._together is not None:
+            return int(self._ticks.of_one.at(np.zeros(1, dtype=np.int64), ticked[:1])[0]), self._together
+        ticks = self._ticks.at(np.arange(self.n), ticked)
+        at = int(ticks.min())
+        return at, ticks == at
+
     def _come_to(self, at: int, ticking: Mask) -> None:
         """Move all agents to an instant, and let those that tick at it take the velocities they set before."""
-        memory = self.memory
+        memory = self._memory
         if memory.instant == at:
+            return
+        if self._headings is not None:
+            turned = self._body.update == "backward" and memory.ticked[0] > 0
+            self._headings.move((at - memory.instant) * NANOSECOND, turned=bool(turned))
+            memory.instant, self.time, self._newer = at, self._base + at * NANOSECOND, True
             return
         with np.errstate(all="ignore"):
             q = memory.q + ((at - memory.instant) * NANOSECOND) * memory.p
@@ -151,6 +199,9 @@ class DiscreteSession(Session):
 
     def _tick(self, ticking: Mask) -> None:
         """Let agents set their velocity at the present instant."""
+        if self._headings is not None:
+            self._turn_headings(self._headings)
+            return
         memory, t = self.memory, self.time
         agents = np.flatnonzero(ticking)
         step, state = self.steps + 1, (memory.q, memory.p)
@@ -183,6 +234,20 @@ class DiscreteSession(Session):
             memory.p[agents] = found
         memory.ticked[agents] += 1
         self.steps += 1
+
+    def _turn_headings(self, headings: HeadingUpdates) -> None:
+        """Let all agents set their heading, and compare some with the law where that is due."""
+        ticked, step = int(self._memory.ticked[0]), self.steps + 1
+        due = is_due(step)
+        means = headings.turn(ticked, keep=due)
+        if means is not None:
+            state = headings.positions, headings.velocities
+            self._law.compare_headings(step, self.neighbours, self.time, state, (means, headings.waiting), ticked,
+                                       self.law_gaps)  # fmt: skip
+        if self._body.update == "forward":
+            headings.accept()
+        self._memory.ticked += 1
+        self.steps, self._newer = step, True
 
     def _take_fixes(self) -> None:
         """Let all agents measure themselves, and hear the fixes that have been on their way for the delay."""
@@ -222,8 +287,8 @@ class DiscreteSession(Session):
 
     def _check_finite(self, what: str, values: Array, agents: Indices) -> None:
         """Refuse to go on with ``values`` of ``agents``, shape (agents, m), that are infinite or NaN."""
-        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if bad.size:
+        if not np.isfinite(values).all():
+            bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
             raise NotFinite(f"{what} is infinite or NaN.", time=self.time, agents=(int(agents[bad[0]]),))
 
     def _record_frames(self, until: int) -> None:
@@ -278,13 +343,18 @@ class DiscreteSession(Session):
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
-        return packed_memory(self.memory, self.time, self.steps, [x.pairs for x in self.neighbours], self.law_gaps)
+        none = np.zeros(0, dtype=np.int64)
+        # Sorted agents find their neighbours from places alone.
+        pairs = [(none, none) if self._headings is not None else x.pairs for x in self.neighbours]
+        return packed_memory(self.memory, self.time, self.steps, pairs, self.law_gaps)
 
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> DiscreteSession:
         """The session that was packed."""
-        session = cls(stored.scenario)
+        threads = changes.get("threads")
+        session = cls(stored.scenario, DiscreteOptions(threads if isinstance(threads, int) else None))
         read = unpacked_memory(session.memory, packed, stored.scenario)
+        session._take_memory()
         session.time, session.steps, session.law_gaps = read.time, read.steps, read.gaps
         for each, pairs in zip(session.neighbours, read.pairs, strict=True):
             each.pairs = pairs

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from flocking.engine.fixed_step.certain_pairs import lists_limit
+from flocking.engine.fixed_step.threads import check_threads
 from flocking.engine.tiles.kernels.spec import PRECISIONS, SCHEMES, scheme_of
 from flocking.errors import InvalidInput
-from flocking.model.checks import integer, number
-
-MOST_THREADS = 1024
-"""Largest number of threads; more than any processor has, so a larger number is probably a mistake."""
+from flocking.model.checks import number
 
 LEDGER_TIMES = ("steps", "ticks")
 """When the ledger is computed under held control."""
@@ -74,8 +72,8 @@ class TilesOptions:
         for name in ("step", "skin", "memory_limit"):
             if getattr(self, name) is not None:
                 number("TilesOptions", name, getattr(self, name), above=0.0)
-        if self.threads is not None and integer("TilesOptions", "threads", self.threads, least=1) > MOST_THREADS:
-            raise InvalidInput("TilesOptions", "threads", f"must be at most {MOST_THREADS}", self.threads)
+        if self.threads is not None:
+            check_threads("TilesOptions", self.threads)
         if self.ledger_at not in LEDGER_TIMES:
             raise InvalidInput("TilesOptions", "ledger_at", f"must be one of {', '.join(LEDGER_TIMES)}", self.ledger_at)
         for name in ("ledger", "observe", "keep_frames"):

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.tiles.kernels.parameters import KernelNumbers, kernel_numbers
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
-from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Law, Scenario
 
 

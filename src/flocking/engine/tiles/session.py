@@ -16,6 +16,7 @@ from flocking.engine.fixed_step.certain_pairs import too_crowded
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import RESIDUAL, step_too_large
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_world
@@ -37,7 +38,6 @@ from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.engine.tiles.planted_law import Planted
 from flocking.engine.tiles.records import TilesRecorder
 from flocking.engine.tiles.snapshot import TilesSnapshot as TilesSnapshot
-from flocking.engine.tiles.threads import Workers
 from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State

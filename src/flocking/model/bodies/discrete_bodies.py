@@ -238,12 +238,9 @@ class Heading(DiscreteBody):
         p, u, period, agents, tick
             As for `DiscreteBody.updated`.
         """
-        speed, noise, mass = (_of_agents(x, agents) for x in (self.speed, self.noise, self.masses))
-        wanted = p + u * (period / mass)[:, None]
+        speed, noise = (_of_agents(x, agents) for x in (self.speed, self.noise))
         noisy = bool(np.max(noise) > 0.0)
-        if noisy and self.noise_kind == "vectorial":
-            wanted = wanted / speed[:, None] + noise[:, None] * self._unit_vectors(p.shape[1], agents, tick)
-        wanted, length = lowered(wanted)
+        wanted, length = lowered(self.wanted(p, u, period, agents, tick))
         still = (length == 0.0)[:, None]
         found = np.where(still, p / speed[:, None], wanted / np.where(still, 1.0, length[:, None]))
         if noisy and self.noise_kind == "angular":
@@ -251,6 +248,20 @@ class Heading(DiscreteBody):
             c, s = np.cos(angle), np.sin(angle)
             found = np.column_stack([c * found[:, 0] - s * found[:, 1], s * found[:, 0] + c * found[:, 1]])
         return np.asarray(speed[:, None] * found)
+
+    def wanted(self, p: Array, u: Array, period: Array, agents: Indices, tick: Indices) -> Array:
+        """Vectors into whose directions ``agents`` turn, before angular noise; of any length, shape (K, m).
+
+        Parameters
+        ----------
+        p, u, period, agents, tick
+            As for `DiscreteBody.updated`.
+        """
+        speed, noise, mass = (_of_agents(x, agents) for x in (self.speed, self.noise, self.masses))
+        found = p + u * (period / mass)[:, None]
+        if np.max(noise) > 0.0 and self.noise_kind == "vectorial":
+            found = found / speed[:, None] + noise[:, None] * self._unit_vectors(p.shape[1], agents, tick)
+        return np.asarray(found)
 
     def _unit_vectors(self, dimension: int, agents: Indices, tick: Indices) -> Array:
         """Unit vectors of random directions, shape (K, m)."""
@@ -338,7 +349,7 @@ class Impulsive(DiscreteBody):
 def _of_agents(value: float | Array, agents: Indices) -> Array:
     """Numbers of ``agents``, shape (K,), from one for all or one for each."""
     found = np.asarray(value, dtype=np.float64)
-    return found[agents] if found.ndim else np.broadcast_to(found, len(agents))
+    return found[agents] if found.ndim else np.full(len(agents), float(found))
 
 
 def _within(vectors: Array, limit: float | Array | None, agents: Indices) -> Array:

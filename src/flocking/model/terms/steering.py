@@ -81,8 +81,10 @@ class Seen:
         vectors
             One vector for each pair.
         """
-        axes = [np.bincount(self.of, vectors[:, k], minlength=len(self.q)) for k in range(self.q.shape[1])]
-        return np.stack(axes, axis=1) if len(self.q) else np.zeros_like(self.q)
+        found = np.empty(self.q.shape)
+        for k in range(found.shape[1]):
+            found[:, k] = np.bincount(self.of, vectors[:, k], minlength=len(found))
+        return found
 
 
 class Steering(Term):

@@ -6,12 +6,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from flocking.engine.discrete.heading_updates import why_not
 from flocking.engine.driver.simulate import start
 from flocking.model.checks import Array, integer
 from flocking.model.law import Scenario
 from flocking.model.state import State
 from flocking.papers.vicsek_1995 import system
-from flocking.papers.vicsek_1995.large_groups import FEWEST_CELLS, WIDER, HeadingGroup
+from flocking.papers.vicsek_1995.large_groups import HeadingGroup
 
 NOISES = tuple(float(x) for x in np.linspace(0.0, 5.0, 6))
 """Noises at which the curves of Fig. 2a are computed."""
@@ -71,7 +72,7 @@ def mean_order(agents: int, side: float, noise: float) -> float:
         N, L and eta.
     """
     made = begun(agents, side, noise)
-    if side < FEWEST_CELLS * system.RADIUS * WIDER:
+    if why_not(made):
         return float(order_series(made, SETTLING + AVERAGED)[SETTLING:].mean())
     group = HeadingGroup(made, threads=1)
     group.update(SETTLING)

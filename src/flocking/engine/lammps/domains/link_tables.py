@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Numbers32
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH, TileLists
-from flocking.engine.tiles.threads import Workers
 from flocking.formula.native.functions import native
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array, Numbers32, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps.domains.copies import Copies
 from flocking.engine.lammps.domains.decomposition import Decomposition, Residents
 from flocking.engine.lammps.domains.link_tables import link_table, mark_links, most_links
@@ -25,7 +26,6 @@ from flocking.engine.tiles.neighbours.neighbour_lists import (
 from flocking.engine.tiles.neighbours.verlet_skin import FIRST_SKIN, best_skin
 from flocking.engine.tiles.particles.displacement import CERTAIN, Displacement
 from flocking.engine.tiles.particles.graph_radii import GraphRadii
-from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from flocking.arrays import Array, Links, Numbers, Positions, Velocities
 from flocking.engine import interruption
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps import library
 from flocking.engine.lammps.domains.checkpoint import LinkRows, link_rows, link_tables, stored_options, unpacked
 from flocking.engine.lammps.domains.instability import RankInstability
@@ -32,7 +33,6 @@ from flocking.engine.tiles.planted_law import Planted
 from flocking.engine.tiles.records import TilesRecorder
 from flocking.engine.tiles.session import TilesSession
 from flocking.engine.tiles.snapshot import TilesSnapshot
-from flocking.engine.tiles.threads import Workers
 from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State

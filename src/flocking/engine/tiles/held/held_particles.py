@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Numbers, Numbers32, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.held.held_motion import HeldMotion, coast
 from flocking.engine.tiles.held.messages import SampleStore
 from flocking.engine.tiles.kernels.control_kernel import control_kernel, control_spec
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
-from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
 from flocking.model.world.information import Messages

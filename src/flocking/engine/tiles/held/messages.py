@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Numbers32, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.held.news import News, loss_numbers
 from flocking.engine.tiles.held.past_speeds import Speeds
 from flocking.engine.tiles.kernels.heard_samples import HeardSamples
 from flocking.engine.tiles.kernels.measure_kernel import MeasureKind, measure_kernel
-from flocking.engine.tiles.threads import Workers
 from flocking.errors import InvalidInput
 from flocking.formula.native.functions import native
 from flocking.model.law import Scenario

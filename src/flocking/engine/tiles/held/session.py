@@ -10,6 +10,7 @@ import numpy as np
 
 from flocking.arrays import Links
 from flocking.engine import interruption
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.tiles import automatic_step, checks
@@ -23,7 +24,6 @@ from flocking.engine.tiles.kernels.spec import check_supported
 from flocking.engine.tiles.options import TilesOptions
 from flocking.engine.tiles.records import TilesRecorder
 from flocking.engine.tiles.session import MOST_STEPS
-from flocking.engine.tiles.threads import Workers
 from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Numbers32, Reals, Vector
-from flocking.engine.tiles.threads import Workers
+from flocking.engine.fixed_step.threads import Workers
 from flocking.formula.native.functions import native
 
 MOST_BUCKETS = 4096

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Numbers, Numbers32, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.neighbours.cell_list import Grid, cell_of
 from flocking.engine.tiles.neighbours.nearest_image import to_nearest
 from flocking.engine.tiles.simd.interleaved_arrays import column
 from flocking.engine.tiles.simd.reductions import bits_of, first_bit, highest
 from flocking.engine.tiles.simd.vectors import load, numbers_from, select, spread, store
-from flocking.engine.tiles.threads import Workers
 from flocking.formula.native.functions import native
 
 SPARE_ROWS = 1024

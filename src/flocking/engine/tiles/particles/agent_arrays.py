@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import AnyArray, Array, Numbers32, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
-from flocking.engine.tiles.threads import Workers
 from flocking.model.state import State
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.measures import squared_displacements
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
-from flocking.engine.tiles.threads import Workers
 
 CERTAIN = 0.999
 """Largest displacement relative to half the skin. The remaining thousandth is far above the rounding error of a sum of

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links, Numbers32, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.measures import fastest
 from flocking.engine.tiles.neighbours.cell_list import Sorter
@@ -23,7 +24,6 @@ from flocking.engine.tiles.neighbours.verlet_skin import FIRST_SKIN, best_skin
 from flocking.engine.tiles.particles.agent_arrays import AgentArrays
 from flocking.engine.tiles.particles.displacement import CERTAIN, Displacement
 from flocking.engine.tiles.particles.graph_radii import GraphRadii
-from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from flocking.arrays import Array, Numbers32, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.kernels.spec import KernelSpec, only_numbers_differ
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
@@ -17,7 +18,6 @@ from flocking.engine.tiles.particles.graph_radii import GraphRadii
 from flocking.engine.tiles.particles.law_parameters import LawParameters
 from flocking.engine.tiles.particles.listed_agents import ListedAgents
 from flocking.engine.tiles.planted_law import PassArrays, Planted
-from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
 

@@ -6,8 +6,33 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
+from flocking.errors import InvalidInput
+from flocking.model.checks import integer
+
+MOST_THREADS = 1024
+"""Largest number of threads; more than any processor has, so a larger number is probably a mistake."""
+
 SMALLEST_SHARE = 64
 """Shortest range that is given to a second thread."""
+
+
+def check_threads(owner: str, threads: object) -> None:
+    """Refuse a number of threads that cannot be.
+
+    Parameters
+    ----------
+    owner
+        Whose option it is.
+    threads
+        The number.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no whole number from 1 to `MOST_THREADS`.
+    """
+    if integer(owner, "threads", threads, least=1) > MOST_THREADS:
+        raise InvalidInput(owner, "threads", f"must be at most {MOST_THREADS}", threads)
 
 
 class Workers:
