@@ -86,35 +86,72 @@ def test_an_old_or_missing_python_is_told_in_plain_words(tmp_path: Path) -> None
         assert not (tmp_path / "venv").exists()
 
 
-@pytest.mark.slow
-def test_wheel_and_source_distribution_hold_the_same_package_and_install_anew(tmp_path: Path) -> None:
-    def call(*words: object, cwd: Path = tmp_path) -> str:
-        shown = subprocess.run(list(map(str, words)), cwd=cwd, capture_output=True, text=True, timeout=900)
-        assert shown.returncode == 0, shown.stdout + shown.stderr
-        return shown.stdout
+def pythons() -> list[str]:
+    """One Python of each version from 3.11 on that this machine has."""
+    return subprocess.run([ROOT / ".ci" / "pythons"], capture_output=True, text=True, check=True).stdout.split()
 
-    call(sys.executable, "-m", "venv", "builder")
-    call("builder/bin/python", "-m", "pip", "install", "-q", "hatchling")
-    dist = tmp_path / "dist"
-    source = tmp_path / "source"
-    ignored = shutil.ignore_patterns(".venv", "out", "__pycache__", ".*_cache", ".git", ".hypothesis")
-    shutil.copytree(ROOT, source, ignore=ignored)
-    call(tmp_path / "builder/bin/hatchling", "build", "-d", dist, cwd=source)
-    (wheel,) = dist.glob("*.whl")
-    (archive,) = dist.glob("*.tar.gz")
-    modules = {str(p.relative_to(ROOT / "src")) for p in (ROOT / "src" / "flocking").rglob("*.py")}
-    assert modules <= set(zipfile.ZipFile(wheel).namelist())
+
+def call(folder: Path, *words: object, seconds: float = 900, **more: str) -> str:
+    environment = {**os.environ, **more}
+    shown = subprocess.run(
+        list(map(str, words)), cwd=folder, capture_output=True, text=True, timeout=seconds, env=environment
+    )
+    assert shown.returncode == 0, shown.stdout[-6000:] + shown.stderr[-3000:]
+    return shown.stdout
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the source tree, and in ``dist`` the wheel and the source distribution made of it."""
+    folder = tmp_path_factory.mktemp("built")
+    call(folder, sys.executable, "-m", "venv", "builder")
+    call(folder, "builder/bin/python", "-m", "pip", "install", "-q", "hatchling")
+    ignored = shutil.ignore_patterns(".venv*", "out", "__pycache__", ".*_cache", ".git", ".hypothesis")
+    shutil.copytree(ROOT, folder / "source", ignore=ignored)
+    call(folder / "source", folder / "builder/bin/hatchling", "build", "-d", folder / "dist")
+    return folder
+
+
+@pytest.mark.slow
+def test_wheel_and_source_distribution_hold_the_same_package_and_install_anew(built: Path) -> None:
+    (wheel,) = (built / "dist").glob("*.whl")
+    (archive,) = (built / "dist").glob("*.tar.gz")
+    # The page of the lab, fonts, tables of equations and stored studies belong to the package as its modules do.
+    package = [p for p in (ROOT / "src" / "flocking").rglob("*") if p.is_file() and "__pycache__" not in p.parts]
+    files = {p.relative_to(ROOT / "src").as_posix() for p in package}
+    assert files <= set(zipfile.ZipFile(wheel).namelist())
     with tarfile.open(archive) as packed:
         names = {name.split("/", 1)[1] for name in packed.getnames() if "/" in name}
-    assert {f"src/{name}" for name in modules} <= names
+    assert {f"src/{name}" for name in files} <= names
     assert "pyproject.toml" in names
-    call("builder/bin/python", "-m", "pip", "wheel", "-q", "--no-deps", "-w", "again", archive)
-    (again,) = (tmp_path / "again").glob("*.whl")
-    assert modules <= set(zipfile.ZipFile(again).namelist())
+    call(built, "builder/bin/python", "-m", "pip", "wheel", "-q", "--no-deps", "-w", "again", archive)
+    (again,) = (built / "again").glob("*.whl")
+    assert files <= set(zipfile.ZipFile(again).namelist())
 
-    call(sys.executable, "-m", "venv", "clean")
-    call("clean/bin/python", "-m", "pip", "install", "-q", "-c", ROOT / "requirements.txt", wheel)
-    assert call("clean/bin/flocking", "--version").strip() == PROJECT["version"]
-    assert "zhou-2015" in call("clean/bin/flocking", "list")
-    place = call("clean/bin/python", "-c", "import flocking; print(flocking.__file__)").strip()
-    assert place.startswith(str(tmp_path / "clean"))
+
+@pytest.mark.slow
+@pytest.mark.parametrize("python", pythons())
+def test_the_wheel_is_installed_on_each_python_and_passes_the_quick_tests(
+    built: Path, tmp_path: Path, python: str
+) -> None:
+    (wheel,) = (built / "dist").glob("*.whl")
+    folder = tmp_path
+    call(folder, python, "-m", "venv", "clean")
+    bin = folder / "clean" / "bin"
+    call(folder, bin / "python", "-m", "pip", "install", "-q", "-c", ROOT / "requirements.txt", f"{wheel}[test]")
+    assert call(folder, bin / "flocking", "--version").strip() == PROJECT["version"]
+    assert "zhou-2015" in call(folder, bin / "flocking", "list")
+    # The tests lie where the tree's own package is not on the path: they try what was installed.
+    tree = folder / "tree"
+    shutil.copytree(built / "source", tree, ignore=shutil.ignore_patterns("src"))
+    place = call(tree, bin / "python", "-c", "import flocking; print(flocking.__file__)").strip()
+    assert place.startswith(str(folder / "clean"))
+    call(tree, bin / "python", "-m", "pytest", "-q", "-p", "no:xdist", *installed_tests(), seconds=3600)
+
+
+def installed_tests() -> list[str]:
+    """Files of the quick tests that need the package, but not its source tree."""
+    line = re.search(r"^QUICK := ((?:.*\\\n)*.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert line is not None
+    words = line.group(1).replace("\\\n", " ").split()
+    return [word for word in words if word != "tests/test_floors.py"]

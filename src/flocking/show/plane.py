@@ -44,6 +44,9 @@ ARROW_SHARE = 0.14
 REST_SHARE = 0.04
 """Fraction of the run's highest speed below which arrows become shorter."""
 
+MANY_LINES = 500
+"""Segments from which they are drawn as one path; below, drawing them one by one takes a few milliseconds."""
+
 
 class Outlined(Protocol):
     """An object with an outline, such as an obstacle."""
@@ -271,6 +274,10 @@ def _line_collection(axes: Axes, segments: Sequence[Reals] | Reals, **look: Unpa
         from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
         cast("Axes3D", axes).add_collection3d(Line3DCollection(segments, **look))
+    elif isinstance(segments, np.ndarray) and segments.shape[1:] == (2, 2) and len(segments) >= MANY_LINES:
+        from flocking.show.many_lines import ManyLines
+
+        axes.add_collection(ManyLines(segments, **look), autolim=False)
     else:
         from matplotlib.collections import LineCollection
 

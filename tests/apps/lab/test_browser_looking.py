@@ -368,3 +368,30 @@ def test_a_challenge_is_tried_and_its_score_kept(page, tab):
     tab.wait(lambda: page.files.saved, "the score is saved")
     again = replay(EventLog.read(page.files.saved[0]))
     assert [event["kind"] for _, event in again.log.entries] == ["kick"]
+
+
+def test_a_delay_is_chosen_in_the_card_of_its_challenge(page, tab):
+    tab.open("challenges")
+    tab.shot("challenges")
+    tab.tab.locator("[data-key=delay]").click()
+    card = tab.tab.locator("#challenge")
+    tab.wait(lambda: "holds together so far" in card.text_content(), "it says how it stands")
+    field = card.get_by_role("spinbutton", name="delay")
+    assert field.input_value() == "0.1"
+    field.fill("7")
+    card.get_by_text("start with it").click()
+    tab.reads(re.compile("delay.*5"))
+    field.fill("0.5")
+    card.get_by_text("start with it").click()
+    tab.wait(lambda: "delay of 0.5" in card.text_content(), "it begins anew")
+    assert page.experiment.scenario.information.tau == 0.5
+    page.clock.speed = 5.0
+    tab.press("Play")
+    tab.wait(lambda: "delay 0.5 ·" in card.text_content(), "it is torn")
+    assert field.input_value() == "0.5"
+    tab.press("Pause")
+    tab.shot("challenge_delay")
+    card.get_by_text("save the score").click()
+    tab.wait(lambda: page.files.saved, "the score is saved")
+    assert page.files.saved[0].name.endswith(".delay.events.json")
+    assert replay(EventLog.read(page.files.saved[0])).scenario.information.tau == 0.5

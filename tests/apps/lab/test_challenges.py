@@ -7,9 +7,17 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.apps.lab.experiment.challenges import CHALLENGES, gap_score, judged, kick_score
+from flocking.apps.lab.experiment.challenges import (
+    CHALLENGES,
+    challenge_of,
+    delay_score,
+    gap_score,
+    judged,
+    kick_score,
+)
 from flocking.apps.lab.experiment.events import EventLog
 from flocking.apps.lab.experiment.experiment import Experiment, replay
+from flocking.errors import InvalidInput
 
 
 def played(experiment, times, act=lambda k, experiment: None):
@@ -84,3 +92,63 @@ def test_a_score_is_a_file_that_replays(tmp_path):
     path = made.log.write(tmp_path / "x.events.json", {"challenge": "kick", "score": 2.25})
     assert json.loads(path.read_text())["score"] == 2.25
     assert np.array_equal(replay(EventLog.read(path)).state.q, made.state.q)
+
+
+def linear_bound(scenario):
+    """A delay from which on the flock swings, by linear theory about its start.
+
+    The velocities of agents that move almost alike obey consensus with the Laplacian of the links. A mode of it
+    swings from tau = pi / (2 lambda) on: Olfati-Saber and Murray, IEEE TAC 49 (2004), Theorem 10. With a restoring
+    force of stiffness k, s**2 + (lambda s + k) exp(-s tau) = 0 has imaginary roots at omega tau = atan(omega lambda
+    / k) < pi/2 with omega > lambda, that is at a smaller delay.
+    """
+    links = scenario.law.graph.initial(scenario.start.q)
+    laplacian = np.diag(links.sum(axis=1)) - links.astype(float)
+    return np.pi / (2 * np.linalg.eigvalsh(laplacian)[-1])
+
+
+def test_the_flock_holds_at_a_small_delay_and_tears_at_one_above_the_linear_bound():
+    bound = linear_bound(challenge_of("delay").make())
+    found = {}
+    for delay in (0.05, 2.0 * bound):
+        name = f"delay = {delay}"
+        made = Experiment(challenge_of(name).make())
+        states = played(made, np.linspace(0.5, 20.0, 40))
+        found[delay] = judged(name, made.original, states, made.log.entries)
+    held, torn = found.values()
+    assert not held.reached
+    assert "one flock at every recorded moment until t = 20" in held.words
+    assert torn.reached
+    assert torn.value == 2.0 * bound
+
+
+def test_a_delay_counts_only_without_interventions_within_its_time_and_from_the_start():
+    whole = fk.State([[0.0, 0.0], [1.0, 0.0]], None, 0.0, np.array([[False, True], [True, False]]))
+    apart = fk.State([[0.0, 0.0], [9.0, 0.0]], None, 3.0, np.zeros((2, 2), dtype=bool))
+    later = fk.State([[0.0, 0.0], [9.0, 0.0]], None, 21.0, np.zeros((2, 2), dtype=bool))
+    assert delay_score([whole, apart], [], 0.3).value == 0.3
+    assert not delay_score([whole], [], 0.3).reached
+    assert not delay_score([whole, later], [], 0.3).reached
+    kick = [(1.0, {"kind": "kick", "agents": [0], "speed": 9.0, "seed": 0})]
+    assert not delay_score([whole, apart], kick, 0.3).reached
+    other = challenge_of("delay = 0.4").make()
+    assert "did not begin" in judged("delay = 0.3", other, [whole, apart], []).words
+
+
+@pytest.mark.parametrize(
+    "name", ["delay = much", "delay = 0", "delay = -1", "delay = 5", "delay = nan", "kick = 2", "x", ""]
+)
+def test_a_challenge_that_is_none_is_refused(name):
+    with pytest.raises(InvalidInput):
+        challenge_of(name)
+
+
+def test_the_score_of_a_delay_replays_with_its_delay(tmp_path):
+    made = Experiment(challenge_of("delay = 0.35").make())
+    made.advance(1.0)
+    again = replay(EventLog.read(made.log.write(tmp_path / "x.events.json", {})))
+    assert again.scenario.information == fk.Delayed(0.35, self_delayed=True)
+    assert np.array_equal(again.state.q, made.state.q)
+    branched = made.branch(0.7)
+    branched.advance(1.0)
+    assert np.allclose(branched.state.q, made.state.q, rtol=0, atol=1e-9)

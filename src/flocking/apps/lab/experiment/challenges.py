@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache, partial
 
 import numpy as np
 
 from flocking.apps.lab.experiment.events import Event
+from flocking.errors import InvalidInput
+from flocking.model.checks import number
 from flocking.model.law import Scenario
 from flocking.model.leaders_and_obstacles.leaders import Sink
 from flocking.model.leaders_and_obstacles.obstacles import Ball
@@ -18,6 +20,7 @@ from flocking.model.parts.structure import substituted, with_children
 from flocking.model.serial import to_data
 from flocking.model.state import State
 from flocking.model.terms.avoidance import Avoid
+from flocking.model.world.information import Delayed
 
 GAP = 8.0
 """Distance between the two obstacles: little more than the spacing 7 of the paper's lattice."""
@@ -25,6 +28,11 @@ GAP_RADIUS, GAP_PLACE = 24.0, (120.0, 15.0)
 """Radius of the two obstacles, and the middle of the gap between them: in front of the middle of the start."""
 GAP_AGENTS, GAP_BOX, GAP_END = 30, ((0.0, 0.0), (60.0, 30.0)), 60.0
 """Number of agents, corner and sides of where they begin, and the time in which they can pass."""
+DELAY, LARGEST_DELAY, DELAY_END = 0.1, 5.0, 20.0
+"""First delay, what delays must lie below, and the time within which the flock has to fall apart; conventions."""
+
+CHALLENGE = "challenge: "
+"""Beginning of the names by which pages open challenges."""
 
 Entries = Sequence[tuple[float, Event]]
 
@@ -62,6 +70,8 @@ class Challenge:
         Makes its scenario.
     judge
         Judges the recorded states, ascending, and the log of the events.
+    chosen
+        What a player chooses before the run, by its name; None where there is nothing to choose.
     """
 
     title: str
@@ -69,6 +79,7 @@ class Challenge:
     unit: str
     make: Callable[[], Scenario]
     judge: Callable[[Sequence[State], Entries], Score]
+    chosen: tuple[str, float] | None = None
 
 
 def _lattice() -> Scenario:
@@ -146,13 +157,83 @@ def gap_score(states: Sequence[State], entries: Entries) -> Score:
     return Score(False, math.inf, f"{passed} of {GAP_AGENTS} have passed")
 
 
+def _late(delay: float) -> Scenario:
+    """The lattice whose agents know everybody, themselves included, as they were a delay ago."""
+    return _lattice().with_(information=Delayed(delay, self_delayed=True), t_end=DELAY_END, name=f"delay {delay:g}")
+
+
+def delay_score(states: Sequence[State], entries: Entries, delay: float) -> Score:
+    """The delay, where the flock falls apart at a recorded moment until `DELAY_END` without any intervention.
+
+    Parameters
+    ----------
+    states
+        Recorded states with links, ascending.
+    entries
+        The log.
+    delay
+        The delay of the run, from its start on.
+    """
+    if entries:
+        return Score(
+            False, math.inf, f"only the delay may be chosen, and there was an intervention: {entries[0][1]['kind']}"
+        )
+    seen = [s for s in states if s.t <= DELAY_END]
+    apart = next((s.t for s in seen if s.links is not None and flocks(s.links) > 1), None)
+    if apart is not None:
+        return Score(True, delay, f"it fell apart by t = {apart:.4g}")
+    if states and states[-1].t >= DELAY_END:
+        return Score(
+            False,
+            math.inf,
+            f"with a delay of {delay:g} it was one flock at every recorded moment until t = {DELAY_END:g}",
+        )
+    return Score(False, math.inf, f"with a delay of {delay:g} it holds together so far")
+
+
+def challenge_of(name: str) -> Challenge:
+    """The challenge of a name: its key, and behind an equals sign what the player has chosen.
+
+    Parameters
+    ----------
+    name
+        A key of `CHALLENGES`, or for example ``"delay = 0.2"``.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such challenge, or what is chosen breaks a rule.
+    """
+    key, sign, text = (part.strip() for part in name.partition("="))
+    if key not in CHALLENGES:
+        raise InvalidInput("lab", "challenge", f"must be one of {', '.join(CHALLENGES)}", key)
+    if not sign:
+        return CHALLENGES[key]
+    if CHALLENGES[key].chosen is None:
+        raise InvalidInput("lab", "challenge", "must be its key alone: nothing is chosen in it", name)
+    try:
+        delay = float(text)
+    except ValueError:
+        raise InvalidInput("lab", "delay", "must be a number", text) from None
+    return _tearing(number("lab", "delay", delay, above=0.0, below=LARGEST_DELAY))
+
+
+def _tearing(delay: float) -> Challenge:
+    return Challenge(
+        "Find the delay at which it tears",
+        f"Thirty agents know everybody, themselves included, only as they were a delay ago. Find the smallest delay at "
+        f"which the flock falls apart by t = {DELAY_END:g}, without touching it: the delay counts.",
+        "delay", partial(_late, delay), partial(delay_score, delay=delay), ("delay", delay),
+    )  # fmt: skip
+
+
 def judged(key: str, original: Scenario, states: Sequence[State], entries: Entries) -> Score:
     """How a challenge stands; only a run that began as its scenario says counts.
 
     Parameters
     ----------
     key
-        Key of the challenge.
+        Name of the challenge, as in `challenge_of`.
     original
         The scenario that the run began with.
     states
@@ -162,12 +243,12 @@ def judged(key: str, original: Scenario, states: Sequence[State], entries: Entri
     """
     if to_data(original) != _beginning(key):
         return Score(False, math.inf, "the run did not begin as the challenge does: reset it")
-    return CHALLENGES[key].judge(states, entries)
+    return challenge_of(key).judge(states, entries)
 
 
-@cache
+@lru_cache(maxsize=8)
 def _beginning(key: str) -> object:
-    return to_data(CHALLENGES[key].make())
+    return to_data(challenge_of(key).make())
 
 
 CHALLENGES = {
@@ -182,5 +263,6 @@ CHALLENGES = {
         "law: the time they need counts.",
         "time", _gap, gap_score,
     ),
+    "delay": _tearing(DELAY),
 }  # fmt: skip
 """The challenges by their keys."""

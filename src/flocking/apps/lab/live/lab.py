@@ -10,13 +10,14 @@ from pathlib import Path
 from flocking.apps.lab.access.confinement import Folder
 from flocking.apps.lab.access.request_checks import RateLimit
 from flocking.apps.lab.access.web_server import WebServer
+from flocking.apps.lab.experiment.challenges import CHALLENGE
 from flocking.apps.lab.experiment.clock import Clock
 from flocking.apps.lab.experiment.events import Event
 from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.apps.lab.live.hub import Hub, Message, Tab
 from flocking.apps.lab.live.measuring import Measuring
 from flocking.apps.lab.live.messages import scenario_message, stored_message, values_message
-from flocking.apps.lab.live.openings import CHALLENGE, Openings
+from flocking.apps.lab.live.openings import Openings
 from flocking.apps.lab.live.past import Past
 from flocking.apps.lab.panels.catalogue import catalogue
 from flocking.apps.lab.panels.choices import in_space

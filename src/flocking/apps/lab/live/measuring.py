@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from flocking.apps.lab.experiment.challenges import CHALLENGES, Score, judged
+from flocking.apps.lab.experiment.challenges import Score, challenge_of, judged
 from flocking.apps.lab.experiment.clock import Clock, Frame
 from flocking.apps.lab.experiment.history import History
 from flocking.apps.lab.experiment.timeline import CURVES, Timeline
@@ -55,7 +55,7 @@ class Measuring:
         """The last measurements, of each experiment."""
         self.reads = 0
         self.challenge = ""
-        """Key of the challenge that is tried; empty for none."""
+        """Name of the challenge that is tried, as in `challenge_of`; empty for none."""
         self.fault = ""
         """Why the last measurement failed; empty when it did not."""
         self._certified: tuple[float, Law, Certificates | None] | None = None
@@ -87,6 +87,7 @@ class Measuring:
         with self._lock:
             self.timeline.cut(t)
             self.history.clear()
+            self.verdicts = []
             self._judged_frame = -1
         self._changed()
 
@@ -173,10 +174,11 @@ class Measuring:
         score = self.score()
         if score is None:
             return None
-        challenge = CHALLENGES[self.challenge]
+        challenge = challenge_of(self.challenge)
         return {
             "title": challenge.title, "goal": challenge.goal, "unit": challenge.unit, "reached": score.reached,
-            "value": _finite(score.value), "words": score.words,
+            "value": _finite(score.value), "words": score.words, "key": self.challenge.partition("=")[0].strip(),
+            "chosen": None if challenge.chosen is None else list(challenge.chosen),
         }  # fmt: skip
 
     def content(self) -> dict[str, object]:

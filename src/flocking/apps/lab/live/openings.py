@@ -6,14 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from flocking.apps.lab.access.confinement import Folder
-from flocking.apps.lab.experiment.challenges import CHALLENGES
+from flocking.apps.lab.experiment.challenges import CHALLENGE, challenge_of
 from flocking.apps.lab.experiment.events import EventLog
 from flocking.apps.lab.experiment.experiment import Experiment, replay
 from flocking.apps.lab.panels.choices import first_choice, is_built_in, scenario_of
 from flocking.model.law import Scenario
-
-CHALLENGE = "challenge: "
-"""Beginning of the names of challenges."""
 
 
 class Openings:
@@ -59,8 +56,8 @@ class Openings:
         InvalidInput
             When there is none, or it cannot be started.
         """
-        if name.removeprefix(CHALLENGE) in CHALLENGES and name.startswith(CHALLENGE):
-            return Experiment(CHALLENGES[name.removeprefix(CHALLENGE)].make())
+        if name.startswith(CHALLENGE):
+            return Experiment(challenge_of(name.removeprefix(CHALLENGE)).make())
         if self._scenario is not None and name == self.first_name:
             return Experiment(self._scenario)
         if name == self.first_name and self._file is not None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from flocking.apps.lab.access.confinement import Folder
-from flocking.apps.lab.experiment.challenges import CHALLENGES
+from flocking.apps.lab.experiment.challenges import CHALLENGE, CHALLENGES, challenge_of
 from flocking.apps.lab.panels.choices import LARGER_GROUPS, library
 from flocking.apps.lab.scene.solids import solids
 from flocking.apps.scenario_names import paper_scenarios
@@ -77,6 +77,13 @@ def about(name: str, scenario: Scenario) -> dict[str, str]:
     known = paper_scenarios().get(name)
     n = scenario.start.n
     size = f"{n} agent{'s' if n != 1 else ''} in {scenario.start.dimension} dimensions, until t = {scenario.t_end:g}"
+    if name.startswith(CHALLENGE):
+        return {
+            "title": challenge_of(name.removeprefix(CHALLENGE)).title,
+            "paper": "",
+            "short": "",
+            "sentence": f"{size}.",
+        }
     if known is None:
         title = GROUP_TITLES.get(name, scenario.name or name)
         return {"title": title, "paper": "", "short": "", "sentence": f"{size}."}

@@ -100,7 +100,7 @@ class SavedFiles:
         Parameters
         ----------
         challenge
-            Key of the challenge.
+            Name of the challenge; the file is named after its key.
         score
             The score.
 
@@ -112,7 +112,7 @@ class SavedFiles:
         experiment = self._clock.experiments[0]
         if not score.reached or not experiment.complete:
             raise InvalidInput("lab", "score", "needs a goal that is reached and a complete log", score.words)
-        path = self._path(f".{challenge}.events.json")
+        path = self._path(f".{challenge.partition('=')[0].strip()}.events.json")
         more = {"challenge": challenge, "score": score.value, "words": score.words}
         paths: list[Path] = []
         self._clock.do(lambda: paths.append(experiment.log.write(path, more)))

@@ -58,7 +58,7 @@ export class Camera {
   }
 
   // Fit the view to a group and what is near it.
-  fit(group, width, height) {
+  fit(group, width, height, left = 0) {
     const d = group.d, low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     const take = (p) => {
       for (let k = 0; k < 3; k++) {
@@ -83,6 +83,7 @@ export class Camera {
     this.off = this.follow ? middle : middle.map((x, k) => x + (group.centre[k] ?? 0));
     const span = d > 2 ? Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]) : 0;
     const wide = Math.max(d > 2 ? span : high[0] - low[0], size / 8), tall = Math.max(d > 2 ? span : high[1] - low[1], size / 8);
-    this.scale = 0.8 * Math.min(width / wide, height / tall);
+    this.scale = 0.8 * Math.min((width - left) / wide, height / tall);
+    if (d < 3) this.off[0] -= left / 2 / this.scale; // what covers the left of the scene hides no agent
   }
 }

@@ -5,6 +5,7 @@ import { short } from "./scene.js";
 import { escaped } from "./timeline.js";
 
 const BINS = 40;
+const SMALLEST = 11; // pixels of an equation's letters
 const key = (path) => JSON.stringify(path);
 
 export class LawPanel {
@@ -16,6 +17,7 @@ export class LawPanel {
     this.numbers = document.createElement("dl");
     this.numbers.className = "numbers";
     this.counted = 0;
+    new ResizeObserver(() => this.fitFormula()).observe(area);
   }
 
   scenario(message) {
@@ -29,7 +31,7 @@ export class LawPanel {
     this.controls.clear();
     this.plots = [];
     this.area.replaceChildren();
-    this.area.append(fragment(`<h2>The law</h2>${law.formula}<details><summary>What the symbols mean</summary>${law.legend}</details>`));
+    this.area.append(fragment(`<h2>The law <button class="small" data-large hidden>show it large</button></h2>${law.formula}<details><summary>What the symbols mean</summary>${law.legend}</details>`));
     const rest = law.sections.map((s) => ({ ...s, settings: [...s.settings] }));
     for (const potential of law.potentials) {
       const own = [];
@@ -41,9 +43,22 @@ export class LawPanel {
     }
     for (const section of rest) if (section.settings.length || section.removal) this.area.append(this.section(section));
     this.area.append(this.adding(), fragment("<h3>Numbers</h3>"), this.numbers);
+    this.area.querySelector("[data-large]").onclick = () => this.enlarge(law.formula);
+    this.fitFormula();
     if (typing) this.area.querySelector(`.pot[data-path='${typing}'] textarea`)?.focus();
     this.drawPlots();
     this.check();
+  }
+
+  // A long equation is set smaller, down to what can be read; beyond that it scrolls.
+  fitFormula() {
+    const box = this.area.querySelector(".formula");
+    if (!box?.clientWidth) return;
+    box.style.fontSize = "";
+    const size = parseFloat(getComputedStyle(box).fontSize), room = box.clientWidth - 24;
+    const wide = Math.max(...[...box.querySelectorAll("math")].map((m) => m.getBoundingClientRect().width), box.scrollWidth - 24);
+    if (wide > room) box.style.fontSize = `${Math.max((size * room) / wide, SMALLEST)}px`;
+    this.area.querySelector("[data-large]").hidden = (size * room) / wide >= SMALLEST;
   }
 
   potential(potential, settings) {

@@ -1,5 +1,6 @@
 // The lab's page: it joins the scene, the hands, the law and the timeline to the connection.
 
+import { Challenge } from "./challenge.js";
 import { Connection } from "./connection.js";
 import { Dialogs } from "./dialogs.js";
 import { Hands } from "./hands.js";
@@ -18,7 +19,9 @@ const timeline = new Timeline(link, scene, (agents) => {
   const away = (i) => scene.sx[i] < 0 || scene.sy[i] < 0 || scene.sx[i] > width || scene.sy[i] > height;
   if (scene.sx && agents.some(away)) scene.aim(); // they may be far away
 });
+const challenge = new Challenge(at("challenge"), link, (text) => show("message", text));
 const dialogs = new Dialogs(link, scene);
+law.enlarge = (formula) => dialogs.show("formula", "The law", `<div style="font-size:1.25em">${formula}</div>`);
 let opening = null;
 
 link.onFrame = (frame) => {
@@ -69,15 +72,7 @@ link.on("aim", () => {
 link.on("record", (message) => {
   timeline.take(message);
   law.showNumbers(message);
-  const task = message.challenge, card = at("challenge");
-  card.hidden = !task;
-  const told = task ? `${escaped(task.title)}<br>${task.reached ? `<b>${escaped(task.unit)} ${short(task.value)}</b> · ` : ""}${escaped(task.words)}${task.reached ? "<br><button>save the score</button>" : ""}` : "";
-  if (card.dataset.shown !== told) {
-    card.dataset.shown = card.innerHTML = told;
-    card.title = task?.goal ?? "";
-    const save = card.querySelector("button");
-    if (save) save.onclick = async () => show("message", (await link.ask("save score").catch(() => null))?.message ?? "");
-  }
+  challenge.take(message.challenge);
   const stopped = message.failure || message.shrunk;
   const html = stopped ? `<b>${message.failure ? "Stopped" : "Stalled"}:</b> ${escaped(stopped)}<br><button>go back to the last good moment</button>` : "";
   if (at("stopped").dataset.shown !== html) {
@@ -153,5 +148,5 @@ document.addEventListener("keydown", (event) => {
 });
 
 // What tests and the curious can look at.
-window.lab = { link, scene, hands, law, timeline, dialogs };
+window.lab = { link, scene, hands, law, timeline, dialogs, challenge };
 link.open();

@@ -7,6 +7,8 @@ import { flocks, speeds } from "./frames.js";
 const MOST_TRAILS = 500, MOST_DARTS = 10000;
 const TRAIL_SHARE = 1 / 25; // length of a trail in time, as a share of the scenario
 
+const TOOLS_WIDTH = 52; // pixels of the scene under its hands, as style.css has them
+
 export class Scene {
   constructor(canvas) {
     this.canvas = canvas;
@@ -80,7 +82,7 @@ export class Scene {
     if (this.frame) {
       const count = this.frame.groups.length, each = width / count;
       if (this.needsFit) {
-        this.camera.fit(this.frame.groups[0], each, height);
+        this.camera.fit(this.frame.groups[0], each, height, TOOLS_WIDTH);
         this.needsFit = false;
       }
       this.frame.groups.forEach((group, k) => {

@@ -162,11 +162,11 @@ export class Timeline {
       groups.get(claim.source).push(claim);
     }
     for (const [source, claims] of groups) {
-      claims.forEach((claim, k) => rows.push(this.strip(claim, k ? "" : source)));
+      rows.push(`<p class="source">${escaped(source)}</p>`, ...claims.map((claim) => this.strip(claim)));
     }
     if (!rows.length) {
       const why = this.stored ? "Claims are judged while a run goes on: 'flocking audit' judges a stored run."
-        : r.too_many ? `Claims are judged for up to ${r.too_many} agents.` : r.fault || "Claims appear here when the run has begun: press play.";
+        : r.too_many ? `Claims are judged for up to ${r.too_many} agents.` : r.fault || (this.now > this.first ? "Judging the motion since the last intervention …" : "Claims appear here when the run has begun: press play.");
       rows.push(`<p class="empty">${escaped(why)}</p>`);
     } else {
       const at = r.record.judged;
@@ -183,20 +183,20 @@ export class Timeline {
     }
   }
 
-  strip(claim, source) {
+  strip(claim) {
     const segments = this.record.record.strips[claim.key] ?? [], judged = this.record.record.judged ?? this.now;
     const bars = segments.map(([from, word], k) => {
       const to = k + 1 < segments.length ? segments[k + 1][0] : Math.max(judged, from);
       return `<i class="${styleClass(word)}" title="${word}" style="left:${this.percent(from)}%;width:${Math.max(this.percent(to) - this.percent(from), 0.25)}%"></i>`;
     });
     const open = this.opened === claim.key;
-    const row = `<div class="line${source ? " first" : ""}"><button data-claim="${claim.key}" aria-expanded="${open}" title="${escaped(claim.source)}: ${escaped(claim.lamp)}"><span class="source">${escaped(source)}</span>${lamp(claim.style)}<span class="text">${claim.sentence}</span><span hidden>${claim.key}: ${escaped(claim.lamp)}</span>${marginBar(claim)}</button><div class="strip">${bars.join("")}</div>`;
+    const row = `<div class="line"><button data-claim="${claim.key}" aria-expanded="${open}" title="${escaped(claim.source)}: ${escaped(claim.lamp)}">${lamp(claim.style)}<span class="text">${claim.sentence}</span><span hidden>${claim.key}: ${escaped(claim.lamp)}</span>${marginBar(claim)}</button><div class="strip">${bars.join("")}</div>`;
     return `${row}${open ? `<div class="explain">${this.explanation(claim)}</div>` : ""}</div>`;
   }
 
   explanation(claim) {
     const hypothesis = claim.word === "hypothesis not met" ? "Its hypothesis is not met: " : "";
-    const who = claim.agents.length ? `, agents ${claim.agents.slice(0, 12).join(", ")}${claim.agents.length > 12 ? " and more" : ""}` : "";
+    const who = claim.agents.length ? `, agent${claim.agents.length > 1 ? "s" : ""} ${claim.agents.slice(0, 12).join(", ")}${claim.agents.length > 12 ? " and more" : ""}` : "";
     const when = claim.time === null ? "" : ` At t = ${short(claim.time)}${who}.`;
     const sure = claim.guarantee ? ` Guaranteed before the run: ${escaped(claim.guarantee)}` : "";
     const known = claim.reason && claim.style === "known to fail" ? ` ${escaped(claim.reason)}` : "";
