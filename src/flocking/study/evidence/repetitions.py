@@ -22,6 +22,7 @@ import numpy as np
 from flocking.arrays import Reals
 from flocking.engine.delayed.session import DelayedSession
 from flocking.engine.protocol.session import Session
+from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.runs.run import Run
 from flocking.engine.sampled.session import SampledSession
 from flocking.engine.sampled.shaken import ShakenSession
@@ -104,6 +105,8 @@ def repetitions_of(run: Run) -> Repetitions:
     delayed = engine == DelayedSession.engine and ledger == "tolerance"
     if not (delayed or (engine == SampledSession.engine and ledger == "estimate")):
         raise NotResolvable("")
+    if run.provenance.get(CHANGED):
+        raise NotResolvable("a run that was changed while it went on is not repeated")
     steps = run.provenance.get("steps")
     if not run.finished or not isinstance(steps, int):
         raise NotResolvable("a run that has not finished is not repeated")

@@ -17,7 +17,7 @@ from flocking.model.world.control import CONTINUOUS
 from flocking.model.world.information import INSTANT, Messages
 from flocking.study.claims.claim import Claim
 from flocking.study.confidence_intervals import check_level
-from flocking.study.margins.brackets import Count, between, bracket, open_everywhere
+from flocking.study.margins.brackets import Count, between, bracket, open_everywhere, open_from_ideal
 from flocking.study.margins.computed_runs import HYPOTHESIS, Conclusions
 from flocking.study.margins.margin_table import Margins, Varied, counts_of
 from flocking.study.margins.quantities import Quantity, base_period, quantity_named
@@ -160,7 +160,7 @@ class Search:
                 counts = self.counts(name)[key]
                 where = bracket(counts, self._share, falling=quantity.falling)
                 # Runs between levels that leave it open would leave it open too.
-                if open_everywhere(counts):
+                if open_everywhere(counts) or open_from_ideal(counts, where):
                     continue
                 if where.width > self._width:
                     level = between(where, falling=quantity.falling)
@@ -252,6 +252,7 @@ def find_margins(
     """
     from flocking.study.sweeps.sweep import sweep as make_runs
     from flocking.study.sweeps.sweep import versions
+    from flocking.study.sweeps.worker_pool import pool
 
     chosen = {q.name: q for q in (quantity_named(one) if isinstance(one, str) else one for one in vary)}
     seeds = tuple(integer("margins", "seeds", seed, least=0) for seed in seeds)
@@ -301,8 +302,8 @@ def find_margins(
     def runs_of(names: Sequence[str], some: Sequence[int], place: str) -> tuple[dict[tuple[str, int], Verdicts], bool]:
         table = make_runs(
             worlds, grid={"world": list(names)}, seeds=list(some), measures=(), audit=audit, record=about,
-            out=None if folder is None else folder / "runs" / place, workers=workers, cluster=cluster,
-            progress=progress, most_runs=most_runs,
+            out=None if folder is None else folder / "runs" / place,
+            progress=progress, most_runs=most_runs, shared=shared,
         )  # fmt: skip
         found = {}
         for index, row in table.rows.items():
@@ -311,7 +312,8 @@ def find_margins(
         return found, table.status == "finished"
 
     search = Search(worlds, claims, seeds, share, width, most_runs, runs_of)
-    search.run(grids)
+    with pool(workers, cluster) as shared:
+        search.run(grids)
     varied = tuple(
         Varied(name, q.meaning, words[name], search.counts(name), q.falling) for name, q in worlds.quantities.items()
     )
