@@ -332,3 +332,11 @@ def test_the_command_prints_a_table_and_writes_its_data(tmp_path, monkeypatch, c
     assert (tmp_path / "out" / "margins" / "four" / "margins.svg").stat().st_size > 1000
     assert main(["margins", "four.toml", "--levels", "period"]) == 2
     assert "name=value,value" in capsys.readouterr().err
+
+
+def test_runs_that_hardly_advance_are_given_up():
+    """Zhou's potential is infinite at R: forces of at most 5 let two agents press against it, in ever shorter steps."""
+    table = found("zhou-2015", "limit", levels={"limit": [5.0]}, seeds=1, most_runs=2)
+    counts = table.margin("limit", "agree").counts if "agree" in table.shown_ideally else None
+    assert (table.runs, table.status) == (2, "finished")
+    assert counts is None or counts[5.0] == Count(0, 0, 1)

@@ -303,7 +303,7 @@ def find_margins(
         table = make_runs(
             worlds, grid={"world": list(names)}, seeds=list(some), measures=(), audit=audit, record=about,
             out=None if folder is None else folder / "runs" / place,
-            progress=progress, most_runs=most_runs, shared=shared,
+            progress=progress, most_runs=most_runs, shared=shared, gives_up=True,
         )  # fmt: skip
         found = {}
         for index, row in table.rows.items():

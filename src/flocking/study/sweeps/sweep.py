@@ -46,6 +46,7 @@ def sweep(
     record: Mapping[str, object] | None = None,
     more_measures: Mapping[str, tuple[str, Measuring]] | None = None,
     shared: WorkerPool | None = None,
+    gives_up: bool = False,
 ) -> SweepTable:
     """Run a parametrised scenario over parameters and seeds, and measure every run.
 
@@ -87,6 +88,8 @@ def sweep(
         Further measures that ``measures`` may name.
     shared
         Workers that several sweeps share, instead of ``workers`` and ``cluster``; they stay after the sweep.
+    gives_up
+        Whether a run whose steps have become so short that it hardly advances is given up, as one that failed.
 
     Returns
     -------
@@ -109,7 +112,7 @@ def sweep(
     found = find_measures(measures, more_measures)
     choices = {"engine": engine, **(options or {})}
     check_name("sweep", engine)
-    work = Work(make, found, auditing(audit), choices)
+    work = Work(make, found, auditing(audit), choices, gives_up=gives_up)
     about = {
         "format": FORMAT,
         "plan": plan.as_data(),
