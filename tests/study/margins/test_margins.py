@@ -340,3 +340,13 @@ def test_runs_that_hardly_advance_are_given_up():
     counts = table.margin("limit", "agree").counts if "agree" in table.shown_ideally else None
     assert (table.runs, table.status) == (2, "finished")
     assert counts is None or counts[5.0] == Count(0, 0, 1)
+
+
+def test_a_conclusion_that_only_the_ideal_world_keeps_is_sought_three_times():
+    """Levels of .4, .1, .025 and .00625, then no more; before, twelve rounds."""
+    never = Claim("never", "here", "Nobody acts at ticks.", lambda e: Measure(
+        -1.0 if getattr(e.run.scenario.control, "period", 0.0) else 1.0))  # fmt: skip
+    table = found(consensus(t_end=1), "period", (never,), levels={"period": [0.4]})
+    assert (table.runs, table.status) == (5, "finished")
+    assert table.varied[0].levels == (0.00625, 0.025, 0.1, 0.4)
+    assert table.cells[0][2:6] == ("ideal", "1/1", "one run", "0.00625")
