@@ -9,7 +9,8 @@ import flocking as fk
 from flocking.apps.lab.experiment import experiment as room
 from flocking.apps.lab.experiment.events import EventLog
 from flocking.apps.lab.experiment.experiment import Experiment, replay
-from flocking.errors import InvalidInput, SimulationError
+from flocking.apps.lab.experiment.settings import sections
+from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
 
 GAIN = ["law", "terms", 1, "gain"]
 LEADER = ["law", "terms", 2, "leader"]
@@ -278,3 +279,89 @@ def test_what_a_page_judges_carries_the_account_of_its_engine():
         assert window.fidelity.engine == engine
         report = fk.audit(window)
         assert [str(report[claim].verdict) for claim in ("ledger", "links-kept")] == ["holds", verdict]
+
+
+def radio(**messages):
+    law = fk.Law(fk.Hysteresis(4, 0.3), [fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=4.0)), fk.Consensus(1.0)])
+    start = fk.start.box(6, side=4, speed=1, seed=1, connected_under=law.graph)
+    world = {"control": fk.Held(0.05), "information": fk.Messages(0.05, predict=True, **messages)}
+    return fk.Scenario(law, start, t_end=5.0, frames=6, name="radio", **world)
+
+
+def test_delay_loss_and_noise_change_while_it_runs_and_the_log_replays_them(tmp_path):
+    """From no losses and noise, sliders bring them in; what follows is that of the same session without a lab."""
+    experiment = Experiment(radio())
+    assert experiment.engine == "sampled"
+    moves = [
+        (0.51, ["information", "delay"], 0.2), (1.0, ["information", "loss"], 0.4),
+        (1.5, ["information", "noise"], 0.05), (1.7, ["information", "loss"], 0.1),
+        (2.0, ["information", "noise", "velocity"], 0.02), (2.2, ["law", "terms", 1, "gain"], 0.4),
+    ]  # fmt: skip
+    for time, path, value in moves:
+        experiment.advance(time)
+        experiment.apply({"kind": "set", "path": path, "value": value})
+        experiment.save_moment()
+    experiment.advance(3.0)
+    found = experiment.scenario.information
+    assert (found.delay, found.loss, found.noise) == (0.2, fk.Bernoulli(0.1), fk.WhiteNoise(0.05, 0.02))
+    again = replay(EventLog.read(experiment.log.write(tmp_path / "radio.events.json")))
+    assert (again.state.q == experiment.state.q).all()
+    earlier = experiment.branch(1.9)
+    earlier.advance(2.0)
+    session = fk.start(radio())
+    session.advance(0.51)
+    session.replace_information(fk.Messages(0.05, delay=0.2, predict=True))
+    session.advance(1.0)
+    session.replace_information(fk.Messages(0.05, delay=0.2, loss=0.4, predict=True))
+    session.advance(1.5)
+    session.replace_information(fk.Messages(0.05, delay=0.2, loss=0.4, noise=0.05, predict=True))
+    session.advance(1.7)
+    session.replace_information(fk.Messages(0.05, delay=0.2, loss=0.1, noise=0.05, predict=True))
+    session.advance(2.0)
+    assert (session.state.q == earlier.state.q).all()
+    untouched = fk.start(radio())
+    untouched.advance(3.0)
+    assert np.abs(untouched.state.q - experiment.state.q).max() > 1e-3
+
+
+def test_the_page_has_sliders_for_what_may_change_about_messages():
+    def sliders(scenario):
+        (section,) = [s for s in sections(scenario) if s.title == "Messages"]
+        return {".".join(map(str, s.path[1:])): (s.value, s.low, s.high) for s in section.settings}
+
+    assert sliders(radio()) == {
+        "delay": (0.0, 0.0, 0.5), "jitter": (0.0, 0.0, 0.5), "loss": (0.0, 0.0, 1.0), "noise": (0.0, 0.0, 1.0),
+    }  # fmt: skip
+    noisy = sliders(radio(loss=0.2, noise=fk.OrnsteinUhlenbeck(0.5, 0.1)))
+    assert noisy["loss"] == (0.2, 0.0, 1.0)
+    assert noisy["noise"] == (0.5, 0.0, 2.0)
+    assert noisy["noise.velocity"] == (0.1, 0.0, 1.0)
+    assert set(sliders(radio(loss=fk.GilbertElliott(0.1, 0.4)))) >= {"delay", "jitter", "noise"}
+    ideal = fk.Scenario(radio().law, radio().start, t_end=1.0)
+    assert not [s for s in sections(ideal) if s.title == "Messages"]
+
+
+def test_a_slider_keeps_what_else_losses_and_noise_are():
+    noise = fk.OrnsteinUhlenbeck(0.5, 0.1, time_constant=3.0)
+    experiment = Experiment(radio(loss=fk.Bernoulli(0.2, paired=True), noise=noise))
+    experiment.advance(0.2)
+    experiment.apply({"kind": "set", "path": ["information", "loss"], "value": 0.6})
+    experiment.apply({"kind": "set", "path": ["information", "noise"], "value": 0.1})
+    found = experiment.scenario.information
+    assert found.loss == fk.Bernoulli(0.6, paired=True)
+    assert found.noise == fk.OrnsteinUhlenbeck(0.1, 0.1, time_constant=3.0)
+
+
+def test_what_a_run_of_messages_cannot_change_is_refused_and_it_goes_on():
+    experiment = Experiment(radio())
+    experiment.advance(0.3)
+    for path, value in (
+        (["information", "period"], 0.1),
+        (["control", "period"], 0.1),
+        (["law", "graph", "radius"], 3),
+    ):
+        with pytest.raises((InvalidInput, UnsupportedLaw)):
+            experiment.apply({"kind": "set", "path": path, "value": value})
+    assert not experiment.log.entries
+    experiment.advance(0.6)
+    assert experiment.time == 0.6

@@ -138,8 +138,6 @@ def test_what_is_not_known_is_refused_by_name():
         scenario(control=fk.Held([0.1, 0.2]))
     with pytest.raises(UnsupportedLaw, match="runs no plant"):
         fk.start(scenario(), "sampled", plant=LAW)
-    with pytest.raises(UnsupportedLaw, match="replaces neither"):
-        fk.start(scenario()).replace(law=LAW)
 
 
 @pytest.mark.parametrize(
@@ -229,3 +227,182 @@ def test_runs_with_scheduled_gains_go_on_with_the_same_bits():
     for wrong in (0.0, 2.0, 0.5):
         with pytest.raises(MalformedError, match="gains_changed must be as often"):
             SampledSession.unpack(({**numbers, "gains_changed": wrong}, dict(arrays)), stored, {})
+
+
+def pair_world(**messages):
+    """One agent at rest, and one that moves past it at a speed of 1, with no force between them."""
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("0*r"))])
+    start = fk.State([[0.0, 0.0], [0.0, 1.0]], [[0.0, 0.0], [1.0, 0.0]])
+    world = {"control": fk.Held(0.1), "information": fk.Messages(0.1, **messages)}
+    return fk.Scenario(law, start, t_end=4.0, frames=5, **world)
+
+
+def used_by_the_first(session):
+    """Newest sample of agent 1 that agent 0 used, by the number of its tick."""
+    log = session.run().log
+    found = {}
+    for (instant, agent, count), first in zip(log.ticks.tolist(), log.firsts.tolist(), strict=True):
+        if agent == 0:
+            found[instant // 10**8] = int(log.uses[first : first + count, 2][-1])
+    return found
+
+
+def test_a_new_delay_is_that_of_samples_taken_from_then_on():
+    """Sample k is taken at 0.1 k. Those before 1.05 take 0.3, those from then on 0.1: sample 11 overtakes 9 and 10."""
+    session = fk.start(pair_world(delay=0.3))
+    session.advance(1.05)
+    session.replace_information(fk.Messages(0.1, delay=0.1))
+    session.advance(2.0)
+    newest = used_by_the_first(session)
+    assert [newest[tick] for tick in (3, 9, 10, 11, 12, 13, 14)] == [0, 6, 7, 8, 11, 12, 13]
+    session.replace_information(fk.Messages(0.1, delay=0.5))
+    session.advance(3.0)
+    newest = used_by_the_first(session)
+    # Samples before 2.0 are as late as they were; the first slow one, 20, comes at 2.5.
+    assert [newest[tick] for tick in (20, 21, 24, 25, 26)] == [19, 19, 19, 20, 21]
+
+
+def test_new_losses_are_those_of_samples_taken_from_then_on():
+    session = fk.start(pair_world())
+    session.advance(1.05)
+    session.replace_information(fk.Messages(0.1, loss=1.0))
+    session.advance(2.05)
+    session.replace_information(fk.Messages(0.1, loss=0.0))
+    session.advance(3.0)
+    newest = used_by_the_first(session)
+    assert [newest[tick] for tick in (10, 11, 20, 21, 25)] == [10, 10, 10, 21, 25]
+
+
+def test_new_noise_is_stationary_from_its_first_sample_on():
+    """Of an Ornstein-Uhlenbeck error that began at zero the first samples would be too exact."""
+    n = 200
+    law = fk.Law(fk.Fixed(n, [(0, 1)]), [fk.Gradient(fk.Potential("0*r"))])
+    rows = np.column_stack([np.arange(n), np.zeros(n)])
+    world = {"control": fk.Held(0.1), "information": fk.Messages(0.1)}
+    session = fk.start(fk.Scenario(law, fk.State(rows, 0 * rows), t_end=4.0, frames=2, **world))
+    session.advance(1.05)
+    session.replace_information(fk.Messages(0.1, noise=fk.OrnsteinUhlenbeck(0.5, 0.1, time_constant=10.0)))
+    session.advance(1.15)
+    samples = session.knowledge.samples
+    errors = samples.of(np.arange(n), np.full(n, 11))[:, :2] - rows
+    # The mean of 400 squares of standard normal draws lies within five of its standard deviations.
+    assert abs((errors**2).mean() / 0.25 - 1.0) < 5 * np.sqrt(2 / 400)
+    session.replace_information(fk.Messages(0.1))
+    session.advance(1.25)
+    assert (samples.of(np.arange(n), np.full(n, 12))[:, :2] == rows).all()
+
+
+def test_a_changed_session_goes_on_bit_for_bit_from_a_moment():
+    def driven(pieces):
+        session = fk.start(scenario())
+        for stop in (0.3, 0.6001, 0.9, 1.5):
+            for t in np.linspace(session.time, stop, pieces + 1)[1:]:
+                session.advance(float(t))
+            if stop == 0.3:
+                session.replace_information(fk.Messages(0.02, delay=0.2, loss=fk.DistanceLoss(3.0), predict=True))
+            elif stop == 0.6001:
+                terms = [fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=4.0)), fk.Consensus(0.3)]
+                session.replace(law=fk.Law(LAW.graph, terms))
+                session = session.moment()()
+            elif stop == 0.9:
+                noise = fk.WhiteNoise(0.02)
+                session.replace_information(fk.Messages(0.02, noise=noise, expires=0.1, predict=True))
+                session = session.moment()()
+        return session.run()
+
+    one, many = driven(1), driven(7)
+    assert same(one, many)
+    assert one.provenance["changed at"] == [0.3, 0.6001, 0.9]
+    with pytest.raises(UnsupportedLaw, match="changed while it went on"):
+        fk.replay(one)
+
+
+def test_a_replaced_law_jumps_in_the_ledger_and_acts_from_the_next_tick_on():
+    """The energy of a spring, k/2 (r - 2)^2, doubles with k at once, the force at the next tick."""
+
+    def law(k):
+        return fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("k*(r - 2)**2/2", k=k))])
+
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]])
+    session = fk.start(fk.Scenario(law(1.0), start, t_end=4.0, frames=5, control=fk.Held(0.1)))
+    session.advance(0.05)
+    assert session.accelerations()[0, 0] == pytest.approx(-1.0)
+    length = np.ptp(session.state.q[:, 0])
+    session.replace(law=law(2.0))
+    assert session.run().trace["jumped"][-1] == pytest.approx(0.5 * (length - 2.0) ** 2, rel=1e-12)
+    assert session.accelerations()[0, 0] == pytest.approx(-1.0)
+    session.advance(0.1)
+    length = np.ptp(session.state.q[:, 0])
+    session.advance(0.101)
+    assert session.accelerations()[0, 0] == pytest.approx(-2.0 * (2.0 - length), rel=1e-9)
+    session.advance(4.0)
+    run = session.run()
+    trace, last = run.trace, run.trace[-1]
+    moved = last["energy"] - trace["energy"][0] + last["dissipated"] - last["supplied"] - last["jumped"]
+    assert moved == pytest.approx(last["departed"], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda s: s.replace_information(fk.Messages(0.03, predict=True)), "keeps period, phase and predict"),
+        (lambda s: s.replace_information(fk.Messages(0.02)), "keeps period, phase and predict"),
+        (lambda s: s.replace_information(fk.Instant()), "not whether they are"),
+        (lambda s: s.replace(law=fk.Law(fk.Proximity(3.0), LAW.terms)), "keeps the graphs"),
+        (lambda s: s.replace(state=s.state), "neither law nor state"),
+    ],
+)
+def test_what_a_running_session_cannot_change_to_is_refused_by_name(change, words):
+    session = fk.start(scenario())
+    session.advance(0.1)
+    before = session.pack()[0]
+    with pytest.raises(UnsupportedLaw, match=words):
+        change(session)
+    assert session.pack()[0] == before
+
+
+@pytest.mark.parametrize("fault", ["since", "sent", "changed", "late"])
+def test_crafted_changes_are_refused(fault):
+    session = fk.start(scenario())
+    session.advance(0.3)
+    session.replace_information(fk.Messages(0.02, delay=0.2, predict=True))
+    session.advance(0.5)
+    data, arrays = session.pack()
+    stored = Stored(session.scenario, None, session.records.counts, lambda: session.run("unfinished"))
+    arrays = {name: np.array(values) for name, values in arrays.items()}
+    if fault == "since":
+        arrays["since"] = arrays["since"][:, :3]
+    elif fault == "sent":
+        data["sent"] = [{"kind": "instant"}]
+    elif fault == "changed":
+        data["changed"] = ["now"]
+    else:
+        arrays["since"] = arrays["since"] + 1000
+    with pytest.raises(MalformedError):
+        SampledSession.unpack((data, arrays), stored, {})
+
+
+def test_damped_agents_of_different_masses_renew_their_pieces_together():
+    """Ten agents whose pieces ended one by one would need ten times the events of the fastest."""
+    law = fk.Law(fk.Fixed.complete(10), [fk.Consensus(1.0)])
+    start = fk.start.box(10, side=3, speed=1, seed=0)
+    masses = np.linspace(0.5, 1.0, 10)
+    world = {"agents": fk.PointMass(masses, 1.0), "control": fk.Held(5.0)}
+    session = fk.start(fk.Scenario(law, start, t_end=1.0, frames=2, **world))
+    session.advance(1.0)
+    # The fastest piece is 0.5/32 long: 64 of them, and rows at the start, the end and the tick.
+    assert len(session.records.trace) <= 64 + 6
+
+
+def test_several_events_at_one_instant_are_no_standstill():
+    """A slice of wall time may end after each event; only one without any event would be a standstill."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)])
+    square = np.array([[0.0, 0.0], [0.9, 0.0], [0.0, 0.9], [0.9, 0.9]])
+    start = fk.State(square, 0.2 * (square - 0.45))
+    session = fk.start(fk.Scenario(law, start, t_end=2.0, frames=3, control=fk.Held(5.0, phase=4.0)))
+    while not session.reached(2.0):
+        at = session.time, session.steps
+        session.advance(2.0, 0.0)
+        assert (session.time, session.steps) != at
+    # All four sides grow to 1 at the same instant.
+    assert len(session.run().switches) == 4

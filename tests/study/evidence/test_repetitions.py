@@ -148,3 +148,42 @@ def test_what_rounding_grows_to_under_held_control_is_within_its_estimate(seed):
     assert off < max(stated)
     assert max(spread) < 1e3 * off
     assert "errors larger than those of rounding" in found.note
+
+
+def discrete_pair(gain, frames=21):
+    law = fk.Law(fk.Fixed.complete(2), [fk.Consensus(gain)])
+    start = fk.State([[0.0, 0.0], [0.3, 0.0]], [[1.0, 0.0], [0.0, 0.1]])
+    world = {"bodies": fk.Impulsive(), "control": fk.Held(0.1)}
+    return fk.simulate(fk.Scenario(law, start, t_end=2.0, frames=frames, **world), progress=False)
+
+
+def test_in_discrete_time_errors_are_those_that_rounding_grows_to():
+    """The relative velocity is multiplied by 1 - 2 g T at every tick: growth by 9 a tick makes rounding visible."""
+    run = discrete_pair(50.0)
+    assert run.fidelity.engine == "discrete"
+    claims = [Claim(f"at-{k}", "here", "Positive.", measured_at(k)) for k in range(1, 21)]
+    results = fk.audit(run, claims).results
+    factor = 1 - 2 * Fraction(50) * Fraction(0.1)
+    k = [round(t / 0.1) for t in run.t[1:]]
+    shown = np.array([result.margin for result in results])
+    stated = np.array([result.error for result in results])
+    exact = np.array([float(factor**j) for j in k])
+    assert shown[0] == pytest.approx(exact[0], rel=1e-9)
+    assert (np.abs(shown - exact) <= stated).all()
+    assert (stated > 0).all()
+    assert (stated < 1e-9 * np.abs(exact)).all()
+
+
+def test_in_discrete_time_a_verdict_says_where_no_error_is_estimated():
+    """Before, it stated an error of 0."""
+    run = discrete_pair(0.5)
+    claim = Claim("at-20", "here", "Positive.", measured_at(20))
+    (small,) = fk.audit(run, [claim]).results
+    assert small.verdict == "holds"
+    assert small.error > 0
+    other = replace(run, provenance={**run.provenance, "steps": 10**9})
+    (large,) = fk.audit(other, [claim]).results
+    assert large.verdict == "holds"
+    assert np.isnan(large.error)
+    assert "whose rounding errors are not estimated: 1000000000 steps of 2 agents are too many to repeat" in large.note
+    assert large.as_dict()["error"] is None

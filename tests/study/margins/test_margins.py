@@ -16,9 +16,10 @@ from flocking.study.certificates.beside.margin_lines import MarginLine, common_l
 from flocking.study.claims.claim import Claim, Measure
 from flocking.study.claims.conclusions.limits import positions_agree, velocities_agree
 from flocking.study.evidence import NotResolvable
-from flocking.study.margins.brackets import Bracket, Count, between, bracket, islands, open_everywhere
+from flocking.study.margins.brackets import Bracket, Count, between, bracket, islands, open_everywhere, open_from_ideal
 from flocking.study.margins.margin_table import Margins, Varied, margins_from
 from flocking.study.margins.quantities import Quantity, register_quantity
+from flocking.study.sweeps.worker_pool import pool
 
 AGREE = Claim("agree", "here", "All positions become the same.", positions_agree)
 SAME = Claim("same", "here", "All velocities become the same.", velocities_agree)
@@ -134,6 +135,41 @@ def test_a_conclusion_that_is_open_at_every_level_is_no_failure_and_costs_no_bis
     assert (data["open"], data["shown_to"], data["not_at"]) == (True, None, None)
     assert not open_everywhere({0.1: Count(0, 0, 2), 0.2: Count(0, 1, 1)})
     assert not open_everywhere({0.1: Count(1, 0, 2)})
+
+
+def open_until_refuted(e):
+    """Left open at short periods, refuted at long ones."""
+    period = getattr(e.run.scenario.control, "period", 0.0)
+    if 0.0 < period < 0.3:
+        raise NotResolvable("nobody knows")
+    return Measure(1.0 if period == 0.0 else -1.0)
+
+
+def test_a_conclusion_that_is_open_before_it_is_refuted_is_not_sought_nearer_to_the_ideal_world():
+    """Before, levels four times nearer to the ideal world were tried ten times, and "ideal" stood as its margin."""
+    claim = Claim("late", "here", "Nobody knows early.", open_until_refuted)
+    table = found(consensus(t_end=4), "period", (claim,), levels={"period": [0.1, 0.2, 0.4]}, most_runs=50)
+    assert (table.runs, table.status) == (4, "finished")
+    (row,) = table.cells
+    assert row[2:] == ("not known, open at 0.1", "1 open", "", "0.4", "1 refute it", "")
+    (data,) = table.as_dict()["margins"]
+    assert (data["open"], data["shown_to"], data["not_at"]) == (True, None, 0.4)
+    refuted_first = {0.1: Count(0, 1), 0.2: Count(0, 0, 1)}
+    assert not open_from_ideal(refuted_first, bracket(refuted_first, 1.0))
+
+
+def test_the_rounds_of_a_search_share_one_pool(monkeypatch):
+    opened = []
+
+    def counted(workers, cluster):
+        opened.append(workers)
+        return pool(workers, cluster)
+
+    monkeypatch.setattr("flocking.study.sweeps.worker_pool.pool", counted)
+    monkeypatch.setattr("flocking.study.sweeps.sweep.pool", counted)
+    table = found(consensus(), "period", levels={"period": [0.2, 0.8]})
+    assert table.runs > 4
+    assert opened == [1]
 
 
 def test_margins_are_drawn(tmp_path):
@@ -296,3 +332,21 @@ def test_the_command_prints_a_table_and_writes_its_data(tmp_path, monkeypatch, c
     assert (tmp_path / "out" / "margins" / "four" / "margins.svg").stat().st_size > 1000
     assert main(["margins", "four.toml", "--levels", "period"]) == 2
     assert "name=value,value" in capsys.readouterr().err
+
+
+def test_runs_that_hardly_advance_are_given_up():
+    """Zhou's potential is infinite at R: forces of at most 5 let two agents press against it, in ever shorter steps."""
+    table = found("zhou-2015", "limit", levels={"limit": [5.0]}, seeds=1, most_runs=2)
+    counts = table.margin("limit", "agree").counts if "agree" in table.shown_ideally else None
+    assert (table.runs, table.status) == (2, "finished")
+    assert counts is None or counts[5.0] == Count(0, 0, 1)
+
+
+def test_a_conclusion_that_only_the_ideal_world_keeps_is_sought_three_times():
+    """Levels of .4, .1, .025 and .00625, then no more; before, twelve rounds."""
+    never = Claim("never", "here", "Nobody acts at ticks.", lambda e: Measure(
+        -1.0 if getattr(e.run.scenario.control, "period", 0.0) else 1.0))  # fmt: skip
+    table = found(consensus(t_end=1), "period", (never,), levels={"period": [0.4]})
+    assert (table.runs, table.status) == (5, "finished")
+    assert table.varied[0].levels == (0.00625, 0.025, 0.1, 0.4)
+    assert table.cells[0][2:6] == ("ideal", "1/1", "one run", "0.00625")

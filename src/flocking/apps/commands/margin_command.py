@@ -9,14 +9,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-FINE, INTERRUPTED = 0, 130
-"""Exit codes: success and, as shells have it, 128 + 2 after the interrupt signal."""
+FINE, DIFFERENT, INTERRUPTED = 0, 1, 130
+"""Exit codes: success, other tables than the stored ones, and 128 + 2 after the interrupt signal, as shells have it."""
 
 
 def margins(
-    scenario: str,
+    scenario: str | None = None,
     /,
     *,
+    papers: bool = False,
     vary: str | None = None,
     levels: list[str] | None = None,
     seeds: int | None = None,
@@ -36,6 +37,8 @@ def margins(
     ----------
     scenario
         A name that 'flocking list' shows, or a TOML file.
+    papers
+        Compute the tables again that are stored for the papers, and compare them.
     vary
         Quantities, separated by commas: period, latency, delay, loss, noise, velocity-noise, limit.
     levels
@@ -61,6 +64,14 @@ def margins(
     as_json
         Print JSON.
     """
+    from flocking.errors import InvalidInput
+
+    if papers:
+        if scenario is not None or cluster is not None:
+            raise InvalidInput("margins", "papers", "takes no scenario and no cluster", scenario or cluster)
+        return _of_papers(out or Path("out") / "margins" / "papers", workers, progress=not as_json)
+    if scenario is None:
+        raise InvalidInput("margins", "scenario", "must be given", None, "Name one, or a TOML file, or use --papers.")
     from flocking.apps.scenario_names import find_scenario
     from flocking.apps.tables import print_table
     from flocking.engine.storage.atomic_files import write_file
@@ -111,6 +122,27 @@ def margins(
     for file in files:
         print(file)
     return FINE
+
+
+def _of_papers(folder: Path, workers: int | None, *, progress: bool) -> int:
+    """Compute the stored tables again, and say of each whether it is the stored one."""
+    from flocking.engine.storage.atomic_files import write_file
+    from flocking.papers.stored_margins import FILE, PLANS, as_text, computed_margins, is_stored, stored_margins
+
+    different = 0
+    for key in PLANS:
+        found = computed_margins(key, out=folder / key, workers=workers, progress=progress)
+        if found.status == "interrupted":
+            print(f"flocking: interrupted; the same command continues in {folder}.", file=sys.stderr)
+            return INTERRUPTED
+        write_file(folder / key / FILE, as_text(found).encode(), "write the margins")
+        what = "not stored"
+        if is_stored(key):
+            same = found.cells == stored_margins(key).cells
+            what = "as stored" if same else "not as stored"
+            different += not same
+        print(f"{key}: {found.runs} runs, {what}, {folder / key / FILE}")
+    return FINE if not different else DIFFERENT
 
 
 def _drawn(scenario: str) -> bool:

@@ -11,6 +11,7 @@ from flocking.apps.reproduction.film import film_in
 from flocking.apps.reproduction.report_certificates import certificates_table
 from flocking.apps.reproduction.report_claims import cited, claims_beside_pictures, place_of, verdict_words
 from flocking.apps.reproduction.report_errata import equation_table, errata_tables
+from flocking.apps.reproduction.report_margins import margins_table
 from flocking.apps.reproduction.report_page import boxes, card, contents, embedded, folding, page
 from flocking.apps.reproduction.report_provenance import runs_table, software_facts
 from flocking.apps.reproduction.report_scenarios import scenario_section
@@ -21,9 +22,13 @@ from flocking.engine.storage.atomic_files import write_file
 from flocking.formula.markup.text_formulas import set_text
 from flocking.papers.description import Paper
 from flocking.papers.equation_table import Fault
+from flocking.papers.stored_margins import is_stored
 from flocking.show.declaration import Figure
 from flocking.study.claims.claim import Origin, Verdict
 from flocking.study.claims.judgement import Judgement
+
+MARGINS = "Margins: how much delay, loss, noise and limits its conclusions stand"
+"""Heading of the stored margins of a paper."""
 
 CLAIMS = "claims"
 """Folder of a paper that holds the pictures drawn for its claims."""
@@ -106,6 +111,7 @@ def _contents(found: Reproduction, papers: dict[str, Paper], out: Path) -> str:
         below = [(anchor_of(name), article.title_of(name)) for name in article.scenarios()]
         below += [(f"{key}-figures", "Figures")]
         below += [(f"{key}-film", "Film")] if _film_of(found, article, out / key) is not None else []
+        below += [(f"{key}-margins", MARGINS)] if is_stored(key) else []
         below += [(f"{key}-errata", "False statements, misprints, ambiguities, own questions; equation table")]
         entries.append((key, _name(article), below))
     entries.append(("provenance", "Provenance", []))
@@ -231,6 +237,8 @@ def _paper(key: str, article: Paper, found: Reproduction, out: Path) -> str:
     film = _film_of(found, article, out / key)
     if film is not None:
         parts.append(folding(f"{key}-film", "Film", _film(film, article.title_of(next(iter(article.scenarios()))))))
+    if margins := margins_table(key):
+        parts.append(folding(f"{key}-margins", MARGINS, margins))
     errata = errata_tables(found.errata.get(key, [])) + equation_table(article)
     parts.append(folding(f"{key}-errata", "How its statements are read", errata))
     return "".join(parts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -188,7 +188,10 @@ def run_session(
         return drive(session, progress=progress, writer=writer)
 
 
-def drive(session: Session, *, progress: bool, writer: SessionWriter | None = None) -> Run:
+def drive(
+    session: Session, *, progress: bool, writer: SessionWriter | None = None,
+    watch: Callable[[Session], None] | None = None,
+) -> Run:  # fmt: skip
     """Advance a session to the end of its scenario, save it, and close it.
 
     Parameters
@@ -197,6 +200,8 @@ def drive(session: Session, *, progress: bool, writer: SessionWriter | None = No
         Whether to show a progress bar.
     writer
         Saves the run; nothing is saved by default.
+    watch
+        Called between two slices of the run; what it raises ends it.
 
     Raises
     ------
@@ -204,12 +209,14 @@ def drive(session: Session, *, progress: bool, writer: SessionWriter | None = No
         If the run cannot continue or cannot be saved; ``run`` of the error contains the results so far.
     """
     try:
-        return _drive(session, progress, writer)
+        return _drive(session, progress, writer, watch)
     finally:
         session.close()
 
 
-def _drive(session: Session, progress: bool, writer: SessionWriter | None) -> Run:
+def _drive(
+    session: Session, progress: bool, writer: SessionWriter | None, watch: Callable[[Session], None] | None
+) -> Run:
     scenario, team = session.scenario, session.team
     status = "finished"
     deferred = Deferred()
@@ -220,6 +227,8 @@ def _drive(session: Session, progress: bool, writer: SessionWriter | None) -> Ru
             for t in [scenario.t_end] if writer is None else stops(scenario, session.time, often=True):
                 while not session.reached(t):
                     advance_slice(session, t)
+                    if watch is not None:
+                        watch(session)
                     note = "" if session.shrunk is None else str(session.shrunk)
                     bar.show(session.time, (session.steps - begin) * scenario.start.n, note)
                     if writer is not None and not session.reached(scenario.t_end):

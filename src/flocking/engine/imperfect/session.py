@@ -33,6 +33,9 @@ from flocking.errors import InvalidInput, NotFinite, SimulationError, Unsupporte
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
+MOST_AT_ONCE = 10_000
+"""Events at one instant after which a slice of wall time ends even so: 2,000 agents that act and meet four others."""
+
 NUMBERS = ("time", "steps", "jumped", "accounted", "energy", "kinetic", "largest_power", "ledger_ends",
            "gains_changed")  # fmt: skip
 """Names of the numbers from which a session goes on; times are of the scenario, ``accounted`` is since the start."""
@@ -202,7 +205,7 @@ class ImperfectSession(Session):
         """Go on until time ``to``, or for ``seconds`` of wall time."""
         if not to >= self.time:
             raise InvalidInput(type(self).__name__, "to", f"must not be before the session's time, {self.time:g}", to)
-        stop = clock.monotonic() + seconds
+        stop, before, events = clock.monotonic() + seconds, (self.time, self.steps), 0
         end = to - self._base
         last = self.scenario.t_end - self._base
         try:
@@ -228,7 +231,9 @@ class ImperfectSession(Session):
                     self._switch()
                 else:
                     self._change()
-                if clock.monotonic() >= stop:
+                events += 1
+                moved = (self.time, self.steps) != before or events >= MOST_AT_ONCE
+                if moved and clock.monotonic() >= stop:  # a slice that ended at its first instant would seem stuck
                     return
             self.time = to
             self._record_frames(end)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import comb
 
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Indices
+
+LOOPED_DEGREE = 3
+"""Degree up to which a few operations by Horner's rule cost less than one with a matrix for each agent."""
 
 
 def shifted(series: Array, by: float | Array) -> Array:
@@ -20,6 +24,11 @@ def shifted(series: Array, by: float | Array) -> Array:
         By how much it is later, a number or an array that broadcasts to the shape of a coefficient.
     """
     degree = len(series) - 1
+    if degree > LOOPED_DEGREE and np.ndim(by):
+        powers = np.power(by, np.arange(degree + 1).reshape(-1, *(1,) * np.ndim(by)))
+        binomials, above = _binomials(degree)
+        rows = powers[above] * binomials.reshape(*above.shape, *(1,) * np.ndim(by))
+        return np.asarray(np.einsum("ka...,a...->k...", rows, series))
     found = np.empty_like(series)
     for k in range(degree + 1):
         value = comb(degree, k) * series[degree]
@@ -27,3 +36,11 @@ def shifted(series: Array, by: float | Array) -> Array:
             value = value * by + comb(power, k) * series[power]
         found[k] = value
     return found
+
+
+@lru_cache(maxsize=8)
+def _binomials(degree: int) -> tuple[Array, Indices]:
+    """Binomials of a and k where a >= k, zeros elsewhere, and a - k or 0, shape (degree + 1, degree + 1) each."""
+    k, a = np.indices((degree + 1, degree + 1))
+    found = np.array([[float(comb(power, row)) for power in range(degree + 1)] for row in range(degree + 1)])
+    return found, np.maximum(a - k, 0)

@@ -100,7 +100,7 @@ class TrueLaw:
         """Velocity of the frame of the energy, shape (times, m)."""
         energy = self.scenario.energy
         if energy.leader is not None:
-            return np.array([energy.leader.at(t + s)[1] for s in times])
+            return np.ascontiguousarray(energy.leader.along(t + times)[1])
         if energy.frame == "lab":
             return np.zeros((len(times), self.m))
         masses = np.broadcast_to(np.asarray(self.scenario.agents.masses, dtype=np.float64), self.n)

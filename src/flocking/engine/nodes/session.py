@@ -9,17 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Indices
+from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.nodes.faults import Cut, Fault, Kill, Restart, check_faults
 from flocking.engine.nodes.nodes import START
 from flocking.engine.nodes.processes import PATIENCE, Agents
 from flocking.engine.nodes.recording import Recording
 from flocking.engine.nodes.requests import Answer, Request, sample_of
+from flocking.engine.protocol.session import Session
 from flocking.engine.sampled.engine import ENGINE as SAMPLED
 from flocking.engine.sampled.knowledge import Knowledge, Known
 from flocking.engine.sampled.session import SampledSession
 from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
-from flocking.model.law import Scenario
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
 from flocking.model.world.control import Held
+from flocking.model.world.information import Information, Messages
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants
 
 
@@ -37,8 +41,10 @@ class HeardKnowledge(Knowledge):
     unsent: set[tuple[int, int]]
     cuts: list[tuple[int, int, int]]
 
-    def _lost(self, sender: NDArray[np.int64], receiver: NDArray[np.int64], k: NDArray[np.int64]) -> NDArray[np.bool_]:
-        found = super()._lost(sender, receiver, k).copy()
+    def _lost(
+        self, messages: Messages, sender: NDArray[np.int64], receiver: NDArray[np.int64], k: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        found = super()._lost(messages, sender, receiver, k).copy()
         if self.unsent:
             found |= np.array([(int(j), int(n)) in self.unsent for j, n in zip(sender, k, strict=True)], dtype=bool)
         begun = self._begun(sender, k)
@@ -132,6 +138,14 @@ class NodeSession(SampledSession):
         self._begun: float | None = None
 
     # Time.
+
+    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
+        """Not possible: every process has the law that it was started with."""
+        ImperfectSession.replace(self, law=law, state=state)
+
+    def replace_information(self, information: Information) -> None:
+        """Not possible: every process sends as it was told at the start."""
+        Session.replace_information(self, information)
 
     def _change(self) -> None:
         """What falls on an instant, after what happens to agents until then."""

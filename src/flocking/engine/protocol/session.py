@@ -16,8 +16,10 @@ from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.provenance import provenance
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Accuracy, Closest, Run
+from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
+from flocking.model.world.information import Information
 
 Packed = tuple[dict[str, object], Arrays]
 """A session as plain data for JSON and arrays of numbers by name."""
@@ -111,6 +113,26 @@ class Session(ABC):
         UnsupportedLaw
             When this engine cannot run the law, or supports no replacement.
         """
+
+    def replace_information(self, information: Information) -> None:
+        """Let agents be told of each other in another way from the session's time on; by default not possible.
+
+        Parameters
+        ----------
+        information
+            How they are told.
+
+        Raises
+        ------
+        InvalidInput
+            When it does not fit the scenario; the session is then unchanged.
+        UnsupportedLaw
+            When this engine, or a running session of it, cannot change to it.
+        """
+        raise UnsupportedLaw(
+            f"engine={self.engine!r} does not replace what agents know of each other while a run goes on. Start "
+            "another run from run.state(-1)."
+        )
 
     @abstractmethod
     def accelerations(self) -> Array:

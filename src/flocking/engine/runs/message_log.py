@@ -13,6 +13,10 @@ from flocking.arrays import AnyArray, Array, Indices
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.model.world.times import PER_SECOND
 
+CHANGED = "changed at"
+"""Name in the provenance of a run of the times at which its law or world was changed while it went on: its log then
+follows from several declarations."""
+
 AT_START = -1
 """Number of the sample that everyone has of everyone at the start."""
 

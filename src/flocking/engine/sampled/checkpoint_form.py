@@ -24,9 +24,10 @@ from flocking.engine.imperfect.checkpoint_form import (
     must,
 )
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
-from flocking.engine.sampled.knowledge import FIRST_ROOM, START, Knowledge
+from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.meetings import Meetings
-from flocking.engine.sampled.motion import Drive, Motion
+from flocking.engine.sampled.motion import LONGEST_PIECE, Drive, Motion
+from flocking.engine.sampled.samples import FIRST_ROOM, START
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
 from flocking.model.space import Space
@@ -175,7 +176,10 @@ def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tu
         began = np.maximum(began, source.number * source.period)
     age = begin - began
     steady = np.isfinite(motion.largest_rate).any()
-    fits = (age >= 0) & (steady | (age % motion.longest == 0)) & (begin <= now[1])
+    # Pieces of their own length begin together, whosever ended.
+    short = motion.longest < LONGEST_PIECE
+    together = len(np.unique(begin[short & (age > 0)])) <= 1
+    fits = (age >= 0) & (steady | (age == 0) | (short & together)) & (begin <= now[1])
     fits &= np.minimum(begin, MOST_COUNT - motion.longest) + motion.longest >= min(now[0], float(MOST_COUNT))
     must(fits.all(), "begin", "be when the pieces of motion began")
     wanted = arrays.get("wanted", force)

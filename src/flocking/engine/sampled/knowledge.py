@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,85 +10,12 @@ from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Array, Indices, Links
 from flocking.engine.imperfect.link_rules import LinkRules
-from flocking.engine.runs.message_log import AT_START, OWN, PRESENT
+from flocking.engine.runs.message_log import OWN, PRESENT
+from flocking.engine.sampled.samples import START, Samples
 from flocking.model.space import Space
 from flocking.model.world.information import Information, Messages
 from flocking.model.world.random_numbers import Purpose, uniform
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
-
-START = AT_START
-"""Number of the sample that everyone has of everyone at the start."""
-
-FIRST_ROOM = 4
-"""Samples of each agent for which there is room at first; it doubles where messages are old."""
-
-
-class Samples:
-    """Samples by agent and number, as far back as anybody may still use them.
-
-    Parameters
-    ----------
-    q, p
-        Exact positions and velocities at the start, shape (N, m).
-    with_distances
-        Whether true distances are kept too.
-    room
-        How many samples of each agent there is room for.
-    """
-
-    def __init__(self, q: Array, p: Array, *, with_distances: bool = False, room: int = FIRST_ROOM) -> None:
-        n = len(q)
-        self.rows = np.repeat(np.concatenate([q, p], axis=1)[None], room, axis=0)
-        """Measured positions and velocities, sample k in row k % room, shape (room, N, 2 m)."""
-        self.start = np.concatenate([q, p], axis=1)
-        self.distances = np.zeros((room, n, n) if with_distances else (room, 0, 0))
-        """True distances of everyone from the agent when it was measured, shape (room, N, N)."""
-
-    def make_room(self, newest: Instants, least: Instants) -> None:
-        """Double the room until no sample in use is written over.
-
-        Parameters
-        ----------
-        newest
-            Number of each agent's newest sample, about to be written, shape (N,).
-        least
-            Number of each agent's oldest sample in use, shape (N,).
-        """
-        while (newest - np.maximum(least, 0) >= len(self.rows)).any():
-            room = len(self.rows)
-            for name in ("rows", "distances"):
-                old = getattr(self, name)
-                new = np.concatenate([old, old])
-                for agent, last in enumerate(newest if new.shape[1] else ()):
-                    for k in range(max(int(last) - room, 0), int(last)):
-                        new[k % (2 * room), agent] = old[k % room, agent]
-                setattr(self, name, new)
-
-    def put(self, agents: Indices, numbers: Instants, measured: Array, distances: Array | None) -> None:
-        """Keep samples.
-
-        Parameters
-        ----------
-        agents, numbers
-            Whose they are, and their numbers.
-        measured
-            What was measured, shape (agents, 2 m).
-        distances
-            True distances of everyone, shape (agents, N), where they are kept.
-        """
-        place = numbers % len(self.rows)
-        self.rows[place, agents] = measured
-        if distances is not None:
-            self.distances[place, agents] = distances
-
-    def of(self, agents: Indices, numbers: Instants) -> Array:
-        """What ``agents`` measured, by sample ``numbers``, shape (..., 2 m); their start for number `START`."""
-        found = self.rows[numbers % len(self.rows), agents]
-        return np.where((numbers == START)[..., None], self.start[agents], found)
-
-    def distances_of(self, senders: Indices, receivers: Indices, numbers: Instants) -> Array:
-        """True distances of ``receivers`` from ``senders`` when samples of these ``numbers`` were taken."""
-        return np.asarray(self.distances[numbers % len(self.distances), senders, receivers])
 
 
 class Knowledge:
@@ -110,6 +38,10 @@ class Knowledge:
         Number of the newest sample that agent i uses of agent j, shape (N, N).
     links
         Links by what agents know, shape (graphs, N, N).
+    settings
+        How messages have been sent so far, the last as they are sent now; empty without messages.
+    since
+        Number of each agent's first sample that is sent as all but the first of `settings` say, shape (N,) each.
     """
 
     def __init__(self, information: Information, q: Array, p: Array, links: Links, space: Space) -> None:
@@ -121,16 +53,74 @@ class Knowledge:
         self.taken = np.zeros(self.n, dtype=np.int64)
         """How many samples each agent has taken, shape (N,)."""
         self.errors: Array | None = None
-        self.samples = Samples(q, p, with_distances=self.reads_distances)
+        self.settings: list[Messages] = []
+        self.since: list[Instants] = []
         self.schedule: PeriodicTimes | None = None
         if self.messages is not None:
             self.schedule = self.messages.schedule(self.n)
-            self._delay = round(self.messages.delay * PER_SECOND)
-            self._jitter = round(self.messages.jitter * PER_SECOND)
-            self._expires = self.messages.expires_in_nanoseconds
-            noise = self.messages.noise
-            periods = self.schedule.period * NANOSECOND
-            self._memory = np.array([[noise.memory(float(x))] for x in periods] if noise is not None else [])
+            self._take(self.messages)
+        self.samples = Samples(q, p, with_distances=self.reads_distances)
+
+    def _take(self, messages: Messages) -> None:
+        """Send all samples from now on as ``messages`` say."""
+        assert self.schedule is not None
+        self.messages = messages
+        self.settings.append(messages)
+        self._expires = messages.expires_in_nanoseconds
+        noise, periods = messages.noise, self.schedule.period * NANOSECOND
+        self._memory = np.array([[noise.memory(float(x))] for x in periods] if noise is not None else [])
+
+    def change(self, messages: Messages, since: Instants | None = None) -> None:
+        """Send samples that are not taken yet as other ``messages`` say; those on their way arrive, or not, as before.
+
+        Parameters
+        ----------
+        messages
+            Of the same schedule, moved on or held as before.
+        since
+            Number of each agent's first sample that is sent so, shape (N,); the next one when absent.
+        """
+        drew = self.draws_errors
+        begin = self.taken.copy() if since is None else since
+        if begin.any() and not (self.since and (self.since[-1] == begin).all()):
+            self.since.append(begin)
+        else:
+            # Nothing was sent as the last ones say.
+            self.settings.pop()
+        self._take(messages)
+        if self.reads_distances and not self.samples.distances.size:
+            self.samples.distances = np.zeros((len(self.samples.rows), self.n, self.n))
+        if not self.draws_errors:
+            self.errors = None
+        elif not drew and self.taken.any():
+            # As if there had been errors before: a recursion that began at zero would not be stationary.
+            assert messages.noise is not None
+            last = np.maximum(self.taken - 1, 0)
+            drawn = messages.noise.normals(messages.seed, np.arange(self.n), last, self.m)
+            self.errors = np.concatenate(drawn, axis=1)
+
+    def recall(self, sent: Sequence[Messages], since: Sequence[Instants]) -> None:
+        """Take up how messages ``sent`` before the present settings were sent, at the start of a session.
+
+        Parameters
+        ----------
+        since
+            Numbers of the first samples that are sent otherwise, one row after each of them.
+        """
+        if self.messages is None or not sent:
+            return
+        present, self.settings = self.messages, []
+        self._take(sent[0])
+        for each, begin in zip((*sent[1:], present), since, strict=True):
+            self.change(each, begin)
+        self.samples.distances = np.zeros((len(self.samples.rows), *(self.n * self.reads_distances,) * 2))
+
+    def _ages(self, sender: NDArray[np.int64], k: Instants) -> Instants:
+        """Which of `settings` samples ``k`` of the senders are sent by."""
+        found = np.zeros(np.shape(k), dtype=np.int64)
+        for since in self.since:
+            found += k >= since[sender]
+        return found
 
     @property
     def degree(self) -> int:
@@ -140,8 +130,8 @@ class Knowledge:
     @property
     def reads_distances(self) -> bool:
         """Whether losses depend on the distances at which messages were sent."""
-        loss = None if self.messages is None else self.messages.loss
-        return loss is not None and loss.reads_distance
+        losses = (each.loss for each in self.settings)
+        return any(loss is not None and loss.reads_distance for loss in losses)
 
     @property
     def draws_errors(self) -> bool:
@@ -197,7 +187,8 @@ class Knowledge:
             return
         everyone = np.arange(self.n)
         receiver, sender = np.repeat(agents, self.n), np.tile(everyone, len(agents))
-        number = np.minimum(self.schedule.count_until(time - self._delay), self.taken)[sender] - 1
+        least = min(round(each.delay * PER_SECOND) for each in self.settings)
+        number = np.minimum(self.schedule.count_until(time - least), self.taken)[sender] - 1
         open_ = np.flatnonzero((number > self.newest[receiver, sender]) & (receiver != sender))
         while open_.size:
             i, j, k = receiver[open_], sender[open_], number[open_]
@@ -217,21 +208,36 @@ class Knowledge:
         receiver, sender
             The agents, arrays of the shape of ``k``.
         """
-        assert self.messages is not None
         assert self.schedule is not None
-        arrives = self.schedule.at(sender, k) + self._delay
-        if self._jitter:
-            late = uniform(self.messages.seed, Purpose.JITTER, sender, receiver, k) * self._jitter
-            arrives += np.rint(late).astype(np.int64)
-        return np.asarray(~self._lost(sender, receiver, k) & (arrives <= time))
+        if not self.since:
+            return self._arrived(self.settings[0], receiver, sender, k, time)
+        found, which = np.zeros(np.shape(k), dtype=bool), self._ages(sender, k)
+        for number, messages in enumerate(self.settings):
+            rows = which == number
+            when = time if isinstance(time, int) else np.broadcast_to(time, np.shape(k))[rows]
+            found[rows] = self._arrived(messages, receiver[rows], sender[rows], k[rows], when)
+        return found
 
-    def _lost(self, sender: NDArray[np.int64], receiver: NDArray[np.int64], k: NDArray[np.int64]) -> NDArray[np.bool_]:
-        assert self.messages is not None
-        loss = self.messages.loss
+    def _arrived(
+        self, messages: Messages, receiver: NDArray[np.int64], sender: NDArray[np.int64], k: Instants,
+        time: int | Instants,
+    ) -> NDArray[np.bool_]:  # fmt: skip
+        """`has_arrived` for samples that are sent as ``messages`` say."""
+        assert self.schedule is not None
+        arrives = self.schedule.at(sender, k) + round(messages.delay * PER_SECOND)
+        if jitter := round(messages.jitter * PER_SECOND):
+            late = uniform(messages.seed, Purpose.JITTER, sender, receiver, k) * jitter
+            arrives += np.rint(late).astype(np.int64)
+        return np.asarray(~self._lost(messages, sender, receiver, k) & (arrives <= time))
+
+    def _lost(
+        self, messages: Messages, sender: NDArray[np.int64], receiver: NDArray[np.int64], k: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        loss = messages.loss
         if loss is None or loss.ideal:
             return np.zeros(len(k), dtype=bool)
         distance = self.samples.distances_of(sender, receiver, k) if loss.reads_distance else None
-        return loss.lost(self.messages.seed, sender, receiver, k, distance)
+        return loss.lost(messages.seed, sender, receiver, k, distance)
 
     def _begun(self, sender: NDArray[np.int64], number: Instants) -> Instants:
         """When samples were taken, in nanoseconds; the one everyone has at the start, at the start."""

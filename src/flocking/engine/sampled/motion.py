@@ -199,6 +199,17 @@ class Motion:
         longest = np.minimum(self.longest, self._steady_until())
         return np.asarray(np.minimum(self.begin, LONGEST_PIECE - longest) + longest)
 
+    def renewed(self, instant: int) -> Indices:
+        """Agents whose pieces begin anew at an ``instant``, in nanoseconds: all short ones where one of them ends.
+
+        Pieces that ended one by one would cost an event each.
+        """
+        ending = self.ends() == instant
+        short = self.longest < LONGEST_PIECE
+        if (ending & short).any():
+            ending |= short & (self.begin < instant)
+        return np.flatnonzero(ending)
+
     def shifted(self, time: float) -> Array:
         """Coefficients of the same polynomials about ``time`` seconds from the start, shape (degree + 1, N, m)."""
         return shifted(self.coefficients, np.asarray(time - self.begin * NANOSECOND)[:, None])

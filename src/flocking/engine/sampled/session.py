@@ -11,10 +11,19 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.powers import Powers
 from flocking.engine.imperfect.session import ImperfectSession
+from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.session import Packed, Stored
+from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.runs.run import is_tangential
-from flocking.engine.sampled.actuation import Actuation, of_points
+from flocking.engine.sampled.actuation import Actuation, of_points, point_of
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
+from flocking.engine.sampled.interventions import (
+    Interventions,
+    check_information,
+    check_law_change,
+    packed_changes,
+    unpacked_changes,
+)
 from flocking.engine.sampled.knowledge import Knowledge, Known
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.meetings import Meetings
@@ -23,8 +32,10 @@ from flocking.engine.sampled.safety import ForceFilter
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.bodies.actuators import APPLIED
 from flocking.model.bodies.unicycles import HEADING
-from flocking.model.law import Scenario
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
 from flocking.model.world.control import Held
+from flocking.model.world.information import Information, Messages
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND, Instants, PeriodicTimes
 
@@ -76,6 +87,7 @@ class SampledSession(ImperfectSession):
         if isinstance(control, SafetyFilter):
             self.filter = ForceFilter(control, np.asarray(scenario.agents.masses), start.q, scenario.space)
         self._instant, self._meets = 0, False
+        self.interventions = Interventions()
         self.begin()
         self._watch_pieces(0, np.ones(self.n, dtype=bool))
         self._record_frames(0.0)
@@ -158,7 +170,7 @@ class SampledSession(ImperfectSession):
             self.ticked[acting] += 1
             self.steps += 1
             self.waiting.append((instant + self._latency, acting, force))
-        renewed = np.flatnonzero(motion.ends() == instant)
+        renewed = motion.renewed(instant)
         begun = []
         while self.waiting and self.waiting[0][0] == instant:
             begun.append(self.waiting.pop(0)[1:])
@@ -252,8 +264,53 @@ class SampledSession(ImperfectSession):
 
     @property
     def about(self) -> dict[str, object]:
-        """Provenance of the records, with what a safety filter did."""
-        return super().about | self._filter_counts(self.filter)
+        """Provenance of the records, with what a safety filter did, and when the session was changed."""
+        changed = {CHANGED: list(self.interventions.times)} if self.interventions.times else {}
+        return super().about | self._filter_counts(self.filter) | changed
+
+    # Interventions.
+
+    def replace_information(self, information: Information) -> None:
+        """Send messages in another way from now on: samples on their way arrive, or not, as before."""
+        scenario = check_information(self.scenario, information)
+        assert isinstance(information, Messages)
+        self.scenario = scenario
+        self.knowledge.change(information)
+        self.interventions.times.append(self.time)
+
+    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
+        """Let another law of the same graphs act from now on: agents compute their next forces by it.
+
+        Raises
+        ------
+        InvalidInput
+            When the law does not fit the scenario; the session is then unchanged.
+        UnsupportedLaw
+            When its graphs are others, when a safety filter acts, and for another state.
+        """
+        if state is not None or law is None or self.filter is not None:
+            return super().replace(law=law, state=state)
+        scenario = check_law_change(self.scenario, law)
+        check_law(self.engine, scenario, None, point_of(scenario.agents), obstacles=True)
+        new = SampledLaw(of_points(scenario), self.knowledge.degree)
+        new.take_parameters(self.time)
+        seconds = self.time - self._base
+        self._account(seconds)
+        self._record_row(seconds)
+        q = self.motion.at(seconds)[0]
+        ends, before = self.meetings.ends, self.energy
+        self._sampled_law, self.meetings = new, Meetings(law, q, self.time)
+        self.scenario = scenario
+        self._schedule = sorted({s for term in law.body_terms for s in term.switch_times(self._base, math.inf)})
+        self.gains_changed = sum(self._since_start(t) <= seconds for t in self._schedule)
+        self.relink()
+        self.meetings.ends = ends
+        self.meetings.watch(self._base, seconds, self.motion.shifted(seconds), np.arange(self.n))
+        self.energy, self.kinetic = self._energy(seconds)
+        self.jumped += self.energy - before
+        self._record_row(seconds)
+        self.interventions.times.append(self.time)
+        return None
 
     def _filter_counts(self, keeper: ForceFilter | None) -> dict[str, object]:
         """What a safety filter did."""
@@ -265,14 +322,19 @@ class SampledSession(ImperfectSession):
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
-        return packed_memory(self._memory)
+        (numbers, arrays), (more, rows) = (
+            packed_memory(self._memory),
+            packed_changes(self.interventions, self.knowledge),
+        )
+        return numbers | more, arrays | rows
 
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> SampledSession:
         """The session that was packed."""
         session = cls(stored.scenario)
         memory = session._memory
-        unpacked_memory(memory, packed, stored.scenario)
+        rest = unpacked_changes(packed, session.interventions, session.knowledge)
+        unpacked_memory(memory, rest, stored.scenario)
         session.ticked, session.applied, session.wanted = memory.ticked, memory.applied, memory.wanted
         session.meetings = memory.meetings
         session.recall(memory.truth, stored)

@@ -13,7 +13,7 @@ from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.world.losses import Bernoulli, Loss, probability
-from flocking.model.world.noises import Noise
+from flocking.model.world.noises import Noise, WhiteNoise
 from flocking.model.world.times import NANOSECOND, PeriodicTimes, nanoseconds
 from flocking.model.world.world_part import IdealPart, WorldPart
 
@@ -64,7 +64,7 @@ class Messages(Information):
     loss
         Which messages are lost; a number is the probability that each is lost, independently.
     noise
-        Errors of the samples; none when absent.
+        Errors of the samples; none when absent. A number is the standard deviation of white noise of positions.
     resolution, velocity_resolution
         Positions and velocities are rounded to multiples of these; not where they are zero.
     expires
@@ -112,6 +112,8 @@ class Messages(Information):
         nanoseconds("Messages", "jitter", self.jitter)
         if isinstance(self.loss, int | float) and not isinstance(self.loss, bool):
             object.__setattr__(self, "loss", Bernoulli(probability("Messages", "loss", self.loss)))
+        if isinstance(self.noise, int | float) and not isinstance(self.noise, bool):
+            object.__setattr__(self, "noise", WhiteNoise(self.noise))
         for name, kind in (("loss", Loss), ("noise", Noise)):
             if not isinstance(getattr(self, name), kind | None):
                 raise InvalidInput("Messages", name, f"must be a {name}, or None", getattr(self, name))

@@ -72,6 +72,8 @@ class Measure:
         Whether it is about the existence of a time, so that samples can show it but not refute it.
     decided
         Time after which the motion cannot change the result; the end of the run for most.
+    as_computed
+        Whether it is about the motion as it was computed, of whose errors nothing is known.
     """
 
     margin: float
@@ -81,6 +83,7 @@ class Measure:
     everywhere: bool = True
     somewhere: bool = False
     decided: float = math.inf
+    as_computed: bool = False
 
     @property
     def holds(self) -> bool | None:
@@ -114,7 +117,8 @@ def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[
     """What was ``measured`` by a ``conclusion``, with the error of the motion where the run states none.
 
     It is estimated where the run can be repeated more accurately, see `flocking.study.evidence.repetitions`, and is
-    unknown elsewhere.
+    unknown elsewhere. In discrete time, where no step is integrated and only rounding grows, a conclusion is then one
+    about the motion as it was computed.
     """
     if not e.motion_unstated or math.isinf(measured.margin) or measured.unsettled:
         return measured
@@ -123,6 +127,9 @@ def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[
         again = [conclusion(type(e)(run)) for run in repetitions.runs]
     except (NotMeasurable, NotResolvable) as reason:
         why = f": {reason}" if isinstance(reason, NotResolvable) and str(reason) else ""
+        if e.in_discrete_time:
+            note = f"{measured.note}; so of the motion as computed, whose rounding errors are not estimated{why}"
+            return replace(measured, as_computed=True, note=note)
         return replace(measured, error=math.nan, note=f"{measured.note}; the error of the motion is not estimated{why}")
     if any(one.unsettled for one in again):
         return replace(measured, error=math.nan, note=f"{measured.note}; more accurate runs leave it unsettled")
@@ -248,10 +255,11 @@ class Claim:
         measured = self.conclusion(evidence)
         if not explained:
             return Result(self, Verdict.NOT_RESOLVED, measured.margin, math.inf, evidence.ledger_note)
-        if self.dynamic and self.about.subject in MEASURED_AT_FRAMES:
+        if self.dynamic and (self.about.subject in MEASURED_AT_FRAMES or evidence.in_discrete_time):
             measured = _with_errors_of_motion(measured, evidence, self.conclusion)
         verdict, doubt = self._verdict(evidence, measured, hypothesis.unsettled or measured.unsettled)
-        return Result(self, verdict, measured.margin, measured.error, _joined(measured.note, doubt))
+        error = math.nan if measured.as_computed else measured.error
+        return Result(self, verdict, measured.margin, error, _joined(measured.note, doubt))
 
     def _verdict(self, e: Evidence, measured: Measure, unsettled: str) -> tuple[Verdict, str]:
         """The verdict that a measured conclusion allows, and the doubt that remains."""

@@ -102,8 +102,13 @@ class RunEvidence:
         Engines of imperfect worlds bound the error of their ledger, but not by how much rounding and the errors of
         steps were amplified along the motion. Engines with fixed steps state the step itself.
         """
-        estimates = self.fidelity.ledger.kind in ("estimate", "tolerance")
+        estimates = self.fidelity.ledger.kind in ("estimate", "tolerance", "forces")
         return self.run.accuracy is None and not self.sampled and estimates
+
+    @property
+    def in_discrete_time(self) -> bool:
+        """Whether velocities are set at ticks, and positions follow from them without any integration."""
+        return self.fidelity.ledger.kind == "forces" and not self.sampled
 
     @property
     def is_running(self) -> bool:

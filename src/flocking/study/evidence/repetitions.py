@@ -6,9 +6,9 @@ steps or damps them (Hairer, Norsett & Wanner, Solving Ordinary Differential Equ
 errors). A smaller tolerance alone does not make a run more accurate: steps that end at the delay are the same for all
 tolerances. So the longest step is shortened too.
 
-Under held control the motion between two changes is exact to rounding. What rounding grows to is shown by repetitions
-with random errors that are larger than those of rounding, as in stochastic arithmetic (Vignes, A stochastic arithmetic
-for reliable scientific computation, Mathematics and Computers in Simulation 35, 1993).
+Under held control the motion between two changes is exact to rounding, and so it is in discrete time. What rounding
+grows to is shown by repetitions with random errors that are larger than those of rounding, as in stochastic arithmetic
+(Vignes, A stochastic arithmetic for reliable scientific computation, Mathematics and Computers in Simulation 35, 1993).
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ import numpy as np
 
 from flocking.arrays import Reals
 from flocking.engine.delayed.session import DelayedSession
+from flocking.engine.discrete.session import DiscreteSession
+from flocking.engine.discrete.shaken import ShakenDiscreteSession
 from flocking.engine.protocol.session import Session
+from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.runs.run import Run
 from flocking.engine.sampled.session import SampledSession
 from flocking.engine.sampled.shaken import ShakenSession
@@ -42,6 +45,9 @@ that agree are no sign of a small error: motions that have nothing in common any
 
 MOST_WORK = 1e7
 """Largest work of a run that is repeated, in evaluations of pairs: about a minute, and its repetitions three."""
+
+DISCRETE_WORK = 2e6
+"""The same in discrete time, whose steps cost more: some seconds."""
 
 STEP = 500
 """Work of a step besides its pairs."""
@@ -88,7 +94,7 @@ class Repetitions:
 
 
 def repetitions_of(run: Run) -> Repetitions:
-    """Repeat a run of the engine for delayed knowledge, or of that for held control.
+    """Repeat a run of the engine for delayed knowledge, of that for held control, or of that for discrete time.
 
     Parameters
     ----------
@@ -102,12 +108,15 @@ def repetitions_of(run: Run) -> Repetitions:
     """
     engine, ledger = run.fidelity.engine, run.fidelity.ledger.kind
     delayed = engine == DelayedSession.engine and ledger == "tolerance"
-    if not (delayed or (engine == SampledSession.engine and ledger == "estimate")):
+    discrete = engine == DiscreteSession.engine and ledger == "forces"
+    if not (delayed or discrete or (engine == SampledSession.engine and ledger == "estimate")):
         raise NotResolvable("")
+    if run.provenance.get(CHANGED):
+        raise NotResolvable("a run that was changed while it went on is not repeated")
     steps = run.provenance.get("steps")
     if not run.finished or not isinstance(steps, int):
         raise NotResolvable("a run that has not finished is not repeated")
-    if not steps * (STEP + run.n**2) <= MOST_WORK:
+    if not steps * (STEP + run.n**2) <= (DISCRETE_WORK if discrete else MOST_WORK):
         raise NotResolvable(f"{steps} steps of {run.n} agents are too many to repeat")
     if delayed:
         tolerance, step = FINER[-1]
@@ -116,7 +125,8 @@ def repetitions_of(run: Run) -> Repetitions:
         runs = tuple(_repeated(run, partial(_finer, run.scenario, *each)) for each in FINER)
     else:
         kind = how = "with errors larger than those of rounding"
-        runs = tuple(_repeated(run, partial(ShakenSession, run.scenario, seed)) for seed in SEEDS)
+        shaken: type[ShakenSession | ShakenDiscreteSession] = ShakenDiscreteSession if discrete else ShakenSession
+        runs = tuple(_repeated(run, partial(shaken, run.scenario, seed)) for seed in SEEDS)
     share = max(_share(one, runs[-1], run) for one in (run, *runs[:-1]))
     if not share <= LOST:
         raise NotResolvable(f"repetitions {kind} differ from it by {share:.1e} of its extent")

@@ -82,6 +82,21 @@ class Bracket:
         return abs(self.upper - self.lower) / max(abs(self.upper), abs(self.lower))
 
 
+def open_from_ideal(counts: Mapping[float, Count], found: Bracket) -> bool:
+    """Whether a conclusion is not shown from the first level on, and runs there do not refute it either.
+
+    Its margin is then not known: runs nearer to the ideal world would most likely leave it open too.
+
+    Parameters
+    ----------
+    counts
+        Counts by level.
+    found
+        Their bracket.
+    """
+    return found.lower is None and found.upper is not None and counts[found.upper].failed == 0
+
+
 def bracket(counts: Mapping[float, Count], share: float, *, falling: bool = False) -> Bracket:
     """The bracket that counts show.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from flocking.study.margins.brackets import Bracket, Count, bracket, islands, open_everywhere
+from flocking.study.margins.brackets import Bracket, Count, bracket, islands, open_everywhere, open_from_ideal
 
 
 @dataclass(frozen=True)
@@ -171,16 +171,25 @@ class Margins:
             runs = sum(count.total for count in row.counts.values())
             return (row.quantity, row.conclusion, "not known", "", "", "open at all tried", f"{runs} open", "")
         lower, upper = row.bracket.lower, row.bracket.upper
+        if upper is not None and open_from_ideal(row.counts, row.bracket):
+            first = self._first_refuted(row)
+            where, there = ("none tried", "") if first is None else (f"{first:.4g}", _counted(row.counts[first]))
+            shown = (f"not known, open at {upper:.4g}", _counted(row.counts[upper]), "")
+            return (row.quantity, row.conclusion, *shown, where, there, _spans(row))
         at_lower = self.ideal[row.conclusion] if lower is None else row.counts[lower]
         interval = at_lower.interval(self.confidence)
-        again = ", ".join(f"{a:.4g}" if a == b else f"{a:.4g} to {b:.4g}" for a, b in row.islands)
         return (
             row.quantity, row.conclusion, "ideal" if lower is None else f"{lower:.4g}",
             f"{at_lower.held}/{at_lower.total}",
             f"{interval.low:.2f} to {interval.high:.2f}" if at_lower.total > 1 else "one run",
             "all tried" if upper is None else f"{upper:.4g}",
-            "" if upper is None else _counted(row.counts[upper]), again,
+            "" if upper is None else _counted(row.counts[upper]), _spans(row),
         )  # fmt: skip
+
+    def _first_refuted(self, row: Margin) -> float | None:
+        """The first level at which runs refute a conclusion, from the ideal one outwards; None where none do."""
+        falling = next(one.falling for one in self.varied if one.name == row.quantity)
+        return next((level for level in sorted(row.counts, reverse=falling) if row.counts[level].failed), None)
 
     def as_dict(self) -> dict[str, object]:
         """Plain data for ``margins.json``."""
@@ -209,16 +218,17 @@ class Margins:
                 }
                 for one in self.varied
             ],
-            "margins": [
-                {
-                    "quantity": row.quantity, "conclusion": row.conclusion, "open": open_everywhere(row.counts),
-                    "shown_to": row.bracket.lower, "again": [list(span) for span in row.islands],
-                    "not_at": None if open_everywhere(row.counts) else row.bracket.upper,
-                }
-                for row in self.rows
-            ],
+            "margins": [self._margin_data(row) for row in self.rows],
             "refused": dict(self.refused),
             "provenance": dict(self.provenance),
+        }  # fmt: skip
+
+    def _margin_data(self, row: Margin) -> dict[str, object]:
+        unknown = open_from_ideal(row.counts, row.bracket)
+        return {
+            "quantity": row.quantity, "conclusion": row.conclusion, "open": unknown,
+            "shown_to": row.bracket.lower, "again": [list(span) for span in row.islands],
+            "not_at": self._first_refuted(row) if unknown else row.bracket.upper,
         }  # fmt: skip
 
     def _count_data(self, count: Count) -> dict[str, object]:
@@ -271,6 +281,10 @@ def _read(data: Mapping[str, object]) -> Margins:
         dict(data["refused"]), float(data["share"]), float(data["width"]), float(data["confidence"]),  # type: ignore
         tuple(data["seeds"]), int(data["runs"]), str(data["status"]), dict(data["provenance"]),  # type: ignore
     )  # fmt: skip
+
+
+def _spans(row: Margin) -> str:
+    return ", ".join(f"{a:.4g}" if a == b else f"{a:.4g} to {b:.4g}" for a, b in row.islands)
 
 
 def counts_of(verdicts: list[str]) -> Count:

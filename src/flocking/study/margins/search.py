@@ -17,7 +17,7 @@ from flocking.model.world.control import CONTINUOUS
 from flocking.model.world.information import INSTANT, Messages
 from flocking.study.claims.claim import Claim
 from flocking.study.confidence_intervals import check_level
-from flocking.study.margins.brackets import Count, between, bracket, open_everywhere
+from flocking.study.margins.brackets import STEP_TO_IDEAL, Count, between, bracket, open_everywhere, open_from_ideal
 from flocking.study.margins.computed_runs import HYPOTHESIS, Conclusions
 from flocking.study.margins.margin_table import Margins, Varied, counts_of
 from flocking.study.margins.quantities import Quantity, base_period, quantity_named
@@ -27,6 +27,11 @@ MOST_RUNS = 4000
 
 MOST_ROUNDS = 12
 """Rounds of bisection at most: the width of a bracket falls by a factor of a thousand in ten."""
+
+STEPS_TO_IDEAL = 3
+"""Levels that are tried between the ideal world and the first level of a grid where a conclusion is refuted there, the
+last 64 times nearer: one that nothing but the ideal world keeps would be sought without end.
+"""
 
 IDEAL = "ideal"
 """Name of the ideal world."""
@@ -110,10 +115,14 @@ class Search:
         self.levels: dict[str, set[float]] = {name: set() for name in worlds.quantities}
         self.found: dict[str, dict[int, Verdicts]] = {}
         self.runs, self.status = 0, "finished"
+        self._first: dict[str, float] = {}
 
     def run(self, grids: Mapping[str, Sequence[float]]) -> None:
         """Make the runs of the grids, then bisect."""
         requested = {name: list(grid) for name, grid in grids.items()}
+        for name, grid in grids.items():
+            inner = [level for level in grid if level > 0.0] or [0.0]
+            self._first[name] = max(inner) if self._worlds.quantities[name].falling else min(inner)
         for turn in range(MOST_ROUNDS + 1):
             names = [IDEAL] if turn == 0 else []
             names += [f"{name}={level!r}" for name, levels in requested.items() for level in levels]
@@ -160,7 +169,9 @@ class Search:
                 counts = self.counts(name)[key]
                 where = bracket(counts, self._share, falling=quantity.falling)
                 # Runs between levels that leave it open would leave it open too.
-                if open_everywhere(counts):
+                if open_everywhere(counts) or open_from_ideal(counts, where):
+                    continue
+                if where.lower is None and self._is_near(where.upper, quantity, name):
                     continue
                 if where.width > self._width:
                     level = between(where, falling=quantity.falling)
@@ -169,6 +180,13 @@ class Search:
             if new:
                 requested[name] = sorted(new)
         return requested
+
+    def _is_near(self, level: float | None, quantity: Quantity, name: str) -> bool:
+        """Whether a level is as near to the ideal world as is looked."""
+        first, most = self._first[name], STEP_TO_IDEAL**STEPS_TO_IDEAL * (1 - 1e-3)
+        if level is None or first == 0.0:
+            return False
+        return level >= first * most if quantity.falling else level * most <= first
 
     @property
     def ideal(self) -> dict[str, Count]:
@@ -252,6 +270,7 @@ def find_margins(
     """
     from flocking.study.sweeps.sweep import sweep as make_runs
     from flocking.study.sweeps.sweep import versions
+    from flocking.study.sweeps.worker_pool import pool
 
     chosen = {q.name: q for q in (quantity_named(one) if isinstance(one, str) else one for one in vary)}
     seeds = tuple(integer("margins", "seeds", seed, least=0) for seed in seeds)
@@ -301,8 +320,8 @@ def find_margins(
     def runs_of(names: Sequence[str], some: Sequence[int], place: str) -> tuple[dict[tuple[str, int], Verdicts], bool]:
         table = make_runs(
             worlds, grid={"world": list(names)}, seeds=list(some), measures=(), audit=audit, record=about,
-            out=None if folder is None else folder / "runs" / place, workers=workers, cluster=cluster,
-            progress=progress, most_runs=most_runs,
+            out=None if folder is None else folder / "runs" / place,
+            progress=progress, most_runs=most_runs, shared=shared, gives_up=True,
         )  # fmt: skip
         found = {}
         for index, row in table.rows.items():
@@ -311,7 +330,8 @@ def find_margins(
         return found, table.status == "finished"
 
     search = Search(worlds, claims, seeds, share, width, most_runs, runs_of)
-    search.run(grids)
+    with pool(workers, cluster) as shared:
+        search.run(grids)
     varied = tuple(
         Varied(name, q.meaning, words[name], search.counts(name), q.falling) for name, q in worlds.quantities.items()
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
 
 from flocking.engine.driver.registry import check_name
@@ -19,6 +19,7 @@ from flocking.study.sweeps.sampling import Sample
 from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_rows
 from flocking.study.sweeps.table import SweepTable
 from flocking.study.sweeps.work import Row, Work
+from flocking.study.sweeps.worker_pool import WorkerPool, pool
 
 Auditing = bool | Sequence[Claim] | Callable[[Run], object]
 
@@ -44,6 +45,8 @@ def sweep(
     progress: bool = True,
     record: Mapping[str, object] | None = None,
     more_measures: Mapping[str, tuple[str, Measuring]] | None = None,
+    shared: WorkerPool | None = None,
+    gives_up: bool = False,
 ) -> SweepTable:
     """Run a parametrised scenario over parameters and seeds, and measure every run.
 
@@ -83,6 +86,10 @@ def sweep(
         Plain data that identifies ``make``, stored and compared instead of its code.
     more_measures
         Further measures that ``measures`` may name.
+    shared
+        Workers that several sweeps share, instead of ``workers`` and ``cluster``; they stay after the sweep.
+    gives_up
+        Whether a run whose steps have become so short that it hardly advances is given up, as one that failed.
 
     Returns
     -------
@@ -105,7 +112,7 @@ def sweep(
     found = find_measures(measures, more_measures)
     choices = {"engine": engine, **(options or {})}
     check_name("sweep", engine)
-    work = Work(make, found, auditing(audit), choices)
+    work = Work(make, found, auditing(audit), choices, gives_up=gives_up)
     about = {
         "format": FORMAT,
         "plan": plan.as_data(),
@@ -116,7 +123,8 @@ def sweep(
         "options": {name: str(value) for name, value in choices.items()},
         "provenance": versions(),
     }  # fmt: skip
-    return _run(plan, work, about, Path(out) if out is not None else None, workers, cluster, progress)
+    opened = pool(workers, cluster) if shared is None else nullcontext(shared)
+    return _run(plan, work, about, Path(out) if out is not None else None, opened, progress)
 
 
 def _run(
@@ -124,13 +132,11 @@ def _run(
     work: Work,
     about: dict[str, object],
     folder: Path | None,
-    workers: int | None,
-    cluster: str | None,
+    opened: AbstractContextManager[WorkerPool],
     show: bool,
 ) -> SweepTable:
     from flocking.engine.driver.run_progress import Progress
     from flocking.study.sweeps.scheduler import Scheduler
-    from flocking.study.sweeps.worker_pool import pool
 
     rows: dict[int, Row] = {}
     status = "finished"
@@ -149,7 +155,7 @@ def _run(
                 bar.advance(len(new), sum(row["status"] == "failed" for row in new))
 
             try:
-                with pool(workers, cluster) as workers_pool:
+                with opened as workers_pool:
                     Scheduler(work, workers_pool, commit).run(plan.task(k) for k in missing)
             except KeyboardInterrupt:
                 answered()

@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import Any, Literal, TypedDict
 
 from flocking.engine.driver.registry import Entry, adopt_entries, registered
+from flocking.engine.integrator.step_lengths import TOO_MANY_STEPS
 from flocking.engine.interruption import interrupted
+from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import Run
-from flocking.errors import FlockingError, InvalidInput
+from flocking.errors import FlockingError, InvalidInput, SimulationError
 from flocking.model.law import Scenario
 from flocking.study.sweeps.measures import Measured, Measuring, plain_measure
 from flocking.study.sweeps.plan import Task
@@ -36,6 +38,9 @@ class Row(TypedDict):
 LONGEST_MESSAGE = 500
 """Characters of the message of a failed run that are stored."""
 
+STALLED_STEPS = 2000
+"""Steps that must have been too short on average before a run is given up: forty times as many as make it slow."""
+
 
 @dataclass(frozen=True)
 class Work:
@@ -53,6 +58,8 @@ class Work:
         Further arguments of `simulate`.
     engines
         Engines registered in the process that sends the work.
+    gives_up
+        Whether runs that hardly advance are given up.
     """
 
     make: Callable[..., Scenario]
@@ -60,6 +67,7 @@ class Work:
     audit: Callable[[Run], object] | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     engines: tuple[Entry, ...] = field(default_factory=registered)
+    gives_up: bool = False
 
 
 def run_task(work: Work, task: Task) -> Row:
@@ -109,10 +117,43 @@ def _simulated(work: Work, task: Task) -> Run:
     scenario = work.make(**task.parameters, seed=task.seed)
     if not isinstance(scenario, Scenario):
         raise InvalidInput("sweep", "make", "must give a Scenario", scenario)
-    run = simulate(scenario, progress=False, **work.options)
+    run = _followed(scenario, work.options) if work.gives_up else simulate(scenario, progress=False, **work.options)
     if run.status.startswith("interrupted"):
         raise KeyboardInterrupt
     return run
+
+
+def _followed(scenario: Scenario, options: Mapping[str, Any]) -> Run:
+    """A run that is given up where it hardly advances."""
+    from flocking.engine.driver.simulate import drive, start
+
+    session = start(scenario, **options)
+    session.records.check_fits()
+    return drive(session, progress=False, watch=_GivesUp(session))
+
+
+class _GivesUp:
+    """Ends a run whose last steps are on average too short to come to the end of its scenario.
+
+    Parameters
+    ----------
+    session
+        The session at its start.
+    """
+
+    def __init__(self, session: Session) -> None:
+        scenario = session.scenario
+        self._least = (scenario.t_end - scenario.start.t) / TOO_MANY_STEPS
+        self._time, self._steps = session.time, session.steps
+
+    def __call__(self, session: Session) -> None:
+        """Look at the session between two slices; raises `SimulationError` when it is given up."""
+        made = session.steps - self._steps
+        if made < STALLED_STEPS:
+            return
+        if session.shrunk is not None and session.time - self._time < made * self._least:
+            raise SimulationError(f"It was given up: {session.shrunk}", time=session.time)
+        self._time, self._steps = session.time, session.steps
 
 
 def packed(work: Work) -> bytes:

@@ -23,11 +23,16 @@ from flocking.model.parts.structure import Step, changed, substituted, value_at,
 from flocking.model.serial import from_data, to_data
 from flocking.model.state import State
 from flocking.model.terms.avoidance import Avoid, ObstacleTerm
+from flocking.model.world.losses import Bernoulli
+from flocking.model.world.noises import Noise
 
 FORMAT = 1
 """Version of the format of the log; another one is refused."""
 LARGEST_LOG = 64 * 2**20
 """Bytes of a log that is read, a bound on memory: 64 MiB."""
+
+LOSS, NOISE = ("information", "loss"), ("information", "noise")
+"""Paths at which a number is the probability of a loss, and the standard deviation of measured positions."""
 
 Event = dict[str, Any]
 """An intervention: ``kind`` and its arguments, all of them JSON data."""
@@ -87,6 +92,11 @@ def _set(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
 def _with_value(scenario: Scenario, path: Sequence[Step], value: object) -> Scenario:
     """The scenario with one value changed; numbers of the law leave all else as it was checked before."""
     number = type(value) in (int, float) or isinstance(value, np.ndarray)
+    if number and tuple(path) in (LOSS, NOISE):
+        inner = (*path, "probability" if tuple(path) == LOSS else "position")
+        # A slider keeps what else losses and noise are; where there were none, the number stands for the simplest.
+        if isinstance(value_at(scenario, path), Bernoulli | Noise):
+            return changed(scenario, inner, value)
     if path[0] != "law" or not number or scenario.energy.leader is not None:
         return changed(scenario, path, value)
     return scenario.with_numbers(changed(scenario.law, path[1:], value), scenario.t_end)

@@ -144,9 +144,14 @@ class Experiment:
             if not found.new_session:
                 now = now.with_(start=state, t_end=max(now.t_end, self.time), frames=1)
             self.session, _ = opened(now, self.engine)
-        elif found.scenario.law is not present.law or found.state is not None:
+        else:
             law = found.scenario.law if found.scenario.law is not present.law else None
-            self.session.replace(law=law, state=found.state)
+            if found.scenario.control is not present.control:
+                raise InvalidInput("lab", "control", "stays as it is while a run goes on", found.scenario.control)
+            if law is not None or found.state is not None:
+                self.session.replace(law=law, state=found.state)
+            if found.scenario.information is not present.information:
+                self.session.replace_information(found.scenario.information)
         self.base = found.base
         self.changed_at = self.time
         self.version += 1

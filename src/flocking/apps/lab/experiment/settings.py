@@ -20,12 +20,21 @@ from flocking.model.parts.description import GROUPS, Nested
 from flocking.model.parts.structure import Step, children, field_at
 from flocking.model.parts.values import Value
 from flocking.model.potentials.potential import Potential
+from flocking.model.world.information import Messages
+from flocking.model.world.losses import Bernoulli
 
 WIDE, ROOM = 4.0, 5.0
 """A slider ends at this many times its value; at 0 it ends at the second number."""
 
 LARGEST_FACTOR = 4.0
 """Largest factor that a slider offers on an array of values; a convention."""
+
+
+RADIO_PERIODS = 10.0
+"""Longest delay that a slider offers, in periods of the messages; a convention."""
+
+MOST_NOISE = 1.0
+"""Largest standard deviation that a slider of noise offers where there is little; a convention."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +110,29 @@ def sections(scenario: Scenario) -> list[Section]:
             removal = {"kind": "remove", "path": list(path)} if isinstance(part, Obstacle) else None
             found.append(_section(f"{_role(part)}{number}: {type(part).__name__}", part, path, seen, removal))
     found.append(_section("Agents", scenario.agents, ("agents",), seen))
+    if isinstance(scenario.information, Messages):
+        found.append(Section("Messages", tuple(_radio(scenario.information))))
     return [s for s in found if s.settings or s.removal]
+
+
+def _radio(messages: Messages) -> Iterator[Setting]:
+    """What may change about messages while a run goes on: when they arrive, how many, and how wrong they are.
+
+    Without losses or noise the sliders stand at 0, from which they bring in independent losses and white noise.
+    """
+    longest = max(RADIO_PERIODS * float(np.max(messages.period)), 2.0 * messages.delay, 2.0 * messages.jitter)
+    for name in ("delay", "jitter"):
+        yield Setting(("information", name), "number", float(getattr(messages, name)), 0.0, longest)
+    loss, noise = messages.loss, messages.noise
+    if loss is None or isinstance(loss, Bernoulli):
+        yield Setting(("information", "loss"), "number", 0.0 if loss is None else loss.probability, 0.0, 1.0)
+    else:
+        yield from _settings(loss, ("information", "loss"))
+    position = 0.0 if noise is None else noise.position
+    yield Setting(("information", "noise"), "number", position, 0.0, max(MOST_NOISE, WIDE * position))
+    if noise is not None:
+        velocity = max(MOST_NOISE, WIDE * noise.velocity)
+        yield Setting(("information", "noise", "velocity"), "number", noise.velocity, 0.0, velocity)
 
 
 def _role(part: object) -> str:

@@ -1,0 +1,147 @@
+"""Changes of a running session of held control: how messages are sent, and the numbers and terms of the law."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flocking.engine.archives.archive import Arrays
+from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.protocol.session import Packed
+from flocking.engine.sampled.knowledge import Knowledge
+from flocking.errors import FlockingError, UnsupportedLaw
+from flocking.model.law import Law, Scenario
+from flocking.model.serial import from_data, to_data
+from flocking.model.world.information import Information, Messages
+
+MOST_CHANGES = 10_000
+"""Changes of the settings of messages that a checkpoint may name, a bound on memory."""
+
+
+@dataclass
+class Interventions:
+    """What was changed while a session went on.
+
+    Parameters
+    ----------
+    times
+        When, in the scenario's time.
+    """
+
+    times: list[float] = field(default_factory=list)
+
+
+def check_information(scenario: Scenario, information: Information) -> Scenario:
+    """The scenario with other ``information``, if a running session can change to it.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When times of samples, or what agents make of them, would change.
+    InvalidInput
+        When it does not fit the scenario.
+    """
+    present = scenario.information
+    if not isinstance(present, Messages) or not isinstance(information, Messages):
+        raise UnsupportedLaw(
+            "engine='sampled' changes while a run goes on how messages are sent, not whether they are. Start with "
+            "information=Messages(...)."
+        )
+    if not _alike(present, information):
+        raise UnsupportedLaw(
+            "engine='sampled' keeps period, phase and predict of Messages while a run goes on: samples that were "
+            "taken have their times. Start another run from run.state(-1)."
+        )
+    return scenario.with_(information=information)
+
+
+def check_law_change(scenario: Scenario, law: Law) -> Scenario:
+    """The scenario with another ``law``, if a running session can change to it.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When its graphs are others.
+    InvalidInput
+        When it does not fit the scenario.
+    """
+    if tuple(law.graphs) != tuple(scenario.law.graphs):
+        raise UnsupportedLaw(
+            "engine='sampled' keeps the graphs of a law while a run goes on: links of what agents know have a past. "
+            "Start another run from run.state(-1)."
+        )
+    return scenario.with_(law=law)
+
+
+def _alike(one: Messages, other: Messages) -> bool:
+    same = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("period", "phase"))
+    return same and one.predict == other.predict
+
+
+def packed_changes(found: Interventions, knowledge: Knowledge) -> Packed:
+    """What a checkpoint holds of interventions; nothing where there were none.
+
+    Parameters
+    ----------
+    found
+        The interventions.
+    knowledge
+        What agents know.
+    """
+    if not found.times:
+        return {}, {}
+    sent = [to_data(each) for each in knowledge.settings[:-1]]
+    data: dict[str, object] = {"changed": list(found.times), "sent": sent}
+    arrays: Arrays = {"since": np.array(knowledge.since, dtype=np.int64).reshape(-1, knowledge.n)}
+    return data, arrays
+
+
+def unpacked_changes(packed: Packed, found: Interventions, knowledge: Knowledge) -> Packed:
+    """Take up what `packed_changes` gave, and return the rest of what was packed.
+
+    Parameters
+    ----------
+    packed
+        What was read.
+    found, knowledge
+        Those of a session at its start.
+
+    Raises
+    ------
+    MalformedError
+        When it is not of this session.
+    """
+    data, arrays = packed
+    if "changed" not in data:
+        return packed
+    rest = {name: value for name, value in data.items() if name not in ("changed", "sent")}
+    times, sent, since = data["changed"], data.get("sent"), arrays.get("since")
+    left = {name: value for name, value in arrays.items() if name != "since"}
+    if not (isinstance(times, list) and isinstance(sent, list) and len(times) + len(sent) <= MOST_CHANGES):
+        raise MalformedError("changed must be the times of interventions")
+    if not all(type(t) is float and np.isfinite(t) for t in times):
+        raise MalformedError("changed must be the times of interventions")
+    if not (isinstance(since, np.ndarray) and since.dtype == np.int64 and since.shape == (len(sent), knowledge.n)):
+        raise MalformedError("since must have a row for every change of messages")
+    taken = arrays.get("taken")
+    rows = np.concatenate([np.zeros((1, knowledge.n), dtype=np.int64), since])
+    fits = isinstance(taken, np.ndarray) and taken.shape == (knowledge.n,) and (since <= taken).all()
+    if not (fits and (np.diff(rows, axis=0) >= 0).all() and (np.diff(rows, axis=0) > 0).any(axis=1).all()):
+        raise MalformedError("since must ascend to the samples that were taken")
+    messages = [_messages(each, knowledge) for each in sent]
+    knowledge.recall(messages, list(since))
+    found.times = times
+    return rest, left
+
+
+def _messages(data: Mapping[str, object] | object, knowledge: Knowledge) -> Messages:
+    try:
+        found = from_data(data)
+    except FlockingError as error:
+        raise MalformedError(f"sent must hold messages ({error})") from None
+    if not isinstance(found, Messages) or knowledge.messages is None or not _alike(found, knowledge.messages):
+        raise MalformedError("sent must hold messages of the times of this session")
+    found.check_count(knowledge.n)
+    return found

@@ -1,0 +1,136 @@
+"""Margins of the papers' first scenarios that are stored in the library, and how they are computed again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from flocking.errors import InvalidInput
+from flocking.papers import KEYS
+from flocking.papers.margins import VARIED, margins
+from flocking.study.margins.margin_table import Margins, margins_from
+
+FILE = "margins.json"
+"""Name of the file in the folder of a paper."""
+
+
+@dataclass(frozen=True)
+class MarginPlan:
+    """What a stored table is computed from, as `flocking.papers.margins.margins` takes it.
+
+    Parameters
+    ----------
+    levels
+        Levels of the first grid by quantity; each quantity in it is varied.
+    seeds
+        Number of seeds.
+    width
+        Width of a bracket at which bisection ends; near 1 there is none.
+    t_end
+        End of the runs; that of the scenario when absent.
+    most_runs
+        Largest number of runs.
+    """
+
+    levels: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    seeds: int = 3
+    width: float = 0.99
+    t_end: float | None = None
+    most_runs: int = 200
+
+
+SMALL_GROUP = {
+    "period": (0.2, 0.5, 1.0), "delay": (0.01, 0.05, 0.2), "loss": (0.1, 0.4, 0.8), "noise": (0.001, 0.01, 0.1),
+    "limit": (5.0, 1.0, 0.2),
+}  # fmt: skip
+"""Levels for ten agents that settle in 100 units of time: about three for a quantity, a factor of 2 to 10 apart."""
+
+ONE_LEVEL = {"period": (0.1,), "delay": (0.05,), "loss": (0.4,), "noise": (0.01,), "limit": (10.0,)}
+"""One level of each quantity, for groups whose runs take some ten seconds."""
+
+PLANS = {
+    "olfati-saber-2003": MarginPlan(ONE_LEVEL, seeds=1, most_runs=6),
+    "tanner-2003-fixed": MarginPlan(SMALL_GROUP, seeds=1, most_runs=16),
+    "tanner-2003-dynamic": MarginPlan(SMALL_GROUP, seeds=1, most_runs=16),
+    "zhou-2015": MarginPlan(SMALL_GROUP, seeds=3, most_runs=48),
+    "shi-2009": MarginPlan(ONE_LEVEL, seeds=1, t_end=50.0, most_runs=6),
+}
+"""Plans by the keys of the papers: small tables, without bisection. One seed shows what may happen, and no more."""
+
+
+def computed_margins(
+    key: str, *, out: str | Path | None = None, workers: int | None = None, progress: bool = True
+) -> Margins:
+    """The table of a paper, computed now from its plan.
+
+    Parameters
+    ----------
+    key
+        Key of the paper.
+    out
+        Folder of the runs; the same call goes on with those that it holds.
+    workers, progress
+        As for `flocking.papers.margins.margins`.
+
+    Raises
+    ------
+    InvalidInput
+        When no plan of that paper is known.
+    """
+    plan = _plan(key)
+    varied = [name for name in VARIED if name in plan.levels]
+    return margins(
+        key, varied, seeds=plan.seeds, levels=dict(plan.levels), width=plan.width, t_end=plan.t_end,
+        most_runs=plan.most_runs, out=out, workers=workers, progress=progress,
+    )  # fmt: skip
+
+
+def is_stored(key: str) -> bool:
+    """Whether a table of a paper comes with the library.
+
+    Parameters
+    ----------
+    key
+        Key of the paper.
+    """
+    return key in PLANS and _file(key).is_file()
+
+
+@lru_cache(maxsize=len(KEYS))
+def stored_margins(key: str) -> Margins:
+    """The table of a paper that comes with the library; its provenance names the versions that made it.
+
+    Parameters
+    ----------
+    key
+        Key of the paper.
+
+    Raises
+    ------
+    InvalidInput
+        When no table of that paper is stored.
+    """
+    if not is_stored(key):
+        stored = ", ".join(filter(is_stored, PLANS))
+        raise InvalidInput("margins", "papers", f"must be of {stored}", key, "flocking margins KEY computes others.")
+    return margins_from(json.loads(_file(key).read_text(encoding="utf-8")))
+
+
+def _file(key: str) -> Traversable:
+    return files(f"flocking.papers.{key.replace('-', '_')}").joinpath(FILE)
+
+
+def _plan(key: str) -> MarginPlan:
+    if key not in PLANS:
+        raise InvalidInput("margins", "papers", f"must be of {', '.join(PLANS)}", key)
+    return PLANS[key]
+
+
+def as_text(table: Margins) -> str:
+    """A ``table`` as the text of its file."""
+    return json.dumps(table.as_dict(), indent=1, allow_nan=False, ensure_ascii=False) + "\n"

@@ -1,0 +1,76 @@
+"""Stored tables of margins: what they hold, what they are computed from, and where they are shown."""
+
+import pytest
+
+import flocking as fk
+from flocking.apps.cli import main
+from flocking.apps.commands import margin_command
+from flocking.apps.reproduction.report_margins import margins_table
+from flocking.papers import KEYS
+from flocking.papers.margins import VARIED
+from flocking.papers.stored_margins import PLANS, as_text, is_stored, stored_margins
+
+STORED = [key for key in KEYS if is_stored(key)]
+
+
+@pytest.mark.parametrize("key", STORED)
+def test_every_paper_has_a_table_of_its_plan(key):
+    plan, table = PLANS[key], stored_margins(key)
+    assert table.scenario == key
+    assert table.status in ("finished", f"{plan.most_runs} runs did not suffice")
+    assert table.runs <= plan.most_runs
+    assert table.seeds == tuple(range(plan.seeds))
+    assert {one.name for one in table.varied} | set(table.refused) == set(VARIED) == set(plan.levels)
+    for one in table.varied:
+        assert set(plan.levels[one.name]) <= set(one.levels)
+        totals = {count.total for counts in one.counts.values() for count in counts.values()}
+        assert max(totals) <= plan.seeds
+    assert table.shown_ideally
+    assert "flocking" in table.provenance
+
+
+def test_a_level_of_a_stored_table_is_that_of_the_present_code():
+    """Three runs at the longest period, and three ideal ones, which tell whose hypothesis is met."""
+    stored = stored_margins("zhou-2015")
+    again = fk.margins("zhou-2015", "period", levels={"period": [1.0]}, seeds=3, width=0.99, workers=1, progress=False)
+    (theirs,) = [one for one in stored.varied if one.name == "period"]
+    (ours,) = again.varied
+    assert again.ideal == stored.ideal
+    assert {key: counts[1.0] for key, counts in ours.counts.items()} == {
+        key: counts[1.0] for key, counts in theirs.counts.items()
+    }
+
+
+@pytest.mark.parametrize("key", STORED)
+def test_the_report_shows_every_row_with_its_runs(key):
+    table, page = stored_margins(key), margins_table(key)
+    assert page.count("<tr>") == len(table.cells) + 1
+    assert f"Observed on {table.runs} runs" in page
+    assert "not proven" in page
+
+
+def test_other_papers_have_none():
+    assert margins_table("vicsek-1995") == ""
+    with pytest.raises(fk.InvalidInput, match=r"must be of .*zhou-2015"):
+        stored_margins("vicsek-1995")
+
+
+def test_the_command_says_which_tables_are_as_stored(tmp_path, monkeypatch, capsys):
+    """Computed tables stand in for runs: one as stored, one that differs."""
+    from dataclasses import replace
+
+    from flocking.papers import stored_margins as module
+
+    whole = stored_margins("zhou-2015")
+    monkeypatch.setattr(module, "PLANS", {"zhou-2015": PLANS["zhou-2015"]})
+    made = [whole, replace(whole, varied=())]
+    monkeypatch.setattr(module, "computed_margins", lambda key, **_: made.pop(0))
+    words = ["margins", "--papers", "--out", str(tmp_path / "out")]
+    assert main(words) == 0
+    assert (tmp_path / "out" / "zhou-2015" / "margins.json").read_text(encoding="utf-8") == as_text(whole)
+    assert main(words) == margin_command.DIFFERENT
+    shown = capsys.readouterr().out
+    assert shown.splitlines()[0].startswith("zhou-2015: 48 runs, as stored")
+    assert "48 runs, not as stored" in shown.splitlines()[1]
+    assert main(["margins", "zhou-2015", "--papers"]) == 2
+    assert main(["margins"]) == 2
