@@ -61,6 +61,20 @@ def _crossing(graph, dimension=2):
     return found, fk.State(state.q, state.p + way * np.array([150.0, 20.0, 5.0][:dimension]), 0.0), {}
 
 
+def _repeating(lengths, graph, n=2 * N, share=1.0):
+    """Streams through each other in space that repeats; most agents start some lengths away from the box."""
+    rng = np.random.default_rng(11)
+    finite = np.array([x if x else 40.0 for x in lengths])
+    each = int(np.ceil(n ** (1 / len(lengths))))
+    places = np.stack(np.meshgrid(*[np.arange(each)] * len(lengths)), axis=-1).reshape(-1, len(lengths))[:n]
+    q = (places + rng.uniform(-0.2, 0.2, places.shape)) * finite / each
+    q += np.array([x or 0.0 for x in lengths]) * rng.integers(-3, 4, q.shape)
+    way = np.where(np.arange(n) % 2, 1.0, -1.0)[:, None] * share
+    p = 4.0 * rng.normal(size=q.shape) + way * np.array([150.0, 70.0, 40.0][: len(lengths)])
+    found = fk.Law(graph, [fk.Gradient(fk.Potential("(r - 7)**2/2")), fk.Consensus(0.3)])
+    return found, fk.State(q, p), {"space": fk.Periodic(lengths)}
+
+
 def _every_part():
     rng = np.random.default_rng(2)
     agents = fk.Agents(masses=rng.uniform(0.5, 1, N), damping=rng.uniform(0, 2, N))
@@ -115,6 +129,12 @@ CASES = {
     "streams with hysteresis": lambda: _crossing(fk.Hysteresis(8.4, 1.0)),
     "streams with hysteresis in space": lambda: _crossing(fk.Hysteresis(8.4, 1.0), 3),
     "streams": lambda: _crossing(fk.Proximity(8.4)),
+    "streams in periodic space with hysteresis": lambda: _repeating([90.0, 80.0], fk.Hysteresis(8.4, 1.0)),
+    "streams in a periodic channel": lambda: _repeating([90.0, None], fk.Proximity(8.4)),
+    "streams in periodic space of three axes": lambda: _repeating([40.0, 30.0, 35.0], fk.Hysteresis(8.4, 1.0)),
+    "streams in the smallest periodic space": lambda: (
+        *_repeating([17.0, 60.0], fk.Hysteresis(8.4, 1.0), 40)[:2], {"space": fk.Periodic([17.0, 60.0]), "skin": 9.0}
+    ),
     "tanner I": lambda: _fixed(fk.Fixed.random_connected(N, 0.05, 1)),
     "tanner I, all linked": lambda: _fixed(fk.Fixed.complete(N)),
     "tanner II": lambda: _of("tanner II (5)"),
@@ -154,7 +174,7 @@ def case(name):
     # Lists hold while the group flies as a whole: a thin skin makes agents be exchanged at nearly every step.
     reach = [float(np.max(graph.break_radius)) for graph in made.graphs if graph.moves]
     options = {"step": STEP} | ({"skin": 0.004 * max(reach)} if reach else {})
-    options |= {"scheme": more.pop("scheme")} if "scheme" in more else {}
+    options |= {name: more.pop(name) for name in ("scheme", "skin") if name in more}
     state = state if "streams" in name else _flying(state)
     steps = 2 * STEPS if "streams" in name else STEPS
     return fk.Scenario(made, state, t_end=steps * STEP, frames=4, name=name, **more), options

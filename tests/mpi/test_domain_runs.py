@@ -170,7 +170,7 @@ def test_what_is_not_run_is_refused_by_name():
     with pytest.raises(UnsupportedLaw, match=r"tiled engine.*functional.*engine='exact'"):
         fk.start(scenario(fk.Proximity(8.4), fk.Consensus(1.0, functional=True)), "lammps")
     with pytest.raises(UnsupportedLaw, match="Periodic"):
-        fk.start(scenario(fk.Proximity(8.4), pull, space=fk.Periodic([90.0, 90.0])), "lammps")
+        fk.start(scenario(fk.Proximity(8.4), pull, space=fk.Periodic([90.0, 90.0])), "lammps", forces="pair styles")
     with pytest.raises(UnsupportedLaw, match="control=Held"):
         fk.start(scenario(fk.Proximity(8.4), pull).with_(control=fk.Held(0.1)), "lammps")
 

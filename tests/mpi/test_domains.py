@@ -45,7 +45,7 @@ def expected():
     for name in ALL:
         scenario, options = case(name)
         agents, state = scenario.agents, scenario.start
-        reference = fk.evaluate(scenario.law, state, agents=agents)
+        reference = fk.evaluate(scenario.law, state, agents=agents, space=scenario.space)
         rates = reference.u
         if agents.order == 2:
             masses, damping = (np.reshape(x, (-1, 1)) for x in (agents.masses, agents.damping))
@@ -81,6 +81,16 @@ def test_agents_cross_the_borders_of_ranks_hundreds_of_times(found):
         assert sum(many.values()) > 300
         assert many["streams with hysteresis"] >= 100, many
         assert found[1, "streams"]["migrated"] == 0
+
+
+def test_momentum_stays_in_periodic_space(found):
+    """Forces of a pair are opposite, also where each rank computes the one on its own agent, and through images."""
+    for name in (name for name in CASES if "periodic" in name):
+        state = case(name)[0].start
+        for ranks in ranks_of(name):
+            total = found[ranks, name]["p"].sum(axis=1)
+            np.testing.assert_allclose(total, np.tile(state.p.sum(axis=0), (len(total), 1)), rtol=0, atol=1e-9)
+            assert ranks == 1 or found[ranks, name]["migrated"] > 20
 
 
 def test_hysteresis_remembers_links_that_positions_do_not_tell(expected):

@@ -17,7 +17,7 @@ from flocking.engine.lammps.session import LammpsSession
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
-from flocking.engine.tiles.kernels.spec import check_supported
+from flocking.engine.tiles.kernels.spec import SPACES, check_supported
 from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
 
@@ -28,6 +28,7 @@ class LammpsEngine(Engine):
     name = "lammps"
     summary = "fixed steps on many processes, under mpiexec"
     options = LammpsOptions
+    spaces = SPACES
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Check that the scenario and the plant are supported."""

@@ -12,6 +12,7 @@ from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Closest, LedgerRow
 from flocking.errors import NotFinite
 from flocking.model.law import Scenario
+from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 
 
@@ -97,14 +98,14 @@ class Ledger:
             self._records.closest_linked = Closest(float(np.sqrt(square[k])), state.t, pair)
 
 
-def observed_state(state: State, pairs: tuple[Indices, Indices]) -> tuple[float, ...]:
+def observed_state(state: State, pairs: tuple[Indices, Indices], space: Space = OPEN) -> tuple[float, ...]:
     """A row of `flocking.engine.runs.run.OBSERVED_FIELDS` from a whole state and its pairs under the law's graph."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     n = state.n
     i, j = pairs
-    length = np.sqrt(((state.q[i] - state.q[j]) ** 2).sum(axis=1))
+    length = np.sqrt((space.displacement(state.q[i] - state.q[j]) ** 2).sum(axis=1))
     _, label = connected_components(coo_array((np.ones(len(i), dtype=bool), (i, j)), shape=(n, n)), directed=False)
     mean, deviation = (float(length.mean()), float(length.std())) if len(length) else (np.nan, np.nan)
     return observation(

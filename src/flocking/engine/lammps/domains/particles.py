@@ -74,7 +74,7 @@ class RankParticles(SharedParticles):
         self._first_links = links if tables is None else None
         self._no_links_yet = tables is None
         self._next_skin = 0.0
-        self._decomposition = Decomposition(ranks, log) if self.moving and ranks.size > 1 else None
+        self._decomposition = Decomposition(ranks, log, self.space) if self.moving and ranks.size > 1 else None
 
     def _resize(self) -> None:
         """Make anew all that depends on the number of agents of this rank."""
@@ -286,7 +286,10 @@ class RankParticles(SharedParticles):
         self.displacement.elapsed, self.displacement.bound = 0.0, 0.0
 
     def _list_moving(self, skin: float, tables: list[Numbers32]) -> tuple[int, int] | None:
-        self.pair_count_bound.check(self._crowding, self.agents[: self.n, : self.m], self.radii.certain_reaches)
+        q: Reals = self.agents[: self.n, : self.m]
+        if not self.space.is_open:
+            q = self.space.wrapped(q)
+        self.pair_count_bound.check(self._crowding, q, self.radii.certain_reaches)
         radii, left = self.radii, iter(tables)
         lost = None
         for number, kind in enumerate(self.spec.graphs):

@@ -174,7 +174,7 @@ class DomainSession(TilesSession):
         checks.resolution(self._particles, q, self.time)
         observed = None
         if self.options.observe and pairs is not None:
-            observed = observed_state(State(q, p, self.time), (pairs[:, 0], pairs[:, 1]))
+            observed = observed_state(State(q, p, self.time), (pairs[:, 0], pairs[:, 1]), self.scenario.space)
         links = self._link_matrix(pairs) if self._keeps_links and pairs is not None else None
         self.records.frame(self.time, q, p, links, observed=observed)
 
@@ -189,7 +189,7 @@ class DomainSession(TilesSession):
         i, j = listed_pairs(lists, particles.n, linked=not by_distance)
         if by_distance:
             q = particles.X[: particles.m]
-            square = ((q[:, j] - q[:, i]) ** 2).sum(axis=0)
+            square = (self.scenario.space.displacement((q[:, j] - q[:, i]).T) ** 2).sum(axis=1)
             near = square < (particles.radii.each[0][i] if kind.uneven else particles.radii.limits[0][0])
             i, j = i[near], j[near]
         pairs = np.stack([particles.ids[i], particles.ids[j]], axis=1).astype(np.float64)
