@@ -96,6 +96,8 @@ HOMES = {
     "change what is logged when agents act": "class MessageLog",
     "change how the log of messages is computed again": "def replay(",
     "add a quantity whose margin is sought": "class Quantity:",
+    "change what stored tables of margins are computed from": "PLANS",
+    "change what may be changed while held control runs": "def check_information",
     "change how Ctrl-C reaches a wait for workers": "def first_of(",
     "change when the runs of a dead worker are scheduled again": "class Scheduler",
     "add a guarantee of velocity alignment": "def alignment_certificates(",
