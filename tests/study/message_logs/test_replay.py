@@ -81,7 +81,7 @@ def early(patch):
 
 def lost(patch):
     """A lost message is used."""
-    patch.setattr(Knowledge, "_lost", lambda self, sender, receiver, k: np.zeros(len(k), dtype=bool))
+    patch.setattr(Knowledge, "_lost", lambda self, messages, sender, receiver, k: np.zeros(len(k), dtype=bool))
 
 
 def stale(patch):
