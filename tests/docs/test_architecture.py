@@ -13,6 +13,7 @@ PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
 ROWS = dict(re.findall(r"^\| (.+?) \| `([^`]+)` \|$", PAGE, re.MULTILINE))
 
 HOMES = {
+    "change what goes with an agent that changes ranks under held control": "class HeldRankParticles(",
     "allow another function in text formulas": "FUNCTIONS: dict[str, int] = {",
     "change the size limit of the cache of generated code": "MOST_BYTES =",
     "add a term that acts between pairs": "class PairTerm(",

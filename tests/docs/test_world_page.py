@@ -31,7 +31,7 @@ def scenario(part, engine):
         law = world.pop("law", LAW)
     discrete = isinstance(world.get("bodies"), fk.DiscreteBody)
     told = isinstance(world.get("information"), fk.Messages)
-    if engine in ("sampled", "discrete") or discrete or (engine == "tiles" and told):
+    if engine in ("sampled", "discrete") or discrete or (engine in ("tiles", "lammps") and told):
         world = {"control": fk.Held(0.1)} | world
     if engine == "discrete" and "bodies" not in world:
         world = {"bodies": fk.Impulsive()} | world

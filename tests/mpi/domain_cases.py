@@ -9,12 +9,7 @@ import numpy as np
 
 import flocking as fk
 from flocking.engine.driver.registry import engine_named
-from flocking.papers.cucker_smale_2007 import system as cucker_smale
-from flocking.papers.olfati_saber_2003 import system as olfati_saber
-from flocking.papers.shi_2009 import system as shi
-from flocking.papers.tanner_2003_dynamic import system as tanner_dynamic
-from flocking.papers.tanner_2003_fixed import system as tanner_fixed
-from flocking.papers.zhou_2015 import system as zhou
+from flocking.papers import ALL_KEYS, paper
 from tests.engine.tiles import flow_laws
 from tests.engine.tiles.laws import PerAgentRadii, structural
 from tests.engine.tiles.laws import shi as shi_potential
@@ -28,8 +23,6 @@ COMMON = (60.0, 35.0, 10.0)
 """Velocity of the group as a whole."""
 TURNING = 2.0
 """Rate at which it turns: half a radian in a run, by which distances grow by an eighth."""
-
-PAPERS = (olfati_saber, tanner_fixed, tanner_dynamic, shi, zhou, cucker_smale)
 
 
 def _flying(state, share=1.0):
@@ -181,7 +174,8 @@ def case(name):
 
 
 def _of_papers():
-    return {name: make for paper in PAPERS for name, make in paper.scenarios().items()}
+    """Scenarios of every paper of the library."""
+    return {name: make for key in ALL_KEYS for name, make in paper(key).scenarios().items()}
 
 
 def _runs(make):

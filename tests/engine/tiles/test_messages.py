@@ -217,3 +217,14 @@ def test_speeds_of_the_past_bound_what_samples_are_off():
     assert speeds.bound(predict=True) == 2.0 * 1.0 + 2.0 * 5.0
     speeds.add(40, moving, 0.25, 25)
     assert speeds.bound(predict=False) == 5.25
+
+
+@pytest.mark.parametrize("late", [{"jitter": 0.07}, {"loss": fk.Bernoulli(0.5), "expires": 0.3}], ids=["late", "lost"])
+def test_agents_of_every_tile_hear_for_themselves_where_all_are_linked(late):
+    """All tiles share the list of a complete graph: 40 agents are in three of them."""
+    law = fk.Law(fk.Complete(), [fk.CuckerSmale(1.0, 0.5)])
+    start = fk.start.box(40, side=10, speed=1, seed=3)
+    world = {"control": fk.Held(0.05), "information": fk.Messages(0.05, delay=0.013, seed=5, **late)}
+    made = fk.Scenario(law, start, t_end=0.8, frames=3, **world)
+    run, other = (fk.simulate(made, engine=engine, progress=False) for engine in ("tiles", "sampled"))
+    assert max(np.abs(run.q - other.q).max(), np.abs(run.p - other.p).max()) < 1e-9

@@ -6,6 +6,7 @@ import numpy as np
 
 from flocking.engine.fixed_step.supported_bodies import refused_body
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.protocol.world import left_out
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.law import Scenario
@@ -35,6 +36,8 @@ def check_supported(scenario: Scenario) -> None:
         raise InvalidInput("Scenario", "start", f"must have at most {MOST_AGENTS} agents for LAMMPS", n)
     if body := refused_body(agents):
         raise _refusal(body, "Use engine='exact'.")
+    for name, part in left_out(scenario, ()).items():
+        raise _refusal(f"{name}={type(part).__name__}(...): it would be left out", "Use forces='kernels'.")
     if not scenario.space.is_open:
         raise _refusal(f"{type(scenario.space).__name__} space, only open space", "Use engine='exact'.")
     if dimension not in (2, 3):

@@ -10,6 +10,7 @@ from flocking.engine.lammps import library
 from flocking.engine.lammps.domains.checkpoint import stored_options as domain_options
 from flocking.engine.lammps.domains.options import DomainOptions
 from flocking.engine.lammps.domains.session import DomainSession
+from flocking.engine.lammps.held.session import HeldDomainSession
 from flocking.engine.lammps.options import KERNELS, PAIR_STYLES, LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.restart import stored_options
@@ -17,9 +18,12 @@ from flocking.engine.lammps.session import LammpsSession
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
+from flocking.engine.tiles.held.news import check_messages
 from flocking.engine.tiles.kernels.spec import SPACES, check_supported
 from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
+from flocking.model.world.control import Held
+from flocking.model.world.information import Messages
 
 
 class LammpsEngine(Engine):
@@ -29,12 +33,17 @@ class LammpsEngine(Engine):
     summary = "fixed steps on many processes, under mpiexec"
     options = LammpsOptions
     spaces = SPACES
+    worlds = (Held, Messages)
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Check that the scenario and the plant are supported."""
         for law in [scenario.law] if plant is None else [scenario.law, plant]:
             _check_kernels(scenario.with_(law=law))
         if plant is not None:
+            if not scenario.control.ideal:
+                raise UnsupportedLaw(
+                    "engine='lammps' runs no plant under held control: its work counts as departed. Leave it out."
+                )
             check_plant("DomainSession", scenario.law, plant)
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
@@ -46,12 +55,15 @@ class LammpsEngine(Engine):
         self.check(scenario, plant)
         if chosen.threads is None:
             chosen = replace(chosen, threads=_threads_of_a_rank(self.team()))
+        if isinstance(scenario.control, Held):
+            return HeldDomainSession(scenario, chosen)
         return DomainSession(scenario, chosen, plant=plant)
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """Restore a session from its packed form. Collective."""
         if "session" in packed[0]:
-            return DomainSession.unpack(packed, stored, {"threads": _threads_of_a_rank(self.team()), **changes})
+            kind = HeldDomainSession if isinstance(stored.scenario.control, Held) else DomainSession
+            return kind.unpack(packed, stored, {"threads": _threads_of_a_rank(self.team()), **changes})
         return LammpsSession.unpack(packed, stored, changes)
 
     def team(self) -> Ranks:
@@ -67,6 +79,7 @@ def _check_kernels(scenario: Scenario) -> None:
     """Check that the kernels can run a scenario."""
     try:
         check_supported(scenario)
+        check_messages(scenario)
     except UnsupportedLaw as error:
         raise UnsupportedLaw(f"engine='lammps' runs the kernels of the tiled engine. {error}") from None
 

@@ -99,7 +99,17 @@ class Ledger:
 
 
 def observed_state(state: State, pairs: tuple[Indices, Indices], space: Space = OPEN) -> tuple[float, ...]:
-    """A row of `flocking.engine.runs.run.OBSERVED_FIELDS` from a whole state and its pairs under the law's graph."""
+    """A row of `flocking.engine.runs.run.OBSERVED_FIELDS`.
+
+    Parameters
+    ----------
+    state
+        The whole state.
+    pairs
+        Pairs linked under the law's graph, the agents i and j of each, shape (K,) each.
+    space
+        Where the agents live.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

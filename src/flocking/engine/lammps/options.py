@@ -16,7 +16,7 @@ KERNELS, PAIR_STYLES = FORCES = ("kernels", "pair styles")
 """How forces are computed: by the kernels of the tiled engine, or by the pair styles of LAMMPS."""
 
 
-OF_KERNELS = ("scheme", "precision", "threads", "keep_frames", "memory_limit")
+OF_KERNELS = ("scheme", "precision", "threads", "keep_frames", "memory_limit", "ledger_at")
 """Options for the kernels only."""
 
 
@@ -43,7 +43,7 @@ class LammpsOptions:
         Whether order, flocks, density and closest pair are recorded at the frame times.
     keep_log
         A file for the log of LAMMPS.
-    scheme, precision, threads, keep_frames, memory_limit
+    scheme, precision, threads, keep_frames, memory_limit, ledger_at
         For the kernels only, as in `flocking.engine.tiles.options.TilesOptions`. ``threads`` is the number of each
         rank, by default the processors of the machine divided by its ranks; ``memory_limit`` is that of each rank.
 
@@ -64,6 +64,7 @@ class LammpsOptions:
     threads: int | None = None
     keep_frames: bool = True
     memory_limit: float | None = None
+    ledger_at: str = "steps"
 
     def __post_init__(self) -> None:
         for name in ("step", "skin"):
@@ -89,7 +90,7 @@ class LammpsOptions:
         return DomainOptions(
             step=self.step, scheme=self.scheme, precision=self.precision, threads=self.threads,
             ledger=self.ledger != 0, observe=self.observe, keep_frames=self.keep_frames, skin=self.skin,
-            memory_limit=self.memory_limit, keep_log=self.keep_log,
+            memory_limit=self.memory_limit, keep_log=self.keep_log, ledger_at=self.ledger_at,
         )  # fmt: skip
 
     def rows(self, agents: int) -> int:

@@ -42,6 +42,31 @@ def sent(comm: Comm, to: NDArray[np.integer], rows: AnyArray) -> tuple[AnyArray,
     return received, from_each
 
 
+def fetched(comm: Comm, own: NDArray[np.integer], rows: AnyArray, wanted: NDArray[np.integer]) -> AnyArray:
+    """Rows of agents from the ranks that own them. Collective.
+
+    Parameters
+    ----------
+    comm
+        An mpi4py communicator.
+    own
+        Numbers of the agents of this rank.
+    rows
+        A row of each of them; of the same type and width on all ranks.
+    wanted
+        Numbers of the agents whose rows are asked for.
+    """
+    rank = owners(comm, own, wanted)
+    order = np.argsort(rank, kind="stable")
+    asked, counts = sent(comm, rank[order], wanted[order, None].astype(np.int64))
+    by_number = np.argsort(own, kind="stable")
+    places = by_number[np.searchsorted(own[by_number], asked[:, 0])] if len(asked) else by_number[:0]
+    answers, _ = sent(comm, np.repeat(np.arange(comm.size), counts), rows[places])
+    found = np.empty((len(wanted), rows.shape[1]), rows.dtype)
+    found[order] = answers
+    return found
+
+
 def owners(comm: Comm, own: NDArray[np.integer], wanted: NDArray[np.integer]) -> Indices:
     """The rank that owns each of some agents. Collective.
 

@@ -123,10 +123,11 @@ class RankParticles(SharedParticles):
         cutoff = max(self.radii.cutoffs)
         given = skin if skin is not None else self.given_skin
         width = float(given if given is not None else self._next_skin or FIRST_SKIN * cutoff)
-        came = self._exchanged(cutoff + width)
+        reach = cutoff + self.margin + width
+        came = self._exchanged(reach)
         self._take(came)
         if self.moving:
-            self._sort_all(cutoff + width)
+            self._sort_all(reach)
         self._resize()
         self._list_all(width, came.tables)
         self.rebuilds += 1
@@ -288,7 +289,7 @@ class RankParticles(SharedParticles):
     def _list_moving(self, skin: float, tables: list[Numbers32]) -> tuple[int, int] | None:
         q: Reals = self.agents[: self.n, : self.m]
         if not self.space.is_open:
-            q = self.space.wrapped(q)
+            q = self.space.wrapped(q.astype(np.float64))
         self.pair_count_bound.check(self._crowding, q, self.radii.certain_reaches)
         radii, left = self.radii, iter(tables)
         lost = None

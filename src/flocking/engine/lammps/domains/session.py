@@ -78,10 +78,8 @@ class DomainSession(TilesSession):
     def _new_particles(self, scenario: Scenario, state: State) -> ParticleArrays:
         spec = self._spec(scenario)
         options = self.options
-        # All ranks of a machine share its memory.
-        limit = options.lists_limit / (1 if options.memory_limit is not None else self.ranks.on_this_machine)
         particles = RankParticles(
-            scenario, state, spec, self.workers, limit, options.skin, ranks=self.ranks,
+            scenario, state, spec, self.workers, self._lists_limit, options.skin, ranks=self.ranks,
             log=options.keep_log or "none", tables=self._tables,
         )  # fmt: skip
         self.instability: Instability = RankInstability()
@@ -89,6 +87,12 @@ class DomainSession(TilesSession):
             particles.planted = Planted(scenario, self.plant, spec)
             particles.planted.pass_switch_time(state.t)
         return particles
+
+    @property
+    def _lists_limit(self) -> float:
+        """Largest size of the lists of this rank in bytes: all ranks of a machine share its memory."""
+        options = self.options
+        return options.lists_limit / (1 if options.memory_limit is not None else self.ranks.on_this_machine)
 
     def _automatic_step(self) -> float:
         """The step of the tiled engine, chosen by the first rank."""
@@ -154,7 +158,7 @@ class DomainSession(TilesSession):
             n, m = particles.n, particles.m
             rows = particles.gathered(np.concatenate([particles.agents[:n, :m], velocities[:, :n].T], axis=1))
         pairs = self._linked_pairs() if options.observe or self._keeps_links else None
-        self.ranks.alone(lambda: self._write_frame(rows, pairs))
+        self.ranks.alone(lambda: self._write_frame(self.time, rows, pairs))
         if not self.ranks.first:
             self.records.skip()
 
@@ -162,21 +166,21 @@ class DomainSession(TilesSession):
     def _keeps_links(self) -> bool:
         return self.options.keep_frames and self.scenario.start.n <= MOST_LINKED
 
-    def _write_frame(self, rows: Array | None, pairs: Numbers | None) -> None:
-        """Check and store the state of all agents on the first rank."""
+    def _write_frame(self, t: float, rows: Array | None, pairs: Numbers | None) -> None:
+        """Check and store the state of all agents at time ``t`` on the first rank."""
         if rows is None:
             self.records.skip()
             return
         m = self._particles.m
         q, p = np.ascontiguousarray(rows[:, :m]), np.ascontiguousarray(rows[:, m:])
         if not np.isfinite(rows).all():
-            raise NotFinite("The state became infinite or NaN.", time=self.time)
-        checks.resolution(self._particles, q, self.time)
+            raise NotFinite("The state became infinite or NaN.", time=t)
+        checks.resolution(self._particles, q, t)
         observed = None
         if self.options.observe and pairs is not None:
-            observed = observed_state(State(q, p, self.time), (pairs[:, 0], pairs[:, 1]), self.scenario.space)
+            observed = observed_state(State(q, p, t), (pairs[:, 0], pairs[:, 1]), self.scenario.space)
         links = self._link_matrix(pairs) if self._keeps_links and pairs is not None else None
-        self.records.frame(self.time, q, p, links, observed=observed)
+        self.records.frame(t, q, p, links, observed=observed)
 
     def _linked_pairs(self) -> Numbers | None:
         """Numbers of the linked ordered pairs under the law's graph, shape (K, 2), on the first rank."""

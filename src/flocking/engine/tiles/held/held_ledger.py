@@ -100,8 +100,9 @@ def frame_velocity(scenario: Scenario, particles: HeldParticles, t: float) -> Ar
     p = particles.agents[: particles.n, m:]
     masses = particles.motion.by_place(scenario.agents.masses, particles.ids)[: particles.n]
     if masses.size == 1:
-        return np.asarray(p.mean(axis=0, dtype=np.float64))
-    return np.asarray((p * masses[:, None]).sum(axis=0) / masses.sum())
+        return np.asarray(particles.group_sum(p.sum(axis=0, dtype=np.float64)) / particles.everyone)
+    total = particles.group_sum(masses.sum(keepdims=True))
+    return np.asarray(particles.group_sum((p * masses[:, None]).sum(axis=0)) / total)
 
 
 def powers_of(scenario: Scenario, particles: HeldParticles, t: float) -> Array:
@@ -109,7 +110,7 @@ def powers_of(scenario: Scenario, particles: HeldParticles, t: float) -> Array:
     found = np.zeros((particles.tiles, 2))
     frame = frame_velocity(scenario, particles, t)
     particles.workers.each(force_powers, particles.tiles, particles.agents, particles.force, frame, particles.n, found)
-    return np.asarray(found.sum(axis=0))
+    return np.asarray(particles.group_sum(found.sum(axis=0)))
 
 
 def wanted_power(scenario: Scenario, particles: HeldParticles, t: float) -> float:
@@ -123,4 +124,4 @@ def wanted_power(scenario: Scenario, particles: HeldParticles, t: float) -> floa
         law_powers, particles.tiles, particles.agents, particles.successor, motion.by_place(body.masses, ids),
         motion.by_place(body.damping, ids), frame_velocity(scenario, particles, t), particles.n, found,
     )  # fmt: skip
-    return float(found.sum())
+    return float(particles.group_sum(np.array([found.sum()]))[0])

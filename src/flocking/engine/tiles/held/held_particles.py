@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Numbers, Numbers32, Reals
+from flocking.arrays import Indices, Numbers, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.held.held_motion import HeldMotion, coast
 from flocking.engine.tiles.held.messages import SampleStore
@@ -45,16 +45,20 @@ class HeldParticles(ParticleArrays):
         super().__init__(scenario, state, spec, workers, memory_limit, skin)
         self.force: Reals = np.zeros((self.m, self.size), self.dtype)
         self.acting: Numbers32 = np.zeros(self.size, np.int32)
-        self.motion = HeldMotion(scenario.agents, self.n, self.dtype)
+        self.motion = HeldMotion(scenario.agents, self.everyone, self.dtype)
         self.control_spec = control_spec(spec, scenario.law.graphs)
         self.store: SampleStore | None = None
         heard = None
+        self._shared: tuple[int, ...] = ()
         if isinstance(scenario.information, Messages):
             if spec.order == 1:
                 self.agents[:, self.m :] = 0.0
-            self.store = SampleStore(scenario, self.agents, self.n, self.dtype, memory_limit, workers)
+            self.store = self._new_store(scenario, memory_limit)
             repeats = tuple(k for k, slot in enumerate(spec.layout.period_slots(self.m)) if slot is not None)
-            heard = self.store.heard(self.m, repeats)
+            self._shared = tuple(
+                k for k, kind in enumerate(spec.graphs) if kind.fixed and self.radii.edges[k] is None
+            )  # fmt: skip
+            heard = self.store.heard(self.m, repeats, self._shared)
         self.control = control_kernel(self.control_spec, heard).control
         self._draws = heard is not None and heard.draws
         self.used: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
@@ -62,6 +66,9 @@ class HeldParticles(ParticleArrays):
         self.known_builders = [ListBuilder(self.n, memory_limit, workers, self.box) for _ in scenario.law.graphs]
         self._first_known_links = state.links
         self._fastest = np.zeros(self.tiles)
+
+    def _new_store(self, scenario: Scenario, memory_limit: float) -> SampleStore:
+        return SampleStore(scenario, self.agents, self.n, self.dtype, memory_limit, self.workers)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents with their forces, and rebuild all lists."""
@@ -109,6 +116,8 @@ class HeldParticles(ParticleArrays):
         """Forget which samples were used: the next search finds them again."""
         if self._draws:
             for number in range(len(self.known)):
+                if number in self._shared:
+                    continue
                 lists = self._lists_of(number)
                 self.used[number] = np.zeros(lists.rows.size, np.uint32)
 
@@ -126,6 +135,12 @@ class HeldParticles(ParticleArrays):
         if self.known[0] is not None and self.control_spec.graphs[0].memory and links is not None:
             remember_links(self.known[0], np.asarray(links), self.ids)
 
+    def measure(self, now: int) -> None:
+        """Take the samples that are due at the nanosecond ``now``."""
+        if self.store is not None and self.store.due(now).any():
+            self.refresh_copies(self.agents)
+            self.store.measure(now, self.agents, self.ids)
+
     def act(self, t: float, now: int) -> None:
         """Compute the controls of the agents marked in `acting`, and follow their links.
 
@@ -142,7 +157,9 @@ class HeldParticles(ParticleArrays):
             lists += [found.rows.reshape(-1), found.first, found.count]
             lists += [self.radii.each[number], self.radii.limits[number]]
         own = self.agents
-        if self.store is not None:
+        if self.store is None:
+            self.refresh_copies(self.agents)
+        else:
             own = self.store.own(now, own, self.ids)
             lists += [self.store.rows, self.store.news(now, self.ids), *self.used]
         parameters = self.parameters
@@ -163,11 +180,40 @@ class HeldParticles(ParticleArrays):
         into = self.agents if target is None else target
         arguments = (self.agents, into, self.force, constants, self.displacement.velocity, self.n, self._fastest)
         self.workers.each(coast, self.tiles, *arguments)
-        top = float(np.sqrt(self._fastest.max()))
+        top = self._fastest_of_all(float(np.sqrt(self._fastest.max(initial=0.0))))
         if target is None:
             self.displacement.add(h, max(self.top_speed, top))
             self.top_speed = top
         return top
+
+    def _fastest_of_all(self, speed: float) -> float:
+        """The largest speed of all processes from that here."""
+        return speed
+
+    def numbers_of(self, marked: NDArray[np.bool_]) -> Indices:
+        """Numbers of the agents here that are marked, ascending.
+
+        Parameters
+        ----------
+        marked
+            For each agent of the group, shape (N,), or for all, shape (1,).
+        """
+        own = np.sort(self.ids[: self.n]).astype(np.int64)
+        found: Indices = own if len(marked) == 1 else own[marked[own]]
+        return found
+
+    def places_of(self, agents: Indices) -> Indices:
+        """Indices of agents that are here.
+
+        Parameters
+        ----------
+        agents
+            Their numbers.
+        """
+        own = self.ids[: self.n]
+        order = np.argsort(own, kind="stable")
+        found: Indices = order[np.searchsorted(own[order], agents)] if len(agents) else order[:0]
+        return found
 
     def recall_known(self, force: Reals, known: list[TileLists | None], rooms: list[Numbers]) -> None:
         """Go on with forces and lists of a checkpoint.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +38,19 @@ def _reordered(first, last, rows, order, n, size, target):  # type: ignore[no-un
             target[row, k] = rows[old, k]
 
 
+class Taking(NamedTuple):
+    """Arguments of the kernel that takes samples, see `flocking.engine.tiles.kernels.measure_kernel.measure_kernel`."""
+
+    marked: Numbers32
+    agents: Reals
+    target: Reals
+    ids: Numbers32
+    numbers: NDArray[np.uint64]
+    errors: Array
+    memory: Array
+    sizes: Array
+
+
 class SampleStore:
     """Samples of agents in sorted order.
 
@@ -46,7 +61,7 @@ class SampleStore:
     q, p
         Positions and velocities at the start by place, pads included, shape (size, m).
     n
-        Number of agents.
+        Number of agents here, of which the scenario may have more.
     dtype
         Precision of the state.
     memory_limit
@@ -74,7 +89,7 @@ class SampleStore:
         self.messages, self.n, self.workers = messages, n, workers
         self.size, columns = agents.shape
         m = columns // 2
-        schedule = messages.schedule(n)
+        schedule = messages.schedule(scenario.start.n)
         self.schedule = schedule
         self.alike = schedule.alike
         self._times = schedule.of_one if self.alike else schedule
@@ -87,12 +102,8 @@ class SampleStore:
             lossy = messages.loss is not None and not messages.loss.ideal
             self.oldest = self.expires if lossy else min(self.expires, self.oldest)
         self.depth = -(-self.oldest // least) + 2
-        needs = (self.depth + 1.0) * self.size * columns * np.dtype(dtype).itemsize
-        if needs > memory_limit or (self.depth + 1) * self.size >= MOST_ROWS:
-            raise InvalidInput(
-                "Messages", "expires", f"must leave few enough samples: {self.depth} of each agent take "
-                f"{needs / 2**30:.3g} GiB", messages.expires, "Shorten it, or raise memory_limit.",
-            )  # fmt: skip
+        self._agent_bytes, self._memory_limit = columns * np.dtype(dtype).itemsize, memory_limit
+        self.check_room()
         self.rows: Reals = np.zeros(((self.depth + 1) * self.size, columns), dtype)
         self.rows[self.depth * self.size :] = agents
         noise, loss = messages.noise, messages.loss
@@ -110,10 +121,25 @@ class SampleStore:
         self.speeds = Speeds()
         self.kind = MeasureKind(m, self.noise is not None, self.correlated, rounded, np.dtype(dtype).name)
         self._measure = measure_kernel(self.kind).measure
-        self._exact = exact
+        self.exact = exact
         self.numbers = loss_numbers(self.loss)
 
-    def heard(self, dimension: int, repeats: tuple[int, ...]) -> HeardSamples:
+    def check_room(self) -> None:
+        """Refuse more samples than there is memory for.
+
+        Raises
+        ------
+        InvalidInput
+            When there are.
+        """
+        needs = (self.depth + 1.0) * self.size * self._agent_bytes
+        if needs > self._memory_limit or (self.depth + 1) * self.size >= MOST_ROWS:
+            raise InvalidInput(
+                "Messages", "expires", f"must leave few enough samples: {self.depth} of each agent take "
+                f"{needs / 2**30:.3g} GiB", self.messages.expires, "Shorten it, or raise memory_limit.",
+            )  # fmt: skip
+
+    def heard(self, dimension: int, repeats: tuple[int, ...], shared: tuple[int, ...]) -> HeardSamples:
         """What of the messages determines the control kernel.
 
         Parameters
@@ -122,13 +148,15 @@ class SampleStore:
             Number of axes.
         repeats
             Axes of space that repeat.
+        shared
+            Graphs whose tiles share one list, by their index.
         """
         loss = self.loss
         flips = isinstance(loss, GilbertElliott) and loss.to_bad + loss.to_good > 1.0
         return HeardSamples(
             dimension, repeats, self.alike, "" if loss is None else type(loss).__name__,
             bool(getattr(loss, "paired", False)), self.jitter > 0, self.expires is not None, self.messages.predict,
-            flips,
+            flips, shared,
         )  # fmt: skip
 
     @property
@@ -193,21 +221,21 @@ class SampleStore:
         due = self.due(now)
         if not due.any():
             return
-        n, size, messages = self.n, self.size, self.messages
+        size, messages, here = self.size, self.messages, self.filled
         marked = np.zeros(size, np.int32)
-        marked[:n] = 1 if self.alike else due[ids[:n]]
+        marked[here] = 1 if self.alike else due[ids[here]]
         numbers = (self._times.count_until(now) - 1).astype(np.int64)
         if self.alike:
             place = int(numbers[0]) % self.depth
             target = self.rows[place * size : (place + 1) * size]
-            if self._exact:
+            if self.exact:
                 target[:] = agents
                 return
             each = numbers.astype(np.uint64)
         else:
             target = np.zeros_like(agents)
             each = np.zeros(size, np.uint64)
-            each[:n] = np.maximum(numbers[ids[:n]], 0)
+            each[here] = np.maximum(numbers[ids[here]], 0)
         memory = np.zeros(1)
         if self.correlated:
             assert self.noise is not None
@@ -215,17 +243,12 @@ class SampleStore:
             found = {int(x): self.noise.memory(int(x) * NANOSECOND) for x in np.unique(periods)}
             memory = np.array([found[int(periods[0])]]) if self.alike else np.zeros(size)
             if not self.alike:
-                memory[:n] = np.array([found[int(x)] for x in periods])[ids[:n]]
+                memory[here] = np.array([found[int(x)] for x in periods])[ids[here]]
         sizes = np.array([
             self.noise.position if self.noise else 0.0, self.noise.velocity if self.noise else 0.0,
             messages.resolution, messages.velocity_resolution,
         ])  # fmt: skip
-        off = np.zeros((size // 16, 2))
-        self.workers.each(
-            self._measure, size // 16, marked, agents, target, ids, each, self.errors, memory, sizes,
-            messages.seed & 0xFFFFFFFF, messages.seed >> 32, off,
-        )  # fmt: skip
-        largest = np.sqrt(off.max(axis=0))
+        largest = self._largest(self._taken(Taking(marked, agents, target, ids, each, self.errors, memory, sizes)))
         if self.alike:
             if self.keeps_truth:
                 self.truth[place * size : (place + 1) * size] = agents
@@ -236,6 +259,23 @@ class SampleStore:
         self.rows[places * size + where] = target[where]
         # Places of agents with other periods are written at other times: the largest deviations until now count.
         self.off[:] = np.maximum(self.off, largest)
+
+    def _taken(self, taking: Taking) -> Array:
+        """Take samples; the largest deviations of a position and a velocity, shape (2,)."""
+        tiles, seed = len(taking.marked) // 16, self.messages.seed
+        off = np.zeros((tiles, 2))
+        self.workers.each(self._measure, tiles, *taking, seed & 0xFFFFFFFF, seed >> 32, off)
+        found: Array = np.sqrt(off.max(axis=0, initial=0.0))
+        return found
+
+    def _largest(self, off: Array) -> Array:
+        """The largest deviations of all processes from those here."""
+        return off
+
+    @property
+    def filled(self) -> slice | NDArray[np.bool_]:
+        """The places at which there are agents."""
+        return slice(0, self.n)
 
     def own(self, now: int, agents: Reals, ids: Numbers32) -> Reals:
         """What each agent knows of itself at the nanosecond ``now``, shape (size, 2m).

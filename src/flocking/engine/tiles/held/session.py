@@ -111,31 +111,59 @@ class HeldTilesSession(HeldTruth):
             self._particles, self.scenario, "euler" if self.scenario.agents.order == 1 else "verlet"
         )
 
+    @classmethod
+    def longest_step(cls, scenario: Scenario, options: TilesOptions) -> float:
+        """The longest step that is chosen for a scenario in seconds, infinite for any.
+
+        Parameters
+        ----------
+        scenario
+            Its control is held.
+        options
+            Options of the engine.
+        """
+        session = cls.__new__(cls)
+        session._set_up(scenario, options)
+        return session._automatic_step()
+
     # Steps.
 
     def advance(self, to: float, seconds: float = np.inf) -> None:
         """Take steps until time ``to``, or for ``seconds`` of wall time; frames lie anywhere between."""
         if not to >= self.time - self.step * ON_STEP:
             raise InvalidInput("TilesSession", "to", f"must not be before the session's time, {self.time:g}", to)
-        stop, base, slack = time.monotonic() + seconds, self.scenario.start.t, self.step * ON_STEP
+        stop = time.monotonic() + seconds
         try:
-            while base + self._now * NANOSECOND + self.step <= to + slack:
+            while self._reaches_next(to):
                 interruption.check()
-                self._act()
-                self._record_frames(self.step - 2.0 * slack)
-                self._guarded(self._coast)
-                self._memory.steps += 1
-                self._memory.time = base + self._now * NANOSECOND
-                self._arrive()
+                self._take_step()
                 if time.monotonic() >= stop:
                     return
-            if to - base - self._now * NANOSECOND > slack:
-                self._act()
-                self._record_frames(to - base - self._now * NANOSECOND)
-                self._memory.time = to
+            self._go_on_to(to)
         except SimulationError as error:
             error.run = self.run(str(error))
             raise
+
+    def _reaches_next(self, to: float) -> bool:
+        """Whether the next step ends at time ``to`` or before."""
+        return self.scenario.start.t + self._now * NANOSECOND + self.step <= to + self.step * ON_STEP
+
+    def _take_step(self) -> None:
+        """Act, and move to the end of the next step."""
+        self._act()
+        self._record_frames(self.step * (1.0 - 2.0 * ON_STEP))
+        self._guarded(self._coast)
+        self._memory.steps += 1
+        self._memory.time = self.scenario.start.t + self._now * NANOSECOND
+        self._arrive()
+
+    def _go_on_to(self, to: float) -> None:
+        """Go on from the end of a step to a time before that of the next."""
+        ahead = to - self.scenario.start.t - self._now * NANOSECOND
+        if ahead > self.step * ON_STEP:
+            self._act()
+            self._record_frames(ahead)
+            self._memory.time = to
 
     def _coast(self) -> None:
         particles = self._particles
@@ -145,7 +173,13 @@ class HeldTilesSession(HeldTruth):
             frame = particles.displacement.velocity.astype(np.float64)
             particles.store.see_speed(self._now, frame, max(before, particles.top_speed))
         if not np.isfinite(particles.top_speed):
-            bad = np.flatnonzero(~np.isfinite(particles.X[:, : particles.n]).all(axis=0))
+            particles.agree(self._check_finite)
+            raise NotFinite("Velocities became infinite or NaN.", time=self.time)
+
+    def _check_finite(self) -> None:
+        particles = self._particles
+        bad = np.flatnonzero(~np.isfinite(particles.X[:, : particles.n]).all(axis=0))
+        if len(bad):
             raise NotFinite(
                 "Velocities or positions became infinite or NaN.", time=self.time,
                 agents=tuple(sorted(int(i) for i in particles.ids[bad[:10]])),
@@ -175,15 +209,14 @@ class HeldTilesSession(HeldTruth):
         now, particles = self._now, self._particles
         t = self.scenario.start.t + now * NANOSECOND
         self._change_gains(t, now * NANOSECOND)
-        if particles.store is not None:
-            particles.store.measure(now, particles.agents, particles.ids)
+        particles.measure(now)
         tick = self._due()
         if tick.any():
             self._tick(t, tick)
         changed = bool(tick.any() and not self._latency)
         while self._memory.waiting and self._memory.waiting[0][0] == now:
             _, agents, force = self._memory.waiting.pop(0)
-            particles.force[:, particles.place[agents]] = force.T
+            particles.force[:, particles.places_of(agents)] = force.T
             changed = True
         if changed and self.options.ledger:
             self._memory.ledger.act(powers_of(self.scenario, particles, t))
@@ -198,9 +231,9 @@ class HeldTilesSession(HeldTruth):
         before = particles.force.copy() if self._latency else None
         particles.act(t, now)
         if before is not None:
-            agents = np.flatnonzero(np.broadcast_to(tick, particles.n))
+            agents = particles.numbers_of(tick)
             self._memory.waiting.append(
-                (now + self._latency, agents, particles.force[:, particles.place[agents]].T.copy())
+                (now + self._latency, agents, particles.force[:, particles.places_of(agents)].T.copy())
             )
             particles.force[:] = before
 

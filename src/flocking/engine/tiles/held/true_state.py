@@ -84,7 +84,7 @@ class HeldTruth(TilesSession):
             return
         unlinked = self.scenario.energy.unlinked
         departed = float(self._memory.ledger.integrals[3])
-        self.records.add_ledger_row(t, self._memory.ledger.in_form, self._particles.n, unlinked, departed)
+        self.records.add_ledger_row(t, self._memory.ledger.in_form, self._particles.everyone, unlinked, departed)
         if not seconds and not np.isfinite(self.records.trace[-1][1]):
             raise infinite_start(self.scenario, self.scenario.start, self.records.trace[-1][1])
         eps = float(np.finfo(self._particles.dtype).eps)

@@ -43,6 +43,9 @@ class HeardSamples:
         Whether samples are moved on.
     flips
         Whether a channel of Gilbert and Elliott that is not drawn anew changes its state.
+    shared
+        Graphs whose tiles share one list, by their index: no sample is kept beside its entries, which stand for the
+        agents of every tile.
     """
 
     dimension: int
@@ -54,6 +57,7 @@ class HeardSamples:
     expires: bool
     predict: bool
     flips: bool
+    shared: tuple[int, ...]
 
     @property
     def draws(self) -> bool:
@@ -115,7 +119,7 @@ class HeardSamples:
     def _searched(self, number: int) -> list[str]:
         lines = [
             "receiver, sender = widen(load(ids, base)), widen(gather(ids, j))",
-            f"best = load(used{number}, at)",
+            "best = count ^ count" if number in self.shared else f"best = load(used{number}, at)",
             "open_ = other & (best < count)",
         ]
         if self.expires:
@@ -140,7 +144,7 @@ class HeardSamples:
             body += ["open_ = open_ & (np.uint32(back) < fresh)"]
         body += ["bits = bits_of(open_)"]
         lines += ["back = 0", "bits = bits_of(open_)", "while bits:", *("    " + x for x in body)]
-        return [*lines, f"store(used{number}, at, best)"]
+        return lines if number in self.shared else [*lines, f"store(used{number}, at, best)"]
 
     def _draw(self, purpose: str, one: str, two: str, number: str) -> str:
         word = int(Purpose[purpose]) << PURPOSE_SHIFT

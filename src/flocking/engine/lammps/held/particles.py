@@ -1,0 +1,190 @@
+"""Particle arrays of one rank under held control: forces, samples and links by what agents know go with the agents."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.arrays import AnyArray, Array, Indices, Numbers32, Reals
+from flocking.engine.lammps.domains.link_tables import link_table, mark_links, most_links
+from flocking.engine.lammps.domains.messages import fetched
+from flocking.engine.lammps.domains.particles import RankParticles
+from flocking.engine.lammps.held.samples import RankSampleStore
+from flocking.engine.lammps.ranks import Ranks
+from flocking.engine.tiles.held.held_particles import SPARE, HeldParticles
+from flocking.engine.tiles.held.messages import SampleStore
+from flocking.engine.tiles.kernels.spec import KernelSpec
+from flocking.engine.tiles.neighbours.listed_pairs import remember_links
+from flocking.engine.tiles.neighbours.neighbour_lists import NOBODY
+from flocking.engine.tiles.threads import Workers
+from flocking.model.law import Scenario
+from flocking.model.state import State
+
+Waiting = list[tuple[int, Indices, Reals]]
+"""Forces that act later: when, in nanoseconds, whose, and what, shape (agents, m)."""
+
+
+class HeldRankParticles(RankParticles, HeldParticles):
+    """The agents of this rank with the forces that act on them, and copies with what was heard of those.
+
+    Links by what agents know are sent with the agents as those of the truth are. All other numbers of an agent are
+    asked from the rank that had it, also for copies.
+
+    Parameters
+    ----------
+    scenario, state, spec, workers, memory_limit, skin, ranks, log
+        As for `RankParticles`.
+    tables
+        As there; those of links by what agents know follow those of true links.
+
+    Attributes
+    ----------
+    waiting
+        Forces of agents of this rank that act later.
+    """
+
+    store: RankSampleStore | None
+
+    def __init__(
+        self, scenario: Scenario, state: State, spec: KernelSpec, workers: Workers, memory_limit: float,
+        skin: float | None = None, *, ranks: Ranks, log: str = "none", tables: list[Numbers32] | None = None,
+    ) -> None:  # fmt: skip
+        self.waiting: Waiting = []
+        super().__init__(scenario, state, spec, workers, memory_limit, skin, ranks=ranks, log=log, tables=tables)
+        self._first_known_links = state.links if tables is None else None
+        self._nothing_known_yet = tables is None
+
+    def _new_store(self, scenario: Scenario, memory_limit: float) -> SampleStore:
+        return RankSampleStore(
+            scenario, self.agents, self.n, self.dtype, memory_limit, self.workers, self.ranks
+        )  # fmt: skip
+
+    def _resize(self) -> None:
+        super()._resize()
+        self.acting = np.zeros(self.size, np.int32)
+        self._fastest = np.zeros(self.tiles)
+        self.known_builders = [self._builder(old) for old in self.known_builders]
+        self.motion.reorder()
+
+    # --- rebuilds ---
+
+    def rebuild(self, step: float, skin: float | None = None) -> None:
+        """Exchange agents among the ranks with all that belongs to them, sort them and rebuild all lists.
+
+        Parameters
+        ----------
+        step, skin
+            As for `RankParticles.rebuild`.
+        """
+        if self.store is not None:
+            self.margin = SPARE * self.store.deviation(None)
+        before, columns = self.ids[: self.n].copy(), self.columns()
+        super().rebuild(step, skin)
+        self.hold_columns(fetched(self.ranks.comm, before, columns, self.ids))
+        self.forget_used()
+
+    def columns(self) -> AnyArray:
+        """The force of each agent of this rank, its samples, and its forces that act later, shape (n, `width`)."""
+        n = self.n
+        parts = [self.force[:, :n].T.astype(np.float64)]
+        parts += [self.store.columns()] if self.store is not None else []
+        for _, agents, force in self.waiting:
+            later, places = np.zeros((n, 1 + self.m)), self.places_of(agents)
+            later[places, 0], later[places, 1:] = 1.0, force
+            parts.append(later)
+        return np.concatenate(parts, axis=1)
+
+    @property
+    def width(self) -> int:
+        """Number of columns of `columns`."""
+        return self.m + (0 if self.store is None else self.store.width) + len(self.waiting) * (1 + self.m)
+
+    def hold_columns(self, columns: AnyArray) -> None:
+        """Hold what belongs to the agents that are here now.
+
+        Parameters
+        ----------
+        columns
+            A row of `columns` for each place; where forces act later those of `waiting` are replaced.
+        """
+        n, m, size = self.n, self.m, self.size
+        self.force = np.ascontiguousarray(columns[:size, :m].T.astype(self.dtype))
+        end = m
+        if self.store is not None:
+            end += self.store.width
+            self.store.hold(columns[:, m:end], n, size)
+        order = np.argsort(self.ids[:n], kind="stable")
+        numbers = self.ids[:n][order].astype(np.int64)
+        for k, (when, _, _) in enumerate(self.waiting):
+            later = columns[:n, end + k * (1 + m) : end + (k + 1) * (1 + m)][order]
+            here = later[:, 0] > 0.0
+            self.waiting[k] = (when, numbers[here], np.ascontiguousarray(later[here, 1:].astype(self.dtype)))
+
+    def _widths(self, tables: list[Numbers32] | None) -> list[Numbers32]:
+        found = super()._widths(tables)
+        if tables is None:
+            found += [np.zeros((self.everyone, 0), np.int32) for _ in self._known_with_memory]
+        return found
+
+    def _tables(self) -> list[Numbers32]:
+        found = super()._tables()
+        for number in self._known_with_memory:
+            lists = self.known[number]
+            if lists is None:
+                found.append(np.zeros((self.n, 0), np.int32))
+                continue
+            width = most_links(lists, self.n, self.workers)
+            found.append(link_table(lists, self.n, self.ids, width, self.workers))
+        return found
+
+    @property
+    def _known_with_memory(self) -> list[int]:
+        """Graphs whose links by what agents know go with the agents."""
+        return [k for k, kind in enumerate(self.control_spec.graphs) if kind.memory and not kind.fixed]
+
+    def _list_moving(self, skin: float, tables: list[Numbers32]) -> tuple[int, int] | None:
+        known = len(self._known_with_memory)
+        lost = super()._list_moving(skin, tables[: len(tables) - known])
+        self._list_known(skin + self.margin, tables[len(tables) - known :])
+        return lost
+
+    def _list_known(self, beyond: float, tables: list[Numbers32]) -> None:
+        """Build the lists of the graphs whose links by what agents know are not those of the truth."""
+        radii, left = self.radii, iter(tables)
+        for number, kind in enumerate(self.control_spec.graphs):
+            if kind.fixed or not (kind.memory or self.store is not None):
+                continue
+            each_reach = radii.each[number]
+            if kind.uneven:
+                each_reach = np.sqrt(each_reach) + self.dtype(beyond)
+            inside = radii.each[number] if kind.uneven else radii.limits[number][:1]
+            table = next(left, None) if kind.memory else None
+            fresh = kind.memory and (self._nothing_known_yet or table is None)
+            lists, _ = self.known_builders[number].build(
+                self.agents, radii.cutoffs[number] + beyond, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
+                begin2=inside if fresh else None, remember=kind.memory, beside=self._beside,
+            )  # fmt: skip
+            self.known[number] = lists
+            if table is not None and not fresh:
+                mark_links(lists, self.n, self.ids, table[self._received], self.workers)
+        self._nothing_known_yet = False
+        links, self._first_known_links = self._first_known_links, None
+        if links is not None and self.n and self.known[0] is not None and self.control_spec.graphs[0].memory:
+            remember_links(self.known[0], np.asarray(links), self.ids)
+
+    # --- steps ---
+
+    def coast(self, h: float, target: Reals | None = None) -> float:
+        """Move all agents by ``h``, see `HeldParticles.coast`; copies of a ``target`` are set. Collective."""
+        if self._begin is not None and target is None:
+            # Agents are divided among the ranks by where all ranks know them to be, which is at the start only.
+            self.rebuild(h)
+        top = super().coast(h, target)
+        if target is not None:
+            self.refresh_copies(target)
+        return top
+
+    def _fastest_of_all(self, speed: float) -> float:
+        largest: Array = np.array([speed if speed == speed else np.inf, self.notice])
+        found = self.ranks.reduced(largest, np.zeros(0))[0]
+        self.noticed = float(found[1])
+        return float(found[0])

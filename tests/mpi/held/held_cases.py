@@ -1,0 +1,101 @@
+"""Scenarios under held control on which the kernels on many ranks are held against the tiled engine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import flocking as fk
+from tests.engine.tiles.laws import PerAgentRadii
+from tests.mpi.laws import start
+
+N = 240
+EACH = np.arange(N)
+STEP = 0.01
+T_END = 0.8
+
+
+def _streams(dimension=2, speed=40.0, n=N):
+    """Two streams through each other, whose agents change ranks and links."""
+    state = start(dimension, n, speed=3.0)
+    way = np.where(np.arange(n) % 2, 1.0, -1.0)[:, None] * np.array([1.0, 0.4, 0.3][:dimension])
+    return fk.State(state.q, state.p + speed * way)
+
+
+def _law(graph=None, *terms):
+    pull = fk.Gradient(fk.Potential("(r - 7)**2/2"))
+    return fk.Law(graph or fk.Hysteresis(8.4, 1.0), [pull, fk.Consensus(0.3), *terms])
+
+
+def _made(law=None, state=None, control=None, **world):
+    control = control or fk.Held(0.05, latency=0.02)
+    return fk.Scenario(law or _law(), state or _streams(), t_end=T_END, frames=5, control=control, **world)
+
+
+def _lossy(loss, **more):
+    """Late and lost messages; ``expires`` bounds how far what is known may be from the truth."""
+    given = {"period": 0.05, "delay": 0.013, "jitter": 0.04, "expires": 0.2, "seed": 5} | more
+    return fk.Messages(given.pop("period"), loss=loss, **given)
+
+
+PERIODS = STEP * (3 + EACH % 5)
+PHASES = STEP * (EACH % 4)
+
+CASES = {
+    "held": _made,
+    "held, in space": lambda: _made(state=_streams(3), control=fk.Held(0.05, phase=0.02)),
+    "each by itself, masses and damping": lambda: _made(
+        control=fk.Held(PERIODS, phase=PHASES, latency=0.12), bodies=fk.PointMass(np.linspace(1, 2, N), damping=0.5)
+    ),
+    "late, without ledger": lambda: _made(
+        _law(fk.Proximity(8.4)), control=fk.Held(0.05, phase=0.03), information=fk.Messages(0.05, phase=0.02)
+    ),
+    "held in periodic space": lambda: _made(space=fk.Periodic([110.0, 120.0])),
+    "scheduled, centre of mass": lambda: _made(
+        _law(None, fk.Track(fk.Velocity([1.0, 0.0]), 0.0, fk.Schedule([0.4], [1.0, 2.0]))),
+        energy=fk.Energy("centre of mass"),
+    ),
+    "held, order 1": lambda: _made(
+        fk.Law(fk.Proximity(8.4), [fk.Gradient(fk.Potential("(r - 4)**2"))]), _streams(speed=0.0),
+        bodies=fk.SingleIntegrator(),
+    ),
+    "messages, late": lambda: _made(information=fk.Messages(0.05, delay=0.023)),
+    "messages, late and moved on": lambda: _made(information=fk.Messages(0.05, delay=0.06, predict=True)),
+    "messages lost": lambda: _made(information=_lossy(fk.Bernoulli(0.3))),
+    "messages lost in bursts, noise with memory": lambda: _made(
+        information=_lossy(
+            fk.GilbertElliott(0.3, 0.5, 0.05, 0.9, paired=True), noise=fk.OrnsteinUhlenbeck(0.05, 0.02, 0.3),
+            resolution=0.01, self_known="measured",
+        )
+    ),
+    "each sends by itself, noise with memory": lambda: _made(
+        information=_lossy(
+            fk.Bernoulli(0.3, paired=True), period=PERIODS, phase=PHASES, predict=True,
+            noise=fk.OrnsteinUhlenbeck(0.05, 0.02, 0.3), velocity_resolution=0.01, self_known="measured",
+        ),
+        control=fk.Held(PERIODS[::-1].copy(), phase=PHASES, latency=0.03),
+    ),
+    "messages lost with distance, noise, periodic": lambda: _made(
+        information=_lossy(fk.DistanceLoss(9.0), noise=fk.WhiteNoise(0.02, 0.05)), space=fk.Periodic([110.0, None])
+    ),
+    "messages with radii of each agent": lambda: _made(
+        _law(PerAgentRadii(np.random.default_rng(8).uniform(5.0, 9.0, N))), information=_lossy(fk.Bernoulli(0.2))
+    ),
+    "messages, all linked": lambda: _made(
+        fk.Law(fk.Complete(), [fk.CuckerSmale(1.0, 0.5)]), information=_lossy(fk.Bernoulli(0.2), jitter=0.0)
+    ),
+    "messages, fixed links": lambda: _made(
+        _law(fk.Fixed.random_connected(N, 0.03, 1)), information=_lossy(None, expires=None)
+    ),
+    "messages, order 1": lambda: _made(
+        fk.Law(fk.Hysteresis(8.4, 1.0), [fk.Gradient(fk.Potential("(r - 4)**2"))]), _streams(speed=0.0),
+        bodies=fk.SingleIntegrator(), information=_lossy(fk.Bernoulli(0.3), noise=fk.WhiteNoise(0.02, 0.0)),
+    ),
+}  # fmt: skip
+
+
+def case(name):
+    """Scenario of a case, and the options that it needs: a thin skin makes agents be exchanged often."""
+    made = CASES[name]()
+    moving = any(graph.moves for graph in made.law.graphs)
+    options = {"step": STEP} | ({"skin": 0.5} if moving else {})
+    return made, options | ({"ledger": False} if "without ledger" in name else {})
