@@ -22,6 +22,8 @@ HOMES = {
     "change what beta- and gamma-agents do": "class Avoid(",
     "add a body": "class PointMass(",
     "change how robots on wheels follow the law": "class Unicycle(",
+    "change how large groups of headings are updated": "def turn(",
+    "change how kernels are given to threads": "class Workers:",
     "change how a safety filter changes forces": "class ForceFilter:",
     "change how agents keep their stopping paths apart": "def between(",
     "add a guarantee of consensus on graphs that switch": "def switching_certificates(",

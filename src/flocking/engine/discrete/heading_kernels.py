@@ -58,7 +58,17 @@ class Agents(NamedTuple):
 
 @native
 def move(cells, agents, time, cell, start):  # type: ignore[no-untyped-def]
-    """Move agents along their velocities, and count them in cells."""
+    """Move agents along their velocities, and count them in cells.
+
+    Parameters
+    ----------
+    cells, agents
+        The torus, and the agents.
+    time
+        For how long they move.
+    cell, start
+        Take the cell of each agent, shape (N,), and how many are in the cell before each, shape (cells + 1,).
+    """
     for k in range(cells.rows * cells.columns + 1):
         start[k] = 0
     inverse_x, inverse_y = cells.columns / cells.width, cells.rows / cells.height
@@ -79,7 +89,17 @@ def move(cells, agents, time, cell, start):  # type: ignore[no-untyped-def]
 
 @native
 def sort(agents, into, cell, start, filled, order):  # type: ignore[no-untyped-def]
-    """Sort agents by their cells, those of a cell by their numbers: sums are a function of the state alone."""
+    """Sort agents by their cells, those of a cell by their numbers: sums are a function of the state alone.
+
+    Parameters
+    ----------
+    agents, into
+        The agents, and where they are put in order.
+    cell, start
+        As `move` left them; ``start`` becomes the place of the first agent of each cell.
+    filled, order
+        Room for a number of each cell, and of each agent.
+    """
     for k in range(start.shape[0] - 1):
         start[k + 1] += start[k]
         filled[k] = 0
@@ -104,7 +124,19 @@ def sort(agents, into, cell, start, filled, order):  # type: ignore[no-untyped-d
 
 @native
 def turn(first, last, cells, rule, tick, start, agents, keep, means):  # type: ignore[no-untyped-def]
-    """New velocities of the agents in rows ``first`` to ``last`` of cells; if ``keep``, also what they average."""
+    """New velocities of the agents in rows ``first`` to ``last`` of cells; if ``keep``, also what they average.
+
+    Parameters
+    ----------
+    first, last
+        The first row, and the one after the last.
+    cells, rule, start, agents
+        The torus, speed and noise, the place of the first agent of each cell, and the agents in order.
+    tick
+        How often they have ticked before.
+    keep, means
+        1 where averages are kept in ``means``, shape (N, 2).
+    """
     x, y, vx, vy = agents.inside_x, agents.inside_y, agents.vx, agents.vy
     for row in range(first, last):
         for column in range(cells.columns):

@@ -81,9 +81,10 @@ class Seen:
         vectors
             One vector for each pair.
         """
-        found = np.empty(self.q.shape)
-        for k in range(found.shape[1]):
-            found[:, k] = np.bincount(self.of, vectors[:, k], minlength=len(found))
+        n, dimension = self.q.shape
+        found = np.empty((n, dimension))
+        for k in range(dimension):
+            found[:, k] = np.bincount(self.of, vectors[:, k], minlength=n)
         return found
 
 

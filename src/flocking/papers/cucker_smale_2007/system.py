@@ -207,7 +207,9 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         PARTING: parting_pair,
         DELAYED: lambda seed: delayed_group(seed=seed, name=DELAYED),
         REACTION: lambda seed: late_pair(drawn(seed, LATE, 0.5, 1.5), name=REACTION).with_(seed=seed),
-        MONOTONE: lambda seed: late_pair(drawn(seed, MONOTONE_LATE, 0.1, 0.36), name=MONOTONE).with_(seed=seed),
+        MONOTONE: lambda seed: late_pair(
+            drawn(seed, MONOTONE_LATE, 0.1, 0.36), duration=2.0 * DURATION, name=MONOTONE
+        ).with_(seed=seed),
         DISCRETE: lambda seed: discrete_group(seed=seed, name=DISCRETE),
         UNSTABLE: lambda seed: late_pair(
             drawn(seed, TOO_LATE, 1.65, 2.5), duration=2.0 * DURATION, name=UNSTABLE
