@@ -227,3 +227,18 @@ def test_series_share_one_style(run):
     axes = series.velocities(run)
     assert not axes.spines["top"].get_visible()
     assert axes.xaxis.label.get_size() == 8
+
+
+@pytest.mark.parametrize("options", [{}, {"trails": True, "arrows": False}])
+def test_a_film_over_a_still_picture_of_the_axes_is_the_one_drawn_whole(run, tmp_path, monkeypatch, options):
+    from flocking.show import animate as module
+
+    fk.animate(run, tmp_path / "over.gif", seconds=0.2, **options)
+    drawn = []
+    monkeypatch.setattr(module, "_draw_over", lambda canvas, still: (drawn.append(1), canvas.draw()))
+    fk.animate(run, tmp_path / "whole.gif", seconds=0.2, **options)
+    assert drawn
+    assert (tmp_path / "over.gif").read_bytes() == (tmp_path / "whole.gif").read_bytes()
+    monkeypatch.setattr(module, "_draw_over", lambda canvas, still: canvas.restore_region(still))
+    fk.animate(run, tmp_path / "empty.gif", seconds=0.2, **options)
+    assert (tmp_path / "empty.gif").read_bytes() != (tmp_path / "whole.gif").read_bytes()

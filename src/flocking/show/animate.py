@@ -6,7 +6,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 from subprocess import CalledProcessError
-from typing import BinaryIO, Unpack
+from typing import TYPE_CHECKING, Any, BinaryIO, Unpack
 
 import numpy as np
 
@@ -18,6 +18,11 @@ from flocking.model.checks import Array, integer, number
 from flocking.show.film import Film, Pictures
 from flocking.show.plane import NetOptions, net
 from flocking.show.style import figure, in_style, themed
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 SUFFIXES = (".mp4", ".gif")
 
@@ -183,8 +188,13 @@ def _film(
     made.set_dpi(dpi)
     canvas = FigureCanvasAgg(made)
 
+    still: Any = None
+
     def save(target: BinaryIO, **_: object) -> None:
-        canvas.draw()
+        if still is None:
+            canvas.draw()
+        else:
+            _draw_over(canvas, still)
         target.write(canvas.buffer_rgba())
 
     # Saving a figure draws it twice, once to measure its extent; the extent of a film is known.
@@ -213,6 +223,8 @@ def _film(
     made.draw_without_rendering()
     places = [axes.get_position() for axes in made.axes]
     made.set_layout_engine("none")
+    if len(made.axes) == 1 and not space and not follow:
+        still = _without_moving(canvas)
     with writer.saving(made, str(path), dpi), Pictures(progress, len(frames)) as drawn:
         for k in frames:
             draw(int(k))
@@ -220,6 +232,33 @@ def _film(
                 axes.set_position(place)
             writer.grab_frame()
             drawn.count()
+
+
+def _moving(axes: Axes) -> list[Artist]:
+    """What a film draws anew for each picture, in the order of drawing."""
+    legend = axes.get_legend()
+    every = [*axes.lines, *axes.collections, *axes.patches, *axes.texts, *axes.images, *axes.artists, axes.title]
+    return sorted([*every, *([] if legend is None else [legend])], key=lambda artist: artist.get_zorder())
+
+
+def _without_moving(canvas: FigureCanvasAgg) -> Any:
+    """The picture of axes alone: drawing ticks and their labels takes half the time of a film in which they stay."""
+    moving = _moving(canvas.figure.axes[0])
+    canvas.draw()
+    for artist in moving:
+        artist.set_visible(False)
+    canvas.draw()
+    for artist in moving:
+        artist.set_visible(True)
+    return canvas.copy_from_bbox(canvas.figure.bbox)
+
+
+def _draw_over(canvas: FigureCanvasAgg, still: Any) -> None:
+    """Draw what moves over the picture of the axes."""
+    (axes,) = canvas.figure.axes
+    canvas.restore_region(still)
+    for artist in _moving(axes):
+        axes.draw_artist(artist)
 
 
 def _limits(run: Run, follow: bool) -> Array:

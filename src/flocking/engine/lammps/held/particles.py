@@ -15,7 +15,7 @@ from flocking.engine.tiles.held.messages import SampleStore
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.listed_pairs import remember_links
 from flocking.engine.tiles.neighbours.neighbour_lists import NOBODY
-from flocking.engine.tiles.threads import Workers
+from flocking.engine.fixed_step.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
