@@ -21,6 +21,8 @@ MAY_IMPORT = {
     "engine/driver/lammps_export.py",  # writes an input deck and runs nothing
     "engine/nodes/nodes.py",  # agents that filter their forces themselves, as that engine does
     "engine/nodes/session.py",  # the sampled engine's world, with agents in processes of their own
+    "papers/vicsek_1995/large_groups.py",  # the update of headings itself, whose groups are too large for frames
+    "papers/vicsek_1995/order_curves.py",  # asks whether that update computes a scenario
     "study/evidence/repetitions.py",  # repeats runs of the delayed engine with shorter steps
     "study/certificates/safety_certificates.py",  # the braking paths of which the certificate speaks
 }

@@ -6,7 +6,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 from subprocess import CalledProcessError
-from typing import TYPE_CHECKING, Any, BinaryIO, Unpack
+from typing import TYPE_CHECKING, BinaryIO, Unpack
 
 import numpy as np
 
@@ -188,7 +188,7 @@ def _film(
     made.set_dpi(dpi)
     canvas = FigureCanvasAgg(made)
 
-    still: Any = None
+    still: object = None
 
     def save(target: BinaryIO, **_: object) -> None:
         if still is None:
@@ -241,7 +241,7 @@ def _moving(axes: Axes) -> list[Artist]:
     return sorted([*every, *([] if legend is None else [legend])], key=lambda artist: artist.get_zorder())
 
 
-def _without_moving(canvas: FigureCanvasAgg) -> Any:
+def _without_moving(canvas: FigureCanvasAgg) -> object:
     """The picture of axes alone: drawing ticks and their labels takes half the time of a film in which they stay."""
     moving = _moving(canvas.figure.axes[0])
     canvas.draw()
@@ -253,7 +253,7 @@ def _without_moving(canvas: FigureCanvasAgg) -> Any:
     return canvas.copy_from_bbox(canvas.figure.bbox)
 
 
-def _draw_over(canvas: FigureCanvasAgg, still: Any) -> None:
+def _draw_over(canvas: FigureCanvasAgg, still: object) -> None:
     """Draw what moves over the picture of the axes."""
     (axes,) = canvas.figure.axes
     canvas.restore_region(still)

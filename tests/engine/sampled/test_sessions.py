@@ -122,7 +122,7 @@ def test_a_force_without_a_value_names_the_agent():
     assert error.value.run is not None
 
 
-@pytest.mark.parametrize("engine", ["exact", "delayed", "lammps"])
+@pytest.mark.parametrize("engine", ["exact", "delayed"])
 def test_other_engines_refuse_by_name(engine):
     for parts in ({"information": fk.Instant()}, {"control": fk.Continuous()}):
         with pytest.raises(UnsupportedLaw, match=r"would be left out"):

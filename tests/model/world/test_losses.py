@@ -99,7 +99,8 @@ def test_distance_loss():
         lambda: fk.Held(0.1, latency=-1),
         lambda: fk.WhiteNoise(-1.0),
         lambda: fk.OrnsteinUhlenbeck(1.0, 1.0, 0.0),
-        lambda: fk.Messages(0.1, noise=0.2),
+        lambda: fk.Messages(0.1, noise=-0.2),
+        lambda: fk.Messages(0.1, noise=True),
     ],
 )  # fmt: skip
 def test_wrong_values_are_refused(make):

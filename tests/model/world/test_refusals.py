@@ -39,7 +39,7 @@ def test_a_wrong_value_is_one_error_that_names_it(kind, name):
     ("kind", "given"),
     [
         ("Held", {"period": 0.0}), ("Held", {"period": 1e-10}), ("Held", {"period": 1e9}), ("Held", {"latency": True}),
-        ("Messages", {"loss": 1.5}), ("Messages", {"loss": True}), ("Messages", {"noise": 0.1}),
+        ("Messages", {"loss": 1.5}), ("Messages", {"loss": True}), ("Messages", {"noise": -0.1}),
         ("Messages", {"seed": True}), ("Messages", {"seed": 1.0}), ("Messages", {"seed": 2**63}),
         ("Messages", {"self_known": "guessed"}), ("Messages", {"expires": 0.0}), ("Messages", {"predict": 1}),
         ("Bernoulli", {"probability": 1.1}), ("Bernoulli", {"paired": 1}), ("DistanceLoss", {"range": 0.0}),

@@ -249,8 +249,7 @@ class ImperfectSession(Session):
         seconds
             Now, since the start.
         """
-        bad = np.flatnonzero(~np.isfinite(force).all(axis=1))
-        if bad.size:
+        if (bad := np.flatnonzero(~np.isfinite(force).all(axis=1))).size:
             raise NotFinite("A force is infinite or NaN.", time=self._base + seconds, agents=(int(agents[bad[0]]),))
 
     def _watch(self, seconds: float, length: Array, changed: Links) -> None:
@@ -267,8 +266,10 @@ class ImperfectSession(Session):
         """
         if not self._rules.ways.any():
             return
-        paths = self._paths(seconds)
-        size = float(np.abs(paths.S[0]).max())
+        # A motion may change before the end that it was given: its later switches do not take place.
+        self.crossings = [x for x in self.crossings if not (changed[x[1]] or changed[x[2]])]
+        heapq.heapify(self.crossings)
+        size = float(np.abs((paths := self._paths(seconds)).S[0]).max())
         for s, i, j, graph in pair_events(paths, length, changed, self.links, *self._rules, size):
             heapq.heappush(self.crossings, (float(seconds + s), int(i), int(j), int(graph)))
 
@@ -294,8 +295,7 @@ class ImperfectSession(Session):
             self.jumped += self.energy - before
         else:
             self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
-        slow = is_tangential(speed, float(np.linalg.norm(w)))
-        kind = "break" if breaks else "appear"
+        slow, kind = is_tangential(speed, float(np.linalg.norm(w))), "break" if breaks else "appear"
         self.records.switches.append((self._base + seconds, i, j, kind, graph, speed, slow, math.nan, math.nan))
         self._record_row(seconds)
 

@@ -94,7 +94,7 @@ _OPTIONS = Names(
     {},
     {"step": Maybe(Real()), "skin": Maybe(Real()), "ledger": Maybe(Integer()), "observe": Flag(),
      "keep_log": Maybe(Text()), "forces": Text(), "scheme": Nothing(), "precision": Text(), "threads": Nothing(),
-     "keep_frames": Flag(), "memory_limit": Nothing()},
+     "keep_frames": Flag(), "memory_limit": Nothing(), "ledger_at": Text()},
 )  # fmt: skip
 
 

@@ -97,7 +97,13 @@ def evaluate(
 
 
 def evaluate_each(scenario: Scenario, states: Iterable[State]) -> list[Evaluation]:
-    """What `evaluate` gives for each state under the law of a scenario, which is taken apart once."""
+    """What `evaluate` gives for each state under the law of a scenario, which is taken apart once.
+
+    Parameters
+    ----------
+    states
+        States of the agents of the scenario.
+    """
     law, agents, energy, space = scenario.law, scenario.agents, scenario.energy, scenario.space
     layout = Layout(law, energy, agents, space, steering=True)
     taken_apart = layout, array_kernels(layout, scenario.start.dimension)
@@ -366,11 +372,9 @@ def control_of(
         if not isinstance(seen_one, Agent) or len(seen_one.q) != m:
             raise InvalidInput("control_of", "neighbours", rule, seen_one)
     count = 1 + max([agent.index, *(b.index for group in lists.values() for b in group)])
-    P, A, W = _known_slots(law, layout, agent, count, mass, damping, t)
-    u = np.zeros(m)
+    (P, A, W), u = _known_slots(law, layout, agent, count, mass, damping, t), np.zeros(m)
     for number, graph in enumerate(law.graphs):
-        seen = list(lists.get(graph, []))
-        if not seen:
+        if not (seen := list(lists.get(graph, []))):
             continue
         together = State(np.array([agent.q, *(b.q for b in seen)]), np.array([agent.p, *(b.p for b in seen)]), t)
         k = np.arange(1, len(seen) + 1)

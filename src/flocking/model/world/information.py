@@ -113,7 +113,7 @@ class Messages(Information):
         if isinstance(self.loss, int | float) and not isinstance(self.loss, bool):
             object.__setattr__(self, "loss", Bernoulli(probability("Messages", "loss", self.loss)))
         if isinstance(self.noise, int | float) and not isinstance(self.noise, bool):
-            object.__setattr__(self, "noise", WhiteNoise(self.noise))
+            object.__setattr__(self, "noise", WhiteNoise(number("Messages", "noise", self.noise, least=0.0)))
         for name, kind in (("loss", Loss), ("noise", Noise)):
             if not isinstance(getattr(self, name), kind | None):
                 raise InvalidInput("Messages", name, f"must be a {name}, or None", getattr(self, name))

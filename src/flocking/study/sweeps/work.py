@@ -117,17 +117,17 @@ def _simulated(work: Work, task: Task) -> Run:
     scenario = work.make(**task.parameters, seed=task.seed)
     if not isinstance(scenario, Scenario):
         raise InvalidInput("sweep", "make", "must give a Scenario", scenario)
-    run = _followed(scenario, work.options) if work.gives_up else simulate(scenario, progress=False, **work.options)
+    run = _followed(scenario, work) if work.gives_up else simulate(scenario, progress=False, **work.options)
     if run.status.startswith("interrupted"):
         raise KeyboardInterrupt
     return run
 
 
-def _followed(scenario: Scenario, options: Mapping[str, Any]) -> Run:
+def _followed(scenario: Scenario, work: Work) -> Run:
     """A run that is given up where it hardly advances."""
     from flocking.engine.driver.simulate import drive, start
 
-    session = start(scenario, **options)
+    session = start(scenario, **work.options)
     session.records.check_fits()
     return drive(session, progress=False, watch=_GivesUp(session))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import AnyArray, Array, Indices, Numbers32, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps.domains.link_tables import link_table, mark_links, most_links
 from flocking.engine.lammps.domains.messages import fetched
 from flocking.engine.lammps.domains.particles import RankParticles
@@ -15,7 +16,6 @@ from flocking.engine.tiles.held.messages import SampleStore
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.listed_pairs import remember_links
 from flocking.engine.tiles.neighbours.neighbour_lists import NOBODY
-from flocking.engine.fixed_step.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Array, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.tiles.held.messages import SampleStore, Taking
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
-from flocking.engine.fixed_step.threads import Workers
 from flocking.model.law import Scenario
 
 
