@@ -15,6 +15,8 @@ def said(value: object) -> str:
         text = repr(_plain(value))
     except ValueError:  # Python prints no number of thousands of digits
         text = "a number with thousands of digits"
+    except Exception:  # what somebody else's objects raise, or a list that contains itself
+        text = f"an object of type {type(value).__name__} that cannot be printed"
     return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
 
 

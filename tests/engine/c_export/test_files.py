@@ -102,3 +102,43 @@ def test_the_command_writes_a_folder_whose_example_runs(tmp_path, capsys):
     assert u == pytest.approx(expected, rel=1e-5, abs=1e-5)
     with pytest.raises(StorageError, match="not an empty folder"):
         fk.export_c(found, folder)
+
+
+def numbers_of(law, agents=None, **options):
+    """What the README says of each symbol."""
+    n = 9
+    start = fk.State(3.0 * np.arange(2.0 * n).reshape(n, 2), np.zeros((n, 2)), 5.0)
+    files = c_files(fk.Scenario(law, start, 6.0, agents=agents or fk.Agents()), **options)
+    rows = [line.strip("| ").split(" | ") for line in files["README.md"].splitlines() if line.startswith("| $")]
+    return {what: value for _, what, value in rows}, files
+
+
+def test_the_readme_says_every_number_or_names_its_table():
+    """Numbers that change are said with their times; none is rounded."""
+    gains = np.arange(9.0)
+    track = fk.Track(fk.Velocity([1.0, 0.0]), fk.Schedule([6.0, 7.5], [1.0, 4.0, 0.1]), gains)
+    weights = fk.MatrixWeights(np.ones((9, 9)) - np.eye(9))
+    few = fk.Avoid([fk.Ball([50.0, 5.0], 0.5), fk.Ball([90.0, 5.0], 0.7)], range=2.0, repulsion_gain=5.0,
+                   gamma_agents=False)  # fmt: skip
+    law = fk.Law(fk.Proximity(4.0), [fk.Consensus(1 / 3), fk.Consensus(weights=weights), track, few])
+    found, files = numbers_of(law, fk.Agents(1.0 + gains, 0.1), limit=1.23456789123)
+    assert found["mass"] == "one for each agent: read by no formula"
+    assert found["damping"] == "0.1"
+    assert found["term0 gain"] == repr(1 / 3)
+    assert found["term2 position_gain"] == "1.0 from 0 s on, 4.0 from 1 s on, 0.1 from 2.5 s on"
+    assert found["obstacles0 radius"] == "0.5, 0.7, of obstacles 0 to 1"
+    for what, slot in (("term2 velocity_gain", "A2"), ("term1 weights", "W0")):
+        each = "agent" if slot == "A2" else "pair"
+        assert found[what] == f"one for each {each}: `law_{slot}` in `law.c`"
+        assert f"law_{slot}[" in files["law.c"]
+    assert "Largest force: 1.23456789123;" in files["README.md"]
+    three = scenario(agents=fk.Agents([1.0, 2.0, 3.5]))
+    assert "| mass | 1.0, 2.0, 3.5, of agents 0 to 2 |" in c_files(three)["README.md"]
+
+
+def test_the_readme_says_how_often_a_filter_halves():
+    filtered = scenario(control=fk.SafetyFilter(0.1, distance=0.1234567, acceleration=5.0))
+    for single, halvings in ((False, 60), (True, 28)):
+        text = c_files(filtered, float32=single)["README.md"]
+        assert f"halves numbers up to {halvings} times" in text
+        assert "distance 0.1234567)" in text

@@ -9,6 +9,7 @@ from flocking.papers import keys, paper
 from tests.contracts.strategies import STRUCTURES, case_of
 from tests.engine.c_export.building import CODES, CompiledLaw, needs_compiler
 from tests.engine.c_export.judging import judged, random_surroundings
+from tests.engine.reference.test_controller import SIDED
 
 pytestmark = needs_compiler
 EPS = np.finfo(float).eps
@@ -146,11 +147,18 @@ def test_faults_have_codes_and_change_no_links(tmp_path):
     assert (u == usual).all()
 
 
-def test_a_neighbour_beyond_a_pole_has_a_code(tmp_path):
-    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("1/(4 - r)"))])
+@pytest.mark.parametrize(("formula", "distances"), SIDED, ids=[formula for formula, _ in SIDED])
+def test_a_neighbour_on_the_wrong_side_of_a_pole_has_a_code(formula, distances, tmp_path):
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential(formula))])
     compiled = CompiledLaw(tmp_path, scenario_of(law, 2))
-    for distance, said in ((3.9, "OK"), (4.0, "POLE"), (5.0, "POLE")):
-        assert compiled.force(0, [0.0, 0.0], [0.0, 0.0], {1: ([distance, 0.0], [0.0, 0.0])})[0] == CODES[said]
+    codes = {"farther": "POLE", "nearer": "POLE", "finite": "NO_FORCE", "": "OK"}
+    for distance, said in distances.items():
+        code, u, _ = compiled.force(0, [0.0, 0.0], [0.0, 0.0], {1: ([distance, 0.0], [0.0, 0.0])})
+        assert code == CODES[codes[said]]
+        if not said:
+            assert u == pytest.approx(fk.Controller(law, agents=2)(
+                0.0, [0.0, 0.0], [0.0, 0.0], ids=[1], q=[[distance, 0.0]], p=[[0.0, 0.0]]
+            ))  # fmt: skip
 
 
 def test_schedules_limits_and_periodic_space(tmp_path):

@@ -128,6 +128,14 @@ def test_an_agent_whose_process_was_killed_coasts_and_is_forgotten():
     assert (run.q[before] == fk.simulate(found, progress=False).q[before]).all()
 
 
+def test_what_happens_after_the_last_tick_is_counted_too():
+    """Nothing in the motion shows it."""
+    found = scenario(t_end=0.52)
+    run = local(found, faults=[Kill(1, 0.515), Restart(2, 0.1), Restart(2, 0.1), Kill(3, 0.511), Restart(3, 0.511)])
+    assert (run.provenance["agents killed"], run.provenance["agents restarted"]) == (2, 3)
+    assert same(local(found, faults=[Restart(2, 0.1)]), run)
+
+
 def test_a_cut_radio_silences_an_agent_for_others_and_others_for_it():
     found = scenario(t_end=3.0)
     cut = local(found, faults=[Cut(2, 0.5, 1.5)])
@@ -169,6 +177,12 @@ def test_real_time_needs_a_latency_and_faults_an_agent():
         local(scenario(), real_time=-1.0)
     with pytest.raises(InvalidInput, match="Kill: agent must be below the number of agents, 5"):
         local(scenario(), faults=[Kill(5, 1.0)])
+    for fault in (Kill(3, 4.0), Restart(3, 99.0), Cut(3, 4.5, 5.0)):
+        with pytest.raises(InvalidInput, match=f"{type(fault).__name__}: time must be before the end of the run, 4 s"):
+            local(scenario(), faults=[fault])
+    for faults in ([Kill(3, 1.0), Kill(3, 2.0)], [Kill(3, 2.0), Restart(3, 3.0), Kill(3, 1.0)]):
+        with pytest.raises(InvalidInput, match="Kill: agent must not have ended before, at 2 s; got 3"):
+            local(scenario(), faults=faults)
     assert fault_of(Cut, "3@1.5-2.5") == Cut(3, 1.5, 2.5)
     assert fault_of(Kill, "0@2") == Kill(0, 2.0)
     for kind, text in ((Kill, "3"), (Kill, "3@1-2"), (Cut, "3@1"), (Restart, "x@1")):

@@ -144,13 +144,24 @@ class Odd:
     """Something that is no number."""
 
 
+class Unprintable:
+    """Something that cannot be said in a message either."""
+
+    def __repr__(self):
+        raise RuntimeError
+
+
+LOOP: list = []
+LOOP.append(LOOP)
+
+
 @pytest.mark.parametrize("name", ["t", "own_q", "own_p", "ids", "q", "p", "stamps"])
 @pytest.mark.parametrize(
     "wrong",
     [None, "a", "1", b"1", ["a"], [["1", "2"]], [None], [[1.0], [1.0, 2.0]], {}, {"a": 1}, Odd(), [Odd()], 1j,
      [1j, 0.0], np.array([1j, 0.0]), [10**400], 10**400, [[[1.0]]], np.array(["1"]), object, [True],
-     np.datetime64("2026-01-01")],
-    ids=lambda x: ascii(x)[:20],
+     np.datetime64("2026-01-01"), Unprintable(), [Unprintable()], LOOP],
+    ids=lambda x: type(x).__name__,
 )  # fmt: skip
 def test_arguments_of_other_types_are_refused_in_a_sentence(name, wrong):
     if name == "stamps" and wrong is None:
@@ -206,6 +217,35 @@ def test_a_neighbour_beyond_a_pole_is_named():
         fk.Controller(law, agents=2)(0.0, [0.0, 0.0], ids=[1], q=[[3.0, 4.0]], **CALM)
 
 
+SIDED = [
+    ("1/(r - 1)", {0.0: "farther", 0.5: "farther", 1.0: "farther", 2.0: ""}),
+    ("-log(r - 1)", {0.5: "farther", 2.0: ""}),
+    ("1/(4 - r)", {3.0: "", 4.0: "nearer", 5.0: "nearer"}), ("-log(4 - r)", {3.0: "", 5.0: "nearer"}),
+    ("1/(r - 1)**2", {0.5: "", 2.0: "", 1.0: "finite"}),
+    ("1/(r - 1) + 1/(4 - r)", {0.5: "farther", 2.0: "", 5.0: "nearer"}),
+]  # fmt: skip
+"""Potentials between which fixed links hold agents, and at which distances they are refused, with which words."""
+
+
+@pytest.mark.parametrize(("formula", "distances"), SIDED, ids=[formula for formula, _ in SIDED])
+def test_poles_have_a_wrong_side_by_what_the_potential_does_there(formula, distances):
+    """Agents that a barrier keeps apart act at all distances beyond it, as in a simulation."""
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential(formula))])
+    for r, said in distances.items():
+        controller = fk.Controller(law, agents=2)
+        others = [fk.Agent([r, 0.0], [0.0, 0.0], 1)]
+        if said:
+            with pytest.raises(InvalidInput, match=f"Controller: q must be .*{said}"):
+                controller(0.0, [0.0, 0.0], ids=[1], q=[[r, 0.0]], **CALM)
+            with pytest.raises(InvalidInput, match="control_of: neighbours must be at distances"):
+                fk.control_of(law, fk.Agent([0.0, 0.0], [0.0, 0.0], 0), others)
+        else:
+            expected = fk.control(law, fk.State([[0.0, 0.0], [r, 0.0]], np.zeros((2, 2))))[0]
+            assert controller(0.0, [0.0, 0.0], ids=[1], q=[[r, 0.0]], **CALM) == pytest.approx(expected, rel=1e-12)
+            found = fk.control_of(law, fk.Agent([0.0, 0.0], [0.0, 0.0], 0), others)
+            assert found == pytest.approx(expected, rel=1e-12)
+
+
 def test_poles_within_the_reach_of_links_are_watched():
     """A link from before a pole may be carried past it; the slope of a logarithm goes on where it has no value."""
     for formula in ("1/(3.7 - r)", "-log(3.7 - r)"):
@@ -224,6 +264,8 @@ def test_poles_within_the_reach_of_links_are_watched():
         (lambda: fk.Controller(fk.Law(TRIO, [fk.Consensus(functional=True)]), agents=3), "distributed"),
         (lambda: fk.Controller(3), "law must be a Law"),
         (lambda: fk.Controller(LAW, 5, agents=5), "agent must be below"),
+        (lambda: fk.Controller(LAW, agents=10**12), "agents must be at most 10000000"),
+        (lambda: fk.Controller(LAW, dimension=10**9), "dimension must be at most 64"),
         (lambda: fk.Controller(LAW, limit=0.0), "limit"), (lambda: fk.Controller(LAW, expires=-1.0), "expires"),
         (lambda: fk.Controller(LAW, mass=0.0), "mass"), (lambda: fk.Controller(LAW, space=2), "space"),
         (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus()])), "must link by distances"),

@@ -105,6 +105,28 @@ def test_a_distance_within_its_error_of_the_radius_is_open():
     assert found["connected"] is found["neighbours-kept"] is Verdict.NOT_RESOLVED
 
 
+@pytest.mark.parametrize("side", [2.0, 30.0])
+def test_of_an_imperfect_world_what_needs_no_law_is_judged(side):
+    """No ledger of samples says whether its law acted; what is seen at the samples is said all the same."""
+    law = fk.Law(fk.Hysteresis(3.0, 0.4), [fk.Gradient(fk.Potential("k*(r - 2)**2/2", k=0.2)), fk.Consensus(0.3)])
+    declared = fk.Scenario(
+        law, fk.start.box(4, side=side, speed=1.0, seed=3), 2.0, frames=81, control=fk.Held(0.05),
+        information=fk.Messages(0.1, delay=0.03, seed=4),
+    )  # fmt: skip
+    run = fk.simulate(declared, progress=False)
+    report = motion_of(Samples(run.t, run.q, run.p, tuple("0123")), declared).audit()
+    keys = [r.claim.key for r in report.results]
+    assert len(keys) == len(set(keys))
+    together = Verdict.HOLDS if side == 2.0 else Verdict.FAILS
+    assert report["connected"].verdict is together
+    assert report["apart"].verdict is Verdict.HOLDS
+    assert report["mean-velocity"].verdict is not Verdict.NOT_RESOLVED
+    assert report["ledger"].verdict is Verdict.NOT_APPLICABLE
+    assert report["all-apart"].verdict is Verdict.NOT_RESOLVED
+    if side == 2.0:
+        assert "samples do not show whether the law moved the agents: messages" in report["all-apart"].note
+
+
 def test_law_and_samples_must_fit(sampled):
     declared, run = sampled
     samples = Samples(run.t, run.q, run.p, tuple(map(str, range(run.n))))

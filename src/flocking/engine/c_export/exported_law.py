@@ -54,8 +54,8 @@ class ExportedGraph:
         Whether agents at the distance itself are linked at a start.
     fixed
         Links that never change, shape (N, N); None where they follow distances.
-    pole
-        Distance of the first pole that bounds the distances of neighbours; infinite where there is none.
+    poles
+        Distances of the poles between which neighbours must be; 0 and infinite where there are none.
     averages
         Whether terms average over an agent and its neighbours.
     """
@@ -63,7 +63,7 @@ class ExportedGraph:
     radii: Array
     closed: bool
     fixed: Links | None
-    pole: float
+    poles: tuple[float, float]
     averages: bool
 
 
@@ -212,9 +212,9 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
     for k, graph in enumerate(law.graphs):
         radii = [np.broadcast_to(np.asarray(x, float), n) for x in (graph.appear_radius, graph.break_radius)]
         fixed = None if graph.moves else np.asarray(graph.initial(scenario.start.q), dtype=bool)
-        pole = min(bounding_poles(law, k), default=np.inf)
+        poles = bounding_poles(law, k)
         closed = bool(getattr(graph, "closed", False))
-        graphs.append(ExportedGraph(np.stack(radii, axis=1), closed, fixed, pole, averages(law, k)))
+        graphs.append(ExportedGraph(np.stack(radii, axis=1), closed, fixed, poles, averages(law, k)))
     control = scenario.control if isinstance(scenario.control, SafetyFilter) else None
     if control is not None and limit is not None:
         raise InvalidInput(

@@ -13,7 +13,7 @@ STATUS = (
     ("FULL", "no slot is free, and none is given up for one so far away; the message is not used"),
     ("TIME", "the time is before that of the last call or of a message, or out of range"),
     ("COINCIDENT", "a neighbour is at the agent's own place, where the law has no force"),
-    ("POLE", "a neighbour is at or beyond a pole of a potential"),
+    ("POLE", "a neighbour is at a pole of a potential, or on the wrong side of it"),
     ("NO_FORCE", "the force is not finite, or an angle too large to be reduced"),
     ("ROOM", "the message is used; for it the farthest sender was forgotten that is not linked"),
 )

@@ -170,14 +170,11 @@ class _Writer:
 
     def _pole(self, graph: ExportedGraph, zero: str) -> list[str]:
         """Lines that note a neighbour where the law may have no force."""
-        found = []
-        if np.isfinite(graph.pole):
-            found = [
-                f"if (seen->distance[slot] >= {self.c.literal(graph.pole)})",
-                "{",
-                f"    pole = {self.X}POLE;",
-                "}",
-            ]
+        found, (least, most) = [], graph.poles
+        wrong = [f"(seen->distance[slot] <= {self.c.literal(least)})"] if least > 0.0 else []
+        wrong += [f"(seen->distance[slot] >= {self.c.literal(most)})"] if np.isfinite(most) else []
+        if wrong:
+            found = [f"if ({' || '.join(wrong)})", "{", f"    pole = {self.X}POLE;", "}"]
         return [*found, f"if (!(seen->distance[slot] > {zero}))", "{", f"    meets = {self.X}COINCIDENT;", "}"]
 
     def obstacles(self, number: int) -> str:

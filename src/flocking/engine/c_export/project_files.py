@@ -5,17 +5,24 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from flocking.engine.c_export.elementary_functions import BOUNDS
 from flocking.engine.c_export.exported_law import ExportedLaw
 from flocking.engine.c_export.header import STATUS
+from flocking.engine.c_export.projection_source import DOUBLE, SINGLE
 from flocking.engine.c_export.steering_source import steering_latex
 from flocking.engine.runs.provenance import provenance
+from flocking.model.world.times import NANOSECOND
 
 if TYPE_CHECKING:
     import sympy
 
 FLAGS = "-std=c99 -ffp-contract=off -Wall -Wextra -Werror"
 """Flags of the compiler: contracted products would change bits, and what a warning says is an error."""
+
+SHOWN = 8
+"""Most numbers of agents or obstacles that the README lists; it names the table of more."""
 
 
 def example(law: ExportedLaw, name: str) -> str:
@@ -107,7 +114,12 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     bounds = "\n".join(f"| `{f}` | {BOUNDS[f][0]:g} {BOUNDS[f][1]} |" for f in sorted(used & set(BOUNDS)))
     receiver = f"forgotten after {law.expires} ns" if law.expires is not None else "never forgotten"
     receiver += ", and moved on with the velocity they tell" if law.predict else ", and held as they were sent"
-    limit = "none" if law.limit is None else f"{law.limit:g}; longer forces are scaled back"
+    limit = "none" if law.limit is None else f"{law.limit!r}; longer forces are scaled back"
+    halvings = (
+        f"; the safety filter halves numbers up to {(SINGLE if single else DOUBLE).halvings} times"
+        if law.filter is not None
+        else ""
+    )
     rule = ""
     if scenario.agents.discrete:
         rule = (
@@ -120,7 +132,7 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
         )
     elif law.filter is not None:
         rule = (
-            f"The force is that of a safety filter (form {law.filter.form!r}, distance {law.filter.distance:g}), which "
+            f"The force is that of a safety filter (form {law.filter.form!r}, distance {law.filter.distance!r}), which "
             f"looks at all whose states are kept. `memory.filtered` and `memory.relaxed` say what it did. Where the "
             f"code is not `{X}_OK` the force is zero and nothing is filtered: brake."
         )
@@ -133,7 +145,7 @@ States of neighbours are {receiver}. Largest force: {limit}.
 
 Build it with `{FLAGS}`, without `-ffast-math`: the results are then the same bits on every processor that follows
 IEEE 754. There is no heap, no library of mathematics, and every loop ends after at most {law.neighbours} neighbours,
-{sum(count for _, count in law.ranges)} obstacles or eight corrections of a root.
+{sum(count for _, count in law.ranges)} obstacles or eight corrections of a root{halvings}.
 
 ## Calls
 
@@ -150,7 +162,7 @@ Times are nanoseconds from the start of the scenario. Within single precision a 
 
 ## The law
 
-{formulas(law)}
+{formulas(law, name, sources[f"{name}.c"])}
 
 ## Elementary functions
 
@@ -167,8 +179,16 @@ Sines of angles beyond a thousand (single) or a million (double) are NaN, which 
 """
 
 
-def formulas(law: ExportedLaw) -> str:
-    """The formulas of the law as LaTeX, with the values of their parameters."""
+def formulas(law: ExportedLaw, name: str, source: str) -> str:
+    """The formulas of the law as LaTeX, with the values of their parameters.
+
+    Parameters
+    ----------
+    law, name
+        As for `flocking.engine.c_export.header.header`.
+    source
+        Text of the source, whose tables are named.
+    """
     import sympy
 
     names: dict[sympy.Symbol, str] = {}
@@ -188,18 +208,41 @@ def formulas(law: ExportedLaw) -> str:
     for term in law.scenario.law.steering_terms:
         lines += [f"{type(term).__name__}, over all of whom a state is known:", "", f"$${steering_latex(term)}$$", ""]
     for number, group in enumerate(law.formulas.obstacles):
-        lines += [f"Obstacles {number}, within the range {law.ranges[number][0]:g} of their surface:", ""]
+        lines += [f"Obstacles {number}, within the range {law.ranges[number][0]!r} of their surface:", ""]
         lines += [f"$$\\mathrm{{{name}}} = {latex(e)}$$\n" for stage in group.stages() for name, e in stage.items()
                   if name not in ("dissipation", "supply")]  # fmt: skip
-    kinds = {"P": law.P[0], "A": None, "W": None, "O": None}
-    rows = []
-    for (owner, what), slot in law.layout.slots.items():
-        values = kinds[slot[0]]
-        said = repr(float(values[int(slot[1:])])) if values is not None else "see the table in the source"
-        rows.append(f"| ${slot[0]}_{{{slot[1:]}}}$ | {owner} {what} | {said} |")
-    table = [
-        "| symbol | parameter | value |",
-        "| --- | --- | --- |",
-        "| $A_0$, $A_1$ | mass, damping | see the source |",
-    ]
-    return "\n".join([*lines, *table, *rows])
+    table = ["| symbol | parameter | value |", "| --- | --- | --- |"]
+    slots = {"A0": "mass", "A1": "damping"} | {
+        slot: f"{owner} {what}" for (owner, what), slot in law.layout.slots.items()
+    }
+    table += [f"| ${s[0]}_{{{s[1:]}}}$ | {what} | {_value(law, s, name, source)} |" for s, what in slots.items()]
+    return "\n".join([*lines, *table])
+
+
+def _value(law: ExportedLaw, slot: str, name: str, source: str) -> str:
+    """Numbers of a parameter in words, after each change; the name of their table where they are many."""
+    number = int(slot[1:])
+    if slot[0] in "PA":
+        values = law.P[:, [number]] if slot[0] == "P" else law.A[:, number]
+    else:
+        values = law.W[number].reshape(1, -1) if slot[0] == "W" else law.rows[[number]]
+    # As they stand in the table.
+    values = np.nan_to_num(values)
+    if (values == values[:1]).all():
+        values = values[:1]
+    one = bool((values == values[:, :1]).all()) and slot[0] != "O"
+    if not one and (slot[0] == "W" or values.shape[1] > SHOWN or len(values) > 1):
+        each = {"A": "agent", "W": "pair", "O": "obstacle"}[slot[0]]
+        table = f"{name}_{slot}"
+        return f"one for each {each}: " + (
+            f"`{table}` in `{name}.c`" if f" {table}[" in source else "read by no formula"
+        )
+    said = ", ".join(repr(float(x)) for x in (values[:, 0] if one else values[0]))
+    if one and len(values) > 1:
+        times = (0, *law.changes)
+        said = ", ".join(
+            f"{float(x)!r} from {t * NANOSECOND:.9g} s on" for x, t in zip(values[:, 0], times, strict=True)
+        )
+    elif values.shape[1] > 1 and not one:
+        said += f", of {'agents' if slot[0] == 'A' else 'obstacles'} 0 to {values.shape[1] - 1}"
+    return said

@@ -53,6 +53,8 @@ class ObstacleDistances:
                     self.groups.append(group)
         self._distance = [g.obstacles[0].distance_function() for g in self.groups]
         self._rows = [np.array([v.values for v in g.rows.values()]) for g in self.groups]
+        self._columns = [list(rows) for rows in self._rows]
+        self._ranges = [level for level in self.levels if level.kind == "obstacle"]
 
     def distances(self, group: int, q: Array, t: float) -> Array:
         """Signed distances of all agents from the obstacles of a group, shape (N, K)."""
@@ -68,8 +70,17 @@ class ObstacleDistances:
 
     def met(self, q: Array, t: float) -> list[tuple[Indices, Indices]]:
         """Agents within range of an obstacle, and the obstacles, of every group."""
-        levels = (level for level in self.levels if level.kind == "obstacle")
-        return [(i, o) for i, o in (np.nonzero(self.within(level, q, t)) for level in levels)]
+        return [(i, o) for i, o in (np.nonzero(self.within(level, q, t)) for level in self._ranges)]
+
+    def met_by_one(self, q: Array, t: float) -> list[Indices]:
+        """Obstacles within whose range one agent at ``q``, shape (1, m), is, of every group."""
+        found = []
+        for level in self._ranges:
+            count = len(self.groups[level.group].obstacles)
+            points = q if count == 1 else q.repeat(count, axis=0)
+            distance = self._distance[level.group](points, np.full(count, t), self._columns[level.group])
+            found.append((distance <= level.distance).nonzero()[0])
+        return found
 
     def clearance(self, group: int, points: Array, t: Array, obstacle: Indices) -> Array:
         """Signed distances of points, shape (k, m), at times ``t`` from one obstacle of a group each; shape (k,)."""

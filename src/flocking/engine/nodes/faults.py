@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flocking.errors import InvalidInput
@@ -27,7 +28,7 @@ class Kill:
 
 @dataclass(frozen=True)
 class Restart:
-    """The process of an agent begins anew and knows nothing.
+    """The process of an agent begins anew and knows nothing; one that still runs is ended first.
 
     Parameters
     ----------
@@ -61,8 +62,13 @@ class Cut:
 Fault = Kill | Restart | Cut
 
 
-def check_faults(faults: tuple[Fault, ...], n: int) -> None:
-    """Check that faults are of agents that there are.
+def in_order(faults: Sequence[Fault]) -> list[Kill | Restart]:
+    """What happens to processes in the order of its times; of one time, in the order given."""
+    return sorted((fault for fault in faults if not isinstance(fault, Cut)), key=lambda fault: fault.time)
+
+
+def check_faults(faults: tuple[Fault, ...], n: int, duration: float) -> None:
+    """Check that faults are of agents that there are, and happen during the run.
 
     Parameters
     ----------
@@ -70,19 +76,32 @@ def check_faults(faults: tuple[Fault, ...], n: int) -> None:
         The faults.
     n
         Number of agents.
+    duration
+        Seconds from the start to the end of the run.
 
     Raises
     ------
     InvalidInput
-        When one is not, or a time is out of range.
+        When one is not or does not, or kills an agent whose process has ended.
     """
     for fault in faults:
         name = type(fault).__name__
         if integer(name, "agent", fault.agent, least=0) >= n:
             raise InvalidInput(name, "agent", f"must be below the number of agents, {n}", fault.agent)
-        number(name, "time", fault.time, least=0.0)
+        if number(name, "time", fault.time, least=0.0) >= duration:
+            raise InvalidInput(
+                name, "time", f"must be before the end of the run, {duration:.9g} s after its start", fault.time
+            )
         if isinstance(fault, Cut):
             number(name, "until", fault.until, above=fault.time)
+    ended: set[int] = set()
+    for fault in in_order(faults):
+        if isinstance(fault, Kill) and fault.agent in ended:
+            raise InvalidInput(
+                "Kill", "agent", f"must not have ended before, at {fault.time:.9g} s", fault.agent,
+                "Let it begin anew in between, by Restart.",
+            )  # fmt: skip
+        (ended.add if isinstance(fault, Kill) else ended.discard)(fault.agent)
 
 
 def fault_of(kind: type[Fault], text: str) -> Fault:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.session import ImperfectSession
-from flocking.engine.nodes.faults import Cut, Fault, Kill, Restart, check_faults
+from flocking.engine.nodes.faults import Cut, Fault, Kill, Restart, check_faults, in_order
 from flocking.engine.nodes.nodes import START
 from flocking.engine.nodes.processes import PATIENCE, Agents
 from flocking.engine.nodes.recording import Recording
@@ -116,7 +116,7 @@ class NodeSession(SampledSession):
         self, scenario: Scenario, agents: Agents, *, faults: Sequence[Fault] = (), real_time: float | None = None,
         patience: float = PATIENCE, recording: Recording | None = None,
     ) -> None:  # fmt: skip
-        check_faults(tuple(faults), scenario.start.n)
+        check_faults(tuple(faults), scenario.start.n, scenario.t_end - scenario.start.t)
         self.recording = recording
         super().__init__(scenario)
         start = scenario.start
@@ -128,7 +128,7 @@ class NodeSession(SampledSession):
         self.knowledge, self._heard.unsent = self._heard, set()
         cuts = [f for f in faults if isinstance(f, Cut)]
         self._heard.cuts = [(f.agent, round(f.time * PER_SECOND), round(f.until * PER_SECOND)) for f in cuts]
-        self._coming = sorted((f for f in faults if not isinstance(f, Cut)), key=lambda f: f.time)
+        self._coming = in_order(faults)
         self._told = np.full((self.n, self.n), START, dtype=np.int64)
         self.killed, self.restarted, self.late = 0, 0, 0
         self.dead_ticks = 0
@@ -156,7 +156,19 @@ class NodeSession(SampledSession):
             if ahead > 0.0:
                 clock.sleep(ahead)
             self.behind = max(self.behind, -ahead)
-        while self._coming and self._coming[0].time <= seconds:
+        self._strike(self._instant)
+        super()._change()
+
+    def advance(self, to: float, seconds: float = np.inf) -> None:
+        """Go on until time ``to``, or for ``seconds`` of wall time."""
+        super().advance(to, seconds)
+        if self.time >= self.scenario.t_end:
+            # What happens to agents after the last instant of the run.
+            self._strike(round((self.scenario.t_end - self._base) * PER_SECOND))
+
+    def _strike(self, instant: int) -> None:
+        """What happens to agents until an instant."""
+        while self._coming and round(self._coming[0].time * PER_SECOND) <= instant:
             fault = self._coming.pop(0)
             if isinstance(fault, Kill):
                 self.agents.kill(fault.agent)
@@ -165,7 +177,6 @@ class NodeSession(SampledSession):
                 self.agents.restart(fault.agent)
                 self.restarted += 1
                 # What it is told again is what arrives from now on.
-        super()._change()
 
     def _answers(self, requests: dict[int, Request]) -> dict[int, Answer]:
         """Ask the agents that there are; answers that do not come in time are counted."""

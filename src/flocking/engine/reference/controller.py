@@ -32,6 +32,10 @@ from flocking.model.terms.schedules import Schedule
 MOST_NEIGHBOURS = 1024
 """Number of agents that may be heard of where none is given."""
 
+MOST_AGENTS, MOST_AXES = 10_000_000, 64
+"""Largest number of agents that may be heard of, for which a controller takes half a gigabyte, and of axes, whose
+formulas take a second to compile."""
+
 NOT_FINITE, NO_AGENT, TWICE, NO_STAMP = 1, 2, 3, 4
 """Faults of what is known of the others: a number that is not finite, an agent that is not, one given twice, a stamp
 that is not finite or in the future."""
@@ -167,6 +171,9 @@ class Controller:
         self.law, self.space = law, space
         self.m = integer("Controller", "dimension", dimension, least=1)
         self.count = integer("Controller", "agents", agents, least=1)
+        for parameter, most, given in (("dimension", MOST_AXES, self.m), ("agents", MOST_AGENTS, self.count)):
+            if given > most:
+                raise InvalidInput("Controller", parameter, f"must be at most {most}", given)
         self.agent = integer("Controller", "agent", agent, least=0)
         if self.agent >= self.count:
             raise InvalidInput("Controller", "agent", f"must be below the number of agents, {self.count}", agent)
@@ -197,11 +204,11 @@ class Controller:
             self._lengths[axis] = length if np.isfinite(length) else 0.0
         self._averages = [averages(law, k) for k in range(len(law.graphs))]
         self._counts = any(self._averages)
-        self._poles = [min(bounding_poles(law, k), default=np.inf) for k in range(len(law.graphs))]
+        self._poles = [bounding_poles(law, k) for k in range(len(law.graphs))]
         # A link breaks before it comes to a pole at the radius itself.
         self._meets_poles = any(
-            pole <= leave if kind == CLOSED else pole < leave
-            for pole, (_, leave, kind) in zip(self._poles, rules, strict=True)
+            least > 0.0 or (most <= leave if kind == CLOSED else most < leave)
+            for (least, most), (_, leave, kind) in zip(self._poles, rules, strict=True)
         )
         self._rates = np.empty(3)
         self._rows: dict[int, Array] = {}
@@ -297,8 +304,8 @@ class Controller:
         ------
         InvalidInput
             When an argument is malformed or not finite, the time is before that of the last call, a stamp is in the
-            future, or the law has no force: at the place of a neighbour, or beyond a pole of a potential. Links are
-            then those of the last call.
+            future, or the law has no force: at the place of a neighbour, or on the wrong side of a pole of a
+            potential. Links are then those of the last call.
         """
         own, moving = numbers("own_q", own_q), numbers("own_p", own_p)
         who, places, speeds = identifiers(ids), numbers("q", q), numbers("p", p)
@@ -327,9 +334,10 @@ class Controller:
         if fault:
             self._refuse_known(int(fault), who, measured)
         sensed = self._sensed
-        for place, (_, near) in enumerate(self._obstacles.met(Q[:1], t) if self._obstacles.groups else ()):
+        for place, near in enumerate(self._obstacles.met_by_one(Q[:1], t) if self._obstacles.groups else ()):
             total = int(offsets[graphs + place])
-            sensed = np.concatenate([sensed[:total], near])
+            if len(near):
+                sensed = np.concatenate([sensed[:total], near])
             offsets[graphs + place + 1] = total + len(near)
         u = self._force(t, Q, V, who, sensed[: int(offsets[-1])], offsets)
         size = math.hypot(*u.tolist())
@@ -382,12 +390,14 @@ class Controller:
 
     def _refuse_no_force(self, u: Array, who: Indices, offsets: Indices) -> None:
         """Refuse neighbours where the law has no force."""
-        for g, pole in enumerate(self._poles):
+        for g, (least, most) in enumerate(self._poles):
             for place in self._sensed[int(offsets[g]) : int(offsets[g + 1])]:
-                if self._r[place - 1] >= pole:
+                r = float(self._r[place - 1])
+                if r >= most or (least > 0.0 and r <= least):
+                    side, pole = ("nearer", most) if r >= most else ("farther", least)
                     raise InvalidInput(
-                        "Controller", "q", f"must be nearer than the pole of the potential, {pole:.9g}",
-                        f"agent {who[place - 1]} at distance {self._r[place - 1]:.9g}",
+                        "Controller", "q", f"must be {side} than the pole of the potential, {pole:.9g}",
+                        f"agent {who[place - 1]} at distance {r:.9g}",
                     )  # fmt: skip
         if not np.isfinite(u).all():
             used = np.where(self._r[: len(who)] < 0.0, np.inf, self._r[: len(who)])

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.model.law import Law
-from flocking.model.potentials.poles import poles
+from flocking.model.potentials.poles import poles, sides
 from flocking.model.terms.pair_terms import Gradient
 
 Indices = NDArray[np.integer]
@@ -44,17 +44,31 @@ def _potentials_over(law: Law, graph: int) -> list[Gradient]:
     return [term for term in law.pair_terms if isinstance(term, Gradient) and law.graph_number(term) == graph]
 
 
-def bounding_poles(law: Law, graph: int) -> list[float]:
-    """Poles of potentials beyond which no link of a graph appears, ascending: they bound the distances of neighbours.
+def bounding_poles(law: Law, graph: int) -> tuple[float, float]:
+    """Distances between which neighbours of a graph are, by the poles of potentials; 0 and infinity without poles.
+
+    No link that appears or breaks by distances appears beyond the nearest pole that its radius does not reach. Where
+    links never change a pole has a wrong side if the potential falls to it there, or has no value, and rises to it on
+    the other one. Where it rises on both sides, or falls, neighbours may be on either.
 
     Parameters
     ----------
     graph
         Number of the graph.
     """
+    least, most = 0.0, np.inf
     appears = float(np.max(np.asarray(law.graphs[graph].appear_radius)))
-    found = (pole for term in _potentials_over(law, graph) for pole in poles(term.potential))
-    return sorted(pole for pole in found if appears <= pole)
+    for term in _potentials_over(law, graph):
+        for pole in poles(term.potential):
+            if law.graphs[graph].moves:
+                most = min(most, pole) if appears <= pole else most
+                continue
+            below, above = sides(term.potential, pole)
+            if above == "ends" or (below == "rises" and above == "falls"):
+                most = min(most, pole)
+            elif below == "ends" or (below == "falls" and above == "rises"):
+                least = max(least, pole)
+    return least, most
 
 
 def check_neighbours(
@@ -62,7 +76,7 @@ def check_neighbours(
 ) -> None:
     """Check that forces are finite, and that neighbours are within the poles of the potentials.
 
-    A pole bounds the distances of neighbours if no link of the graph appears beyond it.
+    Which poles bound the distances of neighbours `bounding_poles` says.
 
     Parameters
     ----------
@@ -79,10 +93,13 @@ def check_neighbours(
         When a pair is elsewhere; the error names both agents and their distance.
     """
     distance = np.sqrt((offsets**2).sum(axis=1))
-    for pole in bounding_poles(law, graph):
-        if (distance >= pole).any():
-            k = int(np.argmax(distance >= pole))
-            fix = f"The potential is infinite at distance {pole:.9g}: a pair inside never comes past it."
+    least, most = bounding_poles(law, graph)
+    for side, pole, wrong in (
+        ("inside", most, distance >= most), ("outside", least, (distance <= least) & (least > 0.0)),
+    ):  # fmt: skip
+        if wrong.any():
+            k = int(np.argmax(wrong))
+            fix = f"The potential is infinite at distance {pole:.9g}: a pair {side} never comes past it."
             raise _refused(owner, offsets[k], pairs, k, fix)
     for term in _potentials_over(law, graph):
         # The slope of a logarithm goes on where the logarithm itself has no value.

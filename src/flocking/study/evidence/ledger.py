@@ -100,6 +100,8 @@ class LedgerEvidence(LinkEvidence):
                 f"samples too far apart for a ledger: {self.ledger_bound:.1e} may be missing of the "
                 f"{self.energy_moved:.1e} moved"
             )
+        if self.residual > self.ledger_bound and (world := self.run.scenario.imperfections):
+            return f"samples do not show whether the law moved the agents: {world}"
         if self.residual > self.ledger_bound and self.uncertain_links.any():
             return f"{self._ledger_sizes}, but samples leave some links uncertain"
         if self.ledger_bound < self.residual <= DOUBT * self.ledger_bound:

@@ -16,6 +16,7 @@ from flocking.model.state import State
 from flocking.model.terms.pair_terms import Consensus
 from flocking.study.claims.audit import Report, audit
 from flocking.study.claims.claims_without_law import claims_without_law
+from flocking.study.claims.general_claims import GENERAL
 from flocking.study.sample_files.samples import LARGEST_FILE, Samples
 from flocking.study.sample_files.velocities import SPREADS, Velocities, smoothed_velocities
 from flocking.study.trajectory import SAMPLES, closest_of, largest_gap, run_from_samples
@@ -47,8 +48,20 @@ class SampledMotion:
     radius: float | None = None
 
     def audit(self) -> Report:
-        """Judge what no law is needed for, where none was declared; else the general claims."""
-        return audit(self.run, None if self.has_law else claims_without_law(self.radius))
+        """Judge what no law is needed for, where none was declared; else the general claims.
+
+        In a world with held control, delays or messages no ledger of samples can show that the law moved the agents.
+        What no law is needed for is judged there too, in place of the general claims of the same name.
+        """
+        if not self.has_law:
+            return audit(self.run, claims_without_law(self.radius))
+        scenario = self.run.scenario
+        if not scenario.imperfections:
+            return audit(self.run)
+        farthest = float(np.max(np.asarray(scenario.law.graph.break_radius)))
+        beside = claims_without_law(farthest if scenario.law.graph.moves and np.isfinite(farthest) else None)
+        named = {claim.key for claim in beside}
+        return audit(self.run, [*beside, *(claim for claim in GENERAL if claim.key not in named)])
 
 
 def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: float | None = None) -> SampledMotion:
