@@ -10,7 +10,7 @@ from flocking.apps.cli import main
 from flocking.engine.c_export.export import c_files
 from flocking.errors import InvalidInput, StorageError, UnsupportedLaw
 from flocking.model.graphs.views import FieldOfView
-from tests.engine.c_export.building import COMPILER, needs_compiler
+from tests.engine.c_export.building import COMPILER, FLAGS, needs_compiler
 
 LAW = fk.Law(fk.Hysteresis(4.0, 0.5), [fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=4.0)), fk.Consensus(0.7)])
 START = fk.State([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0]], np.zeros((3, 2)))
@@ -142,3 +142,20 @@ def test_the_readme_says_how_often_a_filter_halves():
         text = c_files(filtered, float32=single)["README.md"]
         assert f"halves numbers up to {halvings} times" in text
         assert "distance 0.1234567)" in text
+
+
+@needs_compiler
+@pytest.mark.parametrize("level", ["-O0", "-O2", "-O3", "-Os"])
+@pytest.mark.parametrize("kept", [1, 2])
+def test_no_level_of_optimisation_warns(kept, level, tmp_path):
+    """Where loops are unrolled the compiler looks at every index that bounds allow: one slot has no second."""
+    filtered = {"control": fk.SafetyFilter(0.1, distance=0.1, acceleration=5.0)}
+    heard = {"control": fk.Held(0.1), "information": fk.Messages(0.1, expires=0.5)}
+    for number, (parts, single) in enumerate([({}, False), (filtered, True), (heard, True)]):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        for name, text in c_files(scenario(**parts), float32=single, neighbours=kept).items():
+            (folder / name).write_text(text)
+        flags = [flag for flag in FLAGS if flag not in ("-O1", "-shared", "-fPIC")]
+        done = subprocess.run([COMPILER, *flags, level, "-c", "law.c"], cwd=folder, capture_output=True, text=True)
+        assert not done.stderr

@@ -134,7 +134,7 @@ int32_t {x}receive({x}memory *memory, int64_t now, const {x}message *message)
         }}
         memory->used[slot / 32u] |= (uint32_t)1u << (slot % 32u);
         place = {x}place(memory, message->sender);
-        for (k = memory->count; k > place; k--)
+        for (k = memory->count; (k > place) && (k < {X}NEIGHBOURS); k--)
         {{
             memory->order[k] = memory->order[k - 1u];
         }}
@@ -182,7 +182,7 @@ static void {x}drop({x}memory *memory, uint16_t place)
         memory->links[g][slot / 32u] &= mask;
     }}
     memory->count--;
-    for (k = place; k < memory->count; k++)
+    for (k = place; (k < memory->count) && ((k + 1u) < {X}NEIGHBOURS); k++)
     {{
         memory->order[k] = memory->order[k + 1u];
     }}

@@ -63,7 +63,13 @@ Fault = Kill | Restart | Cut
 
 
 def in_order(faults: Sequence[Fault]) -> list[Kill | Restart]:
-    """What happens to processes in the order of its times; of one time, in the order given."""
+    """What happens to processes in the order of its times; of one time, in the order given.
+
+    Parameters
+    ----------
+    faults
+        The faults, of any kind.
+    """
     return sorted((fault for fault in faults if not isinstance(fault, Cut)), key=lambda fault: fault.time)
 
 
