@@ -88,6 +88,31 @@ def exact(values: Array) -> EnclosedMatrix:
     return EnclosedMatrix(values, np.zeros_like(values))
 
 
+def multiple(x: EnclosedMatrix, factor: float) -> EnclosedMatrix:
+    """Matrices times a positive number.
+
+    Parameters
+    ----------
+    x
+        The matrices.
+    factor
+        The number, exact.
+    """
+    found = factor * x.values
+    return EnclosedMatrix(found, INFLATION * (factor * x.error + rounding(1) * np.abs(found)))
+
+
+def symmetric_part(x: EnclosedMatrix) -> EnclosedMatrix:
+    """The symmetric ones of some matrices, their middle made symmetric.
+
+    Parameters
+    ----------
+    x
+        The matrices, square.
+    """
+    return EnclosedMatrix(0.5 * (x.values + x.values.T), INFLATION * 0.5 * (x.error + x.error.T))
+
+
 def symmetric_eigenvalues(matrix: EnclosedMatrix) -> tuple[Array, float]:
     """Eigenvalues of symmetric matrices, ascending, shape (n,), and how far each is at most from its own.
 

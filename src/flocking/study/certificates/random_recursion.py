@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,9 +15,11 @@ from flocking.study.certificates.enclosed_matrices import (
     EnclosedMatrix,
     exact,
     least_eigenvalue,
+    multiple,
     rounding,
     spectral_radius,
     symmetric_eigenvalues,
+    symmetric_part,
 )
 
 if TYPE_CHECKING:
@@ -37,6 +40,9 @@ CLOSE = 1e-4
 
 START_SHARE, LOOKS, BETWEEN = 1e-4, 6, 15
 """Share of the unit matrix with which the search for a proof begins, its rounds, and steps from one to the next."""
+
+DENSE = 0.2
+"""Share of numbers other than zero above which full matrices are multiplied faster than sparse ones."""
 
 MIXED = (0.0, 1e-12, 1e-8)
 """Shares of the unit matrix that are tried beside the dominant moment, which may be singular."""
@@ -62,7 +68,8 @@ class Stationary:
 class RandomRecursion:
     """z' = (A + C D + sum of x_g B_g R_g) z + (C E + sum of x_g B_g N_g) w over groups g, with x_g of 0 or 1.
 
-    The x_g are independent. Every number of the matrices has a relative error of at most `error`.
+    The x_g are independent. Every number of the matrices has a relative error of at most `error`, and those of A, of
+    the B_g and of the R_g beside it an error of at most a number of `absolute` each.
 
     Parameters
     ----------
@@ -78,6 +85,8 @@ class RandomRecursion:
         Probability that x_g is 1.
     error
         Relative error of every number.
+    absolute
+        Largest further error of the numbers of A, of the B_g and of the R_g.
     """
 
     steady: Array
@@ -90,6 +99,7 @@ class RandomRecursion:
     width: int
     present: float
     error: float
+    absolute: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def size(self) -> int:
@@ -105,7 +115,8 @@ class RandomRecursion:
         """The recursion of what is left when the pivot components are subtracted along some vectors.
 
         The span of the vectors must be kept by every step, and D and all R_g must vanish on it. Where a row of A, C or
-        B_g has a number, the pivot's row must have the same one or none, so that no relative error grows.
+        B_g has a number, the pivot's row must have the same one or none, so that no relative error grows; there must be
+        no absolute errors.
 
         Parameters
         ----------
@@ -141,9 +152,31 @@ class RandomRecursion:
         terms = 4 * self.size + self.into.shape[1] + self.always_into.shape[1] + self.noise.shape[1]
         return 2.0 * rounding(terms) + 8.0 * self.error
 
+    @cached_property
+    def _largest(self) -> RandomRecursion:
+        """The same with the largest absolute values that the numbers may have but for their relative errors."""
+        sizes, (steady, into, out_of) = self.sizes, self.absolute
+        return replace(sizes, steady=sizes.steady + steady, into=sizes.into + into, out_of=sizes.out_of + out_of)
+
+    def _enclosed(self, values: Array, of: Callable[[RandomRecursion], Array]) -> EnclosedMatrix:
+        """What was computed with its error, which follows from the sizes and the largest sizes of all numbers.
+
+        Parameters
+        ----------
+        values
+            The computed matrix.
+        of
+            The same sums of products of the numbers of any such recursion.
+        """
+        most = of(self._largest)
+        if not any(self.absolute):
+            return EnclosedMatrix(values, INFLATION * self._share() * most)
+        # Both sums and their difference are rounded.
+        return EnclosedMatrix(values, INFLATION * (3.0 * self._share() * most + np.abs(most - of(self.sizes))))
+
     def enclosed_mean(self) -> EnclosedMatrix:
         """`mean` with its error."""
-        return EnclosedMatrix(self.mean, INFLATION * self._share() * self.sizes.mean)
+        return self._enclosed(self.mean, lambda x: x.mean)
 
     def _spread(self, inner: Array) -> Array:
         """What chance adds to a second moment: the sum of B_g M_g B_g^T p (1 - p) over all groups.
@@ -153,12 +186,21 @@ class RandomRecursion:
         inner
             The moments M_g, shape (G, k, k).
         """
+        return np.asarray(self.present * (1.0 - self.present) * self._collected(inner))
+
+    def _collected(self, inner: Array) -> Array:
+        count, size = len(inner), len(inner) * self.width
+        if self._are_dense:
+            blocks = self.into.reshape(self.size, count, self.width).transpose(1, 0, 2) @ inner
+            return np.asarray(blocks.transpose(1, 0, 2).reshape(self.size, size) @ self.into.T)
         from scipy.sparse import bsr_array
 
-        count, size = len(inner), len(inner) * self.width
         middle = bsr_array((inner, np.arange(count), np.arange(count + 1)), shape=(size, size))
-        found = (self._sparse_into @ middle @ self._sparse_into.T).toarray()
-        return np.asarray(self.present * (1.0 - self.present) * found)
+        return np.asarray((self._sparse_into @ middle @ self._sparse_into.T).toarray())
+
+    @cached_property
+    def _are_dense(self) -> bool:
+        return bool(np.count_nonzero(self.into) > DENSE * self.into.size)
 
     @cached_property
     def _sparse_into(self) -> csr_array:
@@ -168,11 +210,11 @@ class RandomRecursion:
         return csr_array(self.into)
 
     @cached_property
-    def _sparse_out_of(self) -> csr_array:
+    def _sparse_out_of(self) -> csr_array | Array:
         """All R_g."""
         from scipy.sparse import csr_array
 
-        return csr_array(self.out_of)
+        return self.out_of if self._are_dense else csr_array(self.out_of)
 
     def _inner(self, left: Array, right: Array) -> Array:
         """Products of the rows of each group, shape (G, k, k).
@@ -209,11 +251,11 @@ class RandomRecursion:
         x
             As in `moment`.
         """
-        return EnclosedMatrix(self.moment(x), INFLATION * self._share() * self.sizes.moment(np.abs(x)))
+        return self._enclosed(self.moment(x), lambda one: one.moment(np.abs(x)))
 
     def noise_moment(self) -> EnclosedMatrix:
         """Second moment that noise of unit variance adds in every step, with its error."""
-        return EnclosedMatrix(self._noise_moment(), INFLATION * self._share() * self.sizes._noise_moment())
+        return self._enclosed(self._noise_moment(), lambda x: x._noise_moment())
 
     def _noise_moment(self) -> Array:
         mean = self.always_into @ self.always_noise + self.present * (self.into @ self.noise)
@@ -239,7 +281,7 @@ class RandomRecursion:
         x = x + START_SHARE * np.eye(self.size)
         for _ in range(LOOKS):
             for share in MIXED:
-                lo, hi = self._bounds(x + share * np.eye(self.size))
+                lo, hi = self.bounds(x + share * np.eye(self.size))
                 best_lo, best_hi = max(best_lo, lo), min(best_hi, hi)
             if best_hi - best_lo <= CLOSE * best_hi:
                 break
@@ -250,7 +292,7 @@ class RandomRecursion:
             # X = E(X)/c + 1 with c above the growth has E(X) = c (X - 1), below c X even where E is far from symmetric.
             solved = self._solved(np.eye(self.size), rate * (1.0 + CLOSE))
             if solved is not None:
-                best_hi = min(best_hi, self._bounds(solved)[1])
+                best_hi = min(best_hi, self.bounds(solved)[1])
         return best_lo, best_hi
 
     def _on_moments(self, left: float, right: float) -> LinearOperator:
@@ -307,8 +349,14 @@ class RandomRecursion:
             x = x / rate
         return x, rate
 
-    def _bounds(self, x: Array) -> tuple[float, float]:
-        """Bounds of the growth from one positive definite matrix; 0 and infinity where it proves nothing."""
+    def bounds(self, x: Array) -> tuple[float, float]:
+        """Bounds of the growth from one symmetric matrix, shape (D, D); 0 and infinity where it proves nothing.
+
+        Parameters
+        ----------
+        x
+            A positive definite matrix.
+        """
         from scipy.linalg import solve_triangular
 
         if not np.isfinite(x).all():
@@ -321,17 +369,17 @@ class RandomRecursion:
         through = exact(solve_triangular(root, np.eye(self.size), lower=True))
         unit = through @ exact(x) @ through.transposed
         after = through @ self.enclosed_moment(x) @ through.transposed
-        if not np.isfinite(after.values).all() or not least_eigenvalue(_even(unit)) > 0.0:
+        if not np.isfinite(after.values).all() or not least_eigenvalue(symmetric_part(unit)) > 0.0:
             return 0.0, np.inf
-        ratios, radius = symmetric_eigenvalues(_even(after))
+        ratios, radius = symmetric_eigenvalues(symmetric_part(after))
         lo, hi = 0.0, np.inf
         # The bound is found by floating point and proven here.
         for slack in (1e-12, 1e-9, 1e-6):
             above = (float(ratios[-1]) + radius) * (1.0 + slack)
-            if np.isinf(hi) and least_eigenvalue(_even(_multiple(unit, above) - after)) >= 0.0:
+            if np.isinf(hi) and least_eigenvalue(symmetric_part(multiple(unit, above) - after)) >= 0.0:
                 hi = above
             below = (float(ratios[0]) - radius) * (1.0 - slack)
-            if lo == 0.0 and below > 0.0 and least_eigenvalue(_even(after - _multiple(unit, below))) >= 0.0:
+            if lo == 0.0 and below > 0.0 and least_eigenvalue(symmetric_part(after - multiple(unit, below))) >= 0.0:
                 lo = below
         return lo, hi
 
@@ -367,14 +415,3 @@ class RandomRecursion:
         rest = exact(x) - self.enclosed_moment(x) - added
         size = float(np.linalg.norm(np.abs(rest.values) + rest.error))
         return Stationary(x, INFLATION * size * float(np.linalg.norm(y)) / least)
-
-
-def _multiple(x: EnclosedMatrix, factor: float) -> EnclosedMatrix:
-    """Matrices times a positive number."""
-    found = factor * x.values
-    return EnclosedMatrix(found, INFLATION * (factor * x.error + rounding(1) * np.abs(found)))
-
-
-def _even(x: EnclosedMatrix) -> EnclosedMatrix:
-    """The symmetric ones of some matrices, their middle made symmetric."""
-    return EnclosedMatrix(0.5 * (x.values + x.values.T), INFLATION * 0.5 * (x.error + x.error.T))

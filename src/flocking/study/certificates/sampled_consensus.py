@@ -53,6 +53,25 @@ class SampledConsensus:
         """Whether all hypotheses hold."""
         return all(h.holds for h in self.hypotheses)
 
+    @cached_property
+    def leaves_out(self) -> tuple[Hypothesis, ...]:
+        """What must hold for agents to act together on present, exact samples, lost ones left out; of any law."""
+        return until_failed(self._held, self._messages, self._loss, self._present)
+
+    def _present(self) -> Hypothesis:
+        statement = "messages arrive at once and exact, and a lost one is left out"
+        messages = self.messages
+        if messages is None or not self.probability:
+            return Hypothesis(statement, False, "none is lost")
+        if self.delayed_samples:
+            return Hypothesis(statement, False, f"they are {self.delayed_samples} periods late")
+        if self.kept or int(messages.expires_in_nanoseconds or 0) > self._ticks:
+            return Hypothesis(statement, False, "older ones are used")
+        noise = messages.noise
+        return Hypothesis(
+            statement, noise is None or noise.ideal, "so" if noise is None or noise.ideal else noise.summary
+        )
+
     @property
     def messages(self) -> Messages | None:
         """The messages; None where the present is known."""

@@ -34,6 +34,9 @@ the smallest distance."""
 BALANCED = 1e-11
 """Largest force, relative to the stiffness times the diameter, that counts as none."""
 
+SOFTEST = 1e-9
+"""Stiffness, relative to the largest, below which a direction counts as a rigid motion where places are improved."""
+
 RADII = (1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 """Radii, relative to the diameter, of balls in which the exact equilibrium is sought."""
 
@@ -235,7 +238,7 @@ def descended(q: Array, links: Links, force: PairForce) -> tuple[Array, Links] |
         if not stiff > 0.0:
             return None
         if size <= BALANCED * stiff * float(np.ptp(q, axis=0).max() + r.min()):
-            return q, links
+            return _polished(q, links, force, slope, matrix), links
         step = FIRST_STEP / stiff if not step else step * min(max(before / size, 0.5), 4.0)
         before = size
         try:
@@ -246,6 +249,23 @@ def descended(q: Array, links: Links, force: PairForce) -> tuple[Array, Links] |
         q = q + move * min(1.0, LONGEST * float(r.min()) / longest if longest else 1.0)
         links = force.links(q, links)
     return None
+
+
+def _polished(q: Array, links: Links, force: PairForce, slope: Array, matrix: Array) -> Array:
+    """Places of even less force, by one step of Newton's method across rigid motions; the same where it does not help.
+
+    Forces that count as none may displace a soft group by more than its links may be stressed.
+    """
+    try:
+        move = np.linalg.lstsq(matrix, -slope.ravel(), rcond=SOFTEST)[0]
+    except np.linalg.LinAlgError:
+        return q
+    moved = q + move.reshape(q.shape)
+    if not np.array_equal(force.links(moved, links), links):
+        return q
+    i, j = np.nonzero(links)
+    after, _ = _computed(moved, links, *force.values(np.linalg.norm(moved[j] - moved[i], axis=1)))
+    return moved if np.linalg.norm(after) < np.linalg.norm(slope) else q
 
 
 def _computed(q: Array, links: Links, first: Array, second: Array) -> tuple[Array, Array]:

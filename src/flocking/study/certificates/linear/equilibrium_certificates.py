@@ -11,6 +11,7 @@ from flocking.formula.intervals import Interval
 from flocking.model.law import Scenario
 from flocking.study.certificates.certificate import Certificate, Enclosure, decided, not_applicable
 from flocking.study.certificates.consensus_certificates import SETTLED
+from flocking.study.certificates.linear.lossy_lattice import LossyLattice
 from flocking.study.certificates.linear.near_equilibrium import NearEquilibrium
 from flocking.study.certificates.sources import sources
 
@@ -70,21 +71,59 @@ def equilibrium_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     row(KEYS[4], period, "period of held control",
         "" if period is None else f"under held control no deformation grows for periods below {float(period.lo):.9g}.",
         unknown if period is None else "")  # fmt: skip
-    stressed = (
-        ""
-        if system.unstressed
-        else "links are not known to be without stress there, and where one presses or pulls no "
-        "deformation falls to zero: a lost message leaves the forces of other links without their counterpart"
-    )
-    row(KEYS[5], period if first else None, "period of held control, with messages lost",
-        "" if period is None or not first else
-        "where every message may be lost, independently with any probability below 1, and is then left out, the mean "
-        f"square of deformations falls under held control for periods below {float(period.lo):.9g}; forces of links "
-        "there, below 1e-9 of their stiffness times the smallest distance, count as none.",
-        stressed if first else "not known for order 2")  # fmt: skip
+    row(KEYS[5], *_loss(system, period))
     noise = system.noise()
     what = "deformation" if first else "velocity relative to the mean"
     row(KEYS[6], noise, f"mean square {what} of an agent, all axes together, for each unit of noise intensity",
         f"white noise of intensity s^2 on all rates gives {'' if first else 'at most '}s^2 times {float(noise.hi):.9g} "
         "in the long run.")  # fmt: skip
     return tuple(found)
+
+
+STRESSED = (
+    "links are not known to be without stress there, and where one presses or pulls no deformation falls to zero: a "
+    "lost message leaves the forces of other links without their counterpart"
+)
+"""Why nothing is said of lost messages at an equilibrium under stress."""
+
+LEFT = "a link there is longer than the distance at which links appear: once a message is lost it does not come back"
+"""Why nothing is said of lost messages under hysteresis."""
+
+NO_FORCE = "forces of links there, below 1e-9 of their stiffness times the smallest distance, count as none"
+"""What is neglected at an equilibrium without stress."""
+
+
+def _loss(system: NearEquilibrium, period: Interval | None) -> tuple[Interval | None, str, str, str]:
+    """Bound, quantity, words and reason against it of what lost messages do to deformations."""
+    first = system.order == 1
+    reason = STRESSED if not system.unstressed else "" if system.links_return else LEFT
+    if first:
+        words = (
+            "where every message may be lost, independently with any probability below 1, and is then left out, the "
+            f"mean square of deformations falls under held control for periods below {float(period.lo):.9g}; "
+            f"{NO_FORCE}."
+            if period is not None
+            else ""
+        )
+        return period, "period of held control, with messages lost", words, reason
+    quantity = "factor of the mean square of deformations and relative velocities from tick to tick, in the long run"
+    lattice = LossyLattice(system)
+    failed = next((h for h in lattice.hypotheses if not h.holds), None)
+    if not reason and failed is not None:
+        reason = (
+            "of order 2 the period and the probability matter, and this is not declared: "
+            f"{failed.statement} ({failed.found})"
+        )
+    if reason:
+        return None, quantity, "", reason
+    low, high = lattice.growth
+    if low >= 1.0:
+        reason = f"it does not fall: the {quantity} is at least {low:.9g}"
+    elif not high < 1.0:
+        reason = f"it is not certain that it falls: the {quantity} lies between {low:.9g} and {high:.9g}"
+    world = lattice.world
+    words = (
+        f"under control held for {world.period:.9g}, with {world.probability:.3g} of the messages lost and left out, "
+        f"the {quantity}, is at most {high:.9g}; {NO_FORCE}."
+    )
+    return Interval.of(low, high), quantity, words, reason

@@ -25,6 +25,7 @@ from flocking.model.terms.schedules import Schedule
 from flocking.study.certificates.certificate import Hypothesis, until_failed
 from flocking.study.certificates.consensus_certificates import PI, LinearConsensus
 from flocking.study.certificates.enclosed_matrices import (
+    UNIT,
     EnclosedMatrix,
     eigenvalues,
     least_eigenvalue,
@@ -313,6 +314,16 @@ class NearEquilibrium:
         stress, stiffness = self.equilibrium.link_stresses
         largest = np.maximum(np.abs(stress.lo), np.abs(stress.hi))
         return bool((largest <= UNSTRESSED * stiffness.lo * self.equilibrium.distances.min()).all())
+
+    @property
+    def links_return(self) -> bool:
+        """Whether a link that ends with a lost message appears again with the next: not beyond where links appear."""
+        at = self.equilibrium
+        if at.force.fixed is not None:
+            return True
+        i, j = np.nonzero(np.triu(at.links))
+        wide = 2.0 * at.radius + 16.0 * UNIT * (1.0 + np.abs(at.q).max())
+        return bool((np.linalg.norm(at.q[i] - at.q[j], axis=1) + wide < at.force.appear).all())
 
     def noise(self) -> Interval:
         """Mean square in the long run under white noise of intensity 1 on all rates, of an agent, all axes together.
