@@ -28,7 +28,8 @@ from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.runs.run import FIRST_QUANTITIES, TRACE_FIELDS, Closest
 from flocking.engine.tiles.instability import SAMPLE, Instability
 from flocking.engine.tiles.kernels.tile_sums import SUMS
-from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, TILES_IN_CHUNK, WIDTH, TileLists
+from flocking.engine.tiles.neighbours.cell_search import TILES_IN_CHUNK
+from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH, TileLists
 from flocking.engine.tiles.options import TilesOptions
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.model.law import Scenario

@@ -30,7 +30,8 @@ from flocking.engine.tiles.held.held_ledger import POWERS, HeldLedger
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.held.memory import HeldMemory
 from flocking.engine.tiles.kernels.tile_sums import SUMS
-from flocking.engine.tiles.neighbours.neighbour_lists import TILES_IN_CHUNK, WIDTH, TileLists
+from flocking.engine.tiles.neighbours.cell_search import TILES_IN_CHUNK
+from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH, TileLists
 from flocking.engine.tiles.options import TilesOptions
 from flocking.engine.tiles.particle_memory import ParticleMemory
 from flocking.engine.tiles.records import RecordsMemory

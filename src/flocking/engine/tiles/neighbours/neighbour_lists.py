@@ -7,28 +7,21 @@ number, which contributes nothing. For a graph with memory the top bit of an ent
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Array, Numbers, Numbers32, Reals
+from flocking.arrays import Numbers, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
-from flocking.engine.tiles.neighbours.cell_list import Grid, cell_of
+from flocking.engine.tiles.neighbours.cell_list import Grid
+from flocking.engine.tiles.neighbours.cell_search import TILES_IN_CHUNK, Cells, ListRoom, Reach, search
 from flocking.engine.tiles.neighbours.nearest_image import to_nearest
-from flocking.engine.tiles.simd.interleaved_arrays import column
-from flocking.engine.tiles.simd.reductions import bits_of, first_bit, highest
-from flocking.engine.tiles.simd.vectors import load, numbers_from, select, spread, store
 from flocking.formula.native.functions import native
 
 SPARE_ROWS = 1024
 """Rows by which reused memory may exceed twice the need; for small groups the excess is negligible."""
 WIDTH = 16
 """Agents in a tile."""
-TILES_IN_CHUNK = 64
-"""Tiles whose rows are contiguous in memory; fixed, so that lists do not depend on the number of threads."""
-LONGEST = 64
-"""Largest number of cells in a row that the agents of a tile may span to be searched together."""
 LINKED = np.uint32(1 << 31)
 """Bit of an entry that is set if the pair is linked."""
 NUMBER = np.uint32((1 << 31) - 1)
@@ -63,182 +56,6 @@ class TileLists:
     def nbytes(self) -> int:
         """Memory in use."""
         return int(self.rows.nbytes + self.first.nbytes + self.count.nbytes)
-
-
-class Cells(NamedTuple):
-    """Agents sorted by the cells of a grid.
-
-    Parameters
-    ----------
-    agents
-        Positions and velocities in sorted order, shape (16 tiles, 2m).
-    n
-        Number of agents.
-    origin, inverse, shape
-        See `flocking.engine.tiles.neighbours.cell_list.Grid`, as arrays.
-    start
-        Index of the first agent of each cell, and the number of agents, shape (cells + 1,).
-    box
-        See `flocking.engine.tiles.neighbours.nearest_image.box_of`.
-    beside
-        As ``start``, for copies of agents of other processes, which stand behind the agents; shape (0,) for none.
-    offset
-        Index of the first of them.
-    """
-
-    agents: Reals
-    n: int
-    origin: Array
-    inverse: Array
-    shape: Numbers
-    start: Numbers32
-    box: Reals
-    beside: Numbers32
-    offset: int
-
-
-class Reach(NamedTuple):
-    """Squared distance within which agents are listed, and that of each sensing agent if they differ."""
-
-    square: np.floating
-    each: Reals
-
-
-class ListRoom(NamedTuple):
-    """Memory for the lists of the chunks.
-
-    Parameters
-    ----------
-    rows, first, many
-        See `TileLists`; ``many`` is its ``count``, which is a method of tuples.
-    stretch, capacity
-        First row and number of rows of each chunk, shape (chunks,).
-    need
-        Receives the number of rows that each chunk needs, shape (chunks,).
-    numbers
-        Work space for the numbers of neighbours of a tile, shape (chunks, 16).
-    """
-
-    rows: NDArray[np.uint32]
-    first: Numbers
-    many: Numbers32
-    stretch: Numbers
-    capacity: Numbers
-    need: Numbers
-    numbers: NDArray[np.uint32]
-
-
-@native
-def _search(first_chunk: int, last_chunk: int, cells: Cells, reach: Reach, room: ListRoom) -> None:
-    """Find the neighbours of all agents of some chunks."""
-    tiles = room.first.shape[0]
-    for chunk in range(first_chunk, last_chunk):
-        cursor = room.stretch[chunk]
-        end = cursor + room.capacity[chunk]
-        needed = np.int64(0)
-        found = room.numbers[chunk]
-        for tile in range(chunk * TILES_IN_CHUNK, min((chunk + 1) * TILES_IN_CHUNK, tiles)):
-            base = tile * WIDTH
-            own = numbers_from(base)
-            store(found, 0, own ^ own)
-            _search_tile(cells, reach, room.rows, base, cursor, end, found)
-            held = load(found, 0)
-            most = np.int64(highest(held))
-            needed += most
-            if cursor + most > end:
-                cursor = np.int64(end + 1)
-                continue
-            for number in range(most):
-                entries = room.rows[cursor + number]
-                store(entries, 0, select(held > np.uint32(number), load(entries, 0), own))
-            room.first[tile] = cursor
-            room.many[tile] = most
-            cursor += most
-        room.need[chunk] = needed
-
-
-def _search_tile(
-    cells: Cells, reach: Reach, rows: NDArray[np.uint32], base: int, cursor: int, end: int, found: NDArray[np.uint32]
-) -> None:
-    """Find the neighbours of the agents of one tile, from row ``cursor`` on; their numbers are written to ``found``."""
-    agents, shape = cells.agents, cells.shape
-    three = agents.shape[1] == 6
-    many = min(WIDTH, cells.n - base)
-    lane = 0
-    while lane < many:
-        # Agents in one row of cells have the same candidates.
-        low, cy, cz = _cell(cells, base + lane)
-        high = low
-        last = lane + 1
-        while last < many:
-            c, y, z = _cell(cells, base + last)
-            if c < high or c > low + LONGEST or y != cy or z != cz:
-                break
-            high = c
-            last += 1
-        members = (1 << last) - (1 << lane)
-        for line in range(9 if three else 3):
-            row = (cy + line % 3 - 1 + shape[1]) % shape[1]
-            if three:
-                row += shape[1] * ((cz + line // 3 - 1 + shape[2]) % shape[2])
-            # Cells from low - 1 to high + 1 are one range of agents, or two if the row wraps.
-            a, b, c = low - 1, high + 2, 0
-            if b - a >= shape[0]:
-                a, b = 0, shape[0]
-            elif a < 0:
-                a, c = 0, 1
-            elif b > shape[0]:
-                b, c = shape[0], 2
-            for part in range(2 if c else 1):
-                if part:
-                    a, b = (shape[0] - 1, shape[0]) if c == 1 else (0, 1)
-                first, behind = cells.start[row * shape[0] + a], cells.start[row * shape[0] + b]
-                _test_candidates(agents, cells.box, reach, rows, base, members, first, behind, cursor, end, found)
-                if cells.beside.shape[0]:
-                    first = cells.offset + cells.beside[row * shape[0] + a]
-                    behind = cells.offset + cells.beside[row * shape[0] + b]
-                    _test_candidates(agents, cells.box, reach, rows, base, members, first, behind, cursor, end, found)
-        lane = last
-
-
-def _cell(cells: Cells, i: int) -> tuple[int, int, int]:
-    """Cell of an agent along each axis; 0 along the third axis in two dimensions."""
-    agents, origin, inverse, shape = cells.agents, cells.origin, cells.inverse, cells.shape
-    x = cell_of(agents[i, 0], origin[0], inverse[0], shape[0])
-    y = cell_of(agents[i, 1], origin[1], inverse[1], shape[1])
-    z = cell_of(agents[i, 2], origin[2], inverse[2], shape[2]) if agents.shape[1] == 6 else 0
-    return x, y, z
-
-
-def _test_candidates(
-    agents: Reals, box: Reals, reach: Reach, rows: NDArray[np.uint32], base: int, members: int, first: int,
-    behind: int, cursor: int, end: int, found: NDArray[np.uint32],
-) -> None:  # fmt: skip
-    """List the candidates of a range within reach of some agents of a tile; these are tested together."""
-    three = agents.shape[1] == 6
-    own = numbers_from(base)
-    own_x, own_y = column(agents, base, 0), column(agents, base, 1)
-    own_z = column(agents, base, 2 if three else 1)
-    limit = load(reach.each, base) if reach.each.shape[0] > 1 else spread(reach.square)
-    for j in range(first, behind):
-        dx = agents[j, 0] - own_x
-        dy = agents[j, 1] - own_y
-        if box.shape[0]:
-            dx, dy = to_nearest(dx, box, 0, agents.shape[1] // 2), to_nearest(dy, box, 1, agents.shape[1] // 2)
-        s = dx * dx + dy * dy
-        if three:
-            dz = agents[j, 2] - own_z
-            if box.shape[0]:
-                dz = to_nearest(dz, box, 2, 3)
-            s = s + dz * dz
-        bits = bits_of((s < limit) & (own != np.uint32(j))) & members
-        while bits:
-            at = first_bit(bits)
-            bits &= bits - 1
-            k = np.int64(found[at])
-            found[at] = np.uint32(k + 1)
-            if cursor + k < end:
-                rows[cursor + k, at] = j
 
 
 @native
@@ -386,7 +203,7 @@ class ListBuilder:
             stretch = np.cumsum(self.capacity) - self.capacity
             need = np.zeros(self.chunks, np.int64)
             room = ListRoom(lists.rows, lists.first, lists.count, stretch, self.capacity, need, numbers)
-            self.workers.each_large(_search, self.chunks, cells, distances, room)
+            self.workers.each_large(search, self.chunks, cells, distances, room)
             if (need <= self.capacity).all():
                 return lists
             self.capacity = np.where(need > self.capacity, need + need // 8 + 8, self.capacity)
