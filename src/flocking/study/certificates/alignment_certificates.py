@@ -245,7 +245,10 @@ def alignment_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
             f"No two agents are ever farther apart than {float(far.hi):.9g}; the group stays together {certain}."
         ),
     ))  # fmt: skip
-    rate = None if far is None else setting.rate(float(far.hi))
+    rate = None
+    if far is not None:
+        slow, fast = setting.rate(float(far.hi)), setting.rate(float(far.lo))
+        rate = Interval.of(float(slow.lo), float(fast.hi))
     return (*found, decided(
         "alignment_rate", source, setting.hypotheses, reason=reason, bound=rate, side="at least", quantity=quantity,
         statement="" if rate is None else (

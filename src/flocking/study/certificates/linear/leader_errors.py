@@ -171,7 +171,11 @@ class CentreOfMass:
         assert self.track is not None
         leader, t = self.track.leader, sympy.Symbol("t", real=True)
         numbers = {name: sympy.Rational(value) for name, value in leader.parameters.items()}
-        return tuple(sympy.simplify(a) for a in leader.acceleration(t, lambda name: numbers[name]))
+        found = [sympy.sympify(a) for a in leader.acceleration(t, lambda name: numbers[name])]
+        # As rational numbers, since rounded ones would not cancel.
+        return tuple(
+            sympy.simplify(a.xreplace({x: sympy.Rational(x) for x in a.atoms(sympy.Float)})) for a in found
+        )
 
     @property
     def unforced(self) -> bool:
