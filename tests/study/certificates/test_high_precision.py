@@ -114,7 +114,7 @@ def test_directed_spectra(seed):
     encloses(found["directed_period_delayed_1"].bound, late)
 
 
-@pytest.mark.parametrize("frequency", [1.7, 0.1 + 0.2, np.pi, 1.0 / 3.0])
+@pytest.mark.parametrize("frequency", [1.7, np.pi, 2.4735078941125264, 1.3350959781208993])
 def test_errors_behind_a_leader(frequency):
     """Frequencies whose squares are rounded too: harmonics are told as such all the same."""
     track = fk.Track(fk.Path([f"sin({frequency!r}*t)", f"cos({frequency!r}*t)"]), 0.4, 0.9, per_mass=True)

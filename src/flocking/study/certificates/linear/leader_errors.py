@@ -173,9 +173,7 @@ class CentreOfMass:
         numbers = {name: sympy.Rational(value) for name, value in leader.parameters.items()}
         found = [sympy.sympify(a) for a in leader.acceleration(t, lambda name: numbers[name])]
         # As rational numbers, since rounded ones would not cancel.
-        return tuple(
-            sympy.simplify(a.xreplace({x: sympy.Rational(x) for x in a.atoms(sympy.Float)})) for a in found
-        )
+        return tuple(sympy.simplify(a.xreplace({x: sympy.Rational(x) for x in a.atoms(sympy.Float)})) for a in found)
 
     @property
     def unforced(self) -> bool:
