@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.apps.lab.panels.measures import measured
+from flocking.apps.lab.live.hub import FASTEST_PAINT, next_due
+from flocking.apps.lab.panels.measures import _note, measured
 from tests.apps.lab.tabs import LabTab
 
 OBSTACLES = "olfati-saber-2003"
@@ -80,3 +81,125 @@ def test_a_net_that_is_apart_has_connectivity_zero():
     assert measured(fk.State(q, None, 0.0, links), 0.0)["connectivity"] == 0.0
     whole = np.ones((6, 6), dtype=bool) & ~np.eye(6, dtype=bool)
     assert measured(fk.State(q, None, 0.0, whole), 0.0)["connectivity"] == pytest.approx(6.0)
+
+
+@pytest.mark.browser
+def test_the_cursor_stands_on_the_axis_after_the_page_has_changed_its_size(page, tab):
+    for width in (1500, 900):
+        tab.tab.set_viewport_size({"width": width, "height": 800})
+        tab.drawn()
+        axis = tab.tab.locator("[data-curve=energy]").bounding_box()
+        tab.wait(
+            lambda axis=axis: abs(tab.tab.locator("#cursor").bounding_box()["x"] + 1 - axis["x"]) < 2,
+            "the cursor of t = 0 stands where the axis begins",
+        )
+
+
+@pytest.mark.browser
+def test_a_view_that_no_hand_has_moved_shows_the_whole_flock_on_a_phone_too(browser, tmp_path):
+    from flocking.apps.lab.page import Page
+    from flocking.apps.lab.server import opened
+
+    page = Page(opened(None), OBSTACLES, folder=tmp_path)
+    tab = LabTab(browser, page)
+    for width, height, sheet in ((390, 844, "claims"), (390, 844, "law"), (844, 390, None)):
+        tab.tab.set_viewport_size({"width": width, "height": height})
+        if sheet:
+            tab.tab.locator(f"#show-{sheet}").click()
+        tab.caught_up()
+        size = tab.ask("() => { const s = lab.scene.size(); return [s.width, s.height]; }")
+        x, y = (np.array(tab.ask(f"() => [...lab.scene.{axis}]")) for axis in ("sx", "sy"))
+        for at, room in zip((x, y), size, strict=True):
+            assert 0 < at.min() <= at.max() < room, (width, sheet)
+    tab.tab.set_viewport_size({"width": 1200, "height": 800})
+    tab.drawn()
+    tab.ask("() => { lab.scene.camera.zoom(3, 10, 10); lab.scene.repaint(); }")
+    tab.drawn()
+    before = tab.ask("() => lab.scene.camera.off")
+    tab.tab.set_viewport_size({"width": 900, "height": 800})
+    tab.drawn()
+    assert tab.ask("() => lab.scene.camera.off") == before, "a view that was moved stays"
+    tab.close()
+    page.close()
+
+
+@pytest.mark.browser
+def test_every_control_of_the_timeline_is_reached_on_a_phone(page, tab):
+    tab.tab.set_viewport_size({"width": 390, "height": 844})
+    tab.tab.locator("#show-claims").click()
+    tab.drawn()
+    for name in ("play", "scrub", "step", "restart", "reset", "speed", "show-claims", "show-law"):
+        box = tab.tab.locator(f"#{name}").bounding_box()
+        assert box, name
+        assert 0 <= box["x"] <= 390 - box["width"], name
+        assert box["y"] + box["height"] <= 844, name
+    tab.shot("phone_controls")
+
+
+@pytest.mark.browser
+def test_verdicts_from_before_an_intervention_say_so_while_the_run_stands_still(page, tab):
+    page.clock.speed = 4.0
+    tab.press("Play")
+    tab.wait(lambda: page.experiment.time > 2 and tab.ask("() => lab.timeline.record.claims.length") > 0, "judged")
+    tab.press("Pause")
+    tab.wait(lambda: page.measuring.timeline.judged == page.experiment.time, "it is judged once more")
+    tab.reads("by the motion since the last intervention")
+    page.send({"kind": "kick", "agents": [1], "speed": 1.0, "seed": 5})
+    tab.reads("by the motion before the last intervention")
+    tab.press("Play")
+    tab.reads("by the motion since the last intervention")
+
+
+@pytest.mark.browser
+def test_a_comparison_offers_another_number_and_the_scene_names_it(page, tab):
+    tab.open("compare")
+    tab.tab.locator("[data-which]").select_option(label="Consensus: gain")
+    assert tab.tab.locator("#dialog [data-value]").input_value() == "0.5"
+    tab.tab.locator("#dialog [data-go]").click()
+    tab.wait(lambda: len(page.clock.experiments) == 2, "two run")
+    tab.wait(lambda: tab.ask("() => lab.scene.second") == "gain = 0.5", "the second is named")
+
+
+@pytest.mark.browser
+def test_reasons_of_the_potential_check_stand_in_place(page, tab):
+    reasons = tab.tab.locator(".pot .reasons").first
+    reasons.locator("summary").click()
+    tab.wait(lambda: reasons.locator("dd").count() > 5, "the reasons are there")
+    assert all(text.strip() for text in reasons.locator("dd").all_text_contents())
+
+
+@pytest.mark.browser
+def test_agents_at_rest_have_no_speed_in_the_legend(browser, tmp_path):
+    from flocking.apps.lab.page import Page
+    from flocking.apps.lab.server import opened
+
+    page = Page(opened(None), OBSTACLES, folder=tmp_path)
+    tab = LabTab(browser, page)
+    assert "0 – 0" in tab.tab.locator("#legend").text_content()
+    tab.close()
+    page.close()
+
+
+def test_frames_keep_to_their_schedule_however_late_each_of_them_is():
+    rng = np.random.default_rng(0)
+    due = now = 0.0
+    for _ in range(1000):
+        begin = max(due, now) + rng.uniform(0.0, 0.015)  # woken late, or the clock's frame was not there yet
+        now = begin + 0.003
+        due = next_due(due, begin, now)
+        assert due >= now + 0.003 - 1e-12, "the simulation has as much time as packing"
+    assert 1000 / now > 39.0  # 28 where the pause began anew after each frame
+    assert next_due(due, now + 100.0, now + 100.001) < now + 100.0 + FASTEST_PAINT, "no debt of a standstill"
+
+
+def test_what_an_error_leaves_open_is_said_with_that_error():
+    from flocking.study.claims.claim import Verdict
+
+    class Given:
+        margin, note = 1.33, "closest 1.33 to an obstacle"
+
+        def __init__(self, verdict, error):
+            self.verdict, self.error = verdict, error
+
+    assert _note(Given(Verdict.NOT_RESOLVED, 2.117)) == "closest 1.33 to an obstacle, known to within 2.1"
+    assert _note(Given(Verdict.HOLDS, 0.1)) == _note(Given(Verdict.NOT_RESOLVED, np.nan)) == Given.note

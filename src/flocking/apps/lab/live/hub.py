@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 Message = Mapping[str, object]
 """What a page is told: ``kind`` and more, all of it JSON data."""
 
-FASTEST_PAINT = 1 / 30
-"""Least seconds between two frames that are sent; more often would be lost on the way to most screens."""
+FASTEST_PAINT = 1 / 40
+"""Seconds between two frames that are sent, at least: 30 a second are asked for, and a late one costs none of them."""
 MOST_WAITING = 400
 """Messages that wait for a page that does not read them, a bound on memory; then the connection is closed."""
 SLOW_ORDERS = 4
@@ -145,7 +145,7 @@ class Hub:
         return data
 
     def _run(self) -> None:
-        number = 0
+        number, due = 0, time.perf_counter()
         while not self._clock.closed:
             frame = self._clock.next_frame(number, timeout=0.5)
             if frame is None:
@@ -157,9 +157,9 @@ class Hub:
                 data = self._bytes(frame)
                 for tab in looking_on:
                     tab.show(data)
-            took = time.perf_counter() - begin
-            # The pause leaves the simulation as much time as packing takes.
-            time.sleep(max(FASTEST_PAINT - took, took))
+            now = time.perf_counter()
+            due = next_due(due, begin, now)
+            time.sleep(max(due - now, 0.0))
 
     async def _serve(self, connection: ServerConnection) -> None:
         tab = Tab(asyncio.get_running_loop())
@@ -207,6 +207,22 @@ class Hub:
             else:
                 workers = self._slow if self._is_slow(order["kind"]) else self._quick
                 loop.run_in_executor(workers, self._obey, tab, order)
+
+
+def next_due(due: float, begin: float, end: float) -> float:
+    """When the next frame is due, in seconds of the same clock as the arguments.
+
+    Frames keep to a schedule, so that what a frame is late does not add up; the pause leaves the simulation as much
+    time as packing takes, and after a standstill the schedule begins anew.
+
+    Parameters
+    ----------
+    due
+        When this frame was due.
+    begin, end
+        When its packing began and ended.
+    """
+    return max(due + FASTEST_PAINT, 2 * end - begin)
 
 
 def _order(text: object) -> dict[str, Any] | None:

@@ -25,7 +25,7 @@ from flocking.apps.lab.panels.controls import Controls, law_content
 from flocking.apps.lab.panels.saved_files import SavedFiles
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.law import Scenario
-from flocking.model.parts.structure import Step
+from flocking.model.parts.structure import Step, value_at
 
 SECONDS_A_RUN = 40.0
 """Wall seconds of a scenario at the initial speed."""
@@ -146,7 +146,14 @@ class Lab:
 
     def _scenario_message(self) -> Message:
         found = scenario_message(self.name, self.experiment, self.clock.speed)
-        return {**found, "compared": list(self.compared), "folder": str(self.folder.path)}
+        return {**found, "compared": list(self.compared), "second": self._second(), "folder": str(self.folder.path)}
+
+    def _second(self) -> str:
+        """In which number the second of two compared experiments differs, in words; empty when there is one."""
+        if not self.compared:
+            return ""
+        value = value_at(self.clock.experiments[1].scenario, self.compared)
+        return f"{self.compared[-1]} = {value:.6g}" if isinstance(value, float) else str(self.compared[-1])
 
     def tell_record(self) -> None:
         """Send all pages the record of the run."""

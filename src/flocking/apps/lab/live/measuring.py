@@ -60,6 +60,7 @@ class Measuring:
         """Why the last measurement failed; empty when it did not."""
         self._certified: tuple[float, Law, Certificates | None] | None = None
         self._judged_frame = -1
+        self._judged_version = 0
         self._lock = threading.Lock()
         self._judging = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="flocking-lab-measurements", daemon=True)
@@ -153,7 +154,7 @@ class Measuring:
         with self._lock:
             if not self.history.frames or self.history.frames[-1].t < until:
                 return  # another run began meanwhile
-            self.verdicts = found
+            self.verdicts, self._judged_version = found, frame.versions[0]
             before = self.timeline.judged
             for verdict in found:
                 since = float(run.t[0]) if before is None else until
@@ -194,6 +195,8 @@ class Measuring:
         return {
             "kind": "record", "now": experiment.time, "end": float(experiment.scenario.t_end), "record": record,
             "claims": claims, "numbers": numbers, "fault": self.fault,
+            # The motion since an intervention has not been judged while a run stands still after it.
+            "former": bool(claims) and self._judged_version != clock.frame.versions[0],
             "too_many": experiment.scenario.start.n > MOST_CLAIMS and MOST_CLAIMS,
             "reached": _finite(clock.reached), "speed": clock.speed, "playing": clock.playing,
             "challenge": self._challenge(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -188,8 +189,14 @@ def verdicts_on(run: Run, claims: Sequence[Claim], guarantees: Certificates | No
         proof = None if guarantees is None else guarantee_of(claim, guarantees, run.scenario)
         word = _word(claim, result.verdict, run)
         going = run.status == "running"
-        found.append(ShownVerdict(claim, word, result.note, witness, proof, going, float(result.margin)))
+        found.append(ShownVerdict(claim, word, _note(result), witness, proof, going, float(result.margin)))
     return found
+
+
+def _note(result: Result) -> str:
+    """What was measured, and how well where the error leaves the verdict open."""
+    left_open = result.verdict is Verdict.NOT_RESOLVED and abs(result.margin) <= result.error < math.inf
+    return f"{result.note}, known to within {result.error:.2g}" if left_open else result.note
 
 
 def _word(claim: Claim, verdict: Verdict, run: Run) -> str:

@@ -5,6 +5,7 @@ export class Camera {
     this.scale = 20;
     this.off = [0, 0, 0]; // from what is followed, or from the origin, to the middle of the view
     this.follow = true;
+    this.moved = false; // whether a hand has moved the view since it was fitted
     this.yaw = 0;
     this.pitch = Math.PI / 2;
     this.width = this.height = 1;
@@ -46,19 +47,28 @@ export class Camera {
   }
 
   pan(dx, dy) {
+    this.moved = true;
     const a = this.point(0, 0), b = this.point(dx, dy);
     this.off = this.off.map((x, k) => x - (b[k] - a[k]));
   }
 
   zoom(factor, sx, sy) {
+    this.moved = true;
     const before = this.point(sx, sy);
     this.scale = Math.min(Math.max(this.scale * factor, 1e-6), 1e7);
     const after = this.point(sx, sy);
     this.off = this.off.map((x, k) => x + before[k] - after[k]);
   }
 
+  turn(dx, dy) {
+    this.moved = true;
+    this.yaw -= 0.008 * dx;
+    this.pitch = Math.min(Math.max(this.pitch + 0.008 * dy, 0), Math.PI / 2);
+  }
+
   // Fit the view to a group and what is near it.
   fit(group, width, height, left = 0) {
+    this.moved = false;
     const d = group.d, low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     const take = (p) => {
       for (let k = 0; k < 3; k++) {

@@ -91,7 +91,11 @@ export class Dialogs {
       <label>value in the second<input type="number" step="any" data-value></label>
       <p class="fault" role="alert" hidden></p><button class="small" data-go>compare</button> <button class="small" data-one ${this.compared?.length ? "" : "hidden"}>only one</button>`);
     const [which, value, fault] = ["[data-which]", "[data-value]", ".fault"].map((s) => this.box.querySelector(s));
-    const fill = () => (value.value = numbers[which.value]?.value ?? "");
+    // Half of the value that holds: a second run with the same one would show nothing.
+    const fill = () => {
+      const now = numbers[which.value]?.value;
+      value.value = now === undefined ? "" : Number((now ? now / 2 : 1).toPrecision(6));
+    };
     which.onchange = fill;
     fill();
     this.box.querySelector("[data-go]").onclick = async () => {

@@ -123,10 +123,8 @@ export class Hands {
     const [dx, dy] = [x - h.last[0], y - h.last[1]];
     h.last = [x, y];
     if (h.kind === "pan") {
-      if (this.dimension > 2 && h.button === 0 && !event.shiftKey) {
-        scene.camera.yaw -= 0.008 * dx;
-        scene.camera.pitch = Math.min(Math.max(scene.camera.pitch + 0.008 * dy, 0), Math.PI / 2);
-      } else scene.camera.pan(dx, dy);
+      if (this.dimension > 2 && h.button === 0 && !event.shiftKey) scene.camera.turn(dx, dy);
+      else scene.camera.pan(dx, dy);
     } else if (h.kind === "solid") {
       this.link.send("move", { path: h.solid.path, to: this.point(x + h.offset[0], y + h.offset[1]) });
     } else if (h.kind === "lasso") scene.lasso.push([x, y]);

@@ -68,12 +68,12 @@ export class LawPanel {
     const many = this.law.potentials.length > 1 ? ` of term ${potential.path[2] + 1}` : "";
     box.append(fragment(`<h3>Potential <var>ψ(r)</var>${many}</h3>
       <canvas role="img" aria-label="The potential, the force, and how often each distance occurs"></canvas>
-      <div class="keys"><span><i style="color:var(--accent)"></i>ψ(r)</span><span><i style="color:var(--force);border-top-style:dashed"></i>force ψ′(r)</span><span>bars: how often each distance occurs</span></div>
+      <div class="keys"><span><i style="color:var(--accent)"></i>ψ(r)</span><span><i style="color:var(--force);border-top-style:dashed"></i>force ψ′(r)</span><span>bars: distances of pairs</span></div>
       <textarea aria-label="Formula of the potential" spellcheck="false"></textarea>
-      <p class="fault" role="alert" hidden></p><button class="small" disabled>use this formula</button><ul class="checks"></ul>`));
-    const [canvas, field, fault, use, checks] = ["canvas", "textarea", ".fault", ".small", ".checks"].map((s) => box.querySelector(s));
+      <p class="fault" role="alert" hidden></p><button class="small" disabled>use this formula</button><ul class="checks"></ul><details class="reasons" hidden><summary>reasons and margins</summary><dl></dl></details>`));
+    const [canvas, field, fault, use, checks, reasons] = ["canvas", "textarea", ".fault", ".small", ".checks", ".reasons"].map((s) => box.querySelector(s));
     field.value = potential.formula;
-    const plot = { potential, canvas, curves: potential.curves, reach: potential.reach, checks, field, fault, use, number: 0 };
+    const plot = { potential, canvas, curves: potential.curves, reach: potential.reach, checks, reasons, field, fault, use, number: 0 };
     this.plots.push(plot);
     field.oninput = () => this.typed(plot);
     field.onkeydown = (event) => {
@@ -222,7 +222,12 @@ export class LawPanel {
           const [style, mark] = row.holds === true ? ["yes", "✓"] : row.holds === false ? ["no", "✗"] : ["open", "○"];
           return `<li class="${style}" title="${escaped(row.explanation)}">${mark} ${escaped(row.name)}</li>`;
         }).join("");
-      } catch { plot.checks.innerHTML = ""; }
+        plot.reasons.querySelector("dl").innerHTML = rows.map((row) => `<dt>${escaped(row.name)}</dt><dd>${escaped(row.explanation)}</dd>`).join("");
+        plot.reasons.hidden = !rows.length;
+      } catch {
+        plot.checks.innerHTML = "";
+        plot.reasons.hidden = true;
+      }
     }
   }
 

@@ -54,6 +54,7 @@ link.on("scenario", (message) => {
   timeline.scenario(message);
   law.scenario(message);
   dialogs.compared = message.compared;
+  scene.second = message.second;
   dialogs.folder = message.folder;
   dialogs.stored = false;
 });

@@ -7,6 +7,7 @@ import { flocks, speeds } from "./frames.js";
 const MOST_TRAILS = 500, MOST_DARTS = 10000;
 const TRAIL_SHARE = 1 / 25; // length of a trail in time, as a share of the scenario
 
+const REST = 1e-9; // speeds below it are shown as none
 const TOOLS_WIDTH = 52; // pixels of the scene under its hands, as style.css has them
 
 export class Scene {
@@ -65,9 +66,10 @@ export class Scene {
     const box = this.canvas.getBoundingClientRect(), ratio = Math.min(window.devicePixelRatio || 1, 2);
     const [w, h] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
     if (this.canvas.width !== w || this.canvas.height !== h) {
-      // What was in view stays in view.
+      // What was in view stays in view; a view that no hand has moved is fitted anew.
       const before = Math.min(this.canvas.width, this.canvas.height), now = Math.min(w, h);
-      if (before && now && !this.needsFit) this.camera.scale *= now / before;
+      if (!this.camera.moved) this.needsFit = true;
+      else if (before && now && !this.needsFit) this.camera.scale *= now / before;
       [this.canvas.width, this.canvas.height] = [w, h];
     }
     return { width: box.width, height: box.height, ratio };
@@ -99,7 +101,7 @@ export class Scene {
         c.fillStyle = this.dark ? "#2a3948" : "#c9d2da";
         c.fillRect(each - 0.5, 0, 1, height);
         this.text("first", 64, height - 16);
-        this.text("second", each + 16, height - 16);
+        this.text(`second${this.second ? `: ${this.second}` : ""}`, each + 16, height - 16);
       }
       this.camera.look(this.frame.groups[0].centre, each, height);
     }
@@ -230,7 +232,7 @@ export class Scene {
     }
     if (kind === "speed") {
       // The scale follows the fastest agent, and falls slowly, so that a decrease of speeds is visible.
-      this.fastest = Math.max(0.995 * this.fastest, high, 1e-9);
+      this.fastest = Math.max(0.995 * this.fastest, high, REST);
       [low, high] = [0, this.fastest];
     }
     return { kind, values, low, high };
@@ -238,7 +240,7 @@ export class Scene {
 
   agents(group, sx, sy, depth, { kind, values, low, high }) {
     const c = this.context, d = group.d, n = group.n, cam = this.camera;
-    this.legend = { kind, low, high };
+    this.legend = { kind, low, high: high > REST ? high : 0 };
     const { bin, colours } = binned(kind, group, values, low, high, this.dark);
     const size = n <= 60 ? 9 : n <= 400 ? 7 : n <= 2000 ? 5 : 3;
     const order = Array.from(colours, () => []);
@@ -269,7 +271,7 @@ export class Scene {
 
   // Many agents as a picture of their density: each cell shines by how many are in it, in their mean colour.
   density(group, sx, sy, { kind, values, low, high }, width, height) {
-    this.legend = { kind, low, high };
+    this.legend = { kind, low, high: high > REST ? high : 0 };
     const cell = group.n > 50000 ? 2 : 3, w = Math.ceil(width / cell), h = Math.ceil(height / cell);
     const count = new Float32Array(w * h), red = new Float32Array(w * h), green = new Float32Array(w * h), blue = new Float32Array(w * h);
     const { bin, colours } = binned(kind, group, values ?? speeds(group), low, high, this.dark);

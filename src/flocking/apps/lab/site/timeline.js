@@ -43,7 +43,10 @@ export class Timeline {
       area.addEventListener("pointermove", (event) => event.buttons && this.held && this.seek(event));
       area.addEventListener("pointerup", () => (this.held = false));
     }
-    new ResizeObserver(() => this.drawCurves()).observe(p.curves);
+    new ResizeObserver(() => {
+      this.drawCurves();
+      this.place();
+    }).observe(p.curves);
     p.strips.addEventListener("scroll", () => this.place());
   }
 
@@ -170,7 +173,7 @@ export class Timeline {
       rows.push(`<p class="empty">${escaped(why)}</p>`);
     } else {
       const at = r.record.judged;
-      rows.unshift(`<p class="empty" style="padding:2px 0">Judged up to t = ${short(at)}, by the motion since the last intervention.</p>`);
+      rows.unshift(`<p class="empty" style="padding:2px 0">Judged up to t = ${short(at)}, by the motion ${r.former ? "before the last intervention; what follows it is judged as time goes on" : "since the last intervention"}.</p>`);
     }
     const html = rows.join("");
     if (html === this.shownStrips) return;
