@@ -19,6 +19,7 @@ language = "en"
 
 extensions = [
     "computed_pages",  # writes pages; must come before those that read them
+    "notebook_pages",
     "api_pages",
     "plain_docstrings",
     "mathml",

@@ -9,6 +9,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flocking.engine.driver.notebook_line import line_of_notebook
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -51,6 +53,7 @@ class Pictures:
         self._shown, self._total, self._done = shown, total, 0
         self._begin = self._last = time.monotonic()
         self._bar: Progress | None = None
+        self._below_cell = line_of_notebook()
 
     def __enter__(self) -> Pictures:
         return self
@@ -65,15 +68,15 @@ class Pictures:
         now = time.monotonic()
         if not self._shown or now - self._begin < QUIET_SECONDS:
             return
+        left = (now - self._begin) * (self._total - self._done) / self._done
+        line = f"film: {self._done} of {self._total} pictures, about {left:.0f} s left"
+        if self._below_cell is not None:
+            self._below_cell.say(line)
+            return
         if not sys.stderr.isatty():
             if now - self._last >= LINE_SECONDS:
                 self._last = now
-                left = (now - self._begin) * (self._total - self._done) / self._done
-                print(
-                    f"film: {self._done} of {self._total} pictures, about {left:.0f} s left",
-                    file=sys.stderr,
-                    flush=True,
-                )
+                print(line, file=sys.stderr, flush=True)
             return
         if self._bar is None:
             from rich.console import Console

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.driver import progress
+from flocking.engine.driver import notebook_line, progress, run_progress
 from flocking.engine.driver.progress import Progress, stops
+from flocking.engine.driver.run_progress import Progress as Runs
 
 
 def scenario():
@@ -65,3 +68,37 @@ def test_stops_end_at_the_end_and_include_frames_where_asked():
     assert 0.123 not in seldom
     assert sorted({*seldom, 0.123}) == often
     assert (np.diff(often) > 0).all()
+
+
+def test_below_a_cell_of_a_notebook_one_line_is_written_over(clock, monkeypatch, capsys):
+    said = []
+
+    class Handle:
+        def update(self, data, raw):
+            said[-1] = data["text/plain"]
+
+    def display(data, raw, display_id):
+        said.append(data["text/plain"])
+        return Handle()
+
+    monkeypatch.setattr(notebook_line, "in_notebook", lambda: True)
+    monkeypatch.setattr(notebook_line, "import_module", lambda name: SimpleNamespace(display=display))
+    monkeypatch.setattr(notebook_line, "time", clock)
+    with Progress(True, scenario(), lines=True) as bar:
+        bar.show(0.0, 0)
+        clock.now += 1.9
+        bar.show(1.0, 10)
+        assert said == []
+        for second, t in ((2.0, 10.0), (0.1, 11.0), (2.0, 20.0)):
+            clock.now += second
+            bar.show(t, 1000)
+    assert len(said) == 1
+    assert said[0].startswith("four: t = 20 of 50 (40 %)")
+    said.clear()
+    runs = Runs(True, 10, 2)
+    runs._begin = clock.now - 4.0
+    monkeypatch.setattr(run_progress, "time", clock)
+    with runs as bar:
+        bar.advance(4, 1)
+    assert said == ["runs: 6 of 10, 1 failed, about 4 s left"]
+    assert capsys.readouterr().err == ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import sys
 import time
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,6 +12,7 @@ from flocking.apps.lab.access.page_files import page_files
 from flocking.apps.lab.access.request_checks import AccessCheck
 from flocking.apps.lab.access.web_server import HOST, WebServer
 from flocking.engine import interruption
+from flocking.engine.driver.notebook_line import in_notebook
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 
@@ -94,13 +94,6 @@ def lab(
     if wait:
         page.close()
     return page
-
-
-def in_notebook() -> bool:
-    """Whether this process is the kernel of a notebook."""
-    shell = sys.modules.get("IPython")
-    found = None if shell is None else shell.get_ipython()
-    return found is not None and hasattr(found, "kernel")
 
 
 def _wait() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine.driver.notebook_line import line_of_notebook
 from flocking.model.law import Scenario
 
 QUIET_SECONDS = 2.0
@@ -31,7 +32,7 @@ def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
 
 
 class Progress:
-    """A progress bar, shown only for runs that take some time.
+    """A progress bar, or a line below a notebook's cell, shown only for runs that take some time.
 
     Parameters
     ----------
@@ -42,6 +43,7 @@ class Progress:
     """
 
     def __init__(self, enabled: bool, scenario: Scenario, *, lines: bool = False) -> None:
+        self._below_cell = line_of_notebook()
         self._lines = lines and not sys.stderr.isatty()
         self._enabled = enabled
         self._scenario = scenario
@@ -74,10 +76,13 @@ class Progress:
         if not self._enabled or now - self._begin < QUIET_SECONDS:
             return
         rate = f"{agent_steps / (now - self._begin):.3g} agent-steps/s" + (f", {note}" if note else "")
+        if self._below_cell is not None:
+            self._below_cell.say(self._line(t, rate, now))
+            return
         if self._lines:
             if now - self._shown_at >= LINE_SECONDS:
                 self._shown_at = now
-                self._say(t, rate, now)
+                print(self._line(t, rate, now), file=sys.stderr, flush=True)
             return
         if self._bar is None:
             from rich.console import Console
@@ -94,10 +99,9 @@ class Progress:
     def _name(self) -> str:
         return self._scenario.name or "simulation"
 
-    def _say(self, t: float, rate: str, now: float) -> None:
+    def _line(self, t: float, rate: str, now: float) -> str:
         start, end = self._scenario.start.t, self._scenario.t_end
         assert self._first is not None
         begin, first = self._first
         left = f", about {(now - begin) * (end - t) / (t - first):.0f} s left" if t > first else ""
-        text = f"{self._name}: t = {t:g} of {end:g} ({100 * (t - start) / (end - start):.0f} %), {rate}{left}"
-        print(text, file=sys.stderr, flush=True)
+        return f"{self._name}: t = {t:g} of {end:g} ({100 * (t - start) / (end - start):.0f} %), {rate}{left}"

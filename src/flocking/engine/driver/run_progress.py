@@ -1,9 +1,13 @@
-"""Progress of many runs on a terminal's error stream: runs done, failures and the time left."""
+"""Progress of many runs on a terminal or below a notebook's cell: runs done, failures and the time left."""
 
 from __future__ import annotations
 
+import time
 from types import TracebackType
 from typing import TYPE_CHECKING
+
+from flocking.engine.driver.notebook_line import line_of_notebook
+from flocking.engine.driver.progress import QUIET_SECONDS
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -11,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Progress:
-    """A bar on a terminal; nothing elsewhere.
+    """A bar on a terminal, a line below a notebook's cell; nothing elsewhere.
 
     Parameters
     ----------
@@ -26,9 +30,11 @@ class Progress:
         self._failed = 0
         self._bar: Bar | None = None
         self._task: TaskID | None = None
+        self._below_cell = line_of_notebook() if enabled else None
+        self._begin, self._new = time.monotonic(), 0
 
     def __enter__(self) -> Progress:
-        if not self._enabled:
+        if not self._enabled or self._below_cell is not None:
             return self
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -53,6 +59,18 @@ class Progress:
     def advance(self, done: int, failed: int) -> None:
         """Count ``done`` runs, some of which failed."""
         self._failed += failed
+        self._new += done
+        if self._below_cell is not None:
+            self._say()
         if self._bar is not None and self._task is not None:
             text = f"{self._failed} failed" if self._failed else ""
             self._bar.update(self._task, advance=done, failed=text)
+
+    def _say(self) -> None:
+        passed = time.monotonic() - self._begin
+        if self._below_cell is None or passed < QUIET_SECONDS:
+            return
+        done = self._done + self._new
+        text = f"runs: {done} of {self._total}" + (f", {self._failed} failed" if self._failed else "")
+        left = f", about {passed * (self._total - done) / self._new:.0f} s left" if self._new else ""
+        self._below_cell.say(text + left)
