@@ -11,6 +11,13 @@ from flocking.apps.reproduction.reproduce import reproduce
 WIDE, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 
+UNNAMED = """() => [...document.querySelectorAll('table.claims td')]
+    .filter((cell) => /^[-\\d.e+]+$/.test(cell.innerText.trim()) && cell.cellIndex > 0)
+    .filter((cell) => getComputedStyle(cell, '::before').content === 'none')
+    .map((cell) => cell.innerText)"""
+"""Cells with a number alone that a phone shows without the name of their column."""
+
+
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     out = tmp_path_factory.mktemp("report")
@@ -114,4 +121,7 @@ def test_a_phone_shows_folded_sections_that_links_unfold(chromium, report):
     link.click()
     name = link.get_attribute("href")[1:]
     assert page.evaluate("name => document.getElementById(name).open", name)
+    page.evaluate("for (const part of document.querySelectorAll('details')) part.open = true")
+    unnamed = page.evaluate(UNNAMED)
+    assert unnamed == [], "numbers that do not say what they are"
     page.close()

@@ -86,7 +86,9 @@ def test_gsd_of_our_own_and_of_others(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "column t must be in the file"),
+        ("", "must have a header"),
+        ("t;id;x\n0;a;1\n", "must be separated by commas; got 'semicolons'"),
+        ("t\tid\tx\n0\ta\t1\n", "must be separated by commas; got 'tabulators'"),
         ("t,id,x\n0,1,2\n", "at least three times"),
         ("t,id,x,vx\n0,a,1,hello\n", "line 2, column vx must be a finite number; got 'hello'"),
         ("t,id,x,vx\n0,a,1,nan\n", "line 2, column vx must be a finite number"),

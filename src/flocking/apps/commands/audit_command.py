@@ -164,7 +164,7 @@ def _facts(path: Path, samples: Samples, motion: SampledMotion, law: str | None)
     t, q = samples.t, samples.q
     return {
         "file": str(path),
-        "agents": f"{q.shape[1]} in {q.shape[2]} dimensions",
+        "agents": f"{q.shape[1]} in {q.shape[2]} dimension{'s' if q.shape[2] > 1 else ''}",
         "samples": f"{len(t)} from t = {t[0]:g} to {t[-1]:g}",
         "velocities": str(motion.run.provenance["velocities"]),
         "law": law or "none declared: only claims that need none are judged",

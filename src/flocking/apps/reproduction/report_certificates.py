@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from flocking.apps.reproduction.report_tables import head_row, table
+from flocking.apps.reproduction.report_tables import head_row, named_cells, table
 from flocking.engine.runs.run import Run
 from flocking.formula.markup.text_formulas import set_text
 from flocking.study.certificates.certify import certify
@@ -12,6 +12,10 @@ from flocking.study.certificates.comparison import compare
 
 KEPT = {True: "yes", False: "no", None: "not resolved"}
 """Words for whether a promise was kept."""
+
+
+COMPARED = ("promised", "observed", "kept")
+"""What is told of each certificate beside its statement and theorem."""
 
 
 def certificates_table(run: Run) -> str:
@@ -34,7 +38,7 @@ def certificates_table(run: Run) -> str:
         promised = "" if each.safe_bound is None else f"{each.side} {each.safe_bound:.4g}"
         rows.append(
             f"<tr><td>{set_text(each.statement)}</td><td>{set_text(each.source, letters=False)}</td>"
-            f"<td>{escape(promised)}</td><td>{observed}</td><td data-name='kept'>{kept}</td></tr>"
+            f"{named_cells(COMPARED, (escape(promised), observed, kept))}</tr>"
         )
-    head = head_row("guaranteed before the run", "theorem", "promised", "observed", "kept")
+    head = head_row("guaranteed before the run", "theorem", *COMPARED)
     return f"<h4>Certificates</h4>\n{table(head, rows, 'Certificates')}"

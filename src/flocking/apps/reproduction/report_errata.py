@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 
 from flocking.apps.reproduction.report_page import more
-from flocking.apps.reproduction.report_tables import head_row, table
+from flocking.apps.reproduction.report_tables import head_row, named_cells, table
 from flocking.formula.markup.text_formulas import set_text
 from flocking.papers.description import Paper
 from flocking.papers.equation_table import Fault, RowData
@@ -83,8 +83,8 @@ def equation_table(article: Paper) -> str:
 
 def _equation(row: RowData) -> str:
     note = f'<br><span class="dim">{set_text(row["note"])}</span>' if row["note"] else ""
+    home = f"<code>{escape(row['home'].removeprefix('flocking.'))}</code>"
     return (
         f"<tr><td>{set_text(row['number'], letters=False)}</td><td>{set_text(row['title'])}{note}</td>"
-        f"<td>{escape(row['verdict'])}</td>"
-        f"<td><code>{escape(row['home'].removeprefix('flocking.'))}</code></td></tr>"
+        f"{named_cells(('verdict', 'home'), (escape(row['verdict']), home))}</tr>"
     )

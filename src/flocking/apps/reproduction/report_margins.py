@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from flocking.apps.reproduction.report_tables import head_row, table
+from flocking.apps.reproduction.report_tables import head_row, named_cells, table
 from flocking.papers.stored_margins import is_stored, stored_margins
 
 
@@ -19,7 +19,7 @@ def margins_table(key: str) -> str:
     if not is_stored(key):
         return ""
     found = stored_margins(key)
-    rows = ["<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>" for cells in found.cells]
+    rows = [f"<tr>{named_cells(found.head, map(escape, cells))}</tr>" for cells in found.cells]
     notes = "".join(f"<li>{escape(note)}</li>" for note in found.notes)
     versions = ", ".join(f"{name} {version}" for name, version in found.provenance.items())
     return (

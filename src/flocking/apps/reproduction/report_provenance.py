@@ -16,6 +16,10 @@ PACKAGES = ("flocking", "numpy", "scipy", "sympy", "llvmlite", "matplotlib", "ne
 """Packages whose versions are told: what computes, judges and draws."""
 
 
+TOLD = ("engine", "agents", "from", "to", "frames", "seed", "tolerance", "steps", "switches", "status")
+"""What is told of each run; on a phone, where the head of the table is not shown, beside its value."""
+
+
 def software() -> dict[str, object]:
     """Versions of packages and Python, the machine, and the time."""
     return {
@@ -46,9 +50,8 @@ def runs_table(rows: Mapping[str, tuple[str, Run]]) -> str:
     rows
         Title and run, by the anchor that the title leads to.
     """
-    names = ("scenario", "engine", "agents", "from", "to", "frames", "seed", "tolerance", "steps", "switches", "status")
     body = [_row(anchor, title, run) for anchor, (title, run) in rows.items()]
-    return table(head_row(*names), body, "Runs that are shown")
+    return table(head_row("scenario", *TOLD), body, "Runs that are shown")
 
 
 def _row(anchor: str, title: str, run: Run) -> str:
@@ -58,5 +61,6 @@ def _row(anchor: str, title: str, run: Run) -> str:
         "none" if s.seed is None else s.seed, f"{s.tolerance:g}", run.provenance.get("steps", "not told"),
         len(run.switches), run.status,
     )  # fmt: skip
-    cells = "".join(f"<td class='count'>{escape(str(x))}</td>" for x in numbers)
+    told = zip(TOLD, numbers, strict=True)
+    cells = "".join(f"<td class='count' data-name='{name}'>{escape(str(x))}</td>" for name, x in told)
     return f'<tr><td><a href="#{escape(anchor)}">{escape(title)}</a></td>{cells}</tr>'

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 
 
@@ -21,6 +21,19 @@ def table(head: str, rows: Iterable[str], label: str = "table") -> str:
         f'<div class="scroll" tabindex="0" role="group" aria-label="{escape(label)}">'
         f'<table class="claims"><thead>{head}</thead><tbody>{body}</tbody></table></div>\n'
     )
+
+
+def named_cells(names: Sequence[str], values: Iterable[str]) -> str:
+    """Cells that say their column, for phones, where the head of the table is not shown.
+
+    Parameters
+    ----------
+    names
+        Names of the columns, as text.
+    values
+        What stands in them, as HTML.
+    """
+    return "".join(f'<td data-name="{escape(name)}">{value}</td>' for name, value in zip(names, values, strict=True))
 
 
 def head_row(*names: str) -> str:

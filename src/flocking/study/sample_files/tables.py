@@ -22,6 +22,10 @@ TABLE_COLUMNS = ("t", "id", "x", "y", "z", "vx", "vy", "vz")
 """Columns of a table: time, agent, position and velocity by axis."""
 
 
+SEPARATORS = {";": "semicolons", "\t": "tabulators", "|": "vertical bars"}
+"""Signs that other programs write between columns."""
+
+
 def read_csv(path: Path, columns: Columns) -> Samples:
     """Read a CSV table, line by line.
 
@@ -50,6 +54,12 @@ def read_csv(path: Path, columns: Columns) -> Samples:
 
 def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
     header = [name.strip() for name in next(lines, [])]
+    if not header:
+        raise InvalidInput(str(path), "file", "must have a header, and a row per agent and time", "an empty line")
+    other = next((sign for sign in SEPARATORS if sign in header[0]), "") if len(header) == 1 else ""
+    if other:
+        fix = "Write the table with commas between columns, and points in numbers."
+        raise InvalidInput(str(path), "line 1, columns", "must be separated by commas", SEPARATORS[other], fix)
     twice = next((name for name in header if header.count(name) > 1), "")
     if twice:
         raise InvalidInput(str(path), "line 1, columns", "must have different names", twice)
