@@ -61,6 +61,6 @@ def _row(anchor: str, title: str, run: Run) -> str:
         "none" if s.seed is None else s.seed, f"{s.tolerance:g}", run.provenance.get("steps", "not told"),
         len(run.switches), run.status,
     )  # fmt: skip
-    told = zip(TOLD, numbers, strict=True)
-    cells = "".join(f"<td class='count' data-name='{name}'>{escape(str(x))}</td>" for name, x in told)
+    named = zip(TOLD, numbers, strict=True)
+    cells = "".join(f"<td class='count' data-name='{name}'>{escape(str(x))}</td>" for name, x in named)
     return f'<tr><td><a href="#{escape(anchor)}">{escape(title)}</a></td>{cells}</tr>'

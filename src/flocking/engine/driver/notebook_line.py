@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from importlib import import_module
-from typing import Any
+from typing import Protocol
 
 UPDATE_SECONDS = 0.5
 """Least seconds between two texts of a line: what changes faster is not read, and every change is stored on its way."""
@@ -18,11 +18,18 @@ def in_notebook() -> bool:
     return found is not None and hasattr(found, "kernel")
 
 
+class Handle(Protocol):
+    """What a kernel has shown, and can show otherwise."""
+
+    def update(self, data: object, *, raw: bool) -> None:
+        """Show other ``data``, by media type where it is ``raw``, in its place."""
+
+
 class NotebookLine:
     """A line of text below the cell that runs."""
 
     def __init__(self) -> None:
-        self._handle: Any = None
+        self._handle: Handle | None = None
         self._said = float("-inf")
 
     def say(self, text: str) -> None:
@@ -40,8 +47,7 @@ class NotebookLine:
         data = {"text/plain": text}
         if self._handle is None:
             # A kernel has it; nothing else of the library asks for it.
-            display: Any = import_module("IPython.display").display
-            self._handle = display(data, raw=True, display_id=True)
+            self._handle = import_module("IPython.display").display(data, raw=True, display_id=True)
         else:
             self._handle.update(data, raw=True)
 
