@@ -99,6 +99,12 @@ class Stepper:
         each = errors[: int(np.prod(self._shape))].reshape(self._shape)
         return most_strained(each.max(axis=(0, 2)))
 
+    def first_step(self, bound: float) -> float:
+        """Length proposed for the next step where no step has been taken yet, which ends at time ``bound`` at most."""
+        before = self.memory
+        with np.errstate(all="ignore"):
+            return float(first_length(self._slope, before.t, before.y, before.slope, self.tolerance, bound))
+
     def step(self, bound: float, longest: float = np.inf) -> Segment:
         """Take one step, not beyond time ``bound`` nor longer than ``longest``.
 
@@ -114,7 +120,7 @@ class Stepper:
         nodes, weights, third, fifth, dense = tableau()
         shortest = SPACINGS * abs(float(np.nextafter(t, np.inf)) - t)
         with np.errstate(all="ignore"):
-            proposed = before.step or min(first_length(self._slope, t, y, before.slope, self.tolerance, bound), longest)
+            proposed = before.step or self.first_step(bound)
             length = min(max(proposed, shortest), longest)
             error = np.inf
             for trial in count(1):
@@ -141,6 +147,6 @@ class Stepper:
             coefficients = np.empty((DEGREE + 1, len(y)))
             polynomial(K, h, y, new, dense, TO_BERNSTEIN, coefficients)
         # The last step before a bound is cut short; it says nothing about the next one.
-        proposed = max(length, before.step) if end == bound else length
+        proposed = max(length, proposed) if end == bound else length
         self.memory = StepperMemory(end, new, slope, proposed)
         return Segment(t, end, coefficients)

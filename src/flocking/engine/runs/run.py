@@ -88,7 +88,8 @@ def ledger_of(rows: Iterable[tuple[float, ...]]) -> Records:
     rows
         Rows as `LedgerRow`, or tuples that leave out fields with a default.
     """
-    return np.array([LedgerRow(*row) for row in rows], dtype=TRACE_FIELDS)
+    complete = [row if len(row) == len(LedgerRow._fields) else LedgerRow(*row) for row in rows]
+    return np.array(complete, dtype=TRACE_FIELDS)
 
 
 OBSERVED_FIELDS = np.dtype(

@@ -6,6 +6,7 @@ import functools
 import hashlib
 import importlib
 import inspect
+import sys
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -34,17 +35,22 @@ class NativeFunction(Callee):
         Kinds of the arguments, see `flocking.formula.native.kinds.arguments_of`; those of each call when absent.
     apart
         Whether native functions call it instead of inlining it, so that a long function is compiled once.
+    told
+        What it is in words, if it takes seconds to compile: a terminal or a notebook is told so.
     """
 
-    def __init__(self, py_func: Callable[..., object], signature: str | None = None, *, apart: bool = False) -> None:
+    def __init__(
+        self, py_func: Callable[..., object], signature: str | None = None, *, apart: bool = False, told: str = ""
+    ) -> None:
         self.py_func = py_func
         self.signature = signature
         self.apart = apart
+        self._told = told
         self._compiled: dict[tuple[Argument, ...], Compiled] = {}
         self._latest: Compiled | None = None
         functools.update_wrapper(self, py_func)
 
-    @property
+    @functools.cached_property
     def address(self) -> int:
         """Where the machine code for the stated kinds is."""
         from flocking.formula.native.kinds import arguments_of
@@ -103,6 +109,8 @@ class NativeFunction(Callee):
         from flocking.formula.native.scopes import source_of
         from flocking.formula.native.translation import translate
 
+        if self._told:
+            _say(f"flocking: compiling {self._told} for this processor, once; this takes some seconds.")
         text, results, called = translate(name, source_of(self.py_func), arguments)
         return text, tuple(kind.name for kind in results), called
 
@@ -171,6 +179,20 @@ def native(function: Callable[..., object]) -> NativeFunction:
 def native_apart(function: Callable[..., object]) -> NativeFunction:
     """Make a function a native one that other native functions call."""
     return NativeFunction(function, apart=True)
+
+
+def native_told(what: str) -> Callable[[Callable[..., object]], NativeFunction]:
+    """Decorator of a native function that takes seconds to compile; ``what`` says in words which one that is."""
+    return lambda function: NativeFunction(function, told=what)
+
+
+def _say(line: str) -> None:
+    """Write a line for somebody who waits at a terminal or a notebook; workers and batch jobs say nothing."""
+    import multiprocessing
+
+    shown = sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
+    if shown and multiprocessing.parent_process() is None:
+        print(line, file=sys.stderr, flush=True)
 
 
 def provide(reference: str) -> tuple[str, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -46,8 +46,11 @@ from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
-MOST_STEPS = 64
-"""Most steps of one native call."""
+MOST_STEPS = 512
+"""Most steps of one native call: a run of ten agents over 30 s takes about 260."""
+
+MOST_STATES = 16_000_000
+"""Most bytes of the state vectors of these steps."""
 
 MOST_CROSSINGS = 256
 """Most crossings of one step."""
@@ -55,7 +58,7 @@ MOST_CROSSINGS = 256
 MOST_SWITCHES = 256
 """Most switches on record of one native call."""
 
-MOST_FRAMES = 64
+MOST_FRAMES = 512
 """Most frames of one native call."""
 
 MOST_LINKS = 64_000_000
@@ -166,10 +169,15 @@ def take_block(
     """
     law, watched, memory = dynamics.compiled, links.tables(dynamics.barriers), stepper.memory
     known = error.difference
-    if law is None or watched is None or memory.step == 0.0 or known.lost < np.inf:
+    if law is None or watched is None or known.lost < np.inf:
         return None
+    if memory.step == 0.0:
+        memory = replace(memory, step=stepper.first_step(until[1]))
+        if not 0.0 < memory.step < np.inf:
+            return None
     n, pairs, size = dynamics.n, len(dynamics.pairs[0]), len(memory.y)
-    room = 1 if seconds < SHORT_SLICE else max(1, min(MOST_STEPS, WORK // (n * n + 200 * pairs + 1)))
+    most = min(MOST_STEPS, MOST_STATES // (16 * size), WORK // (n * n + 200 * pairs + 1))
+    room = 1 if seconds < SHORT_SLICE else max(1, most)
     solution = _solution(memory, known, stepper.slopes, energies)
     switching = switching_tables(dynamics, links)
     law = law._replace(pairs=with_room(law.pairs, len(links.graphs), n))
