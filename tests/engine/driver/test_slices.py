@@ -198,7 +198,10 @@ def test_ctrl_c_is_answered_while_steps_shrink(monkeypatch, capsys):
 
 def test_an_interrupt_within_a_step_leaves_the_session_whole(monkeypatch):
     from flocking.engine import interruption
+    from flocking.engine.exact.blocks import block
 
+    # Many native calls, between which interrupts are noted.
+    monkeypatch.setattr(block, "MOST_STEPS", 8)
     chosen = scenario(frames=11)
     whole, other = ExactSession(chosen), ExactSession(chosen)
     whole.advance(chosen.t_end)

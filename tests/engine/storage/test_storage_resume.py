@@ -126,7 +126,7 @@ def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
 
     session = fk.start(scenario())
     session.advance(1.0)
-    session._links.sliding[0, 3, 4] = (0.5, 0.25, 3)
+    session._links.sliding = {**session._links.sliding, (0, 3, 4): (0.5, 0.25, 3)}
     restored = unpack(pack(session), session.run("unfinished"), None, tmp_path)
     one, two = session.snapshot(), restored.snapshot()
     assert {f.name for f in dataclasses.fields(one)} == {

@@ -195,7 +195,7 @@ class ExactSession(AdaptiveSession):
             write_rows(records, found.switches, self._links, origin)
             self._links.take(*found.links)
             self._links.take_sliding(found.sliding)
-            dynamics.relink(self._links)
+            dynamics.relink(self._links, found.pairs)
         if found.segment is not None:
             self._lengths.add(length)
             self._segment, self._pending = found.segment, found.pending

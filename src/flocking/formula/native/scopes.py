@@ -15,6 +15,9 @@ from llvmlite import ir
 
 from flocking.formula.native.kinds import Array, Kind, UntranslatableError, Value
 
+PARSES = 5
+"""Number of times that a text is parsed at most. One failure has been seen, on a busy machine; never two in a row."""
+
 
 @dataclass(frozen=True)
 class Source:
@@ -99,9 +102,28 @@ def _functions(text: str) -> dict[tuple[str, int], ast.FunctionDef]:
     """Functions by name and first line, that of the first decorator where there is one."""
     return {
         (node.name, min([node.lineno, *(d.lineno for d in node.decorator_list)])): node
-        for node in ast.parse(text).body
+        for node in parsed(text).body
         if isinstance(node, ast.FunctionDef)
     }
+
+
+def parsed(text: str) -> ast.Module:
+    """The syntax tree of a text.
+
+    Python 3.11 fails by chance while another thread parses, as the import of a library does; it is then tried again.
+
+    Raises
+    ------
+    SystemError
+        When it fails again and again.
+    """
+    for left in reversed(range(PARSES)):
+        try:
+            return ast.parse(text)
+        except SystemError:
+            if not left:
+                raise
+    raise AssertionError
 
 
 class WiderError(Exception):

@@ -43,6 +43,7 @@ from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.integrator.integration_method import DEGREE, STAGES, TO_BERNSTEIN, tableau
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.integrator.stepper import Stepper, StepperMemory
+from flocking.engine.kernels.law_kernels import Pairs
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
@@ -96,8 +97,9 @@ class StepBlock:
         Switches on record, rows, see `flocking.engine.exact.blocks.arrays.SWITCHED_AT`.
     fresh, sliding
         Pairs that have switched and are not beyond the error yet, and the last crossings of pairs, as rows.
-    links
-        Pairs within each watched distance, and links of each graph; None where nothing switched.
+    links, pairs
+        Pairs within each watched distance, links of each graph, and the pairs of the law with room for more; None where
+        nothing switched.
     memory, difference, extremes
         What the stepper, the estimate of the error and the largest values are after them.
     segment, pending
@@ -117,6 +119,7 @@ class StepBlock:
     fresh: Array
     sliding: Array
     links: tuple[Links, Links] | None
+    pairs: Pairs | None
     memory: StepperMemory
     difference: Difference
     extremes: Array
@@ -231,7 +234,8 @@ def take_block(
         records.steps[:rows], records.states[:rows], (t - begin, float(progress[ENERGY]), float(progress[KINETIC])),
         taken, (records.frames[:frames], records.frame_errors[:frames], records.frame_links[:frames]),
         switched.switches[:switches], switched.fresh[:fresh], switched.sliding[:sliding],
-        (watched[0].near, switching.linked) if switches else None, memory, known, records.extremes, segment,
+        (watched[0].near, switching.linked) if switches else None, law.pairs if switches else None,
+        memory, known, records.extremes, segment,
         solution.errors, pending, tried,
     )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flocking.arrays import Indices, Mask
 from flocking.engine.exact.crossings.guards import crossings
 from flocking.engine.exact.crossings.images import image_crossings
+from flocking.engine.exact.crossings.last_crossings import LastCrossings
 from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.crossings.watch_tables import NO_BALLS, BallWatches, PairWatches, slack_at
@@ -108,7 +109,7 @@ class LinkState:
             distance = np.full(len(q), level.distance)
             self.watches.append(Watch(len(self.graphs) + level.group, level.kind, distance, distance))
             self.near.append(self.contacts.within(level, q, t + base))
-        self.sliding: dict[tuple[int, int, int], tuple[float, float, int]] = {}
+        self._sliding = LastCrossings()
         everyone = np.ones((len(q), len(q)), dtype=bool)
         allowed = [g.allowed(headings) for g in self.graphs]
         self._allowed = [everyone if x is None else x for x in allowed]
@@ -132,7 +133,7 @@ class LinkState:
         found._law, found.graphs, found.contacts = law, law.graphs, contacts
         found.watches = [*watches, *self.watches[self._first_level :]]
         found.recall((self.links, self.near))
-        found.sliding, found._numbers = {}, None
+        found._sliding, found._numbers = LastCrossings(), None
         return found
 
     def _near_at(self, q: Array, watch: Watch) -> Links:
@@ -321,23 +322,29 @@ class LinkState:
         if watch.smooth:
             return False
         i, j = (int(x) for x in crossing.pairs[k])
-        before, fast, count = self.sliding.get((crossing.watch, i, j), (-np.inf, 1.0, 0))
+        before, fast, count = self._sliding.of(crossing.watch, i, j)
         # It went no further than its speed took it.
         still = (time - before) * max(fast, abs(speed)) <= SLIDE * float(watch.leave[i])
         count = count + 1 if still else 0
-        self.sliding[crossing.watch, i, j] = (time, abs(speed), count)
+        self._sliding.put(crossing.watch, i, j, time, abs(speed), count)
         return count >= MOST_SLIDES
 
+    @property
+    def sliding(self) -> dict[tuple[int, int, int], tuple[float, float, int]]:
+        """The last crossing of each pair under a watch: time, speed, and number of those in a row without moving."""
+        return self._sliding.by_pair()
+
+    @sliding.setter
+    def sliding(self, known: Mapping[tuple[int, int, int], tuple[float, float, int]]) -> None:
+        self._sliding = LastCrossings.of_pairs(known)
+
     def sliding_rows(self) -> Array:
-        """The last crossings of pairs: watch, pair, time, speed and number of those in a row, shape (k, 6)."""
-        rows = [(*key, *values) for key, values in self.sliding.items()]
-        return np.array(rows, dtype=np.float64).reshape(-1, 6)
+        """The last crossings of pairs as `LastCrossings.rows`."""
+        return self._sliding.rows
 
     def take_sliding(self, rows: Array) -> None:
         """Take such ``rows`` in place of those known."""
-        self.sliding = {
-            (int(w), int(i), int(j)): (time, speed, int(number)) for w, i, j, time, speed, number in rows.tolist()
-        }
+        self._sliding = LastCrossings(rows)
 
     def lost_link(self, crossings: Sequence[Crossing], barriers: Sequence[bool]) -> tuple[int, ...] | None:
         """The first pair that would break a link whose potential is infinite there; None if there is none.
