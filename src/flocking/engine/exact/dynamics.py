@@ -207,14 +207,7 @@ class Dynamics:
         return share
 
     def relink(self, links: LinkState, pairs: Pairs | None = None) -> None:
-        """Update the pairs from the links.
-
-        Parameters
-        ----------
-        links
-            The links.
-        pairs
-            Their pairs with room for more, where the native loop has found them.
+        """Update the pairs from the ``links``, whose ``pairs`` the native loop may have found.
 
         Raises
         ------
@@ -222,16 +215,7 @@ class Dynamics:
             When a functional of the graph does not exist for these links.
         """
         self._energies.clear()
-        if pairs is None:
-            senders, sensed, offsets, pieces = links.pairs()
-        else:
-            end = pairs.offsets[-1]
-            senders, sensed, offsets, pieces = (
-                pairs.senders[:end],
-                pairs.sensed[:end],
-                pairs.offsets,
-                pairs.pieces[:end],
-            )
+        senders, sensed, offsets, pieces = links.pairs() if pairs is None else pairs[:4]
         self.pairs = Pairs(senders, sensed, offsets, pieces, self._spans)
         # The pieces are those of the acting law.
         self._declared_pairs = self.pairs

@@ -30,7 +30,7 @@ from flocking.engine.exact.blocks.arrays import (
     Switched,
     Watches,
 )
-from flocking.engine.exact.blocks.link_tables import switching_tables, with_room
+from flocking.engine.exact.blocks.link_tables import switching_tables, with_room, without_room
 from flocking.engine.exact.blocks.loop import OPEN, REFUSED, step_block
 from flocking.engine.exact.companion import INSIDE, SECOND, Difference
 from flocking.engine.exact.crossings.nearby_pairs import unknown_pairs
@@ -98,8 +98,7 @@ class StepBlock:
     fresh, sliding
         Pairs that have switched and are not beyond the error yet, and the last crossings of pairs, as rows.
     links, pairs
-        Pairs within each watched distance, links of each graph, and the pairs of the law with room for more; None where
-        nothing switched.
+        Pairs within each watched distance, links of each graph, and the pairs of the law; None where nothing switched.
     memory, difference, extremes
         What the stepper, the estimate of the error and the largest values are after them.
     segment, pending
@@ -234,7 +233,7 @@ def take_block(
         records.steps[:rows], records.states[:rows], (t - begin, float(progress[ENERGY]), float(progress[KINETIC])),
         taken, (records.frames[:frames], records.frame_errors[:frames], records.frame_links[:frames]),
         switched.switches[:switches], switched.fresh[:fresh], switched.sliding[:sliding],
-        (watched[0].near, switching.linked) if switches else None, law.pairs if switches else None,
+        (watched[0].near, switching.linked) if switches else None, without_room(law.pairs) if switches else None,
         memory, known, records.extremes, segment,
         solution.errors, pending, tried,
     )  # fmt: skip

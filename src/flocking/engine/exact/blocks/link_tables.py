@@ -53,3 +53,9 @@ def with_room(pairs: Pairs, graphs: int, n: int) -> Pairs:
     pieces = np.empty(room, dtype=np.int32)
     senders[:count], sensed[:count], pieces[:count] = pairs.senders, pairs.sensed, pairs.pieces
     return Pairs(senders, sensed, np.array(pairs.offsets, dtype=np.int64), pieces, pairs.spans)
+
+
+def without_room(pairs: Pairs) -> Pairs:
+    """The ``pairs`` in use of those that `with_room` gave."""
+    end = pairs.offsets[-1]
+    return pairs._replace(senders=pairs.senders[:end], sensed=pairs.sensed[:end], pieces=pairs.pieces[:end])
