@@ -35,17 +35,22 @@ class NativeFunction(Callee):
         Kinds of the arguments, see `flocking.formula.native.kinds.arguments_of`; those of each call when absent.
     apart
         Whether native functions call it instead of inlining it, so that a long function is compiled once.
-    told
+    announced_as
         What it is in words, if it takes seconds to compile: a terminal or a notebook is told so.
     """
 
     def __init__(
-        self, py_func: Callable[..., object], signature: str | None = None, *, apart: bool = False, told: str = ""
+        self,
+        py_func: Callable[..., object],
+        signature: str | None = None,
+        *,
+        apart: bool = False,
+        announced_as: str = "",
     ) -> None:
         self.py_func = py_func
         self.signature = signature
         self.apart = apart
-        self._told = told
+        self._announced_as = announced_as
         self._compiled: dict[tuple[Argument, ...], Compiled] = {}
         self._latest: Compiled | None = None
         functools.update_wrapper(self, py_func)
@@ -109,8 +114,8 @@ class NativeFunction(Callee):
         from flocking.formula.native.scopes import source_of
         from flocking.formula.native.translation import translate
 
-        if self._told:
-            _say(f"flocking: compiling {self._told} for this processor, once; this takes some seconds.")
+        if self._announced_as:
+            _say(f"flocking: compiling {self._announced_as} for this processor, once; this takes some seconds.")
         text, results, called = translate(name, source_of(self.py_func), arguments)
         return text, tuple(kind.name for kind in results), called
 
@@ -181,9 +186,9 @@ def native_apart(function: Callable[..., object]) -> NativeFunction:
     return NativeFunction(function, apart=True)
 
 
-def native_told(what: str) -> Callable[[Callable[..., object]], NativeFunction]:
+def native_announced(what: str) -> Callable[[Callable[..., object]], NativeFunction]:
     """Decorator of a native function that takes seconds to compile; ``what`` says in words which one that is."""
-    return lambda function: NativeFunction(function, told=what)
+    return lambda function: NativeFunction(function, announced_as=what)
 
 
 def _say(line: str) -> None:

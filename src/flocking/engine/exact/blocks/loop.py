@@ -52,13 +52,13 @@ from flocking.engine.exact.extremes import References, StepErrors, StepTimes, ad
 from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import fill_part
 from flocking.engine.kernels.law_kernels import CompiledLaw
-from flocking.formula.native.functions import native_told
+from flocking.formula.native.functions import native_announced
 
 OPEN, REFUSED, FAILED = range(3)
 """Outcomes: the last step is not recorded yet; or all are recorded and the next was refused, or failed."""
 
 
-@native_told("the loop of the exact engine")
+@native_announced("the loop of the exact engine")
 def step_block(
     law: CompiledLaw, method: Method, watches: Watches, switching: Switching, limits: Limits, references: References,
     solution: Solution, switched: Switched, records: Records,

@@ -23,7 +23,7 @@ class Terminal(io.StringIO):
 def said(monkeypatch: pytest.MonkeyPatch, stream: io.StringIO, told: str) -> str:
     with monkeypatch.context() as patch:
         patch.setattr("sys.stderr", stream)
-        assert NativeFunction(doubled, told=told)(2.0, np.array([5.0])) == 20.0
+        assert NativeFunction(doubled, announced_as=told)(2.0, np.array([5.0])) == 20.0
     return stream.getvalue()
 
 
