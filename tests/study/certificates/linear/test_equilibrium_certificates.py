@@ -133,16 +133,32 @@ def test_runs_near_a_lattice_end_on_the_promised_side(share, falls):
         assert (away[1] < 0.2 * away[0]) == falls
 
 
-def test_a_lattice_of_weighted_forces_is_found():
-    """Olfati-Saber (2006): links of weighted forces, with the weight of consensus at their lengths."""
-    law = fk.Law(fk.Smooth(1.4, 0.5), [fk.Gradient(PSI, weighting="force"), fk.Consensus(1.0)])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_a_lattice_of_weighted_forces_is_found(weighted):
+    """Olfati-Saber (2006): links of weighted forces. Consensus has the weight of its links only where told to."""
+    law = fk.Law(fk.Smooth(1.4, 0.5), [fk.Gradient(PSI, weighting="force"), fk.Consensus(1.0, weighted=weighted)])
     made = fk.Scenario(law, fk.State(1.1 * TRIANGLE, np.zeros((3, 2))), t_end=1.0)
     near = NearEquilibrium(made)
     assert near.hypotheses[-1].holds
     assert near.equilibrium.distances == pytest.approx([1.0] * 3, abs=1e-9)
     weight = float(law.graph.weight(1.0, lambda name: law.graph.parameters[name]))
-    holds(near.damped, 3 * weight)
+    assert weight < 0.9
+    holds(near.damped, 3 * weight if weighted else 3.0)
     holds(near.largest_stiffness, 18.0 * weight)
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+@pytest.mark.parametrize("share", [0.95, 1.05])
+def test_damping_over_a_smooth_graph_is_that_of_the_law(weighted, share):
+    """Under held control at both sides of the period, where damping alone decides: 2/(3 beta) or 2/(3 beta a)."""
+    law = fk.Law(fk.Smooth(1.4, 0.5), [fk.Gradient(PSI, weighting="force"), fk.Consensus(8.0, weighted=weighted)])
+    start = fk.State(TRIANGLE, 1e-6 * np.random.default_rng(1).normal(size=(3, 2)))
+    made = fk.Scenario(law, start, t_end=1.0)
+    period = round(share * fk.certify(made)["equilibrium_period"].bound.lo, 9)
+    held = made.with_(control=fk.Held(period), t_end=120 * period, frames=2)
+    run = fk.simulate(held, progress=False)
+    moving = [np.linalg.norm(p - p.mean(axis=0)) for p in run.p]
+    assert (moving[1] < moving[0]) == (share < 1.0)
 
 
 def test_what_is_not_proven_is_refused():

@@ -181,7 +181,10 @@ class NearEquilibrium:
 
         from flocking.formula.interval_values import enclosed
 
-        gain = sum(float(np.max(t.gain)) for t in self.scenario.law.pair_terms if isinstance(t, Consensus))
+        gains = dict.fromkeys((False, True), 0.0)
+        for term in self.scenario.law.pair_terms:
+            if isinstance(term, Consensus):
+                gains[term.weighted] += float(np.max(term.gain))
         at, graph = self.equilibrium, self.scenario.law.graph
         weights = np.asarray(at.links, dtype=np.float64)
         errors = np.zeros_like(weights)
@@ -193,7 +196,8 @@ class NearEquilibrium:
             wide = 2.0 * at.radius + 1e-14 * (1.0 + np.abs(at.q).max())
             found = enclosed(graph.weight(r, lambda name: numbers[name]), r, Interval.of(length - wide, length + wide))
             weights[i, j], errors[i, j] = 0.5 * (found.lo + found.hi), 0.5 * (found.hi - found.lo)
-        weights, errors = gain * weights, gain * errors + 4e-16 * gain * weights
+        weights = gains[True] * weights + gains[False] * np.asarray(at.links, dtype=np.float64)
+        errors = gains[True] * errors + 8e-16 * weights
         laplacian = np.diag(weights.sum(axis=1)) - weights
         spread = np.diag(errors.sum(axis=1) + len(weights) * 2e-16 * weights.sum(axis=1)) + errors
         return EnclosedMatrix(laplacian, spread)
