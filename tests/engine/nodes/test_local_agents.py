@@ -1,5 +1,7 @@
 """Agents that compute their forces by themselves, all in this process: the runs of the engine, bit for bit."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,9 @@ import flocking as fk
 from flocking.apps.cli import main
 from flocking.engine.nodes.faults import Cut, Kill, Restart, fault_of
 from flocking.engine.nodes.nodes import Sample
+from flocking.engine.nodes.processes import LocalAgents
 from flocking.engine.nodes.requests import packed, row_of, sample_of, unpacked
-from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
 from tests.engine.nodes.worlds import AROUND, CLOSE, LAW, SLOW, same, scenario
 
 WORLDS = {
@@ -155,6 +158,35 @@ def test_samples_survive_as_text():
     sample = Sample(3, 7, 1_234_567_890_123, (0.1, -1e-300), (np.pi, 1e300))
     assert sample_of(unpacked(packed({"x": row_of(sample)}))["x"]) == sample
     assert unpacked(b"\xff") == unpacked(b"[1]") == unpacked(b"") == {}
+
+
+@pytest.mark.parametrize(
+    ("do", "wrong"),
+    [
+        ("measure", None), ("measure", {}), ("measure", {"sample": []}),
+        ("measure", {"sample": [9, 0, 0, [0, 0], [0, 0]]}),
+        ("measure", {"sample": [3, 0, 0, [0.0], [0.0]]}), ("act", {"force": [0.0, 0.0]}),
+        ("act", {"force": [0.0], "links": [[]], "filtered": [False, False]}),
+        ("act", {"force": [0.0, math.nan], "links": [[]], "filtered": [False, False]}),
+        ("act", {"force": [0.0, 10**400], "links": [[]], "filtered": [False, False]}),
+        ("act", {"force": [0.0, "1"], "links": [[]], "filtered": [False, False]}),
+        ("act", {"force": [0.0, 0.0], "links": [[99]], "filtered": [False, False]}),
+        ("act", {"force": [0.0, 0.0], "links": [[-1]], "filtered": [False, False]}),
+        ("act", {"force": [0.0, 0.0], "links": [], "filtered": [False, False]}),
+        ("act", {"force": [0.0, 0.0], "links": [[]], "filtered": [1, 0]}), ("act", {"fault": 3}), ("act", [1, 2]),
+    ],
+)  # fmt: skip
+def test_what_is_no_answer_ends_the_run_and_names_its_agent(do, wrong, monkeypatch):
+    """Whoever reaches the place can write messages; none of them reaches the world's arrays unchecked."""
+    ask = LocalAgents.ask
+
+    def asked(self, requests, seconds):
+        found = ask(self, requests, seconds)
+        return found | {i: wrong for i, request in requests.items() if i == 3 and request["do"] == do}
+
+    monkeypatch.setattr(LocalAgents, "ask", asked)
+    with pytest.raises(SimulationError, match="Agent 3 answered with something else than it was asked for"):
+        local(scenario(t_end=0.2))
 
 
 @pytest.mark.parametrize(

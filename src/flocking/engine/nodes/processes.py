@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 import signal
 import subprocess
@@ -40,6 +41,11 @@ LEAVING = 5.0
 def _said(line: str) -> None:
     """Print a line for whoever begins the agents, who may read it through a pipe."""
     print(line, flush=True)
+
+
+def _sender(key: str, n: int) -> int:
+    """The agent whom the end of a key names; -1 where it names none."""
+    return int(key) if re.fullmatch("[0-9]{1,9}", key) and int(key) < n else -1
 
 
 class Agents(ABC):
@@ -196,8 +202,8 @@ class AgentProcesses(Agents):
                 )
             if found is None:
                 continue
-            agent, data = int(found[0]), unpacked(found[1])
-            if "ready" in data:
+            agent, data = _sender(found[0], self.n), unpacked(found[1])
+            if "ready" in data and agent >= 0:
                 self._ready.add(agent)
             elif "hello" in data and agent in agents and agent not in greeted:
                 greeted.add(agent)
@@ -220,13 +226,13 @@ class AgentProcesses(Agents):
                 if left <= 0.0:
                     break
                 continue
-            agent, data = int(came[0]), unpacked(came[1])
-            if "hello" in data and not self._spawned:
+            agent, data = _sender(came[0], self.n), unpacked(came[1])
+            if "hello" in data and not self._spawned and agent >= 0:
                 # Begun anew on another host: it knows nothing.
                 self._tell(agent, {"scenario": self._scenario, "begin": False})
             # An answer to an earlier question comes too late.
             if agent in missing and data.get("id") == self._asked:
-                found[agent] = cast(Answer, data["answer"])
+                found[agent] = cast(Answer, data.get("answer"))
                 missing.discard(agent)
         return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 from typing import TypedDict
 
@@ -74,6 +75,47 @@ def sample_of(row: list[object]) -> Sample:
     assert isinstance(q, list)
     assert isinstance(p, list)
     return Sample(sender, number, stamp, tuple(map(float, q)), tuple(map(float, p)))
+
+
+def well_formed(found: object, agent: int, request: Request, sizes: tuple[int, int, int]) -> bool:
+    """Whether an answer is one to a request: a fault, or numbers of the right shapes and ranges.
+
+    Parameters
+    ----------
+    found
+        What came.
+    agent
+        The agent that was asked.
+    request
+        What it was asked.
+    sizes
+        Numbers of axes, of agents and of graphs.
+    """
+    m, n, graphs = sizes
+    if not isinstance(found, dict):
+        return False
+    if "fault" in found:
+        return isinstance(found["fault"], str)
+    if request["do"] == "measure":
+        row = found.get("sample")
+        known = [agent, request["number"], request["now"]]
+        return isinstance(row, list) and len(row) == 5 and row[:3] == known and all(_numbers(x, m) for x in row[3:])
+    links, filtered = found.get("links"), found.get("filtered")
+    return (
+        _numbers(found.get("force"), m)
+        and isinstance(links, list) and len(links) == graphs
+        and all(isinstance(row, list) and all(type(j) is int and 0 <= j < n for j in row) for row in links)
+        and isinstance(filtered, list) and len(filtered) == 2 and all(type(x) is bool for x in filtered)
+    )  # fmt: skip
+
+
+def _numbers(found: object, count: int) -> bool:
+    """Whether something is a list of so many finite numbers."""
+    return (
+        isinstance(found, list)
+        and len(found) == count
+        and all(type(x) in (int, float) and abs(x) <= sys.float_info.max for x in found)
+    )
 
 
 def answer(node: Node, request: Request) -> Answer:

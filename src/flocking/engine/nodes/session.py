@@ -14,12 +14,12 @@ from flocking.engine.nodes.faults import Cut, Fault, Kill, Restart, check_faults
 from flocking.engine.nodes.nodes import START
 from flocking.engine.nodes.processes import PATIENCE, Agents
 from flocking.engine.nodes.recording import Recording
-from flocking.engine.nodes.requests import Answer, Request, sample_of
+from flocking.engine.nodes.requests import Answer, Request, sample_of, well_formed
 from flocking.engine.protocol.session import Session
 from flocking.engine.sampled.engine import ENGINE as SAMPLED
 from flocking.engine.sampled.knowledge import Knowledge, Known
 from flocking.engine.sampled.session import SampledSession
-from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
+from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw, said
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.control import Held
@@ -183,7 +183,13 @@ class NodeSession(SampledSession):
         asked = {i: request for i, request in requests.items() if not self.agents.ended(i)}
         found = self.agents.ask(asked, self._patience)
         self.late += sum(1 for i in asked if i not in found and not self.agents.ended(i))
+        sizes = self.m, self.n, len(self.scenario.law.graphs)
         for i, answer in found.items():
+            if not well_formed(answer, i, asked[i], sizes):
+                raise SimulationError(
+                    f"Agent {i} answered with something else than it was asked for: {said(answer)}.",
+                    time=self.time, agents=(i,),
+                )  # fmt: skip
             if "fault" in answer:
                 raise SimulationError(f"Agent {i} has no force: {answer['fault']}", time=self.time, agents=(i,))
         return found
