@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +135,33 @@ def test_an_agent_whose_world_says_nothing_ends():
     with Bus(listen=place):
         command = [sys.executable, "-m", "flocking.engine.nodes.agent_process", place, "none", "0", "--idle", "1"]
         assert subprocess.run(command, timeout=ENDING, check=False).returncode == 3
+
+
+def test_an_interrupt_while_agents_are_told_to_end_leaves_nothing_behind(monkeypatch):
+    """Otherwise Python waits at its end for the thread that hands on messages, for ever."""
+    before = set(threading.enumerate())
+    agents = processes.AgentProcesses(scenario(2, 0.2))
+    tell, struck = agents._tell, []
+
+    def interrupted(agent, data):
+        if not struck:
+            struck.append(agent)
+            signal.raise_signal(signal.SIGINT)
+        tell(agent, data)
+
+    monkeypatch.setattr(agents, "_tell", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        agents.close()
+    agents.close()
+    assert [process.poll() for process in agents.processes.values()] == [0, 0]
+    wait_until(lambda: not [thread for thread in set(threading.enumerate()) - before if not thread.daemon])
+
+
+def test_agents_that_an_interrupt_takes_from_their_owner_are_closed(monkeypatch):
+    """They stand on his stack before anything is opened."""
+    with ExitStack() as stack:
+        agents = processes.AgentProcesses(scenario(2, 0.2), stack=stack)
+    assert [process.poll() for process in agents.processes.values()] == [0, 0]
 
 
 def test_processes_that_end_at_once_are_named(monkeypatch):

@@ -130,10 +130,11 @@ def simulate_nodes(
         if code == "c":
             library = compiled_law(scenario, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="flocking-"))))
         agents: Agents = (
-            AgentProcesses(scenario, library=library, place=place, spawn=spawn)
+            AgentProcesses(scenario, library=library, place=place, spawn=spawn, stack=stack)
             if processes
             else LocalAgents(scenario, library)
         )
+        # A second time: an interrupt may keep the first call from its work.
         stack.callback(agents.close)
         recording = None if record is None else stack.enter_context(Recording(Path(record)))
         session = NodeSession(

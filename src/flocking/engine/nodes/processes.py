@@ -11,9 +11,11 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import cast
 
+from flocking.engine.interruption import uninterrupted
 from flocking.engine.nodes.bus import Bus, free_endpoint
 from flocking.engine.nodes.exported_node import ExportedNode
 from flocking.engine.nodes.nodes import Node, PythonNode
@@ -135,6 +137,8 @@ class AgentProcesses(Agents):
         Whether to begin the processes here; others are waited for, which are begun on other hosts.
     announce
         Called with a line about what to do, where processes are not begun here; printed at once when absent.
+    stack
+        Takes their `close` before anything is opened, so that no interrupt comes between.
 
     Raises
     ------
@@ -146,19 +150,24 @@ class AgentProcesses(Agents):
 
     def __init__(
         self, scenario: Scenario, *, library: Path | None = None, place: str = "", spawn: bool = True,
-        announce: Callable[[str], None] | None = None,
+        announce: Callable[[str], None] | None = None, stack: ExitStack | None = None,
     ) -> None:  # fmt: skip
         self._scenario, self._library, self._spawned = to_data(scenario), library, spawn
         self.n, self._time = scenario.start.n, scenario.start.t
         self.run = secrets.token_hex(8)
         self.place = place or free_endpoint()
-        self._bus = Bus(listen=self.place)
         self.processes: dict[int, subprocess.Popen[bytes]] = {}
         self._ready: set[int] = set()
-        self._asked, self._closed = 0, False
+        self._asked = 0
         self._stopped = threading.Event()
+        self._open = ExitStack()
+        if stack is not None:
+            stack.callback(self.close)
+        self._bus = self._open.enter_context(Bus(listen=self.place))
+        self._open.callback(self._end_processes)
         self._beats = threading.Thread(target=self._beat, daemon=True)
         self._beats.start()
+        self._open.callback(self._beats.join)
         try:
             self._bus.subscribe(f"flocking/{self.run}/from/*")
             if not spawn:
@@ -256,12 +265,15 @@ class AgentProcesses(Agents):
         self._gather({agent}, begin=False)
 
     def close(self) -> None:
-        """Tell all agents that the run has ended; processes that do not end are killed."""
-        if self._closed:
-            return
-        self._closed = True
-        self._stopped.set()
-        self._beats.join()
+        """Tell all agents that the run has ended; processes that do not end are killed.
+
+        Ctrl-C waits until all is closed: Python waits at its end for a thread of the bus that is still open.
+        """
+        with uninterrupted():
+            self._stopped.set()
+            self._open.close()
+
+    def _end_processes(self) -> None:
         for agent in range(self.n):
             self._tell(agent, {"end": True})
         stop = time.monotonic() + LEAVING
@@ -271,4 +283,3 @@ class AgentProcesses(Agents):
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-        self._bus.close()
