@@ -1,6 +1,7 @@
 """A process for each agent: the bits of runs in one, and what happens when processes end, hang or are cut off."""
 
 import json
+import math
 import os
 import re
 import signal
@@ -20,6 +21,7 @@ from flocking.engine.nodes import processes
 from flocking.engine.nodes.faults import Cut, Kill, Restart
 from flocking.engine.nodes.session import NodeSession
 from flocking.errors import EngineFailed, StorageError
+from flocking.study.sample_files.reading import read_samples
 from tests.engine.nodes.worlds import same, scenario
 
 pytestmark = pytest.mark.nodes
@@ -155,6 +157,25 @@ def test_an_interrupt_while_agents_are_told_to_end_leaves_nothing_behind(monkeyp
     agents.close()
     assert [process.poll() for process in agents.processes.values()] == [0, 0]
     wait_until(lambda: not [thread for thread in set(threading.enumerate()) - before if not thread.daemon])
+
+
+def test_ctrl_c_keeps_what_was_until_then(tmp_path, capsys, monkeypatch):
+    """A run in real time cannot be had again."""
+    file, advance = fk.write_scenario(scenario(2, 1.0), tmp_path / "two.toml"), NodeSession.advance
+
+    def interrupted(session, to, seconds=math.inf):
+        advance(session, min(to, 0.5), seconds)
+        if session.time >= 0.5:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(NodeSession, "advance", interrupted)
+    out, recording = tmp_path / "run", tmp_path / "run.mcap"
+    assert main(["nodes", str(file), "--out", str(out), "--record", str(recording)]) == 130
+    assert f"interrupted at t = 0.5: {out}, {recording} hold what was until then." in capsys.readouterr().err
+    found = fk.read_run(out)
+    assert found.status == "interrupted at t = 0.5"
+    assert 0.4 < found.t[-1] <= 0.5
+    assert read_samples(recording).t[-1] == found.t[-1]
 
 
 def test_agents_that_an_interrupt_takes_from_their_owner_are_closed(monkeypatch):

@@ -35,6 +35,8 @@ def test_processes_end_with_their_world(nodes: LongCommand, memory: Path, moment
     folder, recording = memory / "struck" / "run", memory / "struck" / "run.mcap"
     assert early or (folder.exists() and recording.exists())
     if folder.exists():
-        assert read_run(folder).t[-1] == pytest.approx(0.5)
+        found = read_run(folder)
+        assert len(found.t)
+        assert found.t[-1] == pytest.approx(0.5) or (early and found.status.startswith("interrupted"))
     if recording.exists() and not early:
         assert len(read_samples(recording).t) > 2

@@ -8,6 +8,7 @@ import json
 import os
 import resource
 import shutil
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
@@ -130,6 +131,20 @@ def test_what_was_not_committed_is_not_there(tmp_path: Path) -> None:
             accuracy=run.accuracy,
             provenance=run.provenance,
         )
+    assert_same(read_run(tmp_path / "run"), run)
+
+
+def test_an_interrupt_leaves_no_run_without_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is written at once is there at once: a run without frames would look like one that never began."""
+    run, append = finished(), RunWriter.append
+
+    def interrupted(*args: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+        append(*args)
+
+    monkeypatch.setattr(RunWriter, "append", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_run(run, tmp_path / "run")
     assert_same(read_run(tmp_path / "run"), run)
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
+from flocking.apps.commands.run_commands import FINE, INTERRUPTED
 from flocking.apps.json_output import print_json
 
 
@@ -61,6 +63,7 @@ def nodes(
     from flocking.apps.scenario_names import find_scenario
     from flocking.apps.tables import print_facts
     from flocking.engine.driver.nodes import simulate_nodes
+    from flocking.engine.interruption import partial_results
     from flocking.engine.nodes.faults import Cut, Kill, Restart, fault_of
     from flocking.errors import InvalidInput
 
@@ -72,16 +75,17 @@ def nodes(
         )  # fmt: skip
     kinds = ((Kill, kill), (Restart, restart), (Cut, cut))
     faults = [fault_of(kind, text) for kind, texts in kinds for text in texts or []]
-    run = simulate_nodes(
-        found,
-        code=code,
-        real_time=real_time,
-        faults=faults,
-        patience=patience,
-        place=listen,
-        spawn=spawn,
-        record=record,
-    )
+    with partial_results():
+        run = simulate_nodes(
+            found,
+            code=code,
+            real_time=real_time,
+            faults=faults,
+            patience=patience,
+            place=listen,
+            spawn=spawn,
+            record=record,
+        )
     if out is not None:
         from flocking.engine.storage.stored_runs import write_run
 
@@ -92,4 +96,11 @@ def nodes(
         print_json(facts)
     else:
         print_facts([(name, str(value)) for name, value in facts.items()])
-    return 0
+    if not run.status.startswith("interrupted"):
+        return FINE
+    kept = ", ".join(str(path) for path in (out, record) if path is not None)
+    print(
+        f"flocking: {run.status}: {f'{kept} hold what was until then' if kept else 'nothing is stored'}.",
+        file=sys.stderr,
+    )
+    return INTERRUPTED

@@ -16,7 +16,7 @@ import numpy as np
 
 from flocking.arrays import AnyArray
 from flocking.engine.archives.data_checks import MalformedError
-from flocking.engine.interruption import interrupted
+from flocking.engine.interruption import interrupted, uninterrupted
 from flocking.engine.memory_shortage import starved
 from flocking.engine.runs.columns import (
     ARRAYS,
@@ -55,6 +55,8 @@ if TYPE_CHECKING:
 def write_run(run: Run, folder: str | Path) -> Path:
     """Write a finished run to a new or empty folder.
 
+    Ctrl-C waits until all of it is there.
+
     Raises
     ------
     StorageError
@@ -62,7 +64,7 @@ def write_run(run: Run, folder: str | Path) -> Path:
     """
     links, observed = run.links.shape[1:] == (run.n, run.n), run.observables is not None
     precision = "float32" if run.q.dtype == np.float32 else "float64"
-    with RunWriter.create(
+    with uninterrupted(), RunWriter.create(
         folder, run.scenario, with_links=links, precision=precision, observed=observed,
         with_errors=run.accuracy is not None, with_log=run.log is not None,
     ) as writer:  # fmt: skip
