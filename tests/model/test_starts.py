@@ -90,3 +90,21 @@ def test_an_unreachable_start_says_so(monkeypatch):
 def test_bad_input_is_explained(make, words):
     with pytest.raises(InvalidInput, match=words):
         make()
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda seed: fk.start.box(5, side=2.0, speed=1.0, seed=seed),
+        lambda seed: fk.start.ball(5, radius=2.0, speed=1.0, seed=seed),
+        lambda seed: fk.start.hexagonal(5, spacing=1.0, noise=0.1, speed=1.0, seed=seed),
+    ],
+)
+def test_a_generator_is_taken_in_the_place_of_a_seed_and_drawn_from(draw):
+    generator = np.random.default_rng(3)
+    first, second, seeded = draw(generator), draw(generator), draw(3)
+    assert np.array_equal(first.q, seeded.q)
+    assert np.array_equal(first.p, seeded.p)
+    assert not np.array_equal(first.q, second.q)
+    with pytest.raises(fk.InvalidInput, match="seed must be an integer"):
+        draw(np.random.RandomState(3))

@@ -45,7 +45,7 @@ def box(
     *,
     side: Annotated[float | Sequence[float], values.NUMBER_OR_NUMBERS],
     speed: float = 0.0,
-    seed: Annotated[int, values.SEED],
+    seed: Annotated[int | np.random.Generator, values.SEED],
     corner: Annotated[Sequence[float] | None, values.POINT] = None,
     dimension: Annotated[int, values.DIMENSION] = 2,
     velocities: Annotated[str, values.choice(*VELOCITIES)] = "disc",
@@ -61,7 +61,7 @@ def box(
     speed
         Largest speed (``"disc"``), largest component (``"box"``) or speed (``"sphere"``).
     seed
-        Seed of the random generator; the same seed gives the same state.
+        Seed of the random generator, the same one gives the same state; or a generator of NumPy, which is drawn from.
     corner
         Lowest corner of the box; the origin by default.
     dimension
@@ -101,7 +101,7 @@ def ball(
     *,
     radius: float,
     speed: float = 0.0,
-    seed: Annotated[int, values.SEED],
+    seed: Annotated[int | np.random.Generator, values.SEED],
     dimension: Annotated[int, values.DIMENSION] = 2,
     velocities: Annotated[str, values.choice(*VELOCITIES)] = "disc",
     connected_under: Graph | None = None,
@@ -114,7 +114,7 @@ def ball(
     speed
         Largest speed (``"disc"``), largest component (``"box"``) or speed (``"sphere"``).
     seed
-        Seed of the random generator; the same seed gives the same state.
+        Seed of the random generator, the same one gives the same state; or a generator of NumPy, which is drawn from.
     velocities
         ``"disc"``: any direction and a magnitude uniform in [0, speed). ``"box"``: each component uniform in
         [0, speed). ``"sphere"``: any direction and the magnitude ``speed``.
@@ -146,7 +146,7 @@ def hexagonal(
     spacing: float,
     noise: float = 0.0,
     speed: float = 0.0,
-    seed: Annotated[int, values.SEED],
+    seed: Annotated[int | np.random.Generator, values.SEED],
     most_agents: int = MOST_AGENTS,
 ) -> State:
     """The n points of a planar triangular lattice nearest its centre, with Gaussian noise.
@@ -160,7 +160,7 @@ def hexagonal(
     speed
         Standard deviation of each velocity component.
     seed
-        Seed of the random generator; the same seed gives the same state.
+        Seed of the random generator, the same one gives the same state; or a generator of NumPy, which is drawn from.
     most_agents
         Limit on ``n``, which protects the memory from mistakes.
 
@@ -173,8 +173,9 @@ def hexagonal(
     spacing = number("start.hexagonal", "spacing", spacing, above=0.0)
     noise = number("start.hexagonal", "noise", noise, least=0.0)
     speed = number("start.hexagonal", "speed", speed, least=0.0)
+    _check_seed("start.hexagonal", seed)
     stop_if_refused()
-    rng = np.random.default_rng(integer("start.hexagonal", "seed", seed, least=0))
+    rng = np.random.default_rng(seed)
     half = int(np.ceil(np.sqrt(n))) + 2
     column, row = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))
     points = np.stack([column + 0.5 * (row % 2), row * np.sqrt(3) / 2], axis=-1).reshape(-1, 2)
@@ -258,6 +259,11 @@ def _check_graph(owner: str, n: int, graph: object) -> None:
     graph.check_count(n)
 
 
+def _check_seed(owner: str, seed: int | np.random.Generator) -> None:
+    if not isinstance(seed, np.random.Generator):
+        integer(owner, "seed", seed, least=0)
+
+
 def _draw(
     owner: str,
     n: int,
@@ -265,11 +271,11 @@ def _draw(
     positions: Callable[[np.random.Generator], Array],
     speed: float,
     velocities: str,
-    seed: int,
+    seed: int | np.random.Generator,
     graph: Graph | None,
 ) -> State:
     speed = number(owner, "speed", speed, least=0.0)
-    integer(owner, "seed", seed, least=0)
+    _check_seed(owner, seed)
     one_of(owner, "velocities", velocities, VELOCITIES, "must be 'disc', 'box' or 'sphere'")
     _check_graph(owner, n, graph)
     stop_if_refused()
