@@ -33,7 +33,7 @@ def test_reached_is_what_the_numbers_say(row: list[str]) -> None:
 
 def test_the_table_has_what_was_missed() -> None:
     assert len(TABLE) >= 20
-    assert sum(row[3] == "no" for row in TABLE) >= 5
+    assert sum(row[3] == "no" for row in TABLE) >= 4
 
 
 @pytest.mark.parametrize("row", [row for row in TABLE if row[4].startswith("{doc}")], ids=lambda row: row[0])
