@@ -18,7 +18,7 @@ LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-mpi test-cluster test-emulator test-nodes test-browser bench bench-mpi validate fuzz robustness repeat lint docs clean
+.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-mpi test-cluster test-emulator test-nodes test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs clean
 
 setup: $(READY)
 
@@ -119,6 +119,10 @@ bench: $(READY)
 	$(BIN)/python benchmarks/exact.py
 	$(BIN)/python benchmarks/ensembles.py
 	$(BIN)/python benchmarks/speed.py --peers $(PEERS)
+
+# Fails where an engine is more than 15 % slower than the stored ratios say (benchmarks/ratios.json, by kind of processor).
+bench-check: $(READY)
+	$(BIN)/python benchmarks/check.py
 
 # The engine for clusters on 1 and 2 ranks beside the tiled one on 1 and 2 threads, the same states.
 bench-mpi: $(MPI_READY)
