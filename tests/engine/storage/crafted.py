@@ -63,6 +63,9 @@ def scenario(engine: str) -> fk.Scenario:
         return scenario("sampled").with_(
             agents=fk.Limited(robots, force=20.0, rate=200.0), law=fk.Law(law.graph, [*law.terms, avoid])
         )
+    if engine == "held tiles":
+        heard = fk.Messages(0.05, delay=0.03, jitter=0.01, loss=0.2, predict=True, expires=0.5, seed=3)
+        return scenario("tiles").with_(control=fk.Held(0.02, latency=0.03), information=heard)
     if engine == "delayed":
         return scenario("sampled").with_(control=fk.Continuous(), information=fk.Delayed(0.06))
     if engine == "discrete":
@@ -78,10 +81,15 @@ def scenario(engine: str) -> fk.Scenario:
 @cache
 def records(engine: str) -> fk.Run:
     """What that group had recorded by then."""
-    session = fk.start(scenario(engine))
-    if engine in ("sampled", "bodies", "delayed", "discrete"):
+    session = _begun(engine)
+    if engine in ("sampled", "bodies", "delayed", "discrete", "held tiles"):
         session.advance(0.25)
     return session.run("unfinished")
+
+
+def _begun(engine: str) -> Any:
+    options = {"engine": "tiles", "threads": 1} if engine == "held tiles" else {}
+    return fk.start(scenario(engine), **options)  # type: ignore[arg-type]
 
 
 @cache
@@ -94,7 +102,7 @@ def checkpoint(engine: str) -> bytes:
     if engine == "tiles":
         session: Any = TilesSession(scenario(engine), TilesOptions(step=0.001, threads=1, observe=True))
     else:
-        session = fk.start(scenario(engine))
+        session = _begun(engine)
     session.advance(0.25)
     if engine == "exact":
         session._links.sliding = {**session._links.sliding, (0, 3, 4): (0.2, 0.25, 3)}

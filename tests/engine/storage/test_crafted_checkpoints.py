@@ -38,7 +38,7 @@ def gone_on(data: bytes, engine: str, seconds: float = 0.0) -> bool:
     if engine == "lammps":
         restored(ReadsRestarts(), read_checkpoint(data, engine, WHERE), STORED(made), WHERE, {})
         return True
-    name = "sampled" if engine == "bodies" else engine
+    name = {"bodies": "sampled", "held tiles": "tiles"}.get(engine, engine)
     session = unpack(data, records(engine), None, WHERE, name=name, threads=1)
 
     def advance() -> None:
@@ -67,7 +67,9 @@ def refused(data: bytes, engine: str) -> str:
     return message
 
 
-@pytest.mark.parametrize("engine", ["exact", "sampled", "bodies", "delayed", "discrete", "tiles", "lammps"])
+@pytest.mark.parametrize(
+    "engine", ["exact", "sampled", "bodies", "delayed", "discrete", "tiles", "held tiles", "lammps"]
+)
 def test_an_untouched_checkpoint_is_one(engine: str) -> None:
     assert gone_on(checkpoint(engine), engine)
     assert gone_on(written(*contents(checkpoint(engine))), engine)
@@ -370,7 +372,9 @@ def test_another_runs_restart_of_lammps() -> None:
     assert unpacked(changed, arrays, scenario("lammps"))[1].keep_log is None
 
 
-@pytest.mark.parametrize("engine", ["exact", "sampled", "bodies", "delayed", "discrete", "tiles", "lammps"])
+@pytest.mark.parametrize(
+    "engine", ["exact", "sampled", "bodies", "delayed", "discrete", "tiles", "held tiles", "lammps"]
+)
 @pytest.mark.parametrize("cases", [24, pytest.param(170, marks=pytest.mark.slow)])
 def test_crafted_checkpoints(engine: str, cases: int) -> None:
     """Whatever is changed, going on works or is refused in one sentence; nothing else ever happens."""
