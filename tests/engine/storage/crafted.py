@@ -164,9 +164,14 @@ def revalued(x: Any, rng: np.random.Generator) -> Any:
 
 
 def crafted(engine: str, seed: int) -> tuple[bytes, str]:
+    """A checkpoint of an engine with one thing changed, and what."""
+    return changed(checkpoint(engine), seed)
+
+
+def changed(data: bytes, seed: int) -> tuple[bytes, str]:
     """A checkpoint with one thing changed, and what."""
     rng = np.random.default_rng(seed)
-    numbers, arrays = copy.deepcopy(contents(checkpoint(engine)))
+    numbers, arrays = copy.deepcopy(contents(data))
     if rng.random() < 0.35:
         spots = places(numbers)
         path = spots[int(rng.integers(len(spots)))]
