@@ -200,7 +200,7 @@ class Recorder:
             return
         count = len(self.t)
         self.q[count:], self.p[count:] = q.astype(self.dtype), p.astype(self.dtype)
-        self.columns[count:] = [{} for _ in t]
+        self.columns[count:] = [{}] * len(t)
         if self.with_links:
             self.links[count:] = links
         if self.with_errors:

@@ -88,8 +88,10 @@ def ledger_of(rows: Iterable[tuple[float, ...]]) -> Records:
     rows
         Rows as `LedgerRow`, or tuples that leave out fields with a default.
     """
-    complete = [row if len(row) == len(LedgerRow._fields) else LedgerRow(*row) for row in rows]
-    return np.array(complete, dtype=TRACE_FIELDS)
+    given = list(rows)
+    if set(map(len, given)) - {len(LedgerRow._fields)}:
+        given = [LedgerRow(*row) for row in given]
+    return np.array(given, dtype=TRACE_FIELDS)
 
 
 OBSERVED_FIELDS = np.dtype(
