@@ -1,7 +1,7 @@
 """Cost of the imperfect world in tiles: each option's time per step over that of the ideal step, in one process.
 
-Both take the same steps of the same group; ideal and imperfect sessions take turns, and the smallest time of each
-counts, so that the load of the machine and its clock cancel as far as they can.
+Both take the same steps of the same group; ideal and imperfect sessions take turns, and the smallest processor time of
+each, of all threads together, counts, so that the load of the machine and its clock cancel as far as they can.
 
     python benchmarks/imperfect_tiles.py [--agents 100000 1000000] [--rounds 3]
 """
@@ -51,6 +51,10 @@ def worlds(period: float) -> dict[str, dict[str, object]]:
     noise = fk.WhiteNoise(0.01, 0.01)
     return {
         "held": held,
+        "limits": held | {"bodies": fk.Limited(fk.PointMass(), force=1.0)},
+        "lag": held | {"bodies": fk.Lagged(fk.PointMass(), 0.2)},
+        "gusts": held | {"bodies": fk.Disturbed(fk.PointMass(), 0.1, period)},
+        "unicycles": held | {"bodies": fk.Unicycle(1.0)},
         "delay": held | {"information": fk.Messages(period, delay=0.5 * period)},
         "jitter": held | {"information": messages(period, jitter=0.5 * period)},
         "loss": held | {"information": messages(period, loss=0.2)},
@@ -59,16 +63,17 @@ def worlds(period: float) -> dict[str, dict[str, object]]:
         "noise": held | {"information": fk.Messages(period, noise=noise)},
         "correlated noise": held | {"information": fk.Messages(period, noise=fk.OrnsteinUhlenbeck(0.01, 0.01, 1.0))},
         "resolution": held | {"information": fk.Messages(period, resolution=0.01, velocity_resolution=0.01)},
-        "all": held | {"information": messages(period, delay=0.5 * period, jitter=0.5 * period, loss=0.2, noise=noise,
+        "all": held | {"bodies": fk.Limited(fk.PointMass(), force=1.0), "information": messages(
+            period, delay=0.5 * period, jitter=0.5 * period, loss=0.2, noise=noise,
                                                resolution=0.01, velocity_resolution=0.01)},
     }  # fmt: skip
 
 
 def per_step(session: Session) -> float:
-    """Seconds a step, over one turn."""
-    begin, steps = time.perf_counter(), session.steps
+    """Seconds of processor time a step, over one turn."""
+    begin, steps = time.process_time(), session.steps
     session.advance(session.time + SPAN * STEP)
-    return (time.perf_counter() - begin) / (session.steps - steps)
+    return (time.process_time() - begin) / (session.steps - steps)
 
 
 def ratio(n: int, world: dict[str, object], rounds: int, *, ledger_at: str | None) -> tuple[float, float]:

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flocking as fk
-from flocking.engine.sampled.headings import turned
+from flocking.engine.kernels.headings import turned
 from flocking.engine.sampled.motion import Motion
 from flocking.errors import UnsupportedLaw
 from flocking.model.world.random_numbers import Purpose, normal_axes
@@ -248,3 +248,22 @@ def test_links_switch_where_gusts_push_agents():
     near = (away < 2.0) & ~np.eye(6, dtype=bool)
     assert np.array_equal(run.links, near)
     assert len(run.switches) > 3
+
+
+@pytest.mark.parametrize("lag", [None, 0.2])
+def test_true_links_follow_distances_where_pieces_are_renewed_early(lag):
+    """Pieces of damped and lagged agents that end together with others' were looked at twice for switches."""
+    n = 60
+    varied = np.linspace(0.5, 1.5, n)
+    body = fk.PointMass(varied, 0.3)
+    bodies = body if lag is None else fk.Lagged(body, varied)
+    law = fk.Law(fk.Proximity(2.5), [fk.Gradient(fk.Potential("(r - 2)**2")), fk.Consensus(1.0)])
+    start = fk.start.box(n, side=10, speed=1, seed=3)
+    run = fk.simulate(fk.Scenario(law, start, t_end=2.0, frames=201, bodies=bodies, control=fk.Held(0.1)))
+    near = np.linalg.norm(run.q[:, :, None] - run.q[:, None], axis=-1) < 2.5
+    near[:, np.arange(n), np.arange(n)] = False
+    assert (run.links == near).all()
+    pairs = np.stack([run.switches["i"], run.switches["j"]])
+    for i, j in np.unique(pairs, axis=1).T:
+        kinds = run.switches["kind"][(pairs[0] == i) & (pairs[1] == j)]
+        assert (kinds[1:] != kinds[:-1]).all()

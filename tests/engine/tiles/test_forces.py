@@ -190,7 +190,7 @@ def test_ledger_kernel_gives_the_same_forces_and_the_reference_energies():
 
 def test_refuses_by_name():
     state = states(10, 2)["random"]
-    with pytest.raises(fk.FlockingError, match=r"Actuated agents, only point masses and single integrators.*exact"):
+    with pytest.raises(fk.FlockingError, match=r"Actuated agents, only points and unicycles.*exact"):
         fk.simulate(fk.Scenario(saber(), state, t_end=1, agents=Actuated()), engine="tiles")
     flat = fk.State(np.zeros((3, 1)) + np.arange(3)[:, None])
     with pytest.raises(fk.FlockingError, match="1 dimensions"):

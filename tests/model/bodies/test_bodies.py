@@ -149,7 +149,7 @@ def test_bodies_go_through_files():
 
 @pytest.mark.parametrize("engine", ["tiles", "lammps"])
 def test_other_engines_refuse_other_bodies_by_name(engine):
-    with pytest.raises(fk.FlockingError, match="Actuated agents, only point masses"):
+    with pytest.raises(fk.FlockingError, match="Actuated agents, only point"):
         fk.simulate(fk.Scenario(LAW, START, 1.0, bodies=Actuated()), engine=engine)
 
 

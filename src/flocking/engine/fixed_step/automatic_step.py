@@ -10,6 +10,9 @@ import numpy as np
 from flocking.arrays import AnyArray, Array, Indices
 from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import STRIDE
+from flocking.engine.protocol.body_chains import chain_of
+from flocking.model.bodies.actuators import Lagged
+from flocking.model.bodies.unicycles import Unicycle
 from flocking.model.law import Scenario
 from flocking.model.terms.pair_terms import Gradient, Term
 from flocking.model.terms.schedules import Schedule
@@ -76,6 +79,7 @@ def largest_step(
     """
     span = scenario.t_end - scenario.start.t
     limits = [LARGEST, span / 100 if span > 0 else LARGEST, resolving_step(scenario, sampled, scheme)]
+    limits += [PERIODS / rate for rate in _rates_of_bodies(scenario) if rate > 0]
     for pairs in sampled:
         if pairs is not None and len(pairs.agent) and scenario.law.singular_at_zero():
             closing = float((pairs.speed / np.maximum(pairs.distance, 1e-12)).max())
@@ -88,6 +92,16 @@ def largest_step(
         # Half of the limit for pairs that are not linked yet.
         limits.append(0.5 * STRIDE * reach / fastest)
     return float(min(limits))
+
+
+def _rates_of_bodies(scenario: Scenario) -> list[float]:
+    """Rates at which what bodies add changes: of lagged forces, and of headings at the speeds of the start."""
+    chain, inner = chain_of(scenario.agents)
+    found = [1.0 / float(np.min(part.time_constant)) for part in chain if isinstance(part, Lagged)]
+    if isinstance(inner, Unicycle) and scenario.control.ideal:
+        fastest = float(np.linalg.norm(scenario.start.p, axis=1).max())
+        found.append(fastest / float(np.min(inner.offset)))
+    return found
 
 
 def resolving_step(

@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 
+from flocking.engine.fixed_step.supported_bodies import refused_body
 from flocking.engine.lammps import library
 from flocking.engine.lammps.domains.checkpoint import stored_options as domain_options
 from flocking.engine.lammps.domains.options import DomainOptions
@@ -78,6 +79,8 @@ class LammpsEngine(Engine):
 def _check_kernels(scenario: Scenario) -> None:
     """Check that the kernels can run a scenario."""
     try:
+        if body := refused_body(scenario.agents):
+            raise UnsupportedLaw(f"On many ranks it cannot run {body}. Use engine='tiles'.")
         check_supported(scenario)
         check_messages(scenario)
     except UnsupportedLaw as error:

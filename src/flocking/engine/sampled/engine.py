@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from flocking.engine.imperfect.supported_laws import check_law
+from flocking.engine.protocol.body_chains import check_bodies, point_of
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
-from flocking.engine.sampled.actuation import check_bodies, point_of
 from flocking.engine.sampled.safety import check_filter
 from flocking.engine.sampled.session import SampledOptions, SampledSession
 from flocking.errors import UnsupportedLaw

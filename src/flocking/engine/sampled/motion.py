@@ -8,8 +8,8 @@ import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.taylor_series import shifted
+from flocking.engine.kernels.headings import turned
 from flocking.engine.sampled.actuation import Actuation
-from flocking.engine.sampled.headings import turned
 from flocking.model.bodies.body import Body
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants
 
@@ -98,6 +98,8 @@ class Motion:
                 pieces = SERIES_SHARE / fastest / NANOSECOND
             self.longest = np.maximum(np.minimum(np.floor(pieces), float(LONGEST_PIECE)), 1.0).astype(np.int64)
         self.coefficients = np.zeros((self.degree + 1, n, m))
+        self._latest: tuple[float, Array, Array] | None = None
+        """The time last asked of `shifted`, the coefficients that it was asked of, and its answer."""
         self.force = np.zeros((n, m))
         everyone = np.arange(n)
         self.beside = self.lag = None
@@ -193,10 +195,11 @@ class Motion:
     def _restart(self, agents: Indices, q: Array, p: Array) -> None:
         """Take up new pieces of ``agents`` at positions and velocities, under what acts."""
         self.coefficients[:, agents] = self.piece(agents, q, p, self.drive(agents))
+        self._latest = None
 
     def ends(self) -> Instants:
         """When each agent's polynomial is no longer exact to rounding, in nanoseconds, shape (N,)."""
-        longest = np.minimum(self.longest, self._steady_until())
+        longest = self.longest if self.lag is None else np.minimum(self.longest, self._steady_until())
         return np.asarray(np.minimum(self.begin, LONGEST_PIECE - longest) + longest)
 
     def renewed(self, instant: int) -> Indices:
@@ -211,8 +214,14 @@ class Motion:
         return np.flatnonzero(ending)
 
     def shifted(self, time: float) -> Array:
-        """Coefficients of the same polynomials about ``time`` seconds from the start, shape (degree + 1, N, m)."""
-        return shifted(self.coefficients, np.asarray(time - self.begin * NANOSECOND)[:, None])
+        """Coefficients of the same polynomials about ``time`` seconds from the start, shape (degree + 1, N, m).
+
+        They are not to be changed: the next one to ask for the same time is given them too.
+        """
+        if self._latest is None or self._latest[0] != time or self._latest[1] is not self.coefficients:
+            found = shifted(self.coefficients, np.asarray(time - self.begin * NANOSECOND)[:, None])
+            self._latest = (time, self.coefficients, found)
+        return self._latest[2]
 
     def acting_from(self, time: float) -> Array:
         """Taylor coefficients of the forces that act about ``time`` seconds from the start, shape (terms, N, m)."""

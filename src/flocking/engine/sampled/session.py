@@ -12,10 +12,11 @@ from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.powers import Powers
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.supported_laws import check_law
+from flocking.engine.protocol.body_chains import of_points, point_of
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.runs.run import is_tangential
-from flocking.engine.sampled.actuation import Actuation, of_points, point_of
+from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.interventions import (
     Interventions,
@@ -87,6 +88,8 @@ class SampledSession(ImperfectSession):
         if isinstance(control, SafetyFilter):
             self.filter = ForceFilter(control, np.asarray(scenario.agents.masses), start.q, scenario.space)
         self._instant, self._meets = 0, False
+        self._ticking = self._sampling = self._next_tick()
+        """When each agent acts and measures next, as `_next_change` found it."""
         self.interventions = Interventions()
         self.begin()
         self._watch_pieces(0, np.ones(self.n, dtype=bool))
@@ -126,13 +129,15 @@ class SampledSession(ImperfectSession):
 
     def _next_change(self) -> float:
         """When anybody measures, acts, or changes its force or its polynomial."""
-        found = min(int(self._next_tick().min()), int(self.motion.ends().min()))
+        self._ticking = self._next_tick()
+        found = min(int(self._ticking.min()), int(self.motion.ends().min()))
         if self.waiting:
             found = min(found, self.waiting[0][0])
         if (gust := self.actuation.next_gust()) is not None:
             found = min(found, gust)
         if self.knowledge.schedule is not None:
-            found = min(found, int(self.knowledge.next_sample.min()))
+            self._sampling = self.knowledge.next_sample
+            found = min(found, int(self._sampling.min()))
         self._instant = found
         next_ = found * NANOSECOND if found < NEVER else math.inf
         due = self.meetings.due
@@ -151,10 +156,10 @@ class SampledSession(ImperfectSession):
         seconds = instant * NANOSECOND
         knowledge, motion = self.knowledge, self.motion
         if knowledge.schedule is not None:
-            measuring = np.flatnonzero(knowledge.next_sample == instant)
+            measuring = np.flatnonzero(self._sampling == instant)
             if measuring.size:
                 self._measure(measuring, seconds)
-        acting = np.flatnonzero(self._next_tick() == instant)
+        acting = np.flatnonzero(self._ticking == instant)
         changed = np.zeros(self.n, dtype=bool)
         if acting.size:
             knowledge.hear(instant, acting)

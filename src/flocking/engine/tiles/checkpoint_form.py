@@ -25,8 +25,10 @@ from flocking.engine.archives.data_checks import (
     squarable,
 )
 from flocking.engine.fixed_step.law_gaps import LawGaps
+from flocking.engine.fixed_step.supported_bodies import is_point
 from flocking.engine.runs.run import FIRST_QUANTITIES, TRACE_FIELDS, Closest
 from flocking.engine.tiles.instability import SAMPLE, Instability
+from flocking.engine.tiles.integrators import INTEGRATED
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.cell_search import TILES_IN_CHUNK
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH, TileLists
@@ -128,7 +130,8 @@ def check_session(data: object, ledger_sums: type[object], memory: type[object],
         lambda x: bool(x[0] <= x[1] and x[3] <= x[2]),
     )  # fmt: skip
     sums = And(Names({}, dict.fromkeys(SUMS, ANY)), "hold all sums or none", lambda x: len(x) in (0, len(SUMS)))
-    integrals = Table("f8", (3,), finite=False)
+    departs = scenario.agents.order == 2 and not is_point(scenario.agents)
+    integrals = Table("f8", (len(INTEGRATED) + departs,), finite=False)
     ledger = Part(ledger_sums, {"integrals": integrals, "jumped": ANY, "sums": sums, "ahead": integrals})
     Names(
         {
@@ -220,6 +223,7 @@ def check_particles(fields: Mapping[str, object], particles: ParticleArrays) -> 
             "lists": Row([Maybe(lists)] * len(particles.spec.graphs)), "top_speed": POSITIVE, "_rounding": POSITIVE,
             "_first_links": Maybe(Table("?", (n, n), ordered=False)), "lost": Maybe(Row([agent, agent])),
             "rooms": Row([Table("i8", b.capacity.shape, least=0, most=most_capacity) for b in particles.builders]),
+            **({"columns": Table(kind, particles.further.shape)} if len(particles.further) else {}),
         }
     ).check(fields, "crowd")  # fmt: skip
     # Every entry has been checked.

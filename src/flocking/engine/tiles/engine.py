@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
-from flocking.engine.reference.plants import check_plant
 from flocking.engine.tiles.held.news import check_messages
 from flocking.engine.tiles.held.session import HeldTilesSession
 from flocking.engine.tiles.kernels.spec import SPACES, check_supported
 from flocking.engine.tiles.options import TilesOptions
+from flocking.engine.tiles.planted_law import check_planted
 from flocking.engine.tiles.session import TilesSession
 from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
@@ -36,8 +36,7 @@ class TilesEngine(Engine):
         if plant is not None:
             if not scenario.control.ideal:
                 raise UnsupportedLaw("The tiled engine runs no plant under held control: its work counts as departed.")
-            check_plant("TilesSession", scenario.law, plant)
-            check_supported(scenario.with_(law=plant))
+            check_planted(scenario, plant)
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> TilesSession:
         """Start a session."""

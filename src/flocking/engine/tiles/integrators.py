@@ -13,6 +13,7 @@ from typing import TypedDict
 import numpy as np
 
 from flocking.arrays import Array, Reals
+from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.formula.native.functions import native
@@ -31,7 +32,7 @@ class LedgerSums:
     Parameters
     ----------
     integrals
-        Work, dissipation and supply so far.
+        Work, dissipation and supply so far, and where agents are more than points what departed.
     jumped
         Change of energy at switches of links so far.
     sums
@@ -40,10 +41,10 @@ class LedgerSums:
         Integrals of the last step beyond that time.
     """
 
-    integrals: Array = field(default_factory=lambda: np.zeros(3))
+    integrals: Array = field(default_factory=lambda: np.zeros(len(INTEGRATED)))
     jumped: float = 0.0
     sums: dict[str, float] = field(default_factory=dict)
-    ahead: Array = field(default_factory=lambda: np.zeros(3))
+    ahead: Array = field(default_factory=lambda: np.zeros(len(INTEGRATED)))
 
     def copy(self) -> LedgerSums:
         """A deep copy."""
@@ -51,15 +52,19 @@ class LedgerSums:
 
     def catch_up(self) -> None:
         """Add the integrals of the last step beyond the time of the sums."""
-        self.integrals, self.ahead = self.integrals + self.ahead, np.zeros(3)
+        self.integrals, self.ahead = self.integrals + self.ahead, np.zeros_like(self.ahead)
 
     def read(self, particles: ParticleArrays) -> Array:
-        """Add up the sums of the last pass in a fixed order of tiles; returns the three powers."""
+        """Add up the sums of the last pass in a fixed order of tiles; returns the powers, see `integrals`."""
         totals = particles.total_sums()
         self.sums = dict(zip(SUMS, (float(x) for x in totals), strict=False))
+        powers = [self.sums[name] for name in INTEGRATED]
+        if particles.spec.departs:
+            powers.append(float(totals[-1]))
+            totals = totals[:-1]
         # Velocities were taken relative to the mean of half a step before, which has changed since.
         self.sums["kinetic"] -= 0.5 * float((totals[len(SUMS) :] ** 2).sum()) / particles.parameters.mass
-        return np.array([self.sums[name] for name in INTEGRATED])
+        return np.array(powers)
 
 
 class IntegratorMemory(TypedDict):
@@ -229,13 +234,13 @@ class RungeKutta(Integrator):
         self._jumped = 0.0
         for attempt in range(6):
             particles.refresh_copies(particles.agents)
-            base = particles.agents.copy()
+            base, further = particles.agents.copy(), particles.further.copy()
             if self._try(particles, t, h, base):
                 particles.successor = base
                 self.last, self.counted = h, False
                 return
             displacement = particles.displacement_bound()
-            particles.agents[:] = base
+            particles.agents[:], particles.further[:] = base, further
             wider = (
                 None
                 if attempt == 0
@@ -250,7 +255,8 @@ class RungeKutta(Integrator):
         T = particles.dtype
         gained, second = np.empty_like(base), particles.spec.order == 2
         combine = _combine if second else _combine_flow
-        powers = np.zeros(3)
+        powers = np.zeros(len(INTEGRATED) + particles.spec.departs)
+        further, risen = particles.further.copy(), np.zeros_like(particles.further)
         for number, (weight, ahead, when) in enumerate(self._stages):
             particles.move(t + when * h, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=number > 0)
             if self.ledger:
@@ -268,6 +274,9 @@ class RungeKutta(Integrator):
             particles.workers.each(
                 combine, particles.size, base, gained, *both, T(weight * h), T(ahead * h), number == 0
             )
+            if len(further):
+                risen += T(weight * h) * particles.slopes
+                particles.further[:] = further + (risen if number == 3 else T(ahead * h) * particles.slopes)
             if number == 3 and second:
                 np.add(base[: particles.size], gained[: particles.size], out=particles.agents[: particles.size])
             elif number == 3:
@@ -302,13 +311,16 @@ class RungeKutta(Integrator):
         return _looked(self, particles, t, h)
 
 
-def integrator_named(name: str, ledger: bool) -> Integrator:
+def integrator_named(name: str, spec: KernelSpec) -> Integrator:
     """The integrator with one of the names in ``SCHEMES`` of `flocking.engine.tiles.kernels.spec`.
 
     Parameters
     ----------
-    ledger
-        Whether energies are summed.
+    spec
+        Whether energies are summed, and what bodies do beyond the law.
     """
     kinds: dict[str, type[Integrator]] = {"rk4": RungeKutta, "euler": Euler}
-    return kinds.get(name, Verlet)(ledger)
+    found = kinds.get(name, Verlet)(spec.ledger)
+    if spec.departs:
+        found.ledger_sums = LedgerSums(np.zeros(len(INTEGRATED) + 1), ahead=np.zeros(len(INTEGRATED) + 1))
+    return found

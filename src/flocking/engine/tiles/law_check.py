@@ -9,6 +9,7 @@ import numpy as np
 from flocking.arrays import Array, Indices, Reals
 from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
+from flocking.engine.tiles.body_check import BodyCheck
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
@@ -63,6 +64,7 @@ class LawCheck:
         self.order = scenario.agents.order
         self.eps = float(np.finfo(dtype).eps)
         self.declared = Declared(scenario, self.eps)
+        self.bodies = BodyCheck(scenario, self.eps)
 
     def before_step(self, particles: ParticleArrays, moment: Moment, gaps: LawGaps) -> None:
         """Check the accelerations of the state before a step; the ledger and the links do not change.
@@ -90,6 +92,13 @@ class LawCheck:
         q, p = (np.asarray(x.T) for x in (particles.X[: particles.m], particles.X[particles.m :]))
         mass = self._inertia(particles, places)
         force = mass[:, None] * particles.Y[particles.m :, places].T.astype(np.float64)
+        if particles.spec.bodied:
+            # The kernel says what the law wants beside what bodies make of it, which is judged by itself.
+            self.bodies.check(particles, places, moment.time, moment.gains_since)
+            damping = np.broadcast_to(self.scenario.agents.damping, particles.everyone)[particles.ids[places]]
+            force = particles.controls[:, places].T.astype(np.float64)
+            if self.order == 2:
+                force -= damping[:, None] * particles.X[particles.m :, places].T.astype(np.float64)
         if self.order == 1:
             p = np.asarray(particles.Y[particles.m :].T)
         found = self._compared(particles, (q, p), places, force, np.zeros(len(places)), moment, gaps, remembered=True)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from flocking.engine.fixed_step.certain_pairs import lists_limit
+from flocking.engine.fixed_step.supported_bodies import is_point
 from flocking.engine.fixed_step.threads import check_threads
 from flocking.engine.tiles.kernels.spec import PRECISIONS, SCHEMES, scheme_of
 from flocking.errors import InvalidInput
+from flocking.model.bodies.body import Body
 from flocking.model.checks import number
 
 LEDGER_TIMES = ("steps", "ticks")
@@ -94,6 +96,31 @@ class TilesOptions:
             If the integrator does not apply to such agents.
         """
         return replace(self, scheme=scheme_of(self.scheme, order))
+
+    def of_body(self, body: Body) -> TilesOptions:
+        """These options with the integrator for some agents under continuous control.
+
+        Agents that are more than points are integrated by Runge-Kutta steps; those of order 1 then have no ledger:
+        what their velocities depart from has no sum among those of the kernels.
+
+        Parameters
+        ----------
+        body
+            The agents.
+
+        Raises
+        ------
+        InvalidInput
+            If the integrator does not apply to such agents.
+        """
+        if is_point(body):
+            return self.of_order(body.order)
+        if self.scheme not in (None, "rk4"):
+            raise InvalidInput(
+                "TilesOptions", "scheme", f"must be 'rk4' for {type(body).__name__} agents", self.scheme,
+                "Leave it out.",
+            )  # fmt: skip
+        return replace(self, scheme="rk4", ledger=self.ledger and body.order == 2)
 
     @property
     def lists_limit(self) -> float:

@@ -45,6 +45,8 @@ class ParticleMemory:
     def of(cls, particles: ParticleArrays, *, copied: bool) -> ParticleMemory:
         """The memory of ``particles``; if not ``copied``, it shares their arrays and changes with them."""
         fields: dict[str, object] = {name: getattr(*_owner(particles, place)) for name, place in FIELDS.items()}
+        if len(particles.further):
+            fields["columns"] = particles.further
         fields["rooms"] = [b.capacity for b in particles.builders]
         return cls(copy.deepcopy(fields) if copied else fields)
 
@@ -59,6 +61,8 @@ class ParticleMemory:
         checked = check_particles(self.fields, particles)
         for name, place in FIELDS.items():
             setattr(*_owner(particles, place), copy.deepcopy(self.fields[name]))
+        if len(particles.further):
+            particles.further = np.array(self.fields["columns"])
         if particles.obstacles is not None:
             particles.obstacles.used = np.inf
         for builder, capacity in zip(particles.builders, checked["rooms"], strict=True):

@@ -8,13 +8,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Reals
+from flocking.engine.fixed_step.supported_bodies import is_point
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.reference.plants import check_plant
 from flocking.engine.tiles.kernels.parameters import KernelNumbers, kernel_numbers
-from flocking.engine.tiles.kernels.spec import KernelSpec
+from flocking.engine.tiles.kernels.spec import KernelSpec, check_supported
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
+from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
+
+
+def check_planted(scenario: Scenario, plant: Law) -> None:
+    """Check that the agents of a scenario can follow a plant.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When they are more than points, or a part of the plant needs another engine.
+    InvalidInput
+        When it is no plant of this law.
+    """
+    if not is_point(scenario.agents):
+        raise UnsupportedLaw("The tiled engine runs plants of points alone. Use engine='exact'.")
+    check_plant("TilesSession", scenario.law, plant)
+    check_supported(scenario.with_(law=plant))
 
 
 @dataclass(frozen=True)

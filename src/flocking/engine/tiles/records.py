@@ -86,7 +86,8 @@ class TilesRecorder(Recorder):
         apart = 0.5 * (n * (n - 1.0) - sums["links"]) * unlinked
         if self.first is None:
             self.apart = apart
-        work, lost, supplied = map(float, ledger_sums.integrals)
+        work, lost, supplied, *beyond = map(float, ledger_sums.integrals)
+        departed = departed + sum(beyond)
         jumped = ledger_sums.jumped + apart - self.apart
         row = LedgerRow(t, energy + apart, sums["kinetic"], work, lost, supplied, jumped, departed)
         if self.trace and self.trace[-1][0] == t:

@@ -21,7 +21,6 @@ from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.infinite_starts import infinite_start
-from flocking.engine.reference.plants import check_plant
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import MOST_LINKED
 from flocking.engine.tiles import automatic_step, checks
@@ -34,8 +33,9 @@ from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
 from flocking.engine.tiles.options import TilesOptions as TilesOptions
 from flocking.engine.tiles.particle_memory import ParticleMemory
+from flocking.engine.tiles.particles.law_parameters import next_gust
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
-from flocking.engine.tiles.planted_law import Planted
+from flocking.engine.tiles.planted_law import Planted, check_planted
 from flocking.engine.tiles.records import TilesRecorder
 from flocking.engine.tiles.snapshot import TilesSnapshot as TilesSnapshot
 from flocking.errors import InvalidInput, NotFinite, SimulationError
@@ -80,9 +80,8 @@ class TilesSession(Session):
         check_world(self.engine, scenario)
         check_supported(scenario)
         if plant is not None:
-            check_plant("TilesSession", scenario.law, plant)
-            check_supported(scenario.with_(law=plant))
-        self.scenario, self.options = scenario, (options or TilesOptions()).of_order(scenario.agents.order)
+            check_planted(scenario, plant)
+        self.scenario, self.options = scenario, (options or TilesOptions()).of_body(scenario.agents)
         self.plant = plant
         self.time, self.steps = scenario.start.t, 0
         self.workers = Workers(self.options.threads)
@@ -91,8 +90,8 @@ class TilesSession(Session):
         )
         self.farthest = 0.0
         self.law_gaps, self.instability = LawGaps(), Instability()
-        self._integrator: Integrator = integrator_named(self.scheme, self.options.ledger)
         self._particles = self._new_particles(scenario, scenario.start)
+        self._integrator: Integrator = integrator_named(self.scheme, self._particles.spec)
         checks.resolution(self._particles, scenario.start.q, self.time)
         self._set_going()
         self.step, span = self.options.step or self._automatic_step(), scenario.t_end - scenario.start.t
@@ -165,7 +164,7 @@ class TilesSession(Session):
     def state(self) -> State:
         """State at the session's time; includes the link matrix for at most 2,000 agents."""
         q, p = self._look()
-        return State(q, p, self.time, self._links())
+        return State(q, p, self.time, self._links(), self._particles.columns_in_order)
 
     def _look(self) -> tuple[Positions, Velocities]:
         particles = self._particles
@@ -212,6 +211,7 @@ class TilesSession(Session):
         times += [float(t) for t in self.scenario.frame_times if t > now][:1]
         for term in self.scenario.law.body_terms:
             times += [s for s in term.switch_times(now, np.inf) if s > now]
+        times += [t for t in (next_gust(self.scenario, now),) if now < t < np.inf]
         return min(times, default=now + STEPS_BEYOND * self.step)
 
     def reached(self, to: float) -> bool:
@@ -293,7 +293,7 @@ class TilesSession(Session):
             from flocking.engine.tiles.observables import observe
 
             observed = observe(self._particles, self.time, p)
-        self.records.frame(self.time, q, p, self._links(), observed=observed)
+        self.records.frame(self.time, q, p, self._links(), observed=observed, columns=self._particles.columns_in_order)
 
     def _add_ledger_row(self) -> None:
         unlinked = self.scenario.energy.unlinked
@@ -326,8 +326,8 @@ class TilesSession(Session):
         session = cls.__new__(cls)
         session.scenario, session.options, session.plant = snapshot.scenario, snapshot.options, snapshot.plant
         session.workers = Workers(threads or snapshot.options.threads)
-        session._integrator = integrator_named(session.scheme, snapshot.options.ledger)
         session._particles = session._new_particles(snapshot.scenario, snapshot.scenario.start)
+        session._integrator = integrator_named(session.scheme, session._particles.spec)
         snapshot.particles.put_back(session._particles)
         session._integrator.recall(snapshot.scheme)
         session.time, session.steps, session.step = snapshot.time, snapshot.steps, snapshot.step
@@ -370,7 +370,7 @@ class TilesSession(Session):
             self._guarded(lambda: particles.adopt(scenario, spec, self.time))
         else:
             q, p = particles.in_order(particles.X[: particles.m]), particles.in_order(velocities)
-            self._particles = self._new_particles(scenario, State(q, p, self.time))
+            self._particles = self._new_particles(scenario, State(q, p, self.time, columns=particles.columns_in_order))
             self._set_going()
         self.scenario = scenario
         for name in ("_law_check", "singular_reach"):
@@ -384,8 +384,7 @@ class TilesSession(Session):
             self._add_ledger_row()
 
     def _energy(self) -> float:
-        sums = self._integrator.ledger_sums.sums
-        return sum(sums.get(name, 0.0) for name in ("pairs", "bodies", "kinetic"))
+        return sum(self._integrator.ledger_sums.sums.get(name, 0.0) for name in ("pairs", "bodies", "kinetic"))
 
     def moment(self) -> Callable[[], Session]:
         """A function that opens a session in the current state of this one."""

@@ -253,7 +253,7 @@ def test_wrong_values_are_refused(make, says):
         make()
 
 
-@pytest.mark.parametrize("engine", ["tiles", "lammps"])
+@pytest.mark.parametrize("engine", ["lammps"])
 def test_other_engines_refuse_them_by_name(engine):
     with pytest.raises(fk.FlockingError, match="Limited agents, only point masses"):
         fk.simulate(fk.Scenario(FORCES, START, 1.0, bodies=CHAIN), engine=engine)

@@ -287,8 +287,10 @@ class DomainSession(TilesSession):
         session.options = stored_options(numbers["options"])
         threads = changes.get("threads")
         session.workers = Workers(threads if isinstance(threads, int) else session.options.threads)
-        kinds = session._spec(stored.scenario).graphs
-        memory = unpacked(numbers, arrays, stored.scenario, sum(k.memory and not k.fixed for k in kinds))
+        spec = session._spec(stored.scenario)
+        memory = unpacked(
+            numbers, arrays, stored.scenario, sum(k.memory and not k.fixed for k in spec.graphs)
+        )  # fmt: skip
         options = session.options
         session.records = TilesRecorder(
             stored.scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe
@@ -296,7 +298,7 @@ class DomainSession(TilesSession):
         # The first rank alone has records on disk.
         counts = stored.counts if session.ranks.first else dict.fromkeys(stored.counts, 0)
         session.records.recall_memory(memory["records"], counts, stored.read)
-        session._integrator = integrator_named(session.scheme, options.ledger)
+        session._integrator = integrator_named(session.scheme, spec)
         session._integrator.recall(memory["scheme"])
         stored_agents = memory["crowd"].fields
         q, p, links = stored_agents["q"], stored_agents["p"], stored_agents["links"]

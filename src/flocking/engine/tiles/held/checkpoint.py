@@ -52,6 +52,14 @@ class SampleFields(TypedDict):
     speeds: Array
 
 
+class ActuationFields(TypedDict):
+    """Fields of what stands between the wanted and the acting forces, with the names of `HeldActuation`."""
+
+    wanted: Reals
+    lag: Reals | None
+    heading: Array | None
+
+
 class LedgerFields(TypedDict):
     """Fields of the ledger, with the names of `HeldLedger`."""
 
@@ -73,6 +81,7 @@ class HeldFields(TypedDict):
     force: Reals
     margin: float
     samples: SampleFields | None
+    actuation: ActuationFields
     known: list[TileLists | None]
     known_rooms: list[Numbers]
     ledger: LedgerFields
@@ -102,6 +111,8 @@ def pack_held(memory: HeldMemory) -> Packed:
         "ledger": {f.name: getattr(ledger, f.name) for f in fields(ledger)},
         "waiting": [list(each) for each in memory.waiting], "records": memory.records.memory(),
     }  # fmt: skip
+    if particles.actuation is not None:
+        data["actuation"] = particles.actuation.memory()
     return {"options": asdict(memory.options), "session": flattened(data, arrays)}, arrays
 
 
@@ -142,6 +153,9 @@ def recall_held(packed: Packed, stored: Stored, memory: HeldMemory) -> None:
     particles.margin = float(found["margin"])
     if particles.store is not None and found["samples"] is not None:
         particles.store.recall(**found["samples"])
+    if particles.actuation is not None:
+        now = int(found["steps"]) * int(found["step_length"])
+        particles.actuation.recall(**found["actuation"], now=now, ids=particles.ids)
     particles.recall_known(found["force"], found["known"], found["known_rooms"])
     memory.step_length, memory.steps, memory.acted = (
         int(found["step_length"]),
@@ -172,6 +186,17 @@ def _samples(particles: HeldParticles) -> Form[dict[str, object]] | Form[None]:
     )
 
 
+def _actuation(particles: HeldParticles) -> dict[str, Form[dict[str, object]]]:
+    """Form of what stands between the wanted and the acting forces, by name; nothing for points."""
+    found = particles.actuation
+    if found is None:
+        return {}
+    lag = Nothing() if found.lag is None else Table(particles.dtype, found.lag.shape)
+    heading = Nothing() if found.heading is None else Table("f8", found.heading.shape)
+    wanted = Table(particles.dtype, found.wanted.shape, finite=False)
+    return {"actuation": Names({"wanted": wanted, "lag": lag, "heading": heading})}
+
+
 def _check(data: object, scenario: Scenario, particles: HeldParticles) -> None:
     """Check the stored state; its particle arrays are checked where they are put back."""
     n, m, kind = particles.n, particles.m, particles.dtype
@@ -195,7 +220,7 @@ def _check(data: object, scenario: Scenario, particles: HeldParticles) -> None:
             "crowd": Part(ParticleMemory, {"fields": Names({}, others=True)}),
             "force": Table(kind, particles.force.shape, finite=False),
             "margin": Real(least=0.0),
-            "samples": _samples(particles),
+            "samples": _samples(particles), **_actuation(particles),
             "known": Row([Maybe(lists)] * len(particles.known)),
             "known_rooms": Row([capacity] * len(particles.known)),
             "ledger": Names({

@@ -109,7 +109,8 @@ def powers_of(scenario: Scenario, particles: HeldParticles, t: float) -> Array:
     """Power of the forces that act, and that in the frame of the energy, shape (2,)."""
     found = np.zeros((particles.tiles, 2))
     frame = frame_velocity(scenario, particles, t)
-    particles.workers.each(force_powers, particles.tiles, particles.agents, particles.force, frame, particles.n, found)
+    force = particles.acting_force
+    particles.workers.each(force_powers, particles.tiles, particles.agents, force, frame, particles.n, found)
     return np.asarray(particles.group_sum(found.sum(axis=0)))
 
 

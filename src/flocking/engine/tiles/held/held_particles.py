@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Indices, Numbers, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
+from flocking.engine.tiles.held.held_actuation import HeldActuation
 from flocking.engine.tiles.held.held_motion import HeldMotion, coast
+from flocking.engine.tiles.held.lagged_motion import coast_lagged
 from flocking.engine.tiles.held.messages import SampleStore
 from flocking.engine.tiles.kernels.control_kernel import control_kernel, control_spec
 from flocking.engine.tiles.kernels.spec import KernelSpec
@@ -33,7 +35,10 @@ class HeldParticles(ParticleArrays):
     Attributes
     ----------
     force
-        The force that acts on each agent, shape (m, size); of agents of order 1 their velocity.
+        The force that acts on each agent, or what a lagged one tends to, shape (m, size); of agents of order 1 their
+        velocity.
+    actuation
+        What stands between the forces that agents compute and those; None for nothing.
     known
         Lists of each graph with the links by what agents know; None where those of the truth serve.
     """
@@ -45,6 +50,8 @@ class HeldParticles(ParticleArrays):
         super().__init__(scenario, state, spec, workers, memory_limit, skin)
         self.force: Reals = np.zeros((self.m, self.size), self.dtype)
         self.acting: Numbers32 = np.zeros(self.size, np.int32)
+        self.all_act = False
+        self.actuation: HeldActuation | None = None
         self.motion = HeldMotion(scenario.agents, self.everyone, self.dtype)
         self.control_spec = control_spec(spec, scenario.law.graphs)
         self.store: SampleStore | None = None
@@ -61,6 +68,8 @@ class HeldParticles(ParticleArrays):
             heard = self.store.heard(self.m, repeats, self._shared)
         self.control = control_kernel(self.control_spec, heard).control
         self._draws = heard is not None and heard.draws
+        self._looks_once = heard is not None and heard.looks_once
+        self._tested = 0
         self.used: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
         self.known: list[TileLists | None] = [None] * len(spec.graphs)
         self.known_builders = [ListBuilder(self.n, memory_limit, workers, self.box) for _ in scenario.law.graphs]
@@ -76,6 +85,8 @@ class HeldParticles(ParticleArrays):
         if self.moving:
             self.force[:, : self.n] = self.force[:, self.sorter.order]
             self.force[:, self.n :] = self.force[:, self.n - 1 : self.n]
+            if self.actuation is not None:
+                self.actuation.reorder(self.sorter.order)
             if self.store is not None:
                 self.store.reorder(self.sorter.order)
         self.motion.reorder()
@@ -114,6 +125,7 @@ class HeldParticles(ParticleArrays):
 
     def forget_used(self) -> None:
         """Forget which samples were used: the next search finds them again."""
+        self._tested = 0
         if self._draws:
             for number in range(len(self.known)):
                 if number in self._shared:
@@ -161,12 +173,39 @@ class HeldParticles(ParticleArrays):
             self.refresh_copies(self.agents)
         else:
             own = self.store.own(now, own, self.ids)
-            lists += [self.store.rows, self.store.news(now, self.ids), *self.used]
+            news = self.store.news(now, self.ids, self._tested)
+            lists += [self.store.rows, news, *self.used]
+            # Where everybody acts, all entries have been looked at until now.
+            self._tested = int(news.counts[0]) if self._looks_once and self.all_act else 0
         parameters = self.parameters
         self.workers.each(
             self.control, self.tiles, float(t), self.acting, own, self.agents, self.n, *lists, parameters.P,
-            parameters.A, self.ids, parameters.seeds, parameters.matrices, self.M, self.force,
+            parameters.A, self.ids, parameters.seeds, parameters.matrices, self.M, self.wanted,
         )  # fmt: skip
+
+    @property
+    def wanted(self) -> Reals:
+        """The forces that agents computed last, shape (m, size)."""
+        return self.force if self.actuation is None else self.actuation.wanted
+
+    def exert(self, now: int, *, gusts: bool) -> None:
+        """Let bodies make of the forces that agents computed last what acts from the nanosecond ``now`` on.
+
+        Parameters
+        ----------
+        gusts
+            Whether gusts begin.
+        """
+        if self.actuation is None:
+            return
+        if gusts:
+            self.actuation.take_gusts(now)
+        self.actuation.act(self.ids, self.force)
+
+    @property
+    def acting_force(self) -> Reals:
+        """The force that acts now, shape (m, size); of agents of order 1 their velocity."""
+        return self.force if self.actuation is None else self.actuation.acting(self.force)
 
     def coast(self, h: float, target: Reals | None = None) -> float:
         """Move all agents by ``h`` under the forces that act; returns the largest speed in the frame of the lists.
@@ -174,12 +213,27 @@ class HeldParticles(ParticleArrays):
         Parameters
         ----------
         target
-            Takes the state; None to change that of the agents.
+            Takes the state; None to change that of the agents. Columns go to `HeldActuation.seen`.
         """
-        constants = self.motion.over(h, self.ids)
         into = self.agents if target is None else target
-        arguments = (self.agents, into, self.force, constants, self.displacement.velocity, self.n, self._fastest)
-        self.workers.each(coast, self.tiles, *arguments)
+        actuation, frame = self.actuation, self.displacement.velocity
+        heading = lag = None
+        if actuation is not None:
+            heading = actuation.turned(self.agents, self.force, h, self.motion.body, self.ids)
+        if actuation is None or actuation.lag is None or actuation.constants is None:
+            constants = self.motion.over(h, self.ids)
+            self.workers.each(coast, self.tiles, self.agents, into, self.force, constants, frame, self.n, self._fastest)
+        else:
+            lag = actuation.lag if target is None else np.empty_like(actuation.lag)
+            self.workers.each(
+                coast_lagged, self.tiles, self.agents, into, self.force, actuation.beside, actuation.lag, lag,
+                actuation.constants.over(h, self.ids), frame, self.n, self.spec.order == 2, self._fastest,
+            )  # fmt: skip
+        if actuation is not None:
+            if target is None:
+                actuation.heading = heading
+            else:
+                actuation.seen = (lag, heading)
         top = self._fastest_of_all(float(np.sqrt(self._fastest.max(initial=0.0))))
         if target is None:
             self.displacement.add(h, max(self.top_speed, top))

@@ -295,13 +295,15 @@ class SampleStore:
         places = np.where(taken > 0, (taken - 1) % self.depth, self.depth)[ids]
         return np.ascontiguousarray(self.rows[places * size + np.arange(size)])
 
-    def news(self, now: int, ids: Numbers32) -> News:
+    def news(self, now: int, ids: Numbers32, tested: int = 0) -> News:
         """What may have arrived by the nanosecond ``now``.
 
         Parameters
         ----------
         ids
             Number of the agent at each place, shape (size,).
+        tested
+            See `News`.
         """
         schedule, messages = self._times, self.messages
         counts: Instants = schedule.count_until(now - self.delay)
@@ -317,7 +319,7 @@ class SampleStore:
             float(now), counts[some].astype(np.uint32), slots[some].astype(np.uint32), ages[some].astype(np.float64),
             schedule.period[some].astype(np.float64), fresh[some].astype(np.uint32), int(known), self.depth, self.size,
             float(self.delay), float(self.jitter), messages.seed & 0xFFFFFFFF, messages.seed >> 32, self.numbers,
-            self.truth,
+            self.truth, tested,
         )  # fmt: skip
 
     def see_speed(self, now: int, frame: Array, top: float) -> None:

@@ -42,6 +42,8 @@ class News(NamedTuple):
         Numbers of the loss, see `loss_numbers`.
     truth
         True states at the samples, in the form of these, shape (rows, 2m).
+    tested
+        Number of the newest sample that was looked at for every entry of the lists before; 0 where that is not known.
     """
 
     now: float
@@ -59,6 +61,7 @@ class News(NamedTuple):
     key2: int
     loss: Array
     truth: Reals
+    tested: int
 
 
 def loss_numbers(loss: Loss | None) -> Array:

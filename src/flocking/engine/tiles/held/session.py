@@ -11,10 +11,12 @@ import numpy as np
 from flocking.arrays import Links
 from flocking.engine import interruption
 from flocking.engine.fixed_step.threads import Workers
+from flocking.engine.protocol.body_chains import of_points, point_of
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.held.checkpoint import pack_held, packed_options, recall_held
+from flocking.engine.tiles.held.held_actuation import HeldActuation
 from flocking.engine.tiles.held.held_ledger import powers_of
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.held.memory import HeldMemory
@@ -79,8 +81,15 @@ class HeldTilesSession(HeldTruth):
         records = TilesRecorder(
             scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe
         )  # fmt: skip
-        self._memory = HeldMemory(options, self._new_particles(scenario, scenario.start), records, 1, scenario.start.t)
-        self._particles, self.records = self._memory.particles, records
+        # Kernels see the points that the law sees; what their bodies make of forces comes after.
+        particles = self._new_particles(of_points(scenario), scenario.start)
+        self._memory = HeldMemory(options, particles, records, 1, scenario.start.t)
+        self._particles, self.records = particles, records
+        if point_of(scenario.agents) is not scenario.agents:
+            particles.actuation = HeldActuation(
+                scenario.agents, scenario.start, particles.dtype, particles.size, self.workers
+            )  # fmt: skip
+            particles.exert(0, gusts=False)
         if scenario.agents.order == 1:
             self._particles.agents[:, self._particles.m :] = 0.0
         if self._particles.store is not None:
@@ -192,7 +201,7 @@ class HeldTilesSession(HeldTruth):
         frame_due = records.count < len(frames) and frames[records.count] <= self.time + self.step * ON_STEP
         if self._follows and (
             self.options.ledger_at == "steps" or frame_due or self._due().any() or self.reached(self.scenario.t_end)
-            or bool(self._memory.waiting and self._memory.waiting[0][0] == self._now)
+            or bool(self._memory.waiting and self._memory.waiting[0][0] == self._now) or self._gusts_begin()
         ):  # fmt: skip
             self._look_at_truth(self._now * NANOSECOND)
         self._record_frames(0.0)
@@ -200,6 +209,11 @@ class HeldTilesSession(HeldTruth):
     def _due(self) -> Links:
         """Who acts at the end of the last step, shape (N,), or (1,) where all act together."""
         return self._ticks.falls_on(self._now)
+
+    def _gusts_begin(self) -> bool:
+        """Whether a gust begins at the end of the last step."""
+        actuation = self._particles.actuation
+        return actuation is not None and actuation.gusts_begin(self._now)
 
     def _act(self) -> None:
         """What falls on the time of the last step: gains, controls, and forces that begin to act."""
@@ -216,7 +230,11 @@ class HeldTilesSession(HeldTruth):
         changed = bool(tick.any() and not self._latency)
         while self._memory.waiting and self._memory.waiting[0][0] == now:
             _, agents, force = self._memory.waiting.pop(0)
-            particles.force[:, particles.places_of(agents)] = force.T
+            particles.wanted[:, particles.places_of(agents)] = force.T
+            changed = True
+        gusts = self._gusts_begin()
+        if changed or gusts:
+            particles.exert(now, gusts=gusts)
             changed = True
         if changed and self.options.ledger:
             self._memory.ledger.act(powers_of(self.scenario, particles, t))
@@ -228,14 +246,15 @@ class HeldTilesSession(HeldTruth):
         if not particles.known_in_reach(now):
             self._guarded(lambda: particles.rebuild(self.step))
         particles.acting[: particles.n] = 1 if len(tick) == 1 else tick[particles.ids[: particles.n]]
-        before = particles.force.copy() if self._latency else None
+        particles.all_act = len(tick) == 1
+        before = particles.wanted.copy() if self._latency else None
         particles.act(t, now)
         if before is not None:
             agents = particles.numbers_of(tick)
             self._memory.waiting.append(
-                (now + self._latency, agents, particles.force[:, particles.places_of(agents)].T.copy())
+                (now + self._latency, agents, particles.wanted[:, particles.places_of(agents)].T.copy())
             )
-            particles.force[:] = before
+            particles.wanted[:] = before
 
     def _change_gains(self, t: float, seconds: float) -> None:
         """Take scheduled gains; what they change of the energy is a jump of the ledger."""

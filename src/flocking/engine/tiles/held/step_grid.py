@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flocking.engine.tiles.held.held_actuation import gust_periods
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
@@ -44,6 +45,7 @@ def grid_times(scenario: Scenario) -> list[GridTime]:
         if isinstance(part, Held | Messages):
             schedule = part.schedule(n)
             found += [GridTime(owner, name, np.unique(getattr(schedule, name))) for name in ("period", "phase")]
+    found += [GridTime("Disturbed", "period", np.array([period])) for period in gust_periods(scenario.agents)]
     return [*found, GridTime("Held", "latency", np.array([control.latency_in_nanoseconds]))]
 
 

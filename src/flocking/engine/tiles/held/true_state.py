@@ -24,6 +24,10 @@ ON_STEP = 1e-6
 """Share of a step within which a time counts as that of the step: far more than rounding, far less than matters."""
 
 
+AHEAD = 1.01
+"""Ratio of a skin that is wide enough for a time between two steps to the narrowest one: far more than rounding."""
+
+
 class HeldTruth(TilesSession):
     """A session whose forces are held: what is seen and recorded of its true state."""
 
@@ -105,35 +109,51 @@ class HeldTruth(TilesSession):
             self._guarded(lambda: particles.require_lists(self.step))
             yield
             return
-        ahead = offset * particles.top_speed
+        target = np.empty_like(particles.agents)
+        # A force that has just begun to act may make agents faster than they were.
+        ahead = offset * max(particles.top_speed, particles.coast(offset, target))
         if particles.moving and particles.displacement.bound + 2.0 * ahead > particles.displacement.allowed:
             self._guarded(lambda: particles.rebuild(self.step))
-        agents, target = particles.agents, np.empty_like(particles.agents)
-        particles.coast(offset, target)
+            if 2.0 * ahead > particles.displacement.allowed:
+                wide = particles.displacement.skin * AHEAD * 2.0 * ahead / particles.displacement.allowed
+                self._guarded(lambda: particles.rebuild(self.step, skin=wide))
+            target = np.empty_like(particles.agents)
+            particles.coast(offset, target)
+        agents = particles.agents
         particles.agents = target
         try:
             yield
         finally:
             particles.agents = agents
+            if particles.actuation is not None:
+                particles.actuation.seen = None
 
     def _offset(self) -> float:
         return self.time - self.scenario.start.t - self._now * NANOSECOND
 
-    def _seen(self) -> tuple[Array, Array]:
-        particles = self._particles
+    def _seen(self) -> tuple[Array, Array, dict[str, Array]]:
+        particles, actuation = self._particles, self._particles.actuation
         q, p = particles.in_order(particles.X[: particles.m]), particles.in_order(particles.X[particles.m :])
-        return q, p if self.scenario.agents.order == 2 else np.zeros_like(p)
+        columns = {} if actuation is None else actuation.columns(particles.ids)
+        return q, p if self.scenario.agents.order == 2 else np.zeros_like(p), columns
 
     @property
     def state(self) -> State:
         """State at the session's time; includes the link matrix for at most 2,000 agents."""
         with self._moved_by(self._offset()):
-            return State(*self._seen(), self.time, self._links())
+            q, p, columns = self._seen()
+            return State(q, p, self.time, self._links(), columns)
 
     def accelerations(self) -> Array:
         """Rates of change of the velocities, shape (N, m); of agents of order 1 their velocities."""
         particles, body = self._particles, self.scenario.agents
-        force = particles.in_order(particles.force)
+        with self._moved_by(self._offset()):
+            actuation = particles.actuation
+            lag = None if actuation is None or actuation.lag is None else actuation.lag
+            if actuation is not None and actuation.seen is not None:
+                lag = actuation.seen[0]
+            acting = particles.force if actuation is None or lag is None else lag + actuation.beside
+            force = particles.in_order(acting)
         if body.order == 1:
             return force
         n = particles.n
@@ -156,7 +176,7 @@ class HeldTruth(TilesSession):
             self.records.skip()
             return
         with self._moved_by(offset):
-            q, p = self._seen()
+            q, p, columns = self._seen()
             if not (np.isfinite(q).all() and np.isfinite(p).all()):
                 raise NotFinite("The state became infinite or NaN.", time=t)
             checks.resolution(particles, q, t)
@@ -165,7 +185,7 @@ class HeldTruth(TilesSession):
                 from flocking.engine.tiles.observables import observe
 
                 observed = observe(particles, t, p)
-            self.records.frame(t, q, p, self._links(), observed=observed)
+            self.records.frame(t, q, p, self._links(), observed=observed, columns=columns)
 
     @property
     def about(self) -> dict[str, object]:

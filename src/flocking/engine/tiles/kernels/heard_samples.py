@@ -4,7 +4,8 @@ A sample is called by its number counted from 1; 0 is the exact state that every
 search begins at the newest sample that may have arrived and goes back. Whether a message is lost and how late it is are
 the functions of seed, agents and number that `flocking.model.world` states. The sample found at the time before is kept
 beside each entry of a list, and the search goes back no further: a shortcut that changes nothing, for a message that
-has arrived stays arrived.
+has arrived stays arrived. Where messages are never late by chance, samples that were looked at before are not looked at
+again, for one that was lost stays lost.
 """
 
 from __future__ import annotations
@@ -64,6 +65,11 @@ class HeardSamples:
         """Whether it is a matter of chance whether a message has arrived."""
         return bool(self.loss) or self.jitter
 
+    @property
+    def looks_once(self) -> bool:
+        """Whether a message that has not arrived when its sample is first looked at never does."""
+        return self.alike and not self.jitter
+
     def imports(self) -> str:
         """Import lines of the generated module."""
         return (
@@ -122,6 +128,9 @@ class HeardSamples:
             "best = count ^ count" if number in self.shared else f"best = load(used{number}, at)",
             "open_ = other & (best < count)",
         ]
+        once = self.looks_once and number not in self.shared
+        if once:
+            lines += ["tested = np.uint32(news.tested)", "open_ = open_ & (tested < count)"]
         if self.expires:
             lines += ["open_ = open_ & (np.uint32(0) < fresh)"]
         if self.paired:
@@ -139,6 +148,8 @@ class HeardSamples:
             body += ["doubt = bits_of(open_ & (spare < news.jitter))"]
             body += ["if doubt:", f"    arrived = arrived & ({late} <= spare)"]
         body += ["best = select(open_ & arrived, trial, best)", "open_ = open_ & (best < trial - np.uint32(1))"]
+        if once:
+            body += ["open_ = open_ & (tested < trial - np.uint32(1))"]
         body += ["back += 1"]
         if self.expires:
             body += ["open_ = open_ & (np.uint32(back) < fresh)"]

@@ -127,6 +127,11 @@ def _selected(condition: sympy.Basic, yes: sympy.Basic, no: sympy.Basic) -> symp
         for part in condition.args:
             no = _selected(part, yes, no)
         return no
+    if isinstance(condition, sympy.ITE):
+        which, first, second = condition.args
+        return _selected(which, _selected(first, yes, no), _selected(second, yes, no))
+    if isinstance(condition, sympy.Not):
+        return _selected(condition.args[0], no, yes)
     if isinstance(condition, sympy.Ne):
         yes, no = no, yes
     if isinstance(condition, sympy.Eq | sympy.Ne):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.engine.fixed_step.supported_bodies import refused_body
+from flocking.engine.fixed_step.supported_bodies import is_point, refused_in_tiles
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.formula.origins import library_states_all
@@ -94,6 +94,16 @@ class KernelSpec:
         return self.layout.bodies.order
 
     @property
+    def bodied(self) -> bool:
+        """Whether agents are more than points, so that what they make of forces is printed too."""
+        return not is_point(self.layout.bodies)
+
+    @property
+    def departs(self) -> bool:
+        """Whether the ledger sums what bodies do beyond the law."""
+        return self.ledger and self.order == 2 and self.bodied
+
+    @property
     def kind(self) -> tuple[object, ...]:
         """Everything besides the formulas that determines the source."""
         return (
@@ -120,7 +130,7 @@ def check_supported(scenario: Scenario) -> None:
         raise UnsupportedLaw(f"The tiled engine cannot run {why}.")
     if not isinstance(scenario.space, SPACES):
         raise refuse(f"{type(scenario.space).__name__} space")
-    if body := refused_body(agents):
+    if body := refused_in_tiles(agents, held=not scenario.control.ideal):
         raise refuse(body)
     if dimension not in (2, 3):
         raise refuse(f"{dimension} dimensions, only 2 or 3")

@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING
 
 from flocking.engine.kernels.displacements import period_lines
 from flocking.engine.kernels.source_text import free_names, indented
+from flocking.engine.tiles.kernels.body_motion import body_motion, further_names
 from flocking.engine.tiles.kernels.pair_loop import pair_loop
 from flocking.engine.tiles.kernels.spec import KernelSpec
-from flocking.engine.tiles.kernels.tile_sums import SUMS, sums_of
+from flocking.engine.tiles.kernels.tile_sums import DEPARTED, SUMS, has_momentum, sums_of
 from flocking.engine.tiles.kernels.writer import Writer, parameter
 from flocking.formula.compiled import generated_module
 from flocking.formula.contact import ENDLESS
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
 
 GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
 """Arguments of ``move`` for each graph: its lists, and its squared radii, per agent and common."""
+
+BODY_ARGUMENTS = ("E", "R", "U")
+"""Arguments of ``move`` where agents are more than points: their further columns, the rates of these, and the controls
+that the law wants, each a row for each number of an agent, shape (rows, size)."""
 
 HUGE = 1e36
 """Squared distance and squared speed above which numbers count as infinite: the sum of three such squares
@@ -70,7 +75,8 @@ def _arguments(spec: KernelSpec) -> list[str]:
     exponentially); ``hold`` (links do not change); the state ``X`` and the next state ``Y``, shape (16 tiles, 2m); the
     number of agents ``n``; for each graph the lists and the squared radii, per agent and common; the obstacles within
     range of each tile; parameters ``P``, ``A`` and ``O``; identities ``ids``; hash seeds and matrices of pair weights;
-    means over the group; velocity ``C`` of the frame of the lists; results ``tile_extremes`` and ``sums`` per tile.
+    means over the group; velocity ``C`` of the frame of the lists; results ``tile_extremes`` and ``sums`` per tile;
+    where agents are more than points `BODY_ARGUMENTS`.
     """
     found = [
         "first_tile", "last_tile", "t", "keep", "kick", "drift", "velocity_lag", "exponential_damping", "hold", "X",
@@ -80,7 +86,8 @@ def _arguments(spec: KernelSpec) -> list[str]:
         found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
     for number in range(len(spec.layout.obstacle_groups())):
         found += [f"begin{number}", f"who{number}"]
-    return [*found, "P", "A", "O", "ids", "seeds", "matrices", "M", "C", "tile_extremes", "sums"]
+    found += ["P", "A", "O", "ids", "seeds", "matrices", "M", "C", "tile_extremes", "sums"]
+    return [*found, *BODY_ARGUMENTS] if spec.bodied else found
 
 
 def _obstacle_block(w: Writer, number: int, obstacle_group: ObstacleFormulas) -> list[str]:
@@ -124,12 +131,18 @@ def _tail_block(w: Writer) -> list[str]:
     controls = {sympy.Symbol(f"u{k}", real=True): sympy.Symbol(f"pull{k}", real=True) + body.force[k] for k in axes}
     moved = "p" if spec.order == 2 else "q"
     results: dict[str, sympy.Expr] = {}
+    stated = body.motion.rates
+    lines: list[str] = []
+    if spec.bodied:
+        stated, controls, lines = body_motion(w, controls)
+        results = {f"rate_{name}": stated[f"rate_{name}"] for name in further_names(spec)}
     for k in axes:
-        results[f"a{k}"] = body.motion.rates[f"rate_{moved}{k}"].xreplace(controls)
+        results[f"a{k}"] = stated[f"rate_{moved}{k}"].xreplace(controls)
         if spec.damped:
             slope = sympy.diff(body.force[k], sympy.Symbol(f"p{k}", real=True))
             results[f"rate{k}"] = (sympy.Symbol("dragged", real=True) + damping - slope) / mass
-    lines = w.statements(results, "b_")
+    lines += w.statements(results, "b_")
+    lines += [f"store(R[{k}], base, rate_{name})" for k, name in enumerate(further_names(spec))]
     ledger: dict[str, sympy.Expr] = {}
     if spec.ledger and spec.order == 1:
         ledger = _flow_ledger(w)
@@ -140,7 +153,10 @@ def _tail_block(w: Writer) -> list[str]:
         powers = [u * sympy.Symbol(f"p{k}", real=True) for k, u in enumerate(controls.values())]
         ledger = {"bodies": body.storage, "kinetic": kinetic, "work": sum(powers)}
         ledger |= {"dissipated": body.dissipation, "supplied": body.supply}
-        if len(sums_of(spec)) > len(SUMS):
+        if spec.departs:
+            relative = {sympy.Symbol(f"w{k}", real=True): v for k, v in enumerate(moving)}
+            ledger[DEPARTED] = stated["departure"].xreplace(relative)
+        if has_momentum(spec):
             ledger |= {f"momentum{k}": mass * v for k, v in enumerate(moving)}
         lines += [f"full{k} = p{k} + velocity_lag * a{k}" for k in axes] + w.statements(ledger, "e_")
     for k in axes:

@@ -29,12 +29,18 @@ class AgentArrays:
         The state and the next or previous one, each shape (size, 2m).
     ids
         Number of the agent at each index, shape (size,).
+    further, slopes
+        What agents have beside position and velocity, and its rates in the last pass, a row for each number.
+    controls
+        What the law wanted in the last pass, shape (m, size), where agents are more than points.
     """
 
     def __init__(self, state: State, spec: KernelSpec, workers: Workers) -> None:
         self.m, self.spec, self.workers = state.dimension, spec, workers
         self.dtype: type[np.float32] | type[np.float64] = PRECISIONS[spec.precision]
         # For agents of order 1 the second half is the velocity of the last step, which no formula reads.
+        bodies = spec.layout.bodies
+        self._columns = {**state.columns, **bodies.missing_columns(state.columns, state.q, state.p)}
         self._hold(np.arange(state.n, dtype=np.int32), state.q, state.p if spec.order == 2 else np.zeros_like(state.p))
 
     def _hold(self, ids: Numbers32, q: AnyArray, p: AnyArray, copies: int = 0) -> None:
@@ -48,6 +54,12 @@ class AgentArrays:
         self.ids: Numbers32 = np.zeros(self.size + copies, np.int32)
         self.ids[:n] = ids
         self._ids_buffer: Numbers32 = np.zeros(self.size + copies, np.int32)
+        widths = self.spec.layout.bodies.widths(m)
+        self.further: Reals = np.zeros((sum(widths.values()), self.size), self.dtype)
+        if len(self.further):
+            self.further[:, :n] = np.concatenate([self._columns[name] for name in widths], axis=1).T
+        self.slopes: Reals = np.zeros_like(self.further)
+        self.controls: Reals = np.zeros((m if self.spec.bodied else 0, self.size), self.dtype)
         self._fill_pads()
 
     @property
@@ -69,6 +81,16 @@ class AgentArrays:
         if n:
             self.agents[n:size] = self.agents[n - 1]
             self.ids[n:size] = self.ids[n - 1]
+            self.further[:, n:] = self.further[:, n - 1 : n]
+
+    @property
+    def columns_in_order(self) -> dict[str, Array]:
+        """Further columns in the order of identities, shape (N, width) each, by name."""
+        found, first = {}, 0
+        for name, width in self.spec.layout.bodies.widths(self.m).items():
+            found[name] = self.in_order(self.further[first : first + width])
+            first += width
+        return found
 
     @property
     def place(self) -> Numbers32:

@@ -8,6 +8,7 @@ from flocking.arrays import Array, Numbers32, Reals
 from flocking.engine.tiles.kernels.parameters import kernel_numbers
 from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
 from flocking.model.law import Scenario
+from flocking.model.world.times import PER_SECOND
 
 
 class LawParameters:
@@ -34,9 +35,11 @@ class LawParameters:
         masses: Array = np.asarray(rows[0], dtype=np.float64)
         self.mass = float(masses.sum()) if masses.ndim else scenario.start.n * float(masses)
         """Total mass of all agents of the scenario."""
-        several = len(rows) > 2 or spec.mass_each or spec.damping_each
+        drawn = _drawn(scenario, spec, t)
+        several = len(rows) > 2 or spec.mass_each or spec.damping_each or bool(drawn)
+        rows = [*rows, *drawn]
         self.A: Reals = np.zeros((len(rows) if several else 0, len(ids)), dtype)
-        """Values per agent, shape (rows, size)."""
+        """Values per agent, shape (rows, size); the last are numbers of bodies that the clock sets."""
         for k, value in enumerate(rows if several else []):
             if np.ndim(value):
                 self.A[k, :n] = np.asarray(value, dtype=dtype)[ids[:n]]
@@ -61,3 +64,23 @@ class LawParameters:
         n = self._n
         if n:
             self.A[:, n:] = self.A[:, n - 1 : n]
+
+
+def _drawn(scenario: Scenario, spec: KernelSpec, t: float) -> list[float | Array]:
+    """Numbers of bodies that are held between events, of all agents: 0 for limits, whose kernels ask themselves."""
+    bodies, m = spec.layout.bodies, spec.dimension
+    names = bodies.held(m)
+    if not names:
+        return []
+    found = bodies.drawn(_elapsed(scenario, t), scenario.start.n, m)
+    return [found.get(name, 0.0) for name in names]
+
+
+def _elapsed(scenario: Scenario, t: float) -> float:
+    """Time since the start in whole nanoseconds, of which periods of gusts are made."""
+    return round((t - scenario.start.t) * PER_SECOND) / PER_SECOND
+
+
+def next_gust(scenario: Scenario, t: float) -> float:
+    """The first time after ``t`` at which gusts change; infinite where there are none."""
+    return scenario.start.t + scenario.agents.drawn_until(_elapsed(scenario, t))

@@ -196,6 +196,8 @@ class ListedAgents(AgentArrays):
             Index of each agent before the sort, shape (n,).
         """
         self.radii.reorder(order)
+        if len(self.further):
+            self.further[:, : self.n] = self.further[:, order]
 
     def _build_fixed(self) -> None:
         place = None

@@ -121,6 +121,7 @@ class ParticleArrays(ListedAgents):
         arguments = (
             self.agents, self.successor, self.n, *lists, parameters.P, parameters.A, self.O, self.ids,
             parameters.seeds, parameters.matrices, self.M, velocity, self.tile_extremes, self.sums,
+            *((self.further, self.slopes, self.controls) if self.spec.bodied else ()),
         )  # fmt: skip
         self.workers.each(self.kernel, self.tiles, *begin, hold, *arguments)
         if self.flow_kernel is not None:

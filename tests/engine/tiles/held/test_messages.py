@@ -228,3 +228,16 @@ def test_agents_of_every_tile_hear_for_themselves_where_all_are_linked(late):
     made = fk.Scenario(law, start, t_end=0.8, frames=3, **world)
     run, other = (fk.simulate(made, engine=engine, progress=False) for engine in ("tiles", "sampled"))
     assert max(np.abs(run.q - other.q).max(), np.abs(run.p - other.p).max()) < 1e-9
+
+
+def test_a_long_time_of_expiry_changes_nothing_that_is_likely():
+    """Losses without expiry, in the other engine, against samples that are kept for twenty periods: 0.2**20 a tick."""
+    law = fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), fk.Consensus(1.0)])
+    start = fk.start.box(40, side=8, speed=1, seed=3)
+    runs = []
+    for engine, expires in (("sampled", None), ("tiles", 2.0)):
+        told = fk.Messages(0.1, delay=0.02, loss=0.2, expires=expires, seed=5)
+        held = fk.Scenario(law, start, t_end=3.0, frames=5, control=fk.Held(0.1), information=told)
+        runs.append(fk.simulate(held, engine=engine, progress=False))
+    assert np.abs(runs[0].q - runs[1].q).max() < 1e-9
+    assert (runs[0].links == runs[1].links).all()

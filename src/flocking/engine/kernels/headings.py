@@ -8,6 +8,8 @@ a polynomial motion is known in closed form, coefficient by coefficient.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from flocking.arrays import Array
@@ -26,11 +28,13 @@ MOST_TERMS = 400
 
 
 @native_apart
-def turn_along(C: Array, offset: Array, spans: Array, vectors: Array) -> None:
-    """Carry half-angle vectors along the motions of hand points.
+def turn_along(first: int, last: int, C: Array, offset: Array, spans: Array, vectors: Array) -> None:
+    """Carry half-angle vectors of some agents along the motions of hand points.
 
     Parameters
     ----------
+    first, last
+        Range of agents, without the last.
     C
         Taylor coefficients of the positions, shape (degree + 1, agents, 2).
     offset
@@ -43,7 +47,7 @@ def turn_along(C: Array, offset: Array, spans: Array, vectors: Array) -> None:
     degree = C.shape[0] - 1
     a, b = np.empty(MOST_TERMS), np.empty(MOST_TERMS)
     x, y = np.empty(degree), np.empty(degree)
-    for i in range(spans.shape[0]):
+    for i in range(first, last):
         done = 0.0
         while done < spans[i]:
             # Velocity about the time reached, over twice the offset.
@@ -88,7 +92,7 @@ def turn_along(C: Array, offset: Array, spans: Array, vectors: Array) -> None:
             done = spans[i] if step >= spans[i] - done else done + step
 
 
-def turned(C: Array, offset: Array, spans: Array, heading: Array) -> Array:
+def turned(C: Array, offset: Array, spans: Array, heading: Array, each: Callable[..., None] | None = None) -> Array:
     """Headings after some time, shape (agents, 2).
 
     Parameters
@@ -99,9 +103,16 @@ def turned(C: Array, offset: Array, spans: Array, heading: Array) -> Array:
         How far they lie in front of the axles, and how long, shape (agents,).
     heading
         Headings before, unit vectors, shape (agents, 2).
+    each
+        Calls a function for parts of a range, as `flocking.engine.fixed_step.threads.Workers.each` does; here when
+        absent.
     """
     half = 0.5 * np.arctan2(heading[:, 1], heading[:, 0])
     vectors = np.stack([np.cos(half), np.sin(half)], axis=1)
-    turn_along(np.ascontiguousarray(C), np.ascontiguousarray(offset), np.ascontiguousarray(spans), vectors)
+    arguments = (*map(np.ascontiguousarray, (C, offset, spans)), vectors)
+    if each is None:
+        turn_along(0, len(vectors), *arguments)
+    else:
+        each(turn_along, len(vectors), *arguments)
     a, b = vectors.T
     return np.stack([(a - b) * (a + b), 2.0 * a * b], axis=1)

@@ -1,0 +1,310 @@
+"""What bodies make of held forces in groups of any size: limits, gusts and a lag, with the columns of these."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.arrays import Array, Numbers, Numbers32, Reals
+from flocking.engine.fixed_step.threads import Workers
+from flocking.engine.kernels.headings import turned
+from flocking.engine.protocol.body_chains import chain_of
+from flocking.engine.tiles.held.lagged_motion import LagConstants
+from flocking.formula.native.functions import native
+from flocking.model.bodies.actuators import APPLIED, Lagged, Limited
+from flocking.model.bodies.body import Body
+from flocking.model.bodies.disturbances import Disturbed
+from flocking.model.bodies.unicycles import HEADING, Unicycle
+from flocking.model.state import State
+
+BALL, BOX, GUST = 0, 1, 2
+"""Kinds of stages: a largest length, a largest component along each axis, and a gust that is added."""
+
+SMOOTH = 1.0 / 32.0
+"""Longest piece of a motion along which headings turn, over the shortest time constant: the series of the motion then
+leaves out less than rounding, see `flocking.engine.sampled.motion.SERIES_SHARE`."""
+
+
+@native
+def exert(first, last, wanted, kinds, numbers, gusts, target):  # type: ignore[no-untyped-def]
+    """Put what the agents of some tiles make of the forces that they want into ``target``.
+
+    Parameters
+    ----------
+    first, last
+        Range of tiles, without the last.
+    wanted, target
+        Shape (m, size).
+    kinds
+        Kind of each stage, in order.
+    numbers
+        Largest length or component of each stage that limits, of each agent or of all, shape (stages, size) or
+        (stages, 1).
+    gusts
+        What each stage adds, shape (stages, m, size); rows of stages that limit are not read.
+    """
+    m = wanted.shape[0]
+    for i in range(first * 16, last * 16):
+        for k in range(m):
+            target[k, i] = wanted[k, i]
+        for stage in range(kinds.shape[0]):
+            most = numbers[stage, i if numbers.shape[1] > 1 else 0]
+            if kinds[stage] == 2:
+                for k in range(m):
+                    target[k, i] = target[k, i] + gusts[stage, k, i]
+            elif kinds[stage] == 1:
+                for k in range(m):
+                    target[k, i] = min(max(np.float64(target[k, i]), -most), most)
+            else:
+                square = np.float64(0.0)
+                for k in range(m):
+                    square += np.float64(target[k, i]) ** 2
+                length = np.sqrt(square)
+                if length > most:
+                    for k in range(m):
+                        target[k, i] = np.float64(target[k, i]) * (most / length)
+
+
+class _Source:
+    """One source of gusts: its body, the number of the gust in force, and its values by agent, shape (N, m)."""
+
+    def __init__(self, body: Disturbed, n: int, m: int) -> None:
+        self.body, self.period, self.number = body, body.period_in_nanoseconds, -1
+        self.values: Array = np.zeros((n, m))
+
+    def take(self, now: int) -> None:
+        """Take the gust that is in force at a nanosecond."""
+        self.number = now // self.period
+        sigma = np.broadcast_to(np.asarray(self.body.sigma, dtype=np.float64), len(self.values))[:, None]
+        self.values = sigma * self.body.gust(self.number, *self.values.shape)
+
+
+class HeldActuation:
+    """The way from the forces that agents computed to what acts, for agents in sorted order.
+
+    Parameters
+    ----------
+    body
+        What the agents are, see `flocking.engine.protocol.body_chains.check_bodies`.
+    state
+        The start.
+    dtype
+        Precision of the state.
+    size
+        Number of places, pads included.
+    workers
+        Threads to use.
+
+    Attributes
+    ----------
+    wanted
+        The forces that agents computed last and that have begun to act, shape (m, size).
+    beside
+        What acts beside a lagged force, shape (m, size); empty where nothing lags.
+    lag
+        Lagged forces at the last step, shape (m, size); None where nothing lags.
+    heading
+        Headings of unicycles at the last step, shape (size, 2); None where agents are none.
+    seen
+        Lagged forces and headings at another time, where they are looked at.
+    """
+
+    def __init__(
+        self, body: Body, state: State, dtype: type[np.float32] | type[np.float64], size: int, workers: Workers
+    ) -> None:
+        n, m = state.q.shape
+        self.n, self.m, self.dtype, self.workers = n, m, dtype, workers
+        self.wanted: Reals = np.zeros((m, size), dtype)
+        chain, inner = chain_of(body)
+        self._sources: list[_Source] = []
+        self._stages: list[tuple[int, float | Array | _Source]] = []
+        self._behind: list[_Source] = []
+        lag: Lagged | None = None
+        last: list[tuple[int, float | Array | _Source]] = []
+        for part in chain:
+            if isinstance(part, Disturbed):
+                source = _Source(part, n, m)
+                self._sources.append(source)
+                if lag is None:
+                    self._stages.append((GUST, source))
+                else:
+                    self._behind.append(source)
+            elif isinstance(part, Lagged):
+                lag = part
+            elif isinstance(part, Limited):
+                if part.force is not None:
+                    self._stages.append((BOX if part.shape == "box" else BALL, part.force))
+                if part.speed is not None:
+                    last.insert(0, (BALL, part.speed))
+        self._stages += last
+        self.constants = None if lag is None else LagConstants(inner, lag.time_constant, n, dtype)
+        self.offset = inner.offset if isinstance(inner, Unicycle) else None
+        self._rate = float(np.max(np.asarray(inner.damping) / np.asarray(inner.masses))) if inner.order == 2 else 0.0
+        columns = {**state.columns, **body.missing_columns(state.columns, state.q, state.p)}
+        self.lag: Reals | None = None
+        if lag is not None:
+            self.lag = np.zeros((m, size), dtype)
+            self.lag[:, :n], self.lag[:, n:] = columns[APPLIED].T, columns[APPLIED][-1:].T
+        self.heading: Array | None = None
+        if self.offset is not None:
+            self.heading = np.concatenate([columns[HEADING], np.repeat(columns[HEADING][-1:], size - n, axis=0)])
+        self.beside: Reals = np.zeros((m, 0 if lag is None else size), dtype)
+        self.seen: tuple[Reals | None, Array | None] | None = None
+        self.take_gusts(0)
+
+    # Order and memory.
+
+    def reorder(self, order: Numbers32) -> None:
+        """Sort what is stored by place.
+
+        Parameters
+        ----------
+        order
+            Place of each agent before the sort, shape (n,).
+        """
+        n = self.n
+        for rows in (self.wanted, self.lag, self.beside if self.lag is not None else None):
+            if rows is not None:
+                rows[:, :n] = rows[:, order]
+                rows[:, n:] = rows[:, n - 1 : n]
+        if self.heading is not None:
+            self.heading[:n] = self.heading[order]
+            self.heading[n:] = self.heading[n - 1]
+        if self.constants is not None:
+            self.constants.reorder()
+
+    def memory(self) -> dict[str, object]:
+        """What the bodies go on from, not copied; gusts are functions of the time."""
+        return {"wanted": self.wanted, "lag": self.lag, "heading": self.heading}
+
+    def recall(self, wanted: Reals, lag: Reals | None, heading: Array | None, now: int, ids: Numbers32) -> None:
+        """Go on from what `memory` gave.
+
+        Parameters
+        ----------
+        wanted, lag, heading
+            See the attributes.
+        now
+            Nanosecond of the last step.
+        ids
+            As for `act`.
+        """
+        self.wanted = wanted.copy()
+        self.lag = None if lag is None else lag.copy()
+        self.heading = None if heading is None else heading.copy()
+        self.take_gusts(now)
+        self._blow(ids)
+
+    # Gusts.
+
+    def gusts_begin(self, now: int) -> bool:
+        """Whether a gust begins at the nanosecond ``now``."""
+        return any(now % source.period == 0 for source in self._sources)
+
+    def take_gusts(self, now: int) -> None:
+        """Take the gusts that are in force at the nanosecond ``now``."""
+        for source in self._sources:
+            source.take(now)
+
+    # Forces.
+
+    def act(self, ids: Numbers32, target: Reals) -> None:
+        """Put what acts, or what a lagged force tends to, into ``target``, shape (m, size).
+
+        Parameters
+        ----------
+        ids
+            Number of the agent at each place, shape (size,).
+        """
+        size = target.shape[1]
+        kinds: Numbers = np.array([kind for kind, _ in self._stages], dtype=np.int64)
+        each = any(kind != GUST and np.ndim(x) for kind, x in self._stages if not isinstance(x, _Source))
+        numbers = np.zeros((len(kinds), size if each else 1))
+        gusts = np.zeros((len(kinds), self.m, size if (kinds == GUST).any() else 0))
+        for stage, (_, what) in enumerate(self._stages):
+            if isinstance(what, _Source):
+                gusts[stage] = what.values[ids].T
+            else:
+                numbers[stage] = np.asarray(what)[ids] if np.ndim(what) else what
+        self.workers.each(exert, size // 16, self.wanted, kinds, numbers, gusts, target)
+        self._blow(ids)
+
+    def _blow(self, ids: Numbers32) -> None:
+        """Take the gusts in force that act beside lagged forces."""
+        self.beside[:] = 0.0
+        for source in self._behind:
+            self.beside += source.values[ids].T.astype(self.dtype)
+
+    def acting(self, force: Reals) -> Reals:
+        """The force that acts now, shape (m, size), where ``force`` acts or is what a lagged force tends to."""
+        return force if self.lag is None else self.lag + self.beside
+
+    # Headings.
+
+    def turned(self, agents: Reals, force: Reals, h: float, body: Body, ids: Numbers32) -> Array | None:
+        """Headings after a time ``h``, shape (size, 2); None where agents are no unicycles.
+
+        Parameters
+        ----------
+        agents
+            Positions and velocities now, shape (size, 2m).
+        force
+            As for `acting`.
+        body
+            The point that the law sees.
+        ids
+            As for `act`.
+        """
+        if self.heading is None or self.offset is None:
+            return None
+        m, n = self.m, len(agents)
+        one = np.ones(n)
+
+        def each(value: float | Array) -> Array:
+            return np.asarray(np.asarray(value)[ids] if np.ndim(value) else value * one, dtype=np.float64)
+
+        masses, rate, offset = each(body.masses), each(body.damping) / each(body.masses), each(self.offset)
+        smooth = self._rate == 0.0 and self.constants is None
+        tau = each(np.inf if self.constants is None else self.constants.time_constant)
+        fastest = max(self._rate, float((1.0 / tau).max()))
+        pieces = 1 if smooth else max(1, int(np.ceil(h * fastest / SMOOTH)))
+        degree, dt = (2 if smooth else 9), h / pieces
+        goal = force.T.astype(np.float64)
+        u = goal if self.lag is None else self.lag.T.astype(np.float64)
+        beside = np.zeros((n, m)) if self.lag is None else self.beside.T.astype(np.float64)
+        p, heading = agents[:, m:].astype(np.float64), self.heading
+        for _ in range(pieces):
+            C = np.zeros((degree + 1, n, m))
+            C[1] = p
+            slope = (u + beside) / masses[:, None]
+            C[2] = 0.5 * (slope - rate[:, None] * p)
+            lagging = (goal - u) / (tau * masses)[:, None] if self.lag is not None else np.zeros((n, m))
+            for k in range(3, degree + 1):
+                C[k] = -rate[:, None] / k * C[k - 1] + lagging / (k * (k - 1))
+                lagging = -lagging / (tau * (k - 1))[:, None]
+            heading = turned(C, offset, np.full(n, dt), heading, self.workers.each)
+            p = sum(k * C[k] * dt ** (k - 1) for k in range(1, degree + 1))
+            if self.lag is not None:
+                u = goal + (u - goal) * np.exp(-dt / tau)[:, None]
+        return heading
+
+    def columns(self, ids: Numbers32) -> dict[str, Array]:
+        """Further columns in the order of identities, shape (N, width) each, by name.
+
+        Parameters
+        ----------
+        ids
+            As for `act`.
+        """
+        lag, heading = (self.lag, self.heading) if self.seen is None else self.seen
+        found = {}
+        for name, rows in ((APPLIED, None if lag is None else lag.T), (HEADING, heading)):
+            if rows is not None:
+                values = np.empty((self.n, rows.shape[1]))
+                values[ids[: self.n]] = rows[: self.n]
+                found[name] = values
+        return found
+
+
+def gust_periods(body: Body) -> list[int]:
+    """Period in nanoseconds of every source of gusts of a body."""
+    return [part.period_in_nanoseconds for part in chain_of(body)[0] if isinstance(part, Disturbed)]

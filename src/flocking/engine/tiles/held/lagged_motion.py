@@ -1,0 +1,184 @@
+"""Motion under a force that follows a held one with a lag, for one step, in closed form, for groups of any size.
+
+With a force f that tends to g as tau f' = g - f beside a constant force b, and c = f - g at the beginning,
+
+    q' = q + drift p + lift (g + b) + place c
+    p' = keep p + push (g + b) + speed c
+    f' = g + decay c
+
+where drift, lift, keep and push are those of a constant force.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flocking.arrays import Array, Numbers32, Reals
+from flocking.engine.tiles.held.held_motion import coefficients
+from flocking.formula.native.functions import native
+from flocking.model.bodies.body import Body
+
+TERMS = 18
+"""Terms of the series of an exponential whose argument is at most 1/2: the next one is 2**-19/19! = 2e-23."""
+
+
+def exponentials(matrices: Array) -> Array:
+    """Exponentials of small square matrices, shape (n, k, k): a series after halvings, then squarings.
+
+    Parameters
+    ----------
+    matrices
+        Shape (n, k, k).
+    """
+    size = float(np.abs(matrices).sum(axis=2).max(initial=0.0))
+    halvings = max(0, math.ceil(math.log2(2.0 * size))) if size > 0 else 0
+    small = matrices / 2.0**halvings
+    found = np.broadcast_to(np.eye(matrices.shape[1]), matrices.shape).copy()
+    for k in range(TERMS, 0, -1):
+        found = np.eye(matrices.shape[1]) + small @ found / k
+    for _ in range(halvings):
+        found = found @ found
+    return found
+
+
+def lag_coefficients(point: Body, time_constant: float | Array, n: int, h: float) -> Array:
+    """Drift, lift, keep, push, place, speed and decay for a step ``h``, then what bounds speeds within it.
+
+    These are the rate of the damping, 1/tau, 1/mass and the step. Shape (11,) where all agents are alike, else (n, 11).
+
+    Parameters
+    ----------
+    point
+        The point that moves under the force.
+    time_constant
+        Time constant tau, one or one for each agent.
+    n
+        Number of agents.
+    """
+    constant = coefficients(point, n, h)
+    masses = np.asarray(point.masses, dtype=np.float64) if point.order == 2 else np.float64(1.0)
+    rates = np.asarray(point.damping, dtype=np.float64) / masses if point.order == 2 else np.float64(0.0)
+    taus = np.asarray(time_constant, dtype=np.float64)
+    alike = constant.ndim == 1 and not taus.ndim
+    count = 1 if alike else n
+    tau, mass, rate = (np.broadcast_to(x, count) for x in (taus, masses, rates))
+    decay = np.exp(-h / tau)
+    if point.order == 1:
+        place, speed = -tau * np.expm1(-h / tau), decay
+    else:
+        matrices = np.zeros((count, 3, 3))
+        matrices[:, 0, 1], matrices[:, 1, 1], matrices[:, 1, 2] = h, -rate * h, h / mass
+        matrices[:, 2, 2] = -h / tau
+        # Agents of a group that are alike share one exponential.
+        kinds, which = np.unique(matrices.reshape(count, 9), axis=0, return_inverse=True)
+        last = exponentials(kinds.reshape(-1, 3, 3))[:, :, 2][which.reshape(-1)]
+        place, speed = last[:, 0], last[:, 1]
+    rows = [*np.broadcast_to(constant, (count, 4)).T, place, speed, decay, rate, 1.0 / tau, 1.0 / mass]
+    found = np.stack([np.broadcast_to(row, count) for row in (*rows, np.float64(h))], axis=1)
+    return np.asarray(found[0] if alike else found)
+
+
+class LagConstants:
+    """What `lag_coefficients` gives, in sorted order.
+
+    Parameters
+    ----------
+    point, time_constant, n
+        As for `lag_coefficients`.
+    dtype
+        Precision of the state.
+    """
+
+    def __init__(
+        self, point: Body, time_constant: float | Array, n: int, dtype: type[np.float32] | type[np.float64]
+    ) -> None:
+        self.time_constant = time_constant
+        self._point, self._n, self._dtype = point, n, dtype
+        self._sorted: dict[float, Reals] = {}
+        self._kept: dict[float, Array] = {}
+
+    def reorder(self) -> None:
+        """Forget what belongs to the order before."""
+        self._sorted.clear()
+
+    def over(self, h: float, ids: Numbers32) -> Reals:
+        """Coefficients for a step of length ``h``, shape (1, 11) or (size, 11).
+
+        Parameters
+        ----------
+        ids
+            Number of the agent at each place, shape (size,).
+        """
+        if h not in self._kept:
+            if len(self._kept) > 1:
+                # That of the steps, and that of the last frame between two steps.
+                other = list(self._kept)[-1]
+                del self._kept[other]
+                self._sorted.pop(other, None)
+            self._kept[h] = lag_coefficients(self._point, self.time_constant, self._n, h)
+        if h not in self._sorted:
+            rows = self._kept[h]
+            self._sorted[h] = np.ascontiguousarray((rows[ids] if rows.ndim > 1 else rows[None]).astype(self._dtype))
+        return self._sorted[h]
+
+
+@native
+def coast_lagged(first, last, agents, target, force, beside, lag, lag_target, constants, frame, n, second, fastest):  # type: ignore[no-untyped-def]
+    """Move the agents of some tiles by one step.
+
+    Parameters
+    ----------
+    first, last, agents, target, frame, n
+        As for `flocking.engine.tiles.held.held_motion.coast`.
+    force
+        What the lagged forces tend to, shape (m, size).
+    beside
+        What acts beside them, shape (m, size).
+    lag, lag_target
+        The lagged forces before and after, shape (m, size); they may be one array.
+    constants
+        See `lag_coefficients`, shape (1, 11) or (size, 11).
+    second
+        Whether agents are of order 2.
+    fastest
+        Takes the square of a bound on the speed in that frame at any time of the step, by tile; infinite where one is
+        not finite.
+    """
+    m = force.shape[0]
+    for tile in range(first, last):
+        fastest_of, swift_of, push_of, rate_of = np.float64(0.0), np.float64(0.0), np.float64(0.0), np.float64(0.0)
+        h = np.float64(constants[0, 10])
+        for i in range(tile * 16, tile * 16 + 16):
+            row = i if constants.shape[0] > 1 else 0
+            rate, each, light = constants[row, 7], constants[row, 8], constants[row, 9]
+            before, after, swift, push = np.float64(0.0), np.float64(0.0), np.float64(0.0), np.float64(0.0)
+            for k in range(m):
+                p, g, b, f = agents[i, m + k], force[k, i], beside[k, i], lag[k, i]
+                off = f - g
+                begin = p if second else f + b
+                place = agents[i, k] + constants[row, 0] * p + constants[row, 1] * (g + b)
+                target[i, k] = place + constants[row, 4] * off
+                speed = constants[row, 2] * p + constants[row, 3] * (g + b) + constants[row, 5] * off
+                target[i, m + k] = speed
+                lag_target[k, i] = g + constants[row, 6] * off
+                c = np.float64(begin) - np.float64(frame[k])
+                before += c * c
+                c = np.float64(speed) - np.float64(frame[k])
+                after += c * c
+                c = np.float64(off) * each * light
+                swift += c * c
+                c = (np.float64(f) + b) * light - np.float64(rate) * p
+                push += c * c
+            if i < n:
+                # A comparison with a NaN is false: such a speed counts as infinite.
+                square = max(before, after)
+                fastest_of = max(fastest_of, square) if before + after < 1e300 else np.float64(np.inf)
+                swift_of, push_of, rate_of = max(swift_of, swift), max(push_of, push), max(rate_of, np.float64(rate))
+        if second:
+            # A function leaves the chord between its ends by at most h^2/8 times its largest second derivative.
+            swift = np.sqrt(swift_of)
+            speed = np.sqrt(fastest_of) + 0.125 * h * h * (swift + rate_of * (np.sqrt(push_of) + h * swift))
+            fastest_of = speed * speed
+        fastest[tile] = fastest_of

@@ -1,0 +1,161 @@
+"""Bodies under held control in the tiled engine, against the engine that moves a group from event to event."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.driver.registry import engine_named
+from flocking.engine.tiles.engine import ENGINE
+from flocking.engine.tiles.held import lagged_motion
+from flocking.engine.tiles.options import TilesOptions
+from flocking.errors import InvalidInput, UnsupportedLaw
+
+PSI = fk.Potential("(r - 2)**2")
+LAW = fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), fk.Consensus(1.0)])
+N = 60
+EACH = np.arange(N)
+VARIED = np.linspace(0.5, 1.5, N)
+START = fk.start.box(N, side=10, speed=1, seed=3)
+
+BODIES = {
+    "limited": fk.Limited(fk.PointMass(VARIED, 0.3), force=VARIED),
+    "limited by axis": fk.Limited(fk.PointMass(), force=0.7, shape="box"),
+    "limited order 1": fk.Limited(fk.SingleIntegrator(), speed=0.5),
+    "lagged": fk.Lagged(fk.PointMass(VARIED, 0.3), VARIED),
+    "lagged order 1": fk.Lagged(fk.SingleIntegrator(), 0.2),
+    "gusts": fk.Disturbed(fk.PointMass(), 0.3, 0.05),
+    "gusts order 1": fk.Disturbed(fk.SingleIntegrator(), 0.1, 0.05),
+    "wind": fk.Lagged(fk.Disturbed(fk.PointMass(damping=0.2), 0.3 * VARIED, 0.05), 0.2),
+    "unicycles": fk.Limited(fk.Unicycle(VARIED), force=VARIED),
+    "a chain": fk.Limited(
+        fk.Disturbed(fk.Lagged(fk.Disturbed(fk.Unicycle(0.1, damping=0.1), 0.2, 0.04, seed=5), 0.3), 0.1, 0.05),
+        force=1.0,
+    ),
+}
+TOLD = {"delay": 0.05, "loss": 0.2, "expires": 0.6, "noise": fk.WhiteNoise(0.01)}
+WORLDS = {
+    "all at once": {"control": fk.Held(0.1)},
+    "late, told": {"control": fk.Held(0.1, phase=0.05, latency=0.02), "information": fk.Messages(0.1, **TOLD)},
+    "each by itself": {
+        "control": fk.Held(np.where(EACH % 2, 0.1, 0.2), phase=np.where(EACH % 3, 0.0, 0.02), latency=0.3)
+    },
+}
+
+
+def scenario(bodies, world, start=START, **more):
+    return fk.Scenario(LAW, start, bodies=bodies, **{"t_end": 2.0, "frames": 8} | WORLDS[world] | more)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("name", BODIES)
+def test_the_motion_is_that_of_the_closed_form(name, world):
+    held = scenario(BODIES[name], world)
+    exact = fk.simulate(held, engine="sampled", progress=False)
+    run = fk.simulate(held, engine="tiles", progress=False)
+    assert set(run.columns) == set(exact.columns) == {column.name for column in held.agents.columns}
+    pairs = [(run.q, exact.q), (run.p, exact.p), *((run.columns[c], exact.columns[c]) for c in exact.columns)]
+    assert max(np.abs(mine - theirs).max() for mine, theirs in pairs) < 1e-10
+    assert (run.links == exact.links).all()
+    free = scenario(fk.PointMass() if held.agents.order == 2 else fk.SingleIntegrator(), world)
+    assert np.abs(fk.simulate(free, engine="sampled", progress=False).q - exact.q).max() > 1e-3 or name == "unicycles"
+
+
+@pytest.mark.parametrize("name", ["limited", "lagged", "wind", "a chain"])
+def test_what_bodies_do_beyond_the_law_departs(name):
+    """To order 2 in the step where powers are smooth between ticks, that of the quadrature of the other engine."""
+    law = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("r**2/200")), fk.Consensus(0.01)])
+    held = fk.Scenario(law, START, t_end=1.0, frames=3, bodies=BODIES[name], control=fk.Held(0.1, latency=0.02))
+    truth = fk.simulate(held, engine="sampled", progress=False).trace[-1]
+    left, off = [], []
+    for h in (0.01, 0.005, 0.0025):
+        run = fk.simulate(held, engine="tiles", step=h, progress=False)
+        left.append(np.abs(run.residual).max())
+        off.append(abs(run.trace["departed"][-1] - truth["departed"]))
+        assert run.trace["energy"][-1] == pytest.approx(truth["energy"], rel=1e-10)
+    assert np.log2(left[0] / left[2]) / 2 == pytest.approx(2, abs=0.15)
+    assert off[2] < 1e-4 * abs(truth["departed"])
+
+
+def test_lagged_steps_are_exact():
+    """Against exponentials of matrices in 50 digits."""
+    mpmath.mp.dps = 50
+    for k, tau in ((0.0, 0.2), (1e-9, 1e-3), (0.9, 2.0 / 0.9), (30.0, 0.07), (3.0, 1e4)):
+        h, mass = 0.5, 2.0
+        found = lagged_motion.lag_coefficients(fk.PointMass(mass, damping=k), tau, 1, h)
+        flow = mpmath.matrix([[0, h, 0], [0, -mpmath.mpf(k) / 2 * h, mpmath.mpf(h) / 2], [0, 0, -h / mpmath.mpf(tau)]])
+        last = mpmath.expm(flow)[:, 2]
+        assert found[4:7] == pytest.approx([float(x) for x in last], rel=1e-13)
+
+
+def test_speeds_within_a_step_are_bounded():
+    """A lagged force can make an agent faster within a step than at its ends."""
+    n = 16
+    rng = np.random.default_rng(0)
+    agents = np.zeros((n, 4))
+    agents[:, 2:] = rng.normal(size=(n, 2))
+    goal, beside, lag = (rng.normal(size=(2, n)) * 20 for _ in range(3))
+    h, body = 0.7, fk.PointMass(1.3, damping=0.4)
+    most = 0.0
+    for part in np.linspace(0, h, 400)[1:]:
+        target, after, fastest = np.empty_like(agents), np.empty_like(lag), np.empty(1)
+        rows = lagged_motion.lag_coefficients(body, 0.1, n, part)[None]
+        lagged_motion.coast_lagged(0, 1, agents, target, goal, beside, lag, after, rows, np.zeros(2), n, True, fastest)
+        most = max(most, float((target[:, 2:] ** 2).sum(axis=1).max()))
+    assert most <= fastest[0] < 30 * most
+
+
+@pytest.mark.parametrize("name", ["limited", "wind", "a chain", "lagged order 1"])
+def test_pieces_threads_and_resuming_give_the_same_bits(name):
+    n = 2200
+    start = fk.start.hexagonal(n, spacing=1.9, noise=0.2, speed=1.0, seed=1)
+    bodies = {
+        "limited": fk.Limited(fk.PointMass(), force=np.linspace(0.2, 1.0, n)),
+        "wind": fk.Lagged(fk.Disturbed(fk.PointMass(), 0.3, 0.05), np.linspace(0.1, 0.3, n)),
+        "a chain": fk.Limited(fk.Lagged(fk.Disturbed(fk.Unicycle(0.1), 0.2, 0.04), 0.3), force=1.0),
+        "lagged order 1": fk.Lagged(fk.SingleIntegrator(), 0.2),
+    }[name]
+    held = scenario(bodies, "late, told", start, t_end=0.7, frames=4)
+    whole = fk.simulate(held, engine="tiles", step=0.01, threads=1, progress=False)
+    session = ENGINE.open(held, TilesOptions(step=0.01, threads=2))
+    session.advance(0.123)
+    session.advance(0.31)
+    again = session.moment()()
+    again.advance(0.7)
+    cut = again.run()
+    assert all((cut.columns[c] == whole.columns[c]).all() for c in whole.columns)
+    assert (cut.q == whole.q).all()
+    assert (cut.p == whole.p).all()
+    assert (cut.trace == whole.trace).all()
+
+
+def test_links_in_frames_between_steps_are_those_of_the_distances():
+    """Agents of order 1 move with the force that has just begun to act, however slow they were before."""
+    held = fk.Scenario(LAW, START, t_end=2.0, frames=30, bodies=fk.SingleIntegrator(), control=fk.Held(0.1))
+    run = fk.simulate(held, engine="tiles", progress=False)
+    near = np.linalg.norm(run.q[:, :, None] - run.q[:, None], axis=-1) < 2.5
+    near[:, EACH, EACH] = False
+    assert (run.links == near).all()
+
+
+@pytest.mark.parametrize(("bodies", "named"), [
+    (fk.Limited(fk.PointMass(), speed=1.0), "largest speed"),
+    (fk.Limited(fk.Lagged(fk.PointMass(), 0.2), force=1.0, rate=2.0), "largest rate"),
+    (fk.Lagged(fk.Limited(fk.PointMass(), force=1.0), 0.2), "between two ticks"),
+    (fk.Quadrotor(), "Quadrotor"),
+    (fk.Mixture((fk.PointMass(), fk.Unicycle(0.1)), [0, 1] * (N // 2)), "Mixture"),
+])  # fmt: skip
+def test_other_bodies_are_refused_by_name(bodies, named):
+    start = fk.start.box(N, side=10, speed=1, seed=3, dimension=3) if isinstance(bodies, fk.Quadrotor) else START
+    held = fk.Scenario(LAW, start, t_end=1.0, bodies=bodies, control=fk.Held(0.1))
+    assert named in engine_named("tiles").why_not(held)
+    with pytest.raises(UnsupportedLaw, match=named):
+        fk.simulate(held, engine="tiles", progress=False)
+
+
+def test_gusts_begin_at_steps():
+    bodies = fk.Disturbed(fk.PointMass(), 0.3, 0.03)
+    with pytest.raises(InvalidInput, match=r"Disturbed.*period.*whole number of steps"):
+        fk.simulate(scenario(bodies, "all at once"), engine="tiles", step=0.02, progress=False)
