@@ -203,3 +203,49 @@ def test_what_an_error_leaves_open_is_said_with_that_error():
 
     assert _note(Given(Verdict.NOT_RESOLVED, 2.117)) == "closest 1.33 to an obstacle, known to within 2.1"
     assert _note(Given(Verdict.HOLDS, 0.1)) == _note(Given(Verdict.NOT_RESOLVED, np.nan)) == Given.note
+
+
+def faults_of(tab):
+    """What an automatic accessibility check finds, with the first places."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = Axe().run(tab.tab).response["violations"]
+    return [(fault["id"], [node["target"] for node in fault["nodes"]][:3]) for fault in found]
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("size", [(1200, 800), (390, 844)], ids=["wide", "phone"])
+def test_an_accessibility_check_is_clean_in_every_dialog_and_on_a_phone(page, tab, size):
+    page.clock.step(0.5)
+    tab.reads("Claims are judged from three measured moments on")
+    page.clock.step(0.5)
+    tab.wait(lambda: tab.ask("() => lab.timeline.record.claims.length") > 0, "claims are judged")
+    tab.tab.set_viewport_size({"width": size[0], "height": size[1]})
+    for _ in ("light", "dark"):
+        for sheet in ("claims", "law") if size[0] < 500 else ():
+            tab.tab.locator(f"#show-{sheet}").click()
+            assert faults_of(tab) == [], sheet
+        for name in ("pick", "challenges", "compare", "view", "files"):
+            tab.open(name)
+            tab.drawn()
+            assert faults_of(tab) == [], name
+            assert (
+                tab.ask("() => { const d = document.querySelector('dialog'); return d.scrollWidth - d.clientWidth; }")
+                == 0
+            )
+            tab.tab.keyboard.press("Escape")
+        tab.tab.locator("#theme").click()
+
+
+CONTROLS = """() => [...document.querySelectorAll('button, input, select, textarea, summary, canvas[tabindex]')]
+    .filter((e) => e.offsetParent !== null && !e.disabled)"""
+
+
+@pytest.mark.browser
+def test_the_keyboard_reaches_every_control(page, tab):
+    count = tab.ask(f"() => ({CONTROLS})().length")
+    assert count > 50
+    tab.ask("() => { window.reached = new Set(); document.addEventListener('focusin', (e) => reached.add(e.target)); }")
+    for _ in range(count + 20):
+        tab.tab.keyboard.press("Tab")
+    assert tab.ask(f"() => ({CONTROLS})().filter((e) => !reached.has(e)).map((e) => e.outerHTML)") == []

@@ -195,6 +195,7 @@ class Measuring:
         return {
             "kind": "record", "now": experiment.time, "end": float(experiment.scenario.t_end), "record": record,
             "claims": claims, "numbers": numbers, "fault": self.fault,
+            "few": not clock.running and len(self.history.frames) < 3,
             # The motion since an intervention has not been judged while a run stands still after it.
             "former": bool(claims) and self._judged_version != clock.frame.versions[0],
             "too_many": experiment.scenario.start.n > MOST_CLAIMS and MOST_CLAIMS,

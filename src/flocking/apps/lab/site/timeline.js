@@ -169,7 +169,8 @@ export class Timeline {
     }
     if (!rows.length) {
       const why = this.stored ? "Claims are judged while a run goes on: 'flocking audit' judges a stored run."
-        : r.too_many ? `Claims are judged for up to ${r.too_many} agents.` : r.fault || (this.now > this.first ? "Judging the motion since the last intervention …" : "Claims appear here when the run has begun: press play.");
+        : r.too_many ? `Claims are judged for up to ${r.too_many} agents.` : r.fault || (this.now <= this.first ? "Claims appear here when the run has begun: press play."
+          : r.few ? "Claims are judged from three measured moments on: step again, or press play." : "Judging the motion since the last intervention …");
       rows.push(`<p class="empty">${escaped(why)}</p>`);
     } else {
       const at = r.record.judged;
