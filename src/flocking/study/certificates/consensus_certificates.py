@@ -264,11 +264,11 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         key = f"control_period_delayed_{d}" if d else "control_period"
         found.append(_of(system, key, "sampling", period, f"period of held control{words}", statement, reason))
     variance = system.variance()
-    of = "velocity" if system.order == 2 else "position"
+    of, where = ("velocity", "accelerations") if system.order == 2 else ("position", "rates")
     found.append(_of(
         system, "noise_variance", "noise", variance,
         f"mean square disagreement of the {of} of an agent, for each axis and unit of noise intensity",
-        f"White noise of intensity s^2 on the rates gives s^2 times {float(variance.hi):.9g} in the long run.",
+        f"White noise of intensity s^2 on the {where} gives s^2 times {float(variance.hi):.9g} in the long run.",
     ))  # fmt: skip
     return tuple(found)
 

@@ -74,9 +74,9 @@ def equilibrium_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     row(KEYS[5], *_loss(system, period))
     noise = system.noise()
     what = "deformation" if first else "velocity relative to the mean"
+    gives = "rates gives" if first else "accelerations gives at most"
     row(KEYS[6], noise, f"mean square {what} of an agent, all axes together, for each unit of noise intensity",
-        f"white noise of intensity s^2 on all rates gives {'' if first else 'at most '}s^2 times {float(noise.hi):.9g} "
-        "in the long run.")  # fmt: skip
+        f"white noise of intensity s^2 on all {gives} s^2 times {float(noise.hi):.9g} in the long run.")  # fmt: skip
     return tuple(found)
 
 
