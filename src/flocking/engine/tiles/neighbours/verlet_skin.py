@@ -10,7 +10,9 @@ import numpy as np
 
 from flocking.arrays import Array, Numbers, Reals
 from flocking.engine.tiles.neighbours.cell_list import Sorter
+from flocking.engine.tiles.neighbours.nearest_image import box_of, to_nearest
 from flocking.engine.tiles.simd.vectors import WIDTH
+from flocking.formula.native.functions import native
 from flocking.model.space import OPEN, Space
 
 SKINS = tuple(0.04 * 1.25**k for k in range(15))
@@ -28,8 +30,8 @@ REBUILD_COST, REBUILD_ROW_COST = 30.0, 6.0
 """Cost of a rebuild, per tile and per row, in rows of a step."""
 
 
-def _candidates(sorter: Sorter, q: Reals, far: float) -> tuple[Numbers, Numbers]:
-    """Agents within ``far`` cells of positions q, shape (k, m): index of the position, and index of the agent."""
+def _cells_around(sorter: Sorter, q: Reals, far: int) -> Numbers:
+    """Cells at most ``far`` cells from those of positions q, shape (k, m), each once; shape (k, cells)."""
     grid, m = sorter.grid, q.shape[1]
     # As in the sort; on wrapped axes every cell is taken once.
     cells = np.floor((q.astype(np.float64) - grid.origin[:m]) * np.array(grid.inverse[:m])).astype(np.int64)
@@ -39,11 +41,30 @@ def _candidates(sorter: Sorter, q: Reals, far: float) -> tuple[Numbers, Numbers]
     cell = near[..., 0] + grid.shape[0] * near[..., 1]
     if m == 3:
         cell += grid.shape[0] * grid.shape[1] * near[..., 2]
-    first = sorter.start[cell].ravel().astype(np.int64)
-    many = sorter.start[cell + 1].ravel() - first
-    whose = np.repeat(np.repeat(np.arange(len(q)), len(offsets)), many)
-    ends = np.cumsum(many)
-    return whose, np.arange(len(whose)) + np.repeat(first - (ends - many), many)
+    return np.ascontiguousarray(cell)
+
+
+@native
+def _count_by_distance(first, last, agents, order, part, cells, start, box, squares, found):  # type: ignore[no-untyped-def]
+    """Number of agents in the cells around each of some agents, by the first squared distance that is above theirs."""
+    m = agents.shape[1] // 2
+    most = squares.shape[0]
+    for k in range(first, last):
+        i = np.int64(order[part[k]])
+        for c in range(cells.shape[1]):
+            for at in range(start[cells[k, c]], start[cells[k, c] + 1]):
+                j = np.int64(order[at])
+                square = agents[i, 0] * 0
+                for axis in range(m):
+                    d = agents[j, axis] - agents[i, axis]
+                    if box.shape[0]:
+                        d = to_nearest(d, box, axis, m)
+                    square += d * d
+                if np.float64(square) < squares[most - 1]:
+                    limit = 0
+                    while squares[limit] <= np.float64(square):
+                        limit += 1
+                    found[k, limit] += 1
 
 
 def _lengths(agents: Reals, sorter: Sorter, limits: Array, space: Space = OPEN) -> Array:
@@ -51,18 +72,15 @@ def _lengths(agents: Reals, sorter: Sorter, limits: Array, space: Space = OPEN) 
     m, n = agents.shape[1] // 2, sorter.n
     count = (n + WIDTH - 1) // WIDTH
     tiles = np.unique(np.linspace(0, count - 1, min(SAMPLE, count)).astype(np.int64))
-    rows = np.zeros(len(limits))
-    for some in np.array_split(tiles, -(-len(tiles) // 4)):
-        part = (some[:, None] * WIDTH + np.arange(WIDTH)).ravel()
-        part = part[part < n]
-        q = agents[sorter.order[part], :m]
-        whose, there = _candidates(sorter, q, 2)
-        square = (space.displacement(agents[sorter.order[there], :m] - q[whose]) ** 2).sum(axis=1)
-        inside = np.searchsorted(limits**2, square, side="right")
-        own = np.bincount(whose * (len(limits) + 1) + inside, minlength=len(part) * (len(limits) + 1))
-        within = np.cumsum(own.reshape(len(part), -1)[:, :-1], axis=1) - 1
-        first = np.unique(part // WIDTH, return_index=True)[1]
-        rows += np.maximum.reduceat(within, first, axis=0).sum(axis=0)
+    part = (tiles[:, None] * WIDTH + np.arange(WIDTH)).ravel()
+    part = part[part < n]
+    cells = _cells_around(sorter, agents[sorter.order[part], :m], 2)
+    found = np.zeros((len(part), len(limits)), np.int64)
+    box = box_of(space, m, agents.dtype.type)
+    _count_by_distance(0, len(part), agents, sorter.order, part, cells, sorter.start, box, limits**2, found)
+    within = np.cumsum(found, axis=1) - 1
+    first = np.unique(part // WIDTH, return_index=True)[1]
+    rows: Array = np.maximum.reduceat(within, first, axis=0).sum(axis=0)
     return rows / len(tiles)
 
 
