@@ -1,7 +1,8 @@
 """Random scenarios of all kinds of certificate, run and held against what was promised.
 
 ``python -m tests.study.certificates.random_promises FOLDER [PART OF]`` goes through all scenarios, stores one line for
-each in the folder, and skips those that are there already; with ``1 2`` and ``2 2`` two processes share the work. It
+each in the folder, and skips those that are there already; with ``1 2`` and ``2 2`` two processes share the work. On
+cores that are shared ``OMP_NUM_THREADS=1`` keeps threads of linear algebra from waiting for each other. It
 prints counts, broken promises and the median tightness of every certificate at the end, and with the folder alone
 named last after ``report`` what is stored so far.
 """
