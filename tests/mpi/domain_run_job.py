@@ -12,10 +12,11 @@ import numpy as np
 
 import flocking as fk
 from flocking.engine.driver.simulate import open_session, run_session
+from flocking.engine.lammps import ranks
 from flocking.engine.lammps.domains.decomposition import Decomposition
 from flocking.engine.lammps.engine import ENGINE
 from flocking.engine.lammps.options import LammpsOptions
-from flocking.errors import SimulationError
+from flocking.errors import InvalidInput, SimulationError
 from tests.mpi.domain_cases import case
 
 
@@ -141,6 +142,59 @@ def fails():
     return {}
 
 
+def refuses():
+    """One rank alone raises an error of this library where the others go on."""
+    ranks.MEETING_SECONDS = 1.0
+    scenario, options = streams()
+    session = opened(scenario, **options)
+    if session.ranks.rank == 1:
+
+        def failing(step, skin=None):
+            raise InvalidInput("Rank", "patience", "must be longer", 0.0)
+
+        session._particles.rebuild = failing
+    session.advance(scenario.t_end)
+    return {}
+
+
+def nan_on_one_rank():
+    """A velocity of one rank is not a number."""
+    scenario, options = streams()
+    session = opened(scenario, **options)
+    session.advance(0.05)
+    if session.ranks.rank == 1:
+        session._particles.agents[3, 2] = np.nan
+    raised = "nothing"
+    try:
+        session.advance(scenario.t_end)
+    except SimulationError as error:
+        raised = type(error).__name__
+    return {"raised": session.ranks.comm.allgather(raised)}
+
+
+def few():
+    """Fewer agents than ranks."""
+    law = fk.Law(fk.Hysteresis(4.0, 1.0), [fk.Gradient(fk.Potential("(r - 2)**2/2")), fk.Consensus(0.3)])
+    found = {}
+    for count in (1, 2, 3):
+        q, p = np.arange(2.0 * count).reshape(count, 2), np.ones((count, 2)) * np.arange(count)[:, None]
+        made = fk.Scenario(law, fk.State(q, p), t_end=0.2, frames=3)
+        for name, more in (("ideal", {}), ("held", HELD)):
+            given = made.with_(**more)
+            session = opened(given, step=0.01)
+            session.advance(0.2)
+            run = session.run()
+            session.close()
+            if session.ranks.first:
+                expected = fk.simulate(given, engine="tiles", step=0.01, threads=1, progress=False)
+                found[f"{name} {count}"] = [np.abs(run.q - expected.q).max(), np.abs(run.p - expected.p).max()]
+    return found
+
+
+HELD = {"control": fk.Held(0.05), "information": fk.Messages(0.05)}
+"""Held control with messages."""
+
+
 def main():
     asked = json.loads(sys.argv[1])
     what, out = asked.pop("what"), asked["out"]
@@ -155,6 +209,9 @@ def main():
             "lost": lost,
             "too large": too_large,
             "fails": fails,
+            "refuses": refuses,
+            "nan on one rank": nan_on_one_rank,
+            "few": few,
         }[what]()
     if ENGINE.team().first:
         np.savez(out, **found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -108,9 +109,9 @@ def test_agents_that_lammps_lost_are_placed_again_with_their_links(tmp_path):
     assert np.array_equal(found["links"], expected["links"])
 
 
-def test_a_killed_rank_ends_the_job_and_another_number_of_ranks_goes_on(tmp_path):
+def test_a_killed_rank_ends_the_job_and_other_numbers_of_ranks_and_threads_go_on(tmp_path):
     folder = tmp_path / "run"
-    _, done = job(2, tmp_path, "killed", save=str(folder))
+    _, done = job(4, tmp_path, "killed", save=str(folder))
     assert done.returncode != 0
     assert "BAD TERMINATION" in done.stdout + done.stderr
     left = fk.read_run(folder)
@@ -118,15 +119,19 @@ def test_a_killed_rank_ends_the_job_and_another_number_of_ranks_goes_on(tmp_path
     assert 2 <= len(left.t) < 6
     expected, done = job(1, tmp_path, "whole")
     assert done.returncode == 0, done.stderr[-3000:]
-    again = launch(3, sys.executable, "-m", "flocking", "resume", str(folder))
-    assert again.returncode == 0, again.stderr[-3000:]
-    run = fk.read_run(folder)
-    assert run.finished
-    np.testing.assert_allclose(run.q, expected["q"], rtol=0, atol=1e-9)
-    assert np.array_equal(run.links, expected["links"])
-    np.testing.assert_allclose(run.trace["energy"][-1], expected["energy"][-1], rtol=1e-9)
-    assert run.provenance["ranks"] == 3
-    assert run.provenance["forces"] == "kernels"
+    for ranks, threads in ((1, 2), (2, 3), (3, None)):
+        copy = shutil.copytree(folder, tmp_path / f"on {ranks}")
+        words = [] if threads is None else ["--threads", str(threads)]
+        again = launch(ranks, sys.executable, "-m", "flocking", "resume", str(copy), *words)
+        assert again.returncode == 0, again.stderr[-3000:]
+        run = fk.read_run(copy)
+        assert run.finished
+        np.testing.assert_allclose(run.q, expected["q"], rtol=0, atol=1e-9)
+        assert np.array_equal(run.links, expected["links"])
+        np.testing.assert_allclose(run.trace["energy"][-1], expected["energy"][-1], rtol=1e-9)
+        assert run.provenance["ranks"] == ranks
+        assert threads in (None, run.provenance["threads"])
+        assert run.provenance["forces"] == "kernels"
 
 
 def test_ctrl_c_on_two_ranks_saves_the_run(tmp_path):
@@ -160,6 +165,27 @@ def test_a_failure_of_one_rank_ends_all(tmp_path):
     _, done = job(2, tmp_path, "fails")
     assert done.returncode != 0
     assert "this rank has had enough" in done.stderr
+
+
+def test_an_error_of_the_library_on_one_rank_alone_ends_all(tmp_path):
+    _, done = job(2, tmp_path, "refuses")
+    assert done.returncode != 0
+    assert "not all ranks did" in done.stderr
+    assert "patience" in done.stderr
+
+
+def test_what_is_not_a_number_on_one_rank_is_told_on_all(tmp_path):
+    found, done = job(2, tmp_path, "nan on one rank")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert set(found["raised"]) == {"NotFinite"}
+
+
+def test_fewer_agents_than_ranks(tmp_path):
+    found, done = job(4, tmp_path, "few")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert len(found) == 6
+    for name, gaps in found.items():
+        assert max(gaps) <= 1e-12, name
 
 
 def scenario(graph, *terms, agents=None, space=None):

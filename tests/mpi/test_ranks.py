@@ -12,7 +12,7 @@ import flocking as fk
 from flocking.engine.driver.simulate import run_session
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from flocking.engine.storage.run_writer import RunWriter
-from flocking.errors import StorageError
+from flocking.errors import InvalidInput, StorageError
 from tests.mpi.job import scenario
 from tests.mpi.jobs import launch, run_job
 from tests.mpi.laws import PAIR_STYLES
@@ -51,6 +51,8 @@ def test_a_rank_that_dies_ends_the_job_and_the_run_goes_on_from_its_last_commit(
     done = launch(2, sys.executable, "-m", "tests.mpi.job", json.dumps({**asked, "save": str(whole)}))
     assert done.returncode == 0, done.stderr[-3000:]
     expected = fk.read_run(whole)
+    with pytest.raises(InvalidInput, match="only for forces='kernels'"):
+        fk.resume(folder, progress=False, threads=2)
     gone_on = fk.resume(folder, progress=False)  # on one rank
     assert gone_on.finished
     assert gone_on.trace["time"].tolist() == pytest.approx(expected.trace["time"].tolist(), abs=1e-12)
@@ -65,6 +67,8 @@ def test_a_run_killed_before_its_first_commit_begins_anew(tmp_path):
     options = {"step": 0.01, "observe": True}
     how = {"engine": "lammps", "options": {**options, "forces": "pair styles"}}
     RunWriter.create(tmp_path / "run", made, with_links=True, observed=True, session=how).close()
+    with pytest.raises(InvalidInput, match="only for forces='kernels'"):
+        fk.resume(tmp_path / "run", progress=False, threads=2)
     run = fk.resume(tmp_path / "run", progress=False)
     assert run.finished
     other = fk.simulate(made, **PAIR_STYLES, progress=False, **options)

@@ -296,7 +296,7 @@ class Declared:
         for key, value in found.items():
             gap = np.abs(rough[key] - value)
             gap = np.where(np.isfinite(gap), gap, np.abs(value))
-            off[key] = SAFETY * unit * (gap + float(gap.mean()))
+            off[key] = SAFETY * unit * (gap + float(gap.mean() if len(gap) else 0.0))
         return found, off
 
 

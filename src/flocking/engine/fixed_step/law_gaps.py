@@ -99,6 +99,8 @@ class LawGaps:
         return wrong
 
     def _compare(self, gap: Reals, allowed: Reals, size: Reals) -> int | None:
+        if not len(gap):
+            return None
         gap = np.where(np.isfinite(gap), gap, np.inf)
         share = gap / np.maximum(allowed, NO_LESS)
         k = int(np.argmax(share))

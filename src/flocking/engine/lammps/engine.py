@@ -21,7 +21,7 @@ from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
 from flocking.engine.tiles.held.news import check_messages
 from flocking.engine.tiles.kernels.spec import SPACES, check_supported
-from flocking.errors import UnsupportedLaw
+from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
@@ -33,6 +33,7 @@ class LammpsEngine(Engine):
     name = "lammps"
     summary = "fixed steps on many processes, under mpiexec"
     options = LammpsOptions
+    free_options = frozenset({"threads"})
     spaces = SPACES
     worlds = (Held, Messages)
 
@@ -65,6 +66,7 @@ class LammpsEngine(Engine):
         if "session" in packed[0]:
             kind = HeldDomainSession if isinstance(stored.scenario.control, Held) else DomainSession
             return kind.unpack(packed, stored, {"threads": _threads_of_a_rank(self.team()), **changes})
+        _no_threads(changes)
         return LammpsSession.unpack(packed, stored, changes)
 
     def team(self) -> Ranks:
@@ -73,7 +75,17 @@ class LammpsEngine(Engine):
 
     def stored_options(self, data: Mapping[str, object]) -> object:
         """Options of a run on disk, without the log file of LAMMPS. Runs before there were kernels name no forces."""
-        return domain_options(data) if data.get("forces", PAIR_STYLES) == KERNELS else stored_options(data)
+        if data.get("forces", PAIR_STYLES) == KERNELS:
+            return domain_options(data)
+        _no_threads(data)
+        return stored_options(data)
+
+
+def _no_threads(given: Mapping[str, object]) -> None:
+    """Check that no threads are chosen for a run of pair styles."""
+    if given.get("threads") is not None:
+        rule = "is only for forces='kernels', and this run has pair styles"
+        raise InvalidInput("resume", "threads", rule, given["threads"], "Leave it out.")
 
 
 def _check_kernels(scenario: Scenario) -> None:

@@ -17,12 +17,17 @@ from flocking.engine.protocol.team import Team
 from flocking.errors import FlockingError, SimulationError
 
 if TYPE_CHECKING:
-    from mpi4py.MPI import Comm, Op
+    from mpi4py.MPI import Comm, Datatype, Op
 
 T = TypeVar("T")
 
 MESSAGE_SECONDS = 0.5
 """Wait in seconds before a job is aborted: ``mpiexec`` drops output that it has not forwarded."""
+
+MEETING_SECONDS = 60.0
+"""Longest time in seconds between the same error of two ranks: longer than one of them may need for a scenario."""
+POLL_SECONDS = 0.01
+"""Time in seconds between two looks at whether other ranks failed too; short beside the end of a job."""
 
 
 class Ranks(Team):
@@ -37,6 +42,8 @@ class Ranks(Team):
     def __init__(self, comm: Comm) -> None:
         self.comm = comm
         self.rank, self.size = int(comm.rank), int(comm.size)
+        self._rows: dict[int, Datatype] = {}
+        self._meeting = _meeting_of(comm)
 
     @cached_property
     def on_this_machine(self) -> int:
@@ -59,7 +66,7 @@ class Ranks(Team):
         result, failure = None, None
         if self.first:
             try:
-                with self.bound():
+                with self._failures_end_all():
                     result = action()
             except (FlockingError, KeyboardInterrupt) as error:
                 failure = error
@@ -82,6 +89,13 @@ class Ranks(Team):
         return found
 
     @cached_property
+    def _largest(self) -> Op:
+        """The reduction of largest values."""
+        from mpi4py import MPI
+
+        return MPI.MAX
+
+    @cached_property
     def _largest_and_sum(self) -> Op:
         """The reduction of rows whose first entry says how many of the next are largest values; the rest are sums."""
         from mpi4py import MPI
@@ -94,26 +108,35 @@ class Ranks(Team):
 
         return MPI.Op.Create(reduce, commute=True)
 
+    def _row_of(self, length: int) -> Datatype:
+        """The type of a row of so many numbers: it is one element, so that a reduction never sees a part of it."""
+        from mpi4py import MPI
+
+        found = self._rows.get(length)
+        if found is None:
+            found = self._rows[length] = MPI.DOUBLE.Create_contiguous(length).Commit()
+        return found
+
     def reduced(self, largest: Array, sums: Array) -> tuple[Array, Array]:
         """Largest values and sums over the ranks, in one message. All ranks get the same bits.
 
         Parameters
         ----------
         largest
-            Numbers of which the largest is found.
+            Numbers of which the largest is found; what is not a number counts as infinite.
         sums
             Numbers that are added.
         """
         if self.size == 1:
             return largest, sums
-        from mpi4py import MPI
-
+        largest = np.where(np.isnan(largest), np.inf, largest)
+        if not len(sums):
+            received = np.empty(len(largest))
+            self.comm.Allreduce(largest, received, self._largest)
+            return received, sums
         row = np.concatenate([[float(len(largest))], largest, sums])
-        found = np.empty_like(row)
-        # One row is one element: the reduction never sees a part of it.
-        kind = MPI.DOUBLE.Create_contiguous(len(row)).Commit()
+        found, kind = np.empty_like(row), self._row_of(len(row))
         self.comm.Allreduce([row, 1, kind], [found, 1, kind], self._largest_and_sum)
-        kind.Free()
         return found[1 : 1 + len(largest)], found[1 + len(largest) :]
 
     def agree(self, check: Callable[[], None]) -> None:
@@ -176,7 +199,21 @@ class Ranks(Team):
 
     @contextmanager
     def bound(self) -> Iterator[None]:
-        """Abort the job with a message if one rank fails; the other ranks would wait forever."""
+        """Abort the job with a message if some ranks fail and others do not, which would wait forever.
+
+        An error that all ranks raise is raised. Collective where an error occurs.
+        """
+        with self._failures_end_all():
+            try:
+                yield
+            except FlockingError as error:
+                if not self._all_fail():
+                    self.end(f"failed, but not all ranks did:\n{type(error).__name__}: {error}")
+                raise
+
+    @contextmanager
+    def _failures_end_all(self) -> Iterator[None]:
+        """Abort the job with a message if one rank fails by an error that is no error of this library."""
         try:
             yield
         except (FlockingError, KeyboardInterrupt):
@@ -185,6 +222,31 @@ class Ranks(Team):
             if self.size > 1:
                 self.end(f"failed:\n{traceback.format_exc()}")
             raise
+
+    def _all_fail(self) -> bool:
+        """Whether all ranks come to this place within `MEETING_SECONDS`."""
+        if self.size == 1:
+            return True
+        # Messages of the failed computation are never mistaken for this one.
+        arrived, stop = self._meeting.Ibarrier(), time.monotonic() + MEETING_SECONDS
+        while not arrived.Test():
+            if time.monotonic() > stop:
+                return False
+            time.sleep(POLL_SECONDS)
+        return True
+
+
+_MEETINGS: dict[int, tuple[Comm, Comm]] = {}
+"""Communicators and those for `Ranks._all_fail` alone, which are made once for each: MPI has a few thousand."""
+
+
+def _meeting_of(comm: Comm) -> Comm:
+    """The communicator of the same ranks on which they tell each other that they failed. Collective."""
+    if comm.size == 1:
+        return comm
+    if id(comm) not in _MEETINGS:
+        _MEETINGS[id(comm)] = (comm, comm.Dup())
+    return _MEETINGS[id(comm)][1]
 
 
 class OtherRankError(FlockingError):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Indices, Reals
-from flocking.engine.lammps.domains.messages import owners, sent
+from flocking.engine.lammps.domains.messages import Numbering, owners, sent
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm, Prequest
@@ -21,8 +21,8 @@ class Copies:
     ----------
     comm
         An mpi4py communicator.
-    own
-        Numbers of the agents of this rank, by their index.
+    numbers, indices
+        Numbers and indices of the agents of this rank of which others may keep copies.
     wanted
         Numbers of the agents of which it keeps copies; none of its own.
 
@@ -32,18 +32,20 @@ class Copies:
         Numbers of the copies, in the order of their rows.
     """
 
-    def __init__(self, comm: Comm, own: NDArray[np.int32], wanted: NDArray[np.int32]) -> None:
+    def __init__(
+        self, comm: Comm, numbers: NDArray[np.int32], indices: Indices, wanted: NDArray[np.int32]
+    ) -> None:  # fmt: skip
         self._comm = comm
-        rank = owners(comm, own, wanted)
+        rank = owners(comm, numbers, wanted)
         order = np.argsort(rank, kind="stable")
         self.ids = wanted[order]
         asked, counts = sent(comm, rank[order], self.ids[:, None])
-        by_number = np.argsort(own, kind="stable")
-        self._places: Indices = by_number[np.searchsorted(own[by_number], asked[:, 0])] if len(asked) else rank[:0]
+        self._places: Indices = Numbering(numbers, indices).places(asked[:, 0])
         self._rows: Indices = np.arange(len(self.ids))
         self._senders = [(int(r), slice(*x)) for r, x in _spans(np.bincount(rank, minlength=comm.size))]
         self._takers = [(int(r), slice(*x)) for r, x in _spans(counts)]
         self._requests: list[Prequest] = []
+        self._begun: Reals | None = None
         self._out: Reals = np.empty((0, 0))
         self._in: Reals = np.empty((0, 0))
 
@@ -70,6 +72,23 @@ class Copies:
         moved[rows] = self.ids
         self.ids, self._rows = moved, rows[self._rows]
 
+    def begin(self, agents: Reals) -> None:
+        """Begin to send rows that `refresh` is going to be called with, unchanged until then. Collective.
+
+        Parameters
+        ----------
+        agents
+            As for `refresh`.
+        """
+        from mpi4py import MPI
+
+        self._finish()
+        if self._out.shape[1] != agents.shape[1] or self._out.dtype != agents.dtype:
+            self._set_up(agents)
+        np.take(agents, self._places, axis=0, out=self._out, mode="clip")
+        MPI.Prequest.Startall(self._requests)
+        self._begun = agents
+
     def refresh(self, agents: Reals, first: int) -> None:
         """Send the own agents that others copy, and receive the copies. Collective.
 
@@ -80,14 +99,18 @@ class Copies:
         first
             Row of the first copy.
         """
-        from mpi4py import MPI
-
-        if self._out.shape[1] != agents.shape[1] or self._out.dtype != agents.dtype:
-            self._set_up(agents)
-        np.take(agents, self._places, axis=0, out=self._out, mode="clip")
-        MPI.Prequest.Startall(self._requests)
-        MPI.Request.Waitall(self._requests)
+        if self._begun is not agents:
+            self.begin(agents)
+        self._finish()
         agents[first + self._rows] = self._in
+
+    def _finish(self) -> None:
+        """Wait for the messages that have begun."""
+        if self._begun is not None:
+            from mpi4py import MPI
+
+            MPI.Request.Waitall(self._requests)
+            self._begun = None
 
     def _set_up(self, agents: Reals) -> None:
         self.close()
@@ -98,6 +121,7 @@ class Copies:
 
     def close(self) -> None:
         """Free the requests of the messages."""
+        self._finish()
         for request in self._requests:
             request.Free()
         self._requests = []

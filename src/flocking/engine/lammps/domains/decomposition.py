@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flocking.arrays import AnyArray, Array, Numbers, Numbers32
+from flocking.arrays import AnyArray, Array, Indices, Numbers, Numbers32
 from flocking.engine.lammps import library
 from flocking.engine.lammps.ranks import Ranks
 from flocking.model.space import OPEN, Space
@@ -22,6 +23,8 @@ ROOM = 8
 """Number of links by which their columns exceed the need, so that they are seldom made anew."""
 MARGIN = 1e-6
 """Margin of the first box around the agents, relative to the largest coordinate, above the rounding of coordinates."""
+BORDER = 1.001
+"""Width of the border of a domain in cutoffs; the excess is above the rounding of coordinates."""
 LONGEST = 1.0 - 1e-9
 """Largest cutoff as a share of the shortest length after which space repeats: LAMMPS allows none above 1."""
 
@@ -31,7 +34,7 @@ NEEDED = {"fix": ("property/atom",)}
 
 @dataclass(frozen=True, eq=False)
 class Residents:
-    """The agents of a domain.
+    """The agents of a domain. Its arrays may be LAMMPS's own, valid until the next exchange.
 
     Parameters
     ----------
@@ -42,7 +45,9 @@ class Residents:
     tables
         For each graph with memory what travels with the agents, shape (n, width).
     near
-        Numbers of the agents of other ranks within the cutoff of the domain.
+        Numbers of the agents of other ranks within the cutoff of the domain; own ones may be among them.
+    visible
+        Indices of the agents here that may be near the domains of others.
     """
 
     ids: Numbers32
@@ -50,6 +55,7 @@ class Residents:
     p: Array
     tables: list[Numbers32]
     near: Numbers32
+    visible: Indices
 
 
 class Decomposition:
@@ -115,7 +121,7 @@ class Decomposition:
         at = np.empty(int(ids.max(initial=0)) + 1, np.int64)
         at[ids] = np.arange(n)
         here = at[self._numbers[:count] - 1]
-        self._set_places(q[here])
+        self._set_places(q[here], np.arange(count))
         for k, table in enumerate(tables):
             self._column(k)[:count] = 0
             self._column(k)[:count, : table.shape[1]] = table[here]
@@ -124,13 +130,17 @@ class Decomposition:
             raise RuntimeError(f"LAMMPS holds {self.counts.sum()} of {n} agents")
         return self._residents(m)
 
-    def exchanged(self, q: AnyArray, p: AnyArray, tables: list[Numbers32], cutoff: float, n: int) -> Residents | None:
+    def exchanged(
+        self, received: Indices, q: AnyArray, p: AnyArray, tables: list[Numbers32], cutoff: float, n: int
+    ) -> Residents | None:  # fmt: skip
         """Send agents to the ranks of their domains; None if LAMMPS lost some, which have to be placed again.
 
         Parameters
         ----------
+        received
+            Index that each agent had when they were received, shape (n,).
         q, p, tables
-            See `Residents`, in the order in which the agents were received.
+            See `Residents`.
         cutoff
             As for `place`.
         n
@@ -140,12 +150,12 @@ class Decomposition:
         self._widen([t.shape[1] for t in tables])
         self._set_cutoff(cutoff)
         if count:
-            self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[:, :m] = self._space.wrapped(q)
-            self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[:, :m] = p
-        self._set_places(q)
+            self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[received, :m] = self._space.wrapped(q)
+            self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[received, :m] = p
+        self._set_places(q, received)
         for k, table in enumerate(tables):
             column = self._column(k)[:count]
-            column[:, : table.shape[1]], column[:, table.shape[1] :] = table, 0
+            column[received, : table.shape[1]], column[:, table.shape[1] :] = table, 0
         self._command("run 0 post no")
         if self._counted() != n:
             return None
@@ -163,13 +173,28 @@ class Decomposition:
     def _residents(self, m: int) -> Residents:
         count = self._count
         near = count + int(self._lammps.extract_global("nghost"))
-        numbers = np.array(self._lammps.numpy.extract_atom("id", nelem=near)).ravel()
+        numbers = self._lammps.numpy.extract_atom("id", nelem=near).ravel() if near else np.zeros(0, np.int32)
         q = self._places(m)
-        p = np.array(self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[:, :m]) if count else np.zeros((0, m))
-        tables = [np.array(self._column(k)[:count]) for k in range(len(self._widths))]
+        p = self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[:, :m] if count else np.zeros((0, m))
+        tables = [self._column(k)[:count] for k in range(len(self._widths))]
         ids = (numbers - 1).astype(np.int32)
-        others = np.arange(self.counts.sum(), dtype=np.int32) if self._all_near else ids[count:]
-        return Residents(ids[:count], q, p, tables, others)
+        own = ids[:count]
+        if self._all_near:
+            return Residents(own, q, p, tables, np.arange(self.counts.sum(), dtype=np.int32), np.arange(count))
+        return Residents(own, q, p, tables, ids[count:], np.flatnonzero(self._near_a_border(m)))
+
+    def _near_a_border(self, m: int) -> NDArray[np.bool_]:
+        """Which agents are within the cutoff of a border of the domain: none else is within that of another domain."""
+        count = self._count
+        found = np.zeros(count, dtype=bool)
+        if not count:
+            return found
+        x = self._lammps.numpy.extract_atom("x", nelem=count, dim=3)
+        low, high = (self._lammps.extract_global(name) for name in ("sublo", "subhi"))
+        width = BORDER * self._cutoff
+        for k in range(m):
+            found |= (x[:, k] < low[k] + width) | (x[:, k] > high[k] - width)
+        return found
 
     def _places(self, m: int) -> Array:
         """Positions as the motion gives them."""
@@ -177,14 +202,16 @@ class Decomposition:
         if not count:
             return np.zeros((0, m))
         if self._space.is_open:
-            return np.array(self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[:, :m])
-        return np.array(self._lammps.numpy.extract_atom("d2_places", nelem=count, dim=m)).reshape(count, m)
+            found: Array = self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[:, :m]
+        else:
+            found = self._lammps.numpy.extract_atom("d2_places", nelem=count, dim=m).reshape(count, m)
+        return found
 
-    def _set_places(self, q: AnyArray) -> None:
+    def _set_places(self, q: AnyArray, received: Indices) -> None:
         """Let positions travel with the agents where those of LAMMPS are images."""
         if not self._space.is_open and len(q):
             m = q.shape[1]
-            self._lammps.numpy.extract_atom("d2_places", nelem=len(q), dim=m).reshape(len(q), m)[:] = q
+            self._lammps.numpy.extract_atom("d2_places", nelem=len(q), dim=m).reshape(len(q), m)[received] = q
 
     @property
     def _count(self) -> int:

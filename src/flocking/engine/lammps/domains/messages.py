@@ -13,6 +13,58 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
 
+class Numbering:
+    """Where some agents of a rank are, by their numbers.
+
+    Parameters
+    ----------
+    numbers
+        Their numbers, shape (n,); each occurs once.
+    indices
+        Their indices, shape (n,); by default from 0 on.
+    """
+
+    def __init__(self, numbers: NDArray[np.integer], indices: Indices | None = None) -> None:
+        order = np.argsort(numbers)
+        self._numbers, self._indices = numbers[order], order if indices is None else indices[order]
+
+    def has(self, numbers: NDArray[np.integer]) -> NDArray[np.bool_]:
+        """Which of some agents are among them."""
+        return among(self._numbers, numbers)
+
+    def places(self, numbers: NDArray[np.integer]) -> Indices:
+        """Indices of some of them."""
+        return self._indices[np.searchsorted(self._numbers, numbers)] if len(numbers) else self._indices[:0]
+
+
+def among(ascending: NDArray[np.integer], numbers: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Which numbers are among others.
+
+    Parameters
+    ----------
+    ascending
+        The others, ascending.
+    numbers
+        The numbers.
+    """
+    if not len(ascending):
+        return np.zeros(len(numbers), dtype=bool)
+    at = np.minimum(np.searchsorted(ascending, numbers), len(ascending) - 1)
+    return np.asarray(ascending[at] == numbers)
+
+
+def newcomers(before: NDArray[np.integer], now: NDArray[np.integer]) -> int:
+    """Number of numbers that were not there before.
+
+    Parameters
+    ----------
+    before, now
+        Numbers; each occurs once.
+    """
+    both = np.sort(np.concatenate([before, now]))
+    return len(now) - int(np.count_nonzero(both[1:] == both[:-1]))
+
+
 def sent(comm: Comm, to: NDArray[np.integer], rows: AnyArray) -> tuple[AnyArray, Numbers]:
     """Send each row to a rank. Collective.
 
@@ -59,9 +111,7 @@ def fetched(comm: Comm, own: NDArray[np.integer], rows: AnyArray, wanted: NDArra
     rank = owners(comm, own, wanted)
     order = np.argsort(rank, kind="stable")
     asked, counts = sent(comm, rank[order], wanted[order, None].astype(np.int64))
-    by_number = np.argsort(own, kind="stable")
-    places = by_number[np.searchsorted(own[by_number], asked[:, 0])] if len(asked) else by_number[:0]
-    answers, _ = sent(comm, np.repeat(np.arange(comm.size), counts), rows[places])
+    answers, _ = sent(comm, np.repeat(np.arange(comm.size), counts), rows[Numbering(own).places(asked[:, 0])])
     found = np.empty((len(wanted), rows.shape[1]), rows.dtype)
     found[order] = answers
     return found
@@ -77,7 +127,7 @@ def owners(comm: Comm, own: NDArray[np.integer], wanted: NDArray[np.integer]) ->
     comm
         An mpi4py communicator.
     own
-        Numbers of the agents of this rank.
+        Numbers of the agents of this rank, of which there may be asked.
     wanted
         Numbers of the agents asked for.
 
@@ -89,14 +139,13 @@ def owners(comm: Comm, own: NDArray[np.integer], wanted: NDArray[np.integer]) ->
     order = np.argsort(own % comm.size, kind="stable")
     entered, counts = sent(comm, own[order] % comm.size, own[order, None].astype(np.int64))
     where = np.repeat(np.arange(comm.size), counts)
-    by_number = np.argsort(entered[:, 0], kind="stable")
-    known, at = entered[by_number, 0], where[by_number]
+    directory = Numbering(entered[:, 0])
     order = np.argsort(wanted % comm.size, kind="stable")
     asked, counts = sent(comm, wanted[order] % comm.size, wanted[order, None].astype(np.int64))
-    found = np.searchsorted(known, asked[:, 0])
-    if len(asked) and not (len(known) and (known[np.minimum(found, len(known) - 1)] == asked[:, 0]).all()):
+    if not directory.has(asked[:, 0]).all():
         raise RuntimeError("an agent that is wanted is owned by no rank")
-    answers, _ = sent(comm, np.repeat(np.arange(comm.size), counts), at[found][:, None].astype(np.int64))
+    found = where[directory.places(asked[:, 0])]
+    answers, _ = sent(comm, np.repeat(np.arange(comm.size), counts), found[:, None].astype(np.int64))
     result = np.empty(len(wanted), np.int64)
     result[order] = answers[:, 0]
     return result

@@ -8,16 +8,17 @@ from flocking.arrays import Array, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps.domains.copies import Copies
 from flocking.engine.lammps.domains.decomposition import Decomposition, Residents
+from flocking.engine.lammps.domains.fixed_links import complete_beside, fixed_partners
 from flocking.engine.lammps.domains.link_tables import link_table, mark_links, most_links
+from flocking.engine.lammps.domains.messages import among, newcomers
 from flocking.engine.lammps.domains.shared_particles import SharedParticles
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.tiles.kernels.spec import GraphKind, KernelSpec
 from flocking.engine.tiles.kernels.tile_sums import sums_of
 from flocking.engine.tiles.neighbours.cell_list import Grid, Sorter, Survey, choose_grid
-from flocking.engine.tiles.neighbours.fixed_lists import complete_lists, fixed_lists
+from flocking.engine.tiles.neighbours.fixed_lists import fixed_lists
 from flocking.engine.tiles.neighbours.listed_pairs import remember_links
 from flocking.engine.tiles.neighbours.neighbour_lists import (
-    LINKED,
     NOBODY,
     ListBuilder,
     TileLists,
@@ -28,6 +29,9 @@ from flocking.engine.tiles.particles.displacement import CERTAIN, Displacement
 from flocking.engine.tiles.particles.graph_radii import GraphRadii
 from flocking.model.law import Scenario
 from flocking.model.state import State
+
+SAME_SKIN, SAME_STRIDE = 8, 0.1
+"""A skin is kept for at most so many rebuilds, while the largest stride stays within this share of the one before."""
 
 
 class RankParticles(SharedParticles):
@@ -61,12 +65,13 @@ class RankParticles(SharedParticles):
         self.migrated = 0
         self._limit = memory_limit
         self._copies: Copies | None = None
+        self._own: Numbers32 | None = None
         # Before the first rebuild the agents are divided by their numbers.
         cut = [state.n * k // ranks.size for k in (ranks.rank, ranks.rank + 1)]
         self._begin: tuple[State, list[Numbers32] | None] | None = (state, tables)
         self._part = slice(*cut)
         links = state.links
-        part = State(state.q[self._part], state.p[self._part], state.t)
+        part = _rows_of(state, self._part)
         super().__init__(scenario, part, spec, workers, memory_limit, skin)
         self.ids[: self.n] = np.arange(*cut, dtype=np.int32)
         self._fill_pads()
@@ -74,13 +79,15 @@ class RankParticles(SharedParticles):
         self._first_links = links if tables is None else None
         self._no_links_yet = tables is None
         self._next_skin = 0.0
+        self._skin_for = (0.0, -SAME_SKIN)
         self._decomposition = Decomposition(ranks, log, self.space) if self.moving and ranks.size > 1 else None
 
     def _resize(self) -> None:
         """Make anew all that depends on the number of agents of this rank."""
         spec, scenario = self.spec, self._scenario
-        self.radii = GraphRadii(scenario.law.graphs, spec, self.ids[: self.size], self.n, self.everyone)
-        self.sorter = Sorter(self.n if self.moving else 1, self.workers, self.space.lengths)
+        self.radii = GraphRadii(
+            scenario.law.graphs, spec, self.ids[: self.size], self.n, self.everyone, self.radii.edges
+        )  # fmt: skip
         self.builders = [self._builder(old) for old in self.builders]
         self.tile_extremes = np.zeros((self.tiles, 3), self.dtype)
         self.sums = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
@@ -91,8 +98,9 @@ class RankParticles(SharedParticles):
     def _builder(self, old: ListBuilder) -> ListBuilder:
         """A builder for the agents of now that starts with the room that the old one needed."""
         found = ListBuilder(self.n, self._limit, self.workers, self.box)
-        if found.chunks == old.chunks:
-            found.capacity = old.capacity
+        if old.chunks:
+            found.capacity[: old.chunks] = old.capacity[: found.chunks]
+            found.capacity[old.chunks :] = old.capacity[-1]
         else:
             found.capacity[:] = old.capacity.max(initial=0)
         found.spare = None
@@ -136,7 +144,6 @@ class RankParticles(SharedParticles):
 
     def _exchanged(self, reach: float) -> Residents:
         """The agents that belong to this rank, and who is near them."""
-        nobody = np.zeros(0, np.int32)
         begin, self._begin = self._begin, None
         m = self.m
         if begin is not None and self._decomposition is not None:
@@ -146,13 +153,11 @@ class RankParticles(SharedParticles):
                 np.arange(state.n, dtype=np.int32), state.q, p, self._widths(tables), reach
             )  # fmt: skip
         n = self.n
-        q, p = self.agents[:n, :m].astype(np.float64), self.agents[:n, m:].astype(np.float64)
+        q, p = (x.astype(np.float64, copy=False) for x in (self.agents[:n, :m], self.agents[:n, m:]))
         tables = self._tables() if begin is None else [t[self._part] for t in begin[1] or []]
         if self._decomposition is None:
-            return Residents(self.ids[:n].copy(), q, p, tables, nobody)
-        back = np.empty(n, np.int64)
-        back[self._received] = np.arange(n)
-        there = self._decomposition.exchanged(q[back], p[back], [t[back] for t in tables], reach, self.everyone)
+            return Residents(self.ids[:n].copy(), q.copy(), p.copy(), tables, NOBODY, np.zeros(0, np.int64))
+        there = self._decomposition.exchanged(self._received, q, p, tables, reach, self.everyone)
         if there is None:
             there = self._placed_again(q, p, tables, reach)
         return there
@@ -205,66 +210,57 @@ class RankParticles(SharedParticles):
 
     def _take(self, came: Residents) -> None:
         """Hold the agents that came, and copies of those that they need."""
-        before = np.sort(self.ids[: self.n])
-        fixed = self._fixed_partners(came.ids)
-        wanted = np.setdiff1d(np.concatenate([came.near, fixed]), came.ids).astype(np.int32)
         if self._copies is not None:
             self._copies.close()
-        self._copies = Copies(self.ranks.comm, came.ids, wanted) if self.ranks.size > 1 else None
+        if self._decomposition is None and self.ranks.size == 1:
+            wanted, self._copies = NOBODY, None
+        else:
+            own = np.sort(came.ids)
+            linked = fixed_partners(came.ids, self.spec.graphs, self.radii.edges, self.everyone)
+            wanted = np.unique(np.concatenate([came.near, linked]))
+            wanted = wanted[~among(own, wanted)].astype(np.int32)
+            visible = np.arange(len(own)) if any(kind.fixed for kind in self.spec.graphs) else came.visible
+            self._copies = Copies(self.ranks.comm, came.ids[visible], visible, wanted)
+            if self._own is not None:
+                self.migrated += newcomers(self._own, own)
+            self._own = own
         self._hold(came.ids, came.q, came.p, len(wanted))
-        if self.rebuilds:
-            known = np.searchsorted(before, came.ids)
-            here = known < len(before)
-            here[here] = before[known[here]] == came.ids[here]
-            self.migrated += int(np.count_nonzero(~here))
         self._received = np.arange(self.n)
         if self._copies is not None:
             self.ids[self.size :] = self._copies.ids
             self._copies.refresh(self.agents, self.size)
 
-    def _fixed_partners(self, ids: Numbers32) -> Numbers32:
-        """Numbers of the agents to which these are linked under graphs whose links never change."""
-        found = [np.zeros(0, np.int32)]
-        for kind, edges in zip(self.spec.graphs, self.radii.edges, strict=True):
-            if not kind.fixed:
-                continue
-            if edges is None:
-                return np.arange(self.everyone, dtype=np.int32)
-            offsets, neighbours = edges
-            begin, many = offsets[ids], offsets[ids + 1] - offsets[ids]
-            at = np.arange(int(many.sum())) + np.repeat(begin - (np.cumsum(many) - many), many)
-            found.append(neighbours[at])
-        return np.unique(np.concatenate(found))
-
     def _sort_all(self, reach: float) -> None:
         """Sort agents and copies by one grid of cells."""
         n, m = self.n, self.m
-        rows = np.concatenate([self.agents[:n], self.agents[self.size :]])
-        q = rows[:, :m].astype(np.float64) if len(rows) else np.zeros((1, m))
-        low, high = q.min(axis=0), q.max(axis=0)
-        grid = choose_grid(low, high, reach, max(len(rows), 1), self.space.lengths)
-        seen = Survey(low, high, self._mean_velocity())
-        sorter = self.sorter = Sorter(n, self.workers, self.space.lengths)
-        sorter.sort(self.agents, seen, reach, grid)
-        order = sorter.order
-        copies = np.ascontiguousarray(self.agents[self.size :])
+        sorter = self.sorter = self.sorter if self.sorter.n == n else Sorter(n, self.workers, self.space.lengths)
+        copies = self.agents[self.size :].copy()
         beside = Sorter(len(copies), self.workers, self.space.lengths)
+        surveys = [each.survey(rows) for each, rows in ((sorter, self.agents), (beside, copies)) if each.n]
+        low = np.min([x.low for x in surveys], axis=0) if surveys else np.zeros(m)
+        high = np.max([x.high for x in surveys], axis=0) if surveys else np.zeros(m)
+        grid = choose_grid(low, high, reach, max(n + len(copies), 1), self.space.lengths)
+        total = n * surveys[0].velocity if n else np.zeros(m)
+        seen = Survey(low, high, self.group_sum(total) / self.everyone)
+        sorter.sort(self.agents, seen, reach, grid)
         beside.sort(copies, seen, reach, grid)
         self._beside = beside.start if len(copies) else NOBODY
         self._grid: Grid = grid
         self._crowding = sorter.crowding
         self._start = sorter.start
         self._seen = seen
-        place = np.empty(n, np.int64)
-        place[order] = np.arange(n)
-        self.agents[:n], self.ids[:n] = self.agents[order], self.ids[order]
+        if len(self.displacement.reference) != self.size:
+            self.displacement = Displacement(self.size, m, self.dtype)
+        place = sorter.arrange(self.agents, self.ids, self.successor, self._ids_buffer, self.displacement.reference)
+        self.agents, self.successor = self.successor, self.agents
+        self.ids, self._ids_buffer = self._ids_buffer, self.ids
         self.agents[self.size :] = copies[beside.order]
         self._fill_pads()
-        self._received = order.astype(np.int64)
+        self._received = sorter.order.astype(np.int64)
         if self._copies is not None:
             row = np.empty(len(copies), np.int64)
             row[beside.order] = np.arange(len(copies))
-            self._copies.reorder(place, row)
+            self._copies.reorder(place.astype(np.int64), row)
             self.ids[self.size :] = self._copies.ids
 
     def _list_all(self, skin: float, tables: list[Numbers32]) -> None:
@@ -273,9 +269,7 @@ class RankParticles(SharedParticles):
         lost: tuple[int, int] | None = None
         if self.moving:
             far = float(max(np.abs(self._seen.low).max(), np.abs(self._seen.high).max()))
-            self.displacement = Displacement(self.size, self.m, self.dtype)
             self.displacement.begin(skin, self._seen.velocity.astype(self.dtype), self.highest(far))
-            self.displacement.reference[:] = self.agents[: self.size, : self.m]
             try:
                 lost = self._list_moving(skin, tables)
             except TooManyNeighboursError as error:
@@ -302,7 +296,13 @@ class RankParticles(SharedParticles):
             inside = radii.each[number] if kind.uneven else radii.limits[number][:1]
             table = next(left, None) if kind.memory else None
             fresh = kind.memory and (self._no_links_yet or table is None)
-            self.lists[number], _ = self.builders[number].build(
+            builder, old = self.builders[number], self.lists[number]
+            if old is not None:
+                # Links have been taken from the old lists before.
+                builder.spare = TileLists(
+                    old.rows, np.zeros(builder.tiles, np.int64), np.zeros(builder.tiles, np.int32)
+                )  # fmt: skip
+            self.lists[number], _ = builder.build(
                 self.agents, radii.cutoffs[number] + skin, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
                 begin2=inside if fresh else None, remember=kind.memory, beside=self._beside,
             )  # fmt: skip
@@ -329,7 +329,7 @@ class RankParticles(SharedParticles):
                 copies = self.ids[self.size :]
                 place[copies] = self.size + np.arange(len(copies), dtype=np.int32)
                 if edges is None:
-                    self.lists[number] = _complete(self.n, self.size, len(copies))
+                    self.lists[number] = complete_beside(self.n, self.size, len(copies))
                 else:
                     self.lists[number] = fixed_lists(self.ids[: self.size], place, *edges, self.workers, self.n)
 
@@ -339,8 +339,12 @@ class RankParticles(SharedParticles):
             raise TooManyNeighboursError(needed)
 
     def _choose_skin(self, cutoff: float, step: float) -> None:
-        """The skin of the next lists, chosen by the rank with the most agents."""
+        """The skin of the next lists, chosen by the rank with the most agents; the same while speeds are."""
         stride = 2.0 * self.top_speed * step / CERTAIN
+        chosen_for, lists = self._skin_for
+        if lists + SAME_SKIN > self.rebuilds and abs(stride - chosen_for) <= SAME_STRIDE * chosen_for:
+            return
+        self._skin_for = (stride, self.rebuilds)
         chooser = 0 if self._decomposition is None else int(np.argmax(self._decomposition.counts))
         found = None
         if self.ranks.rank == chooser:
@@ -360,12 +364,31 @@ class RankParticles(SharedParticles):
         if self._copies is not None:
             self._copies.refresh(rows, self.size)
 
+    def begin_copies(self, rows: Reals) -> None:
+        """Begin to set copies: ranks then wait for each other once in a step, in the reduction that follows.
+
+        Parameters
+        ----------
+        rows
+            As for `refresh_copies`.
+        """
+        if self._copies is not None:
+            self._copies.begin(rows)
+
     def close(self) -> None:
         """Release the memory of LAMMPS and the requests of messages."""
         if self._copies is not None:
             self._copies.close()
         if self._decomposition is not None:
             self._decomposition.close()
+
+
+def _rows_of(state: State, rows: slice) -> State:
+    """Some agents of a state, or none, which `State` does not allow."""
+    found = object.__new__(State)
+    for name, value in (("q", state.q[rows]), ("p", state.p[rows]), ("t", state.t), ("links", None), ("columns", {})):
+        object.__setattr__(found, name, value)
+    return found
 
 
 def _travels(kind: GraphKind) -> bool:
@@ -375,19 +398,3 @@ def _travels(kind: GraphKind) -> bool:
 
 def _most(a: Array, b: Array) -> Array:
     return np.maximum(a, b)
-
-
-def _complete(n: int, size: int, copies: int) -> TileLists:
-    """Lists of the complete graph on one rank: all its agents, and copies of all others."""
-    lists = complete_lists(n)
-    if not copies:
-        return lists
-    others = np.repeat((size + np.arange(copies, dtype=np.uint32))[:, None] | LINKED, 16, axis=1)
-    rows = [lists.rows[lists.first[0] : lists.first[0] + lists.count[0]] if n else lists.rows[:0], others]
-    first = np.zeros(len(lists.first), np.int64)
-    if n % 16:
-        last = others.copy()
-        last[:, n % 16 :] = np.arange(n, size, dtype=np.uint32)
-        rows += [lists.rows[lists.first[-1] : lists.first[-1] + lists.count[-1]], last]
-        first[-1] = n + copies
-    return TileLists(np.concatenate(rows), first, np.full(len(lists.first), n + copies, np.int32))

@@ -44,9 +44,9 @@ class RankSampleStore(SampleStore):
 
     def columns(self) -> AnyArray:
         """All that belongs to an agent, in a row for each agent of this rank."""
-        m2 = self.rows.shape[1]
+        n, m2, count = self.n, self.rows.shape[1], self.depth + 1
         kept = (self.rows, self.truth) if self.keeps_truth else (self.rows,)
-        parts = [x.reshape(-1, self.size, m2)[:, : self.n].transpose(1, 0, 2).reshape(self.n, -1) for x in kept]
+        parts = [x.reshape(count, self.size, m2)[:, :n].transpose(1, 0, 2).reshape(n, count * m2) for x in kept]
         errors = self.errors[:, : self.n].T if self.correlated else np.zeros((self.n, 0))
         return np.concatenate([*parts, errors], axis=1).astype(np.float64)
 

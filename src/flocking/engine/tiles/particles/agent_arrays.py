@@ -10,6 +10,29 @@ from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
 from flocking.model.state import State
 
+SPARE_SHARE = 8
+"""Share of the rows, as a divisor, by which memory for other agents exceeds the need."""
+
+
+class Room:
+    """Memory for agents.
+
+    Parameters
+    ----------
+    rows
+        Number of rows.
+    m
+        Number of axes.
+    dtype
+        Precision.
+    """
+
+    def __init__(self, rows: int, m: int, dtype: type[np.float32] | type[np.float64]) -> None:
+        self.agents: Reals = np.empty((rows, 2 * m), dtype)
+        self.successor: Reals = np.empty((rows, 2 * m), dtype)
+        self.ids: Numbers32 = np.zeros(rows, np.int32)
+        self.ids_buffer: Numbers32 = np.zeros(rows, np.int32)
+
 
 class AgentArrays:
     """Arrays of all agents.
@@ -38,6 +61,7 @@ class AgentArrays:
     def __init__(self, state: State, spec: KernelSpec, workers: Workers) -> None:
         self.m, self.spec, self.workers = state.dimension, spec, workers
         self.dtype: type[np.float32] | type[np.float64] = PRECISIONS[spec.precision]
+        self._room: Room | None = None
         # For agents of order 1 the second half is the velocity of the last step, which no formula reads.
         bodies = spec.layout.bodies
         self._columns = {**state.columns, **bodies.missing_columns(state.columns, state.q, state.p)}
@@ -48,12 +72,16 @@ class AgentArrays:
         n, m = q.shape
         self.n, self.tiles = n, (n + WIDTH - 1) // WIDTH
         self.size = self.tiles * WIDTH
-        self.agents: Reals = np.empty((self.size + copies, 2 * m), self.dtype)
+        rows = self.size + copies
+        if self._room is None or len(self._room.ids) < rows:
+            # Who takes other agents once does so again.
+            self._room = Room(rows if self._room is None else rows + rows // SPARE_SHARE, m, self.dtype)
+        self.agents: Reals = self._room.agents[:rows]
+        self.successor: Reals = self._room.successor[:rows]
+        self.ids: Numbers32 = self._room.ids[:rows]
+        self._ids_buffer: Numbers32 = self._room.ids_buffer[:rows]
         self.agents[:n, :m], self.agents[:n, m:] = q, p
-        self.successor: Reals = np.empty((self.size + copies, 2 * m), self.dtype)
-        self.ids: Numbers32 = np.zeros(self.size + copies, np.int32)
         self.ids[:n] = ids
-        self._ids_buffer: Numbers32 = np.zeros(self.size + copies, np.int32)
         widths = self.spec.layout.bodies.widths(m)
         self.further: Reals = np.zeros((sum(widths.values()), self.size), self.dtype)
         if len(self.further):

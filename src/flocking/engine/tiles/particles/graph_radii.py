@@ -25,9 +25,14 @@ class GraphRadii:
         Number of agents in the arrays.
     everyone
         Number of agents of the law.
+    edges
+        `edges` of the same graphs where they are known.
     """
 
-    def __init__(self, graphs: tuple[Graph, ...], spec: KernelSpec, ids: Numbers32, n: int, everyone: int) -> None:
+    def __init__(
+        self, graphs: tuple[Graph, ...], spec: KernelSpec, ids: Numbers32, n: int, everyone: int,
+        edges: list[tuple[Numbers, Numbers32] | None] | None = None,
+    ) -> None:  # fmt: skip
         self.graphs, self._spec, self._n = graphs, spec, n
         self._dtype = PRECISIONS[spec.precision]
         self.cutoffs = cutoffs_of(graphs, spec)
@@ -36,13 +41,14 @@ class GraphRadii:
         """For each graph the squared radii at which links break and appear, and half the first radius, shape (3,)."""
         self.each: list[Reals] = []
         """For each graph the squared radius of each agent, shape (size,); shape (1,) if it is common."""
-        self.edges: list[tuple[Numbers, Numbers32] | None] = []
+        self.edges: list[tuple[Numbers, Numbers32] | None] = list(edges or [])
         """Links of fixed graphs, see `flocking.engine.tiles.measures.sensed_offsets`; None for other graphs, and for
         `Complete`, which needs no list of pairs."""
         for graph in graphs:
             self.limits.append(np.zeros(3, self._dtype))
             self.each.append(np.zeros(1, self._dtype))
-            self.edges.append(sensed_offsets(graph, everyone) if isinstance(graph, Fixed) else None)
+            if edges is None:
+                self.edges.append(sensed_offsets(graph, everyone) if isinstance(graph, Fixed) else None)
         self._set(ids)
 
     def _set(self, ids: Numbers32) -> None:

@@ -132,6 +132,8 @@ class ParticleArrays(ListedAgents):
         if self.planted is not None:
             arrays = PassArrays(self.agents, self.successor, self.ids, self.n, self.M, velocity, self.tile_extremes)
             self.planted.move(self.workers, arrays, begin, lists)
+        if drift:
+            self.begin_copies(self.successor)
         self.read_tile_extremes()
         if self.extremes[2] > 0 and self.lost is None and not hold:
             self.lost = self._broken_pair()
@@ -143,6 +145,15 @@ class ParticleArrays(ListedAgents):
         ----------
         rows
             The array, with `size` rows of own agents.
+        """
+
+    def begin_copies(self, rows: Reals) -> None:
+        """Begin to set copies in an array that is going to be the state; `refresh_copies` ends it.
+
+        Parameters
+        ----------
+        rows
+            The array; unchanged until the next step.
         """
 
     def motions(self) -> tuple[Array, Array, Numbers32] | None:
