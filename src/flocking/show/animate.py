@@ -164,7 +164,7 @@ def film_path(path: str | Path) -> Path:
     if path.suffix == ".mp4" and not ffmpeg():
         raise InvalidInput(
             "animate", "path", "can end in .mp4 only where ffmpeg is installed", str(path),
-            "Install ffmpeg (Debian: apt-get install ffmpeg; anywhere: pip install imageio-ffmpeg), or write a .gif.",
+            "Install ffmpeg (Debian: apt-get install ffmpeg; anywhere: pip install 'flocking[film]'), or write a .gif.",
         )  # fmt: skip
     return path
 

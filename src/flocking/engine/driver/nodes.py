@@ -11,6 +11,7 @@ from pathlib import Path
 
 from flocking.engine.c_export.export import c_files
 from flocking.engine.driver.simulate import run_session
+from flocking.engine.nodes.exported_node import check_callable
 from flocking.engine.nodes.faults import Fault, Kill, Restart
 from flocking.engine.nodes.processes import PATIENCE, AgentProcesses, Agents, LocalAgents
 from flocking.engine.nodes.recording import Recording
@@ -109,7 +110,7 @@ def simulate_nodes(
     UnsupportedLaw, InvalidInput
         When the scenario has a part that agents cannot run by themselves, or a value is out of range.
     EngineMissing
-        When zenoh is not installed, or mcap for a recording.
+        When zenoh is not installed, mcap for a recording, or cffi for agents that run C.
     SimulationError
         When agents do not begin, or one has no force.
     StorageError
@@ -125,6 +126,9 @@ def simulate_nodes(
             "simulate_nodes", "faults", "must kill and restart no agents whose processes are begun elsewhere", "others",
             "End and begin such a process on its host.",
         )  # fmt: skip
+    if code == "c" and spawn:
+        # Each agent would say so for itself.
+        check_callable()
     with ExitStack() as stack:
         library = None
         if code == "c":

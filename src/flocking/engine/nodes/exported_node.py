@@ -36,6 +36,20 @@ def declarations(header: str) -> str:
     return re.sub(r"[A-Z]\w*", lambda name: numbers.get(name[0], name[0]), text)
 
 
+def check_callable() -> None:
+    """Check that agents of this machine can call exported C.
+
+    Raises
+    ------
+    EngineMissing
+        When cffi is not installed.
+    """
+    try:
+        import cffi  # noqa: F401
+    except ImportError:
+        raise EngineMissing(MISSING) from None
+
+
 class ExportedNode(Node):
     """An agent that runs exported C of double precision, see `flocking.export_c`.
 
@@ -56,10 +70,9 @@ class ExportedNode(Node):
 
     def __init__(self, scenario: Scenario, agent: int, library: Path) -> None:
         super().__init__(scenario, agent)
-        try:
-            import cffi
-        except ImportError:
-            raise EngineMissing(MISSING) from None
+        check_callable()
+        import cffi
+
         self._ffi: Any = cffi.FFI()
         try:
             self._ffi.cdef(declarations((library.parent / "law.h").read_text()))

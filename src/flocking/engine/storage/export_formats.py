@@ -230,7 +230,7 @@ def _check_space(run: Run) -> None:
         )  # fmt: skip
 
 
-def missing_package(package: str, form: str) -> StorageError:
+def missing_package(package: str, form: str, extra: str = "export") -> StorageError:
     """The error of a file format whose package is not installed.
 
     Parameters
@@ -239,8 +239,10 @@ def missing_package(package: str, form: str) -> StorageError:
         Name of the package.
     form
         Name of the format.
+    extra
+        The extra of this library that installs the package.
     """
-    return StorageError(f"{form} needs the package {package}: pip install 'flocking[export]'.")
+    return StorageError(f"{form} needs the package {package}: pip install 'flocking[{extra}]'.")
 
 
 FORMATS: dict[str, Callable[[Run, Path], None]] = {

@@ -51,7 +51,7 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
     try:
         import mcap.exceptions
     except ImportError:
-        raise missing_package("mcap", "MCAP") from None
+        raise missing_package("mcap", "MCAP", "nodes") from None
     rows: list[dict[str, object]] = []
     try:
         for data in _messages(path):

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.errors import InvalidInput, StorageError
+from flocking.engine.storage.export_formats import missing_package
+from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.study.confidence_intervals import check_level, mean_interval, share_interval
 from flocking.study.sweeps.plan import Plan, label
@@ -246,7 +247,7 @@ class SweepTable:
             import pyarrow
             from pyarrow import parquet
         except ImportError:
-            raise StorageError("Parquet needs pyarrow. Install it: pip install 'flocking[export]'.") from None
+            raise missing_package("pyarrow", "Parquet") from None
         arrays = {name: pyarrow.array(_alike(column)) for name, column in self.columns.items()}
         table = pyarrow.table(arrays).replace_schema_metadata({"flocking": json.dumps(self.record)})
         sink = pyarrow.BufferOutputStream()
