@@ -116,6 +116,8 @@ def main():
         "gsd, start": ("gsd", api(lambda: fk.read_start("start.gsd"))),
         "gsd, samples": ("gsd", cli("audit", "samples.gsd", "--radius", "3")),
         "mcap, samples": ("mcap", cli("audit", "samples.mcap", "--radius", "3")),
+        "lz4, samples": ("lz4", cli("audit", "samples.mcap", "--radius", "3")),
+        "zstandard, samples": ("zstandard", cli("audit", "samples.mcap", "--radius", "3")),
         "websockets": ("websockets", api(lambda: fk.lab(scenario, browser=False, wait=False))),
         "websockets, command": ("websockets", cli("lab", "plain.toml")),
         "ffmpeg": ("imageio_ffmpeg", api(lambda: fk.animate(run, "x.mp4"))),

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 from flocking.engine.delayed.session import DelayedOptions, DelayedSession
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.repeats import Repeats
 from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
@@ -16,6 +19,9 @@ from flocking.model.world.information import Delayed
 
 MOST_STEPS = 1e7
 """Steps are no longer than the delay: a run that would need more of them is refused."""
+
+FINER = ((0.1, 0.7), (0.01, 0.5))
+"""Tolerance of each repetition as a share of that of the run, and its longest step as a share of the delay."""
 
 
 class DelayedEngine(Engine):
@@ -52,9 +58,25 @@ class DelayedEngine(Engine):
         self.check(scenario, plant)
         return DelayedSession(scenario)
 
+    def repeats(self, run: Run) -> Repeats | None:
+        """With smaller tolerances and shorter steps: those that end at the delay are the same for all tolerances."""
+        if run.fidelity.ledger.kind != "tolerance":
+            return None
+        tolerance, step = FINER[-1]
+        return Repeats(
+            tuple(partial(_finer, run.scenario, *each) for each in FINER),
+            "with more accurate steps",
+            f"the last with {tolerance:g} of the tolerance and steps up to {step:g} of the delay",
+        )
+
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""
         return DelayedSession.unpack(packed, stored, changes)
+
+
+def _finer(scenario: Scenario, tolerance: float, step: float) -> Session:
+    """A session with shares of the ``tolerance`` of a scenario and of the longest ``step``."""
+    return DelayedSession(scenario.with_(tolerance=tolerance * scenario.tolerance), step)
 
 
 ENGINE = DelayedEngine()

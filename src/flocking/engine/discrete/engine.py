@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from flocking.engine.discrete.session import DiscreteOptions, DiscreteSession
+from flocking.engine.discrete.shaken import ShakenDiscreteSession
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.repeats import Repeats
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
+from flocking.engine.runs.run import Run
 from flocking.errors import UnsupportedLaw
 from flocking.model.bodies.discrete_bodies import DiscreteBody
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
 from flocking.model.world.fixes import Fixes
+
+DISCRETE_WORK = 2e6
+"""Largest work of a run that is repeated, in evaluations of pairs: some seconds, since steps cost more."""
+
+SEEDS = (1, 2)
+"""Seeds of the errors of repetitions."""
 
 
 class DiscreteEngine(Engine):
@@ -57,6 +67,15 @@ class DiscreteEngine(Engine):
         self.check(scenario, plant)
         assert isinstance(options, DiscreteOptions)
         return DiscreteSession(scenario, options)
+
+    def repeats(self, run: Run) -> Repeats | None:
+        """With random errors larger than those of rounding, which are all there are."""
+        if run.fidelity.ledger.kind != "forces":
+            return None
+        how = "with errors larger than those of rounding"
+        return Repeats(
+            tuple(partial(ShakenDiscreteSession, run.scenario, seed) for seed in SEEDS), how, how, DISCRETE_WORK
+        )
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""

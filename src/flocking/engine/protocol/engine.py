@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 
 from flocking.engine.protocol.options import from_keywords
+from flocking.engine.protocol.repeats import Repeats
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.stages import longer
 from flocking.engine.protocol.team import ONE_PROCESS, Team
@@ -78,6 +79,16 @@ class Engine(ABC):
                 f"engine={self.name!r} does not move {type(scenario.agents).__name__} agents, which are in {time} "
                 "time. engine='auto' chooses one that does."
             )
+
+    def repeats(self, run: Run) -> Repeats | None:
+        """How a run of this engine is made again to estimate its error; None where its runs state their errors.
+
+        Parameters
+        ----------
+        run
+            The run.
+        """
+        return None
 
     runs_in_threads: bool = False
     """Whether several of its sessions may advance at once, each in a thread of its own."""

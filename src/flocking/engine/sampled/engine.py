@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.body_chains import check_bodies, point_of
 from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.repeats import Repeats
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
+from flocking.engine.runs.run import Run
 from flocking.engine.sampled.safety import check_filter
 from flocking.engine.sampled.session import SampledOptions, SampledSession
+from flocking.engine.sampled.shaken import ShakenSession
 from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
 from flocking.model.world.information import Instant, Messages
 from flocking.model.world.safety_filters import SafetyFilter
+
+SEEDS = (1, 2)
+"""Seeds of the errors of repetitions."""
 
 
 class SampledEngine(Engine):
@@ -48,6 +55,13 @@ class SampledEngine(Engine):
         """Start a session."""
         self.check(scenario, plant)
         return SampledSession(scenario)
+
+    def repeats(self, run: Run) -> Repeats | None:
+        """With random errors larger than those of rounding, which are all there are."""
+        if run.fidelity.ledger.kind != "estimate":
+            return None
+        how = "with errors larger than those of rounding"
+        return Repeats(tuple(partial(ShakenSession, run.scenario, seed) for seed in SEEDS), how, how)
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""

@@ -15,25 +15,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from flocking.arrays import Reals
-from flocking.engine.delayed.session import DelayedSession
-from flocking.engine.discrete.session import DiscreteSession
-from flocking.engine.discrete.shaken import ShakenDiscreteSession
+from flocking.engine.driver.registry import entry_named
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.runs.run import Run
-from flocking.engine.sampled.session import SampledSession
-from flocking.engine.sampled.shaken import ShakenSession
 from flocking.errors import FlockingError
-from flocking.model.law import Scenario
 from flocking.study.evidence.basis import NotResolvable
-
-FINER = ((0.1, 0.7), (0.01, 0.5))
-"""Tolerance of each repetition as a share of that of the run, and its longest step as a share of the delay."""
 
 SAFETY = 4.0
 """Ratio of stated errors to the differences found, as that of the exact engine's own estimate."""
@@ -43,18 +34,8 @@ LOST = 1e-3
 that agree are no sign of a small error: motions that have nothing in common any more may have similar means.
 """
 
-MOST_WORK = 1e7
-"""Largest work of a run that is repeated, in evaluations of pairs: about a minute, and its repetitions three."""
-
-DISCRETE_WORK = 2e6
-"""The same in discrete time, whose steps cost more: some seconds."""
-
 STEP = 500
 """Work of a step besides its pairs."""
-
-
-SEEDS = (1, 2)
-"""Seeds of the errors of repetitions under held control."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +75,7 @@ class Repetitions:
 
 
 def repetitions_of(run: Run) -> Repetitions:
-    """Repeat a run of the engine for delayed knowledge, of that for held control, or of that for discrete time.
+    """Repeat a run of an engine that says how.
 
     Parameters
     ----------
@@ -106,36 +87,25 @@ def repetitions_of(run: Run) -> Repetitions:
     NotResolvable
         When it was made by another engine, has not finished, is too large, or differs too much from its repetitions.
     """
-    engine, ledger = run.fidelity.engine, run.fidelity.ledger.kind
-    delayed = engine == DelayedSession.engine and ledger == "tolerance"
-    discrete = engine == DiscreteSession.engine and ledger == "forces"
-    if not (delayed or discrete or (engine == SampledSession.engine and ledger == "estimate")):
+    entry = entry_named(run.fidelity.engine)
+    try:
+        repeats = None if entry is None else entry.load().repeats(run)
+    except FlockingError:  # The package that has the engine is broken or gone.
+        repeats = None
+    if repeats is None:
         raise NotResolvable("")
     if run.provenance.get(CHANGED):
         raise NotResolvable("a run that was changed while it went on is not repeated")
     steps = run.provenance.get("steps")
     if not run.finished or not isinstance(steps, int):
         raise NotResolvable("a run that has not finished is not repeated")
-    if not steps * (STEP + run.n**2) <= (DISCRETE_WORK if discrete else MOST_WORK):
+    if not steps * (STEP + run.n**2) <= repeats.most_work:
         raise NotResolvable(f"{steps} steps of {run.n} agents are too many to repeat")
-    if delayed:
-        tolerance, step = FINER[-1]
-        kind = "with more accurate steps"
-        how = f"the last with {tolerance:g} of the tolerance and steps up to {step:g} of the delay"
-        runs = tuple(_repeated(run, partial(_finer, run.scenario, *each)) for each in FINER)
-    else:
-        kind = how = "with errors larger than those of rounding"
-        shaken: type[ShakenSession | ShakenDiscreteSession] = ShakenDiscreteSession if discrete else ShakenSession
-        runs = tuple(_repeated(run, partial(shaken, run.scenario, seed)) for seed in SEEDS)
+    runs = tuple(_repeated(run, opened) for opened in repeats.sessions)
     share = max(_share(one, runs[-1], run) for one in (run, *runs[:-1]))
     if not share <= LOST:
-        raise NotResolvable(f"repetitions {kind} differ from it by {share:.1e} of its extent")
-    return Repetitions(runs, share, f"error estimated from {len(runs)} repetitions, {how}")
-
-
-def _finer(scenario: Scenario, tolerance: float, step: float) -> Session:
-    """A session with shares of the ``tolerance`` of a scenario and of the longest ``step``."""
-    return DelayedSession(scenario.with_(tolerance=tolerance * scenario.tolerance), step)
+        raise NotResolvable(f"repetitions {repeats.kind} differ from it by {share:.1e} of its extent")
+    return Repetitions(runs, share, f"error estimated from {len(runs)} repetitions, {repeats.how}")
 
 
 def _repeated(run: Run, opened: Callable[[], Session]) -> Run:

@@ -49,9 +49,12 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
     """
     columns.check_names(("t", "q", "p"))
     try:
+        # Chunks are compressed by one of the other two, or not at all.
+        import lz4.frame  # noqa: F401
         import mcap.exceptions
-    except ImportError:
-        raise missing_package("mcap", "MCAP", "nodes") from None
+        import zstandard  # noqa: F401
+    except ImportError as error:
+        raise missing_package(str(error.name).split(".")[0], "MCAP", "nodes") from None
     rows: list[dict[str, object]] = []
     try:
         for data in _messages(path):
