@@ -21,6 +21,7 @@ LEFT_OUT = {
     "tests/docs/test_pages.py": "runs a command to its end; the limit of 50 minutes is for one that hangs",
     "tests/engine/c_export": "runs compilers to their end, without limit",
     "tests/engine/exact/test_first_frame.py": "runs programs to their end, without limit",
+    "tests/engine/exact/events/loop_faults.py": "no tests: runs tests to their end, without limit",
     "tests/engine/storage/storage_victim.py": "no tests: part of test_storage_kill.py",
     "tests/engine/storage/test_storage.py": "a signal at an instruction, without a clock",
     "tests/interrupting.py": "no tests: a signal at an instruction, without a clock",
