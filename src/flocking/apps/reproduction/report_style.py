@@ -76,6 +76,7 @@ dt { color: var(--dim); } dd { margin: 0; overflow-wrap: anywhere; }
   table.claims td { display: block; border: 0; padding: .05rem 0; }
   table.claims td.count { display: inline-block; margin-right: 1rem; }
   table.claims td[data-name]::before { content: attr(data-name) ": "; color: var(--dim); }
+  table.claims td:empty { display: none; }
   dl { grid-template-columns: minmax(0, 1fr); } dd { margin: 0 0 .4rem; }
 }
 @page { margin: 16mm 14mm; }
