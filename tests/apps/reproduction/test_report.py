@@ -64,7 +64,7 @@ def test_certificates_stand_beside_what_the_runs_show(folder):
     for run in found.runs.values():
         for each in fk.certify(run.scenario).granted:
             assert set_text(each.statement) in text
-    assert "<td data-name='kept'>yes</td>" in text
+    assert '<td data-name="kept">yes</td>' in text
     assert "<td data-name='kept'>no</td>" not in text
 
 
@@ -176,7 +176,7 @@ def test_provenance_names_software_seeds_and_every_drawn_run(folder):
     for words in ("numpy", "sympy", "matplotlib", "python", "system", "written", "--seeds 5 --first-seed 0"):
         assert words in told
     for run in found.runs.values():
-        assert f"<td class='count'>{run.provenance['steps']}</td>" in told
+        assert f"<td class='count' data-name='steps'>{run.provenance['steps']}</td>" in told
 
 
 def test_figures_are_written_as_svg_and_png_with_a_film(folder):
