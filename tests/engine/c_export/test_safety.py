@@ -193,3 +193,24 @@ def test_filters_that_have_no_meaning_are_refused(tmp_path):
                        control=fk.SafetyFilter(0.1, distance=0.7, acceleration=5.0))  # fmt: skip
     with pytest.raises(UnsupportedLaw, match="up to 3 axes"):
         CompiledLaw(tmp_path, wide)
+
+
+@pytest.mark.parametrize("form", ["sampled", "continuous", "stopping"])
+def test_numbers_that_overflow_give_no_force(form, tmp_path):
+    """A code, not a number: no component is ever NaN, and no force is larger than the filter allows."""
+    law = fk.Law(fk.Hysteresis(3.0, 0.4), [fk.Gradient(fk.Potential("(r - 1)**2")), fk.Consensus(1.0)])
+    start = fk.State(2.0 * np.arange(12.0).reshape(6, 2), np.zeros((6, 2)))
+    control = fk.SafetyFilter(0.1, distance=0.5, acceleration=5.0, form=form)
+    compiled = CompiledLaw(tmp_path, fk.Scenario(law, start, 1.0, control=control))
+    rng, faults = np.random.default_rng(2), 0
+    wild = [0.0, 1e300, -1e300, 1.7e308, 1e154, 5e-324, 1e-200, 1e19]
+    memory = compiled.begin(0)
+    for k in range(400):
+        given = rng.normal(size=(4, 2))
+        given[rng.random((4, 2)) < 0.25] = rng.choice(wild)
+        compiled.receive(memory, int(rng.integers(1, 6)), given[0], given[1], number=k, stamp=k)
+        code, u = compiled.control(memory, given[2], given[3], k)
+        assert np.linalg.norm(u) <= 5.0 * (1 + 1e-9)
+        assert code == CODES["OK"] or not u.any()
+        faults += code == CODES["NO_FORCE"]
+    assert faults > 3

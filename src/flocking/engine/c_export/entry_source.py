@@ -61,7 +61,7 @@ def entry_source(law: ExportedLaw, name: str, c: CSource, lengths: Sequence[str]
         limit = [f"if ({x}length(u) > {most})", "{", f"    {x}scaled(u, {most});", "    memory->saturated = 1u;", "}"]
     # What was filtered was so by the last call.
     flags = ["memory->filtered = 0u;", "memory->relaxed = 0u;"] if law.filter is not None else []
-    limit += [f"{x}filter(memory, q, p, &seen, u);"] if law.filter is not None else []
+    filtered = [f"if (code == {X}OK)", "{", f"    code = {x}filter(memory, q, p, &seen, u);", "}"] if flags else []
     expired = [f"{x}expire(memory, now);"] if law.expires is not None else []
     early = f"(now < memory->time) || (now < -INT64_C({LATEST})) || (now > INT64_C({LATEST}))"
     acted = block([*(f"memory->q[{k}] = q[{k}];" for k in range(m)), "memory->begun = 1u;", "memory->time = now;"], 1)
@@ -127,6 +127,7 @@ int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
     {{
         code = {x}force(memory, now, q, p, &seen, u);
     }}
+{block(filtered, 1)}\
     if (code != {X}OK)
     {{
 {block([f"u[{k}] = {zero};" for k in range(m)], 2)}\

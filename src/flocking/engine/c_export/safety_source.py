@@ -228,8 +228,8 @@ _CONDITIONS = """    (void)q;
     fits = $xnearest_force(&all, wanted, most, used);
 """
 
-_FILTER = """/* The force that the agent exerts instead of u, by what it knows of all others. */
-static void $xfilter($xmemory *memory, const $real q[$XDIMENSION], const $real p[$XDIMENSION], const $xview *seen,
+_FILTER = """/* The force that the agent exerts instead of u, by what it knows; none where numbers overflow. */
+static int32_t $xfilter($xmemory *memory, const $real q[$XDIMENSION], const $real p[$XDIMENSION], const $xview *seen,
                      $real u[$XDIMENSION])
 {
     const $real mass = $xmass(memory->agent);
@@ -244,7 +244,18 @@ static void $xfilter($xmemory *memory, const $real q[$XDIMENSION], const $real p
     {
         wanted[k] = u[k] / mass;
     }
-@found@    memory->relaxed = (fits == 0u) ? 1u : 0u;
+@found@    for (k = 0u; k < $XDIMENSION; k++)
+    {
+        if ($xfinite(used[k]) == 0u)
+        {
+            return $XNO_FORCE;
+        }
+    }
+    if (!($xlength(used) <= (most * #1.001#)))
+    {
+        return $XNO_FORCE;
+    }
+    memory->relaxed = (fits == 0u) ? 1u : 0u;
     for (k = 0u; k < $XDIMENSION; k++)
     {
         if ((used[k] < wanted[k]) || (used[k] > wanted[k]))
@@ -259,6 +270,7 @@ static void $xfilter($xmemory *memory, const $real q[$XDIMENSION], const $real p
             u[k] = mass * used[k];
         }
     }
+    return $XOK;
 }
 
 """
