@@ -51,7 +51,7 @@ def test_a_rank_that_dies_ends_the_job_and_the_run_goes_on_from_its_last_commit(
     done = launch(2, sys.executable, "-m", "tests.mpi.job", json.dumps({**asked, "save": str(whole)}))
     assert done.returncode == 0, done.stderr[-3000:]
     expected = fk.read_run(whole)
-    with pytest.raises(InvalidInput, match="only for forces='kernels'"):
+    with pytest.raises(InvalidInput, match="threads is not an option"):
         fk.resume(folder, progress=False, threads=2)
     gone_on = fk.resume(folder, progress=False)  # on one rank
     assert gone_on.finished
@@ -67,7 +67,7 @@ def test_a_run_killed_before_its_first_commit_begins_anew(tmp_path):
     options = {"step": 0.01, "observe": True}
     how = {"engine": "lammps", "options": {**options, "forces": "pair styles"}}
     RunWriter.create(tmp_path / "run", made, with_links=True, observed=True, session=how).close()
-    with pytest.raises(InvalidInput, match="only for forces='kernels'"):
+    with pytest.raises(InvalidInput, match="threads is not an option"):
         fk.resume(tmp_path / "run", progress=False, threads=2)
     run = fk.resume(tmp_path / "run", progress=False)
     assert run.finished

@@ -94,20 +94,25 @@ def _resume(
             return found
         raise missing_engine(folder, name, package)
     engine = entry.load()
-    for key in sorted(set(changes) - engine.free_options):
-        rule = f"is not an option of engine={name!r} that may change when a run goes on"
-        raise InvalidInput("resume", key, rule, changes[key], "Leave it out.")
+    _check_changes(name, changes, engine.free_options)
     team = engine.team()
     writer = team.alone(lambda: RunWriter.reopen(folder))
     try:
         left = team.shared(lambda: _left(folder, writer, name, scenario, plant))
         if left.finished is not None:
             return replace(left.finished, rank=team.rank)
+        _check_changes(name, changes, engine.free_options_of(left.options))
         session = _session(folder, engine, team, left, changes)
         return drive(session, progress=progress, writer=SessionWriter(writer, session))
     finally:
         if writer is not None:
             writer.close()
+
+
+def _check_changes(name: str, changes: dict[str, object], free: frozenset[str]) -> None:
+    for key in sorted(set(changes) - free):
+        rule = f"is not an option of engine={name!r} that may change when this run goes on"
+        raise InvalidInput("resume", key, rule, changes[key], "Leave it out.")
 
 
 def _left(folder: Path, writer: RunWriter | None, engine: str, scenario: Scenario | None, plant: Law | None) -> _Left:

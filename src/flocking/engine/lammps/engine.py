@@ -21,7 +21,7 @@ from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
 from flocking.engine.tiles.held.news import check_messages
 from flocking.engine.tiles.kernels.spec import SPACES, check_supported
-from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
@@ -66,8 +66,11 @@ class LammpsEngine(Engine):
         if "session" in packed[0]:
             kind = HeldDomainSession if isinstance(stored.scenario.control, Held) else DomainSession
             return kind.unpack(packed, stored, {"threads": _threads_of_a_rank(self.team()), **changes})
-        _no_threads(changes)
         return LammpsSession.unpack(packed, stored, changes)
+
+    def free_options_of(self, options: Mapping[str, object]) -> frozenset[str]:
+        """Threads, for kernels alone."""
+        return self.free_options if options.get("forces", PAIR_STYLES) == KERNELS else frozenset()
 
     def team(self) -> Ranks:
         """The ranks of the job."""
@@ -77,15 +80,7 @@ class LammpsEngine(Engine):
         """Options of a run on disk, without the log file of LAMMPS. Runs before there were kernels name no forces."""
         if data.get("forces", PAIR_STYLES) == KERNELS:
             return domain_options(data)
-        _no_threads(data)
         return stored_options(data)
-
-
-def _no_threads(given: Mapping[str, object]) -> None:
-    """Check that no threads are chosen for a run of pair styles."""
-    if given.get("threads") is not None:
-        rule = "is only for forces='kernels', and this run has pair styles"
-        raise InvalidInput("resume", "threads", rule, given["threads"], "Leave it out.")
 
 
 def _check_kernels(scenario: Scenario) -> None:

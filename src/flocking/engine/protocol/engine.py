@@ -37,6 +37,10 @@ class Engine(ABC):
     free_options: frozenset[str] = frozenset()
     """Options on which results do not depend: a stored run may go on with other values."""
 
+    def free_options_of(self, options: Mapping[str, object]) -> frozenset[str]:
+        """Those of `free_options` that may change for a stored run with some ``options``."""
+        return self.free_options
+
     command_line_options: Mapping[str, object] = {}
     """Values that the command line uses for options that are not given."""
 
