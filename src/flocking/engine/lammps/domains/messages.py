@@ -29,11 +29,23 @@ class Numbering:
         self._numbers, self._indices = numbers[order], order if indices is None else indices[order]
 
     def has(self, numbers: NDArray[np.integer]) -> NDArray[np.bool_]:
-        """Which of some agents are among them."""
+        """Which of some agents are among them.
+
+        Parameters
+        ----------
+        numbers
+            Numbers of those agents, shape (K,).
+        """
         return among(self._numbers, numbers)
 
     def places(self, numbers: NDArray[np.integer]) -> Indices:
-        """Indices of some of them."""
+        """Indices of some of them.
+
+        Parameters
+        ----------
+        numbers
+            Their numbers, shape (K,).
+        """
         return self._indices[np.searchsorted(self._numbers, numbers)] if len(numbers) else self._indices[:0]
 
 
