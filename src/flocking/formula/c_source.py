@@ -157,13 +157,13 @@ class CSource:
         known = constant(exponent)
         twice = None if known is None else Fraction(known) * 2
         if twice is not None and twice.denominator == 1 and abs(twice) < 2 * MOST_FACTORS:
-            whole, half = divmod(abs(int(twice)), 2)
+            power, half = divmod(abs(int(twice)), 2)
             found = self.expression(base)
-            parts = self._products(found, whole)
+            parts = self._products(found, power)
             if half:
                 self.used.add("sqrt")
                 root = f"{self.prefix}sqrt({found})"
-                parts = root if not whole else f"({parts} * {root})"
+                parts = root if not power else f"({parts} * {root})"
             return f"({self.literal(1.0)} / {parts})" if twice < 0 else parts
         self.used.add("pow")
         return f"{self.prefix}pow({self.expression(base)}, {self.expression(exponent)})"

@@ -282,10 +282,10 @@ def _reads(formulas: dict[str, sympy.Expr], name: str) -> bool:
 
 def _needed(stages: Sequence[dict[str, sympy.Expr]]) -> list[dict[str, sympy.Expr]]:
     """Stages without what no later formula reads; the distance stays."""
-    wanted, found = {"distance"}, []
+    requested, found = {"distance"}, []
     for place, stage in reversed(list(enumerate(stages))):
         last = place + 1 == len(stages)
-        kept = {name: e for name, e in stage.items() if (last and e != 0) or name in wanted}
-        wanted |= {str(s) for e in kept.values() for s in e.free_symbols}
+        kept = {name: e for name, e in stage.items() if (last and e != 0) or name in requested}
+        requested |= {str(s) for e in kept.values() for s in e.free_symbols}
         found.append(kept)
     return found[::-1]

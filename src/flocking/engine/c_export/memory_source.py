@@ -38,16 +38,16 @@ def _reads_time(law: ExportedLaw) -> bool:
 
 def _seconds(c: CSource, x: str, real: str) -> str:
     if not c.single:
-        whole = "    return (double)time * " + repr(NANOSECOND) + ";\n"
+        statements = "    return (double)time * " + repr(NANOSECOND) + ";\n"
     else:
         # Processors without 64-bit conversions convert each half.
-        whole = (
+        statements = (
             "    const uint64_t size = (time < 0) ? (0u - (uint64_t)time) : (uint64_t)time;\n"
             f"    const {real} high = ({real})(uint32_t)(size >> 32) * {c.literal(2.0**32)};\n"
             f"    const {real} found = (high + ({real})(uint32_t)(size & 0xFFFFFFFFu)) * {c.literal(NANOSECOND)};\n"
             "    return (time < 0) ? (-found) : found;\n"
         )
-    return f"/* Nanoseconds as seconds. */\nstatic {real} {x}seconds(int64_t time)\n{{\n{whole}}}\n"
+    return f"/* Nanoseconds as seconds. */\nstatic {real} {x}seconds(int64_t time)\n{{\n{statements}}}\n"
 
 
 def _bits(x: str, X: str, real: str) -> str:

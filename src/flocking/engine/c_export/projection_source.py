@@ -11,7 +11,7 @@ from flocking.formula.c_source import CSource
 
 @dataclass(frozen=True)
 class Slacks:
-    """Roundings of one precision, relative to the largest acceleration or the wanted one.
+    """Roundings of one precision, relative to the largest acceleration or the desired one.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ typedef struct
     const $xconditions *all;
     $real shift;
     $real slack;
-    $real wanted[$XDIMENSION];
+    $real desired[$XDIMENSION];
     $real normal[$XDIMENSION][$XDIMENSION];
     $real level[$XDIMENSION];
     uint32_t count;
@@ -182,14 +182,14 @@ static $real $xbroken(const $xsearch *s, uint32_t condition)
     return (s->all->level[condition] - s->shift) - $xdot(s->all->normal[condition], s->u);
 }
 
-/* The point of the planes that is nearest to what is wanted. */
+/* The point of the planes that is nearest to what is desired. */
 static void $xfoot($xsearch *s)
 {
     uint32_t a;
     uint32_t k;
     for (k = 0u; k < $XDIMENSION; k++)
     {
-        s->u[k] = s->wanted[k];
+        s->u[k] = s->desired[k];
     }
     for (a = 0u; a < s->count; a++)
     {
@@ -252,8 +252,8 @@ static uint32_t $xon@this@($xsearch *s, uint32_t before)
 """
 
 _NEAREST = """\
-/* The point nearest to wanted that satisfies all conditions, each relaxed by shift; 0 where there is none. */
-static uint32_t $xproject(const $xconditions *all, $real shift, const $real wanted[$XDIMENSION], $real size,
+/* The point nearest to desired that satisfies all conditions, each relaxed by shift; 0 where there is none. */
+static uint32_t $xproject(const $xconditions *all, $real shift, const $real desired[$XDIMENSION], $real size,
                           $real u[$XDIMENSION])
 {
     $xsearch s;
@@ -265,7 +265,7 @@ static uint32_t $xproject(const $xconditions *all, $real shift, const $real want
     s.count = 0u;
     for (k = 0u; k < $XDIMENSION; k++)
     {
-        s.wanted[k] = wanted[k];
+        s.desired[k] = desired[k];
     }
     found = $xon0(&s, all->count);
     for (k = 0u; k < $XDIMENSION; k++)
@@ -280,13 +280,13 @@ static uint32_t $xsmall(const $real u[$XDIMENSION], $real most)
     return ($xsqrt($xdot(u, u)) <= (most * (#1# + @rounding@))) ? 1u : 0u;
 }
 
-/* The same that is no larger than most. Projections of shares of wanted are the nearest for each largest size. */
-static uint32_t $xwithin(const $xconditions *all, $real shift, const $real wanted[$XDIMENSION], $real most,
+/* The same that is no larger than most. Projections of shares of desired are the nearest for each largest size. */
+static uint32_t $xwithin(const $xconditions *all, $real shift, const $real desired[$XDIMENSION], $real most,
                          $real u[$XDIMENSION])
 {
-    const $real length = $xsqrt($xdot(wanted, wanted));
+    const $real length = $xsqrt($xdot(desired, desired));
     const $real size = (length > most) ? length : most;
-    uint32_t found = $xproject(all, shift, wanted, size, u);
+    uint32_t found = $xproject(all, shift, desired, size, u);
     if ((found != 0u) && ($xsmall(u, most) == 0u))
     {
         $real least[$XDIMENSION];
@@ -313,7 +313,7 @@ static uint32_t $xwithin(const $xconditions *all, $real shift, const $real wante
                 uint32_t fits;
                 for (k = 0u; k < $XDIMENSION; k++)
                 {
-                    part[k] = middle * wanted[k];
+                    part[k] = middle * desired[k];
                 }
                 fits = $xproject(all, shift, part, size, least);
                 if ((fits != 0u) && ($xsqrt($xdot(least, least)) <= most))
@@ -369,10 +369,10 @@ static void $xshortened(const $real from[$XDIMENSION], $real most, $real to[$XDI
 static uint32_t $xnearest_force(const $xconditions *all, const $real asked[$XDIMENSION], $real most,
                                 $real u[$XDIMENSION])
 {
-    $real wanted[$XDIMENSION];
+    $real desired[$XDIMENSION];
     uint32_t fits;
-    $xshortened(asked, @farthest@ * most, wanted);
-    fits = $xwithin(all, #0#, wanted, most, u);
+    $xshortened(asked, @farthest@ * most, desired);
+    fits = $xwithin(all, #0#, desired, most, u);
     if (fits == 0u)
     {
         $real low = #0#;
@@ -402,7 +402,7 @@ static uint32_t $xnearest_force(const $xconditions *all, const $real asked[$XDIM
                 low = middle;
             }
         }
-        if ($xwithin(all, high, wanted, most, u) == 0u)
+        if ($xwithin(all, high, desired, most, u) == 0u)
         {
             /* Rounding alone leads here: the shortest one that satisfies the relaxed conditions. */
             (void)$xproject(all, high, none, most, u);

@@ -225,7 +225,7 @@ _CONDITIONS = """    (void)q;
         }
         $xcondition(memory, slot, dp, dv, seen->distance[slot], &all);
     }
-    fits = $xnearest_force(&all, wanted, most, used);
+    fits = $xnearest_force(&all, desired, most, used);
 """
 
 _FILTER = """/* The force that the agent exerts instead of u, by what it knows; none where numbers overflow. */
@@ -235,14 +235,14 @@ static int32_t $xfilter($xmemory *memory, const $real q[$XDIMENSION], const $rea
     const $real mass = $xmass(memory->agent);
     const $real most = $xmost(memory->agent);
 @period@    $xconditions all;
-    $real wanted[$XDIMENSION];
+    $real desired[$XDIMENSION];
     $real used[$XDIMENSION];
 @path@    uint32_t fits;
     uint32_t k;
     all.count = 0u;
     for (k = 0u; k < $XDIMENSION; k++)
     {
-        wanted[k] = u[k] / mass;
+        desired[k] = u[k] / mass;
     }
 @found@    for (k = 0u; k < $XDIMENSION; k++)
     {
@@ -258,7 +258,7 @@ static int32_t $xfilter($xmemory *memory, const $real q[$XDIMENSION], const $rea
     memory->relaxed = (fits == 0u) ? 1u : 0u;
     for (k = 0u; k < $XDIMENSION; k++)
     {
-        if ((used[k] < wanted[k]) || (used[k] > wanted[k]))
+        if ((used[k] < desired[k]) || (used[k] > desired[k]))
         {
             memory->filtered = 1u;
         }

@@ -121,10 +121,10 @@ static void $xstopping_path(const $real v[$XDIMENSION], $real most, $real period
 {
     const $real speed = $xsqrt($xdot(v, v));
     const $real step = most * period;
-    const $real whole = $xfloor(speed / step);
-    const $real left = speed - (whole * step);
+    const $real periods = $xfloor(speed / step);
+    const $real left = speed - (periods * step);
     const $real rest = (left > #0#) ? left : #0#;
-    const $real way = ((whole * period) * (speed - ((#0.5# * whole) * step))) + ((#0.5# * rest) * period);
+    const $real way = ((periods * period) * (speed - ((#0.5# * periods) * step))) + ((#0.5# * rest) * period);
     const $real share = (speed > #0#) ? (way / speed) : #0#;
     uint32_t k;
     for (k = 0u; k < $XDIMENSION; k++)
@@ -290,11 +290,11 @@ static void $xtowards(const $xconditions *all, const $real target[$XDIMENSION], 
     }
 }
 
-/* An acceleration near the wanted one that keeps the agent on its side of planes; gives whether none was relaxed. */
+/* An acceleration near the desired one that keeps the agent on its side of planes; gives whether none was relaxed. */
 static uint32_t $xstopping($xconditions *all, const $real asked[$XDIMENSION], const $real v[$XDIMENSION],
                            $real most, $real period, $real u[$XDIMENSION])
 {
-    $real wanted[$XDIMENSION];
+    $real desired[$XDIMENSION];
     $real size;
     const $real speed = $xsqrt($xdot(v, v));
     $real first[$XDIMENSION];
@@ -303,11 +303,11 @@ static uint32_t $xstopping($xconditions *all, const $real asked[$XDIMENSION], co
     $real rounded;
     uint32_t fits = 1u;
     uint32_t k;
-    $xshortened(asked, @asked@ * most, wanted);
-    size = $xsqrt($xdot(wanted, wanted));
+    $xshortened(asked, @asked@ * most, desired);
+    size = $xsqrt($xdot(desired, desired));
     for (k = 0u; k < $XDIMENSION; k++)
     {
-        first[k] = (size <= most) ? wanted[k] : (wanted[k] * (most / size));
+        first[k] = (size <= most) ? desired[k] : (desired[k] * (most / size));
         brake[k] = (speed <= (most * period)) ? ((-v[k]) / period) : ((-v[k]) * (most / speed));
     }
     $xstopping_path(v, most, period, path);
@@ -336,7 +336,7 @@ static uint32_t $xstopping($xconditions *all, const $real asked[$XDIMENSION], co
         $real aside = #0#;
         $xway way;
         $xtowards(all, first, brake, v, most, period, u);
-        /* No nearer to the planes that the wanted one crosses than braking brings it: the agent slides along them. */
+        /* No nearer to the planes that the desired one crosses than braking brings it: the agent slides along them. */
         crossed.count = 0u;
         $xway_of(first, v, most, period, &way);
         for (k = 0u; k < all->count; k++)
@@ -356,8 +356,8 @@ static uint32_t $xstopping($xconditions *all, const $real asked[$XDIMENSION], co
         $xtowards(all, slide, brake, v, most, period, other);
         for (k = 0u; k < $XDIMENSION; k++)
         {
-            straight = straight + ((u[k] - wanted[k]) * (u[k] - wanted[k]));
-            aside = aside + ((other[k] - wanted[k]) * (other[k] - wanted[k]));
+            straight = straight + ((u[k] - desired[k]) * (u[k] - desired[k]));
+            aside = aside + ((other[k] - desired[k]) * (other[k] - desired[k]));
         }
         if (aside < straight)
         {
@@ -383,6 +383,6 @@ PLANES = """    $xstopping_path(p, most, period, path);
         $xbetween(path, seen->offset[slot], theirs, &all);
     }
     $xbeside_obstacles(q, path, &all);
-    fits = $xstopping(&all, wanted, p, most, period, used);
+    fits = $xstopping(&all, desired, p, most, period, used);
 """
 """What the filter does with the planes of all whose states are kept."""

@@ -174,7 +174,7 @@ def turn(first, last, cells, rule, tick, start, agents, keep, means):  # type: i
                 if keep == 1:
                     means[i, 0] = mean_x
                     means[i, 1] = mean_y
-                wanted_x, wanted_y, turn_c, turn_s = mean_x, mean_y, 1.0, 0.0
+                desired_x, desired_y, turn_c, turn_s = mean_x, mean_y, 1.0, 0.0
                 if rule.noise > 0.0:
                     # Philox4x32-10 of the tick and the agent, as in random_numbers.py.
                     a, b, d, e = tick & 0xFFFFFFFF, (tick >> 32) | rule.purpose, agents.number[i], tick * 0
@@ -190,16 +190,16 @@ def turn(first, last, cells, rule, tick, start, agents, keep, means):  # type: i
                         m = (m + GROWTH_2) & 0xFFFFFFFF
                     if rule.vectorial == 1:
                         angle = TURN * ((float((d >> 5) * 67108864 + (e >> 6)) + 0.5) * UNIT)
-                        wanted_x = wanted_x / rule.speed + rule.noise * math.cos(angle)
-                        wanted_y = wanted_y / rule.speed + rule.noise * math.sin(angle)
+                        desired_x = desired_x / rule.speed + rule.noise * math.cos(angle)
+                        desired_y = desired_y / rule.speed + rule.noise * math.sin(angle)
                     else:
                         angle = rule.noise * ((float((a >> 5) * 67108864 + (b >> 6)) + 0.5) * UNIT - 0.5)
                         turn_c = math.cos(angle)
                         turn_s = math.sin(angle)
-                size = math.sqrt(wanted_x * wanted_x + wanted_y * wanted_y)
+                size = math.sqrt(desired_x * desired_x + desired_y * desired_y)
                 unit_x, unit_y = vx[i] / rule.speed, vy[i] / rule.speed
                 if size > 0.0:
-                    unit_x = wanted_x / size
-                    unit_y = wanted_y / size
+                    unit_x = desired_x / size
+                    unit_y = desired_y / size
                 agents.next_x[i] = rule.speed * (turn_c * unit_x - turn_s * unit_y)
                 agents.next_y[i] = rule.speed * (turn_s * unit_x + turn_c * unit_y)

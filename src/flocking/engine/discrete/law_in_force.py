@@ -284,7 +284,7 @@ class DiscreteLaw:
         off = np.linalg.norm(found[agents] - body.updated(*given), axis=1)
         # A vector to turn into that is short beside what adds up to it has a direction of few digits.
         parts = 1.0 + float(np.max(body.noise)) if body.noise_kind == "vectorial" else speed
-        length = np.linalg.norm(body.wanted(*given), axis=1)
+        length = np.linalg.norm(body.desired(*given), axis=1)
         with np.errstate(divide="ignore"):
             wrong = off > SAFETY * UNIT * speed * (1.0 + parts / length)
         if wrong.any():

@@ -325,14 +325,14 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
     found = {name: len(rates) for name, rates in moving.items()}
     if found != dict(columns):
         raise InvalidInput(type(body).__name__, "rates", f"must be those of {dict(columns)}", str(found))
-    departs = not second and any(rate - wanted != 0 for rate, wanted in zip(moving["q"], u, strict=True))
+    departs = not second and any(rate - desired != 0 for rate, desired in zip(moving["q"], u, strict=True))
     kinetic, departure = sympy.sympify(body.kinetic(x, w)), zero
     if second:
         rates = moving["p"]
-        slopes, wanted = [sympy.diff(kinetic, a) for a in w], [a - x.damping * b for a, b in zip(u, p, strict=True)]
+        slopes, desired = [sympy.diff(kinetic, a) for a in w], [a - x.damping * b for a, b in zip(u, p, strict=True)]
         # Written so that it is exactly zero where a rate is exactly the wanted one.
-        departure = sum((s * (r - f / x.mass) for s, r, f in zip(slopes, rates, wanted, strict=True)), zero)
-        departure += sum((f * (s / x.mass - c) for s, f, c in zip(slopes, wanted, w, strict=True)), zero)
+        departure = sum((s * (r - f / x.mass) for s, r, f in zip(slopes, rates, desired, strict=True)), zero)
+        departure += sum((f * (s / x.mass - c) for s, f, c in zip(slopes, desired, w, strict=True)), zero)
         for name, e in reversed(lets.items()):
             departure = departure.xreplace({_symbol(name): e})
         departure = nothing_or_itself(departure)

@@ -129,7 +129,7 @@ class NodeSession(SampledSession):
         cuts = [f for f in faults if isinstance(f, Cut)]
         self._heard.cuts = [(f.agent, round(f.time * PER_SECOND), round(f.until * PER_SECOND)) for f in cuts]
         self._coming = in_order(faults)
-        self._told = np.full((self.n, self.n), START, dtype=np.int64)
+        self._announced = np.full((self.n, self.n), START, dtype=np.int64)
         self.killed, self.restarted, self.late = 0, 0, 0
         self.dead_ticks = 0
         """Ticks of agents whose process had ended."""
@@ -222,7 +222,7 @@ class NodeSession(SampledSession):
             rows[place] = [*sample.q, *sample.p]
         self.knowledge.samples.put(measuring, numbers, rows, None)
 
-    def _wanted(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
+    def _desired(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
         """Forces that agents answer with, shape (agents, m)."""
         acting = known.agents
         requests = {int(i): self._request(row, int(i), known) for row, i in enumerate(acting)}
@@ -254,7 +254,7 @@ class NodeSession(SampledSession):
         for _, agents, force in reversed(self.waiting):
             if agent in agents:
                 return np.asarray(force[agents.tolist().index(agent)])
-        return np.asarray(self.wanted[agent])
+        return np.asarray(self.desired[agent])
 
     def _request(self, row: int, agent: int, known: Known) -> Request:
         m = self.m
@@ -271,12 +271,12 @@ class NodeSession(SampledSession):
             ]
         else:
             newest: Instants = knowledge.newest[agent]
-            for j in np.flatnonzero(newest > self._told[agent]).tolist():
+            for j in np.flatnonzero(newest > self._announced[agent]).tolist():
                 if j != agent:
                     stamp = int(knowledge._begun(np.array([j]), newest[[j]])[0])
                     sample = known.rows[row, j]
                     heard.append([j, int(newest[j]), stamp, sample[:m].tolist(), sample[m:].tolist()])
-            self._told[agent] = newest
+            self._announced[agent] = newest
         return Request(do="act", now=self._instant, q=own[:m].tolist(), p=own[m:].tolist(), heard=heard)
 
     def _record_frames(self, until: float) -> None:

@@ -181,9 +181,9 @@ def _evaluated(
                 float(sum((values[f"force{k}"] * v[i, k]).sum() for k in range(m))) for i, values in near
             )
 
-        wanted, own = float((u**2).sum()), np.stack([moving[f"rate_q{k}"] for k in range(m)], axis=1)
-        departure = 0.0 if (own == u).all() else wanted - flow(u) - float((u * own).sum()) + flow(own)
-        return Evaluation(u, storage, 0.0, wanted, flow(u), force_sum, departure)
+        desired, own = float((u**2).sum()), np.stack([moving[f"rate_q{k}"] for k in range(m)], axis=1)
+        departure = 0.0 if (own == u).all() else desired - flow(u) - float((u * own).sum()) + flow(own)
+        return Evaluation(u, storage, 0.0, desired, flow(u), force_sum, departure)
     kinetic, departure = float(moving["kinetic"].sum()), float(moving["departure"].sum())
     dissipation, supply = dissipation + float(body["dissipation"].sum()), supply + float(body["supply"].sum())
     return Evaluation(u, storage, kinetic, dissipation, supply, force_sum, departure)

@@ -42,7 +42,7 @@ def packed_memory(memory: SampledMemory) -> Packed:
         "sample_rows": knowledge.samples.rows, "sample_distances": knowledge.samples.distances,
     }  # fmt: skip
     if memory.actuation.gusts:
-        arrays["wanted"] = memory.wanted
+        arrays["wanted"] = memory.desired
         arrays["gusts"] = np.array([g.number for g in memory.actuation.gusts], dtype=np.int64)
     if motion.lag is not None:
         arrays["lag"] = motion.lag
@@ -85,7 +85,7 @@ def unpacked_memory(fresh: SampledMemory, packed: Packed, scenario: Scenario) ->
     fresh.ticked, fresh.applied = arrays["ticked"], arrays["applied"]
     motion.begin, motion.coefficients, motion.force = arrays["begin"], arrays["coefficients"], arrays["force"]
     motion.lag, motion.heading = arrays.get("lag"), arrays.get("heading")
-    fresh.wanted = arrays.get("wanted", motion.force.copy())
+    fresh.desired = arrays.get("wanted", motion.force.copy())
     if (meetings := fresh.meetings).groups:
         ends = np.cumsum([there.shape[1] for there in meetings.near])[:-1]
         meetings.near = [x.copy() for x in np.split(arrays["near_obstacles"], ends, axis=1)]

@@ -182,11 +182,11 @@ def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tu
     fits = (age >= 0) & (steady | (age == 0) | (short & together)) & (begin <= now[1])
     fits &= np.minimum(begin, MOST_COUNT - motion.longest) + motion.longest >= min(now[0], float(MOST_COUNT))
     must(fits.all(), "begin", "be when the pieces of motion began")
-    wanted = arrays.get("wanted", force)
-    must(not wanted[arrays["applied"] == 0].any(), "force", "be zero until a force acts")
+    desired = arrays.get("wanted", force)
+    must(not desired[arrays["applied"] == 0].any(), "force", "be zero until a force acts")
     if fresh.actuation.gusts:
         with np.errstate(over="ignore", invalid="ignore"):
-            again = fresh.actuation.exerted(everyone, wanted)
+            again = fresh.actuation.exerted(everyone, desired)
             fits = np.abs(again - force) <= ROUNDED * np.abs(force)
         must(fits.all(), "force", "be what bodies make of the wanted one")
     first = begin == 0

@@ -27,7 +27,7 @@ CLOSED_FORM = 2
 """Number of binding conditions up to which the nearest acceleration is computed in closed form."""
 
 
-def nearest(wanted: Array, normals: Array, bounds: Array, most: float) -> tuple[Array, bool]:
+def nearest(desired: Array, normals: Array, bounds: Array, most: float) -> tuple[Array, bool]:
     """The acceleration nearest to the wanted one with n_k . u >= b_k for all k and |u| <= a, and whether there is one.
 
     Where there is none, all conditions are relaxed by the least amount for which there is.
@@ -41,22 +41,22 @@ def nearest(wanted: Array, normals: Array, bounds: Array, most: float) -> tuple[
     most
         a.
     """
-    wanted = shortened(wanted, FARTHEST * most)
-    found = _within_ball(wanted, normals, bounds, most)
+    desired = shortened(desired, FARTHEST * most)
+    found = _within_ball(desired, normals, bounds, most)
     if found is not None:
         return found, True
     # With b_k <= -a any acceleration will do.
     low, high = 0.0, float(bounds.max()) + most
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        found = _within_ball(wanted, normals, bounds - middle, most)
+        found = _within_ball(desired, normals, bounds - middle, most)
         low, high = (low, middle) if found is not None else (middle, high)
-    found = _within_ball(wanted, normals, bounds - high, most)
+    found = _within_ball(desired, normals, bounds - high, most)
     assert found is not None
     return found, high <= ROUNDED * most
 
 
-def shortened(wanted: Array, most: float) -> Array:
+def shortened(desired: Array, most: float) -> Array:
     """A vector of the same direction that is no longer than ``most``, also where its square overflows.
 
     Parameters
@@ -64,74 +64,74 @@ def shortened(wanted: Array, most: float) -> Array:
     wanted
         The vector, shape (m,).
     """
-    largest = float(np.abs(wanted).max())
+    largest = float(np.abs(desired).max())
     if not largest > 0.0:
-        return wanted
-    unit = wanted / largest
+        return desired
+    unit = desired / largest
     length = float(np.linalg.norm(unit))
-    return wanted if length <= most / largest else np.asarray(unit * (most / length))
+    return desired if length <= most / largest else np.asarray(unit * (most / length))
 
 
-def _within_ball(wanted: Array, normals: Array, bounds: Array, most: float) -> Array | None:
+def _within_ball(desired: Array, normals: Array, bounds: Array, most: float) -> Array | None:
     """The nearest acceleration that satisfies all, or None."""
-    size = max(most, float(np.linalg.norm(wanted)))
-    found = _projected(wanted, normals, bounds, size)
+    size = max(most, float(np.linalg.norm(desired)))
+    found = _projected(desired, normals, bounds, size)
     if found is None or float(np.linalg.norm(found)) <= most * (1.0 + ROUNDING):
         return found
-    least = _projected(np.zeros_like(wanted), normals, bounds, size)
+    least = _projected(np.zeros_like(desired), normals, bounds, size)
     if least is None or float(np.linalg.norm(least)) > most * (1.0 + ROUNDING):
         return None
     # The projections of shares of the wanted acceleration are the nearest for each bound on the length.
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        found = _projected(middle * wanted, normals, bounds, size)
+        found = _projected(middle * desired, normals, bounds, size)
         fits = found is not None and float(np.linalg.norm(found)) <= most
         low, high = (middle, high) if fits else (low, middle)
-    found = _projected(low * wanted, normals, bounds, size)
+    found = _projected(low * desired, normals, bounds, size)
     return least if found is None else found
 
 
-def _projected(wanted: Array, normals: Array, bounds: Array, size: float) -> Array | None:
+def _projected(desired: Array, normals: Array, bounds: Array, size: float) -> Array | None:
     """The point nearest to ``wanted`` with n_k . u >= b_k for all k, or None where there is none.
 
     ``size`` is that of the numbers whose rounding counts as none.
     """
     slack = ROUNDING * size
-    missing = bounds - normals @ wanted
+    missing = bounds - normals @ desired
     if (missing <= slack).all():
-        return wanted
-    candidates: list[Array] = [wanted + missing[k] * normals[k] for k in np.flatnonzero(missing > slack)]
+        return desired
+    candidates: list[Array] = [desired + missing[k] * normals[k] for k in np.flatnonzero(missing > slack)]
     fitting = [u for u in candidates if (normals @ u >= bounds - slack).all()]
     if fitting:
-        away = [float(((u - wanted) ** 2).sum()) for u in fitting]
+        away = [float(((u - desired) ** 2).sum()) for u in fitting]
         return fitting[int(np.argmin(away))]
     if len(bounds) <= CLOSED_FORM:
-        return _on_both(wanted, normals, missing) if len(bounds) == CLOSED_FORM else None
-    found = _by_active_sets(wanted, normals, missing)
+        return _on_both(desired, normals, missing) if len(bounds) == CLOSED_FORM else None
+    found = _by_active_sets(desired, normals, missing)
     return found if found is not None and (normals @ found >= bounds - FOUND * size).all() else None
 
 
-def _on_both(wanted: Array, normals: Array, missing: Array) -> Array | None:
+def _on_both(desired: Array, normals: Array, missing: Array) -> Array | None:
     """The nearest point at which both of two conditions bind."""
     gram = normals @ normals.T
     determinant = 1.0 - gram[0, 1] ** 2
     if determinant <= ROUNDING:
         return None
     weights = np.array([missing[0] - gram[0, 1] * missing[1], missing[1] - gram[0, 1] * missing[0]]) / determinant
-    return np.asarray(wanted + weights @ normals)
+    return np.asarray(desired + weights @ normals)
 
 
-def _by_active_sets(wanted: Array, normals: Array, missing: Array) -> Array | None:
+def _by_active_sets(desired: Array, normals: Array, missing: Array) -> Array | None:
     """The same of many conditions: least distance programming by non-negative least squares (Lawson, Hanson 1974)."""
     from scipy.optimize import nnls
 
     scale = max(float(np.abs(missing).max()), 1.0)
     system = np.vstack([normals.T, missing[None] / scale])
-    target = np.zeros(len(wanted) + 1)
+    target = np.zeros(len(desired) + 1)
     target[-1] = 1.0
     weights, _ = nnls(system, target)
     residual = system @ weights - target
     if -residual[-1] <= ROUNDING:
         return None
-    return np.asarray(wanted - scale * residual[:-1] / residual[-1], dtype=np.float64)
+    return np.asarray(desired - scale * residual[:-1] / residual[-1], dtype=np.float64)

@@ -151,22 +151,22 @@ class ForceFilter:
             others = known.there[row].copy()
             others[i] = False
             mass, most = self.masses[i], self.most[i]
-            wanted = force[row] / mass
+            desired = force[row] / mass
             dp = -self.space.displacement(positions[row] - known.own[row, :m])[others]
             dv = known.own[row, m:] - known.rows[row, others, m:]
             if self.control.form == "stopping":
                 planes = self._planes(i, others, dp, known.rows[row, others, m:], known.own[row])
                 period = float(self.period[i])
                 own = np.asarray(known.own[row, m:])
-                used, fits = stopping_acceleration(wanted, own, planes, float(most), period, self.control.distance)
+                used, fits = stopping_acceleration(desired, own, planes, float(most), period, self.control.distance)
             else:
                 normals, bounds = self._conditions(i, others, dp, dv)
-                used, fits = nearest(wanted, normals, bounds, float(most))
+                used, fits = nearest(desired, normals, bounds, float(most))
             if not fits:
                 self.memory.relaxed += 1
                 if self.memory.first_relaxed < 0:
                     self.memory.first_relaxed = time
-            changed = bool((used != wanted).any())
+            changed = bool((used != desired).any())
             self.memory.changed += changed
             found[row] = mass * used if changed else force[row]
         return found

@@ -71,7 +71,7 @@ class SampledSession(ImperfectSession):
         self.ticked = np.zeros(self.n, dtype=np.int64)
         self.applied = np.zeros(self.n, dtype=np.int64)
         self.waiting: list[tuple[int, Indices, Array]] = []
-        self.wanted = np.zeros((self.n, self.m))
+        self.desired = np.zeros((self.n, self.m))
         """The forces that agents computed last and that have begun to act, shape (N, m)."""
         self.actuation = Actuation(scenario.agents, self.n, self.m)
         columns = start.columns
@@ -166,7 +166,7 @@ class SampledSession(ImperfectSession):
             known = knowledge.known(instant, acting, *motion.at(seconds))
             knowledge.relink(known, self._rules)
             pairs = knowledge.pairs(known)
-            force = self._wanted(instant, known, pairs)
+            force = self._desired(instant, known, pairs)
             self._check_forces(force, seconds, acting)
             if self.filter is not None:
                 force = self.filter.filtered(instant, known, force)
@@ -186,7 +186,7 @@ class SampledSession(ImperfectSession):
         motion.exert(instant, renewed)
         changed[renewed] = True
         for agents, force in begun:
-            self.wanted[agents] = force
+            self.desired[agents] = force
             self.applied[agents] += 1
             changed[agents] = True
             if not gusty:
@@ -199,7 +199,7 @@ class SampledSession(ImperfectSession):
 
     def _exert(self, instant: int, agents: Indices) -> None:
         """Let the forces that ``agents`` computed last act on their bodies from an ``instant`` on."""
-        given = self.actuation.exerted(agents, self.wanted[agents])
+        given = self.actuation.exerted(agents, self.desired[agents])
         self.motion.exert(instant, agents, given, self.actuation.beside(agents))
 
     def _meet(self) -> None:
@@ -229,7 +229,7 @@ class SampledSession(ImperfectSession):
         everyone = self.motion.at(seconds)[0] if self.knowledge.reads_distances else None
         self.knowledge.measure(measuring, *self.motion.at(seconds, measuring), everyone)
 
-    def _wanted(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
+    def _desired(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
         """Forces that the law wants of the agents that act, shape (agents, m)."""
         t = self._base + instant * NANOSECOND
         met = self.meetings.met_by(known.own[:, : self.m], t, known.agents)
@@ -263,7 +263,7 @@ class SampledSession(ImperfectSession):
         """What the session goes on from."""
         memory = None if self.filter is None else self.filter.memory
         return SampledMemory(
-            self.truth, self.motion, self.knowledge, self.ticked, self.applied, self.waiting, self.wanted,
+            self.truth, self.motion, self.knowledge, self.ticked, self.applied, self.waiting, self.desired,
             self.actuation, self.meetings, memory,
         )  # fmt: skip
 
@@ -340,7 +340,7 @@ class SampledSession(ImperfectSession):
         memory = session._memory
         rest = unpacked_changes(packed, session.interventions, session.knowledge)
         unpacked_memory(memory, rest, stored.scenario)
-        session.ticked, session.applied, session.wanted = memory.ticked, memory.applied, memory.wanted
+        session.ticked, session.applied, session.desired = memory.ticked, memory.applied, memory.desired
         session.meetings = memory.meetings
         session.recall(memory.truth, stored)
         return session

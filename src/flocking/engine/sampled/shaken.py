@@ -35,8 +35,8 @@ class ShakenSession(SampledSession):
         self._errors = np.random.default_rng(seed)
         self.motion = _Shaken(self.motion, self._errors)
 
-    def _wanted(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
-        force = super()._wanted(instant, known, pairs)
+    def _desired(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
+        force = super()._desired(instant, known, pairs)
         return _shaken(self._errors, force, float(np.abs(force).max(initial=0.0)))
 
 

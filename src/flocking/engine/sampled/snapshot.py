@@ -44,7 +44,7 @@ class SampledMemory:
     ticked: Instants
     applied: Instants
     waiting: list[tuple[int, Indices, Array]]
-    wanted: Array
+    desired: Array
     actuation: Actuation
     meetings: Meetings
     filter: FilterMemory | None = None

@@ -42,9 +42,9 @@ def stopping_distance(speed: Array, most: Array | float, period: Array | float) 
     period
         The period, one for all or one for each.
     """
-    whole = np.floor(speed / (most * period))
-    rest = np.maximum(speed - whole * most * period, 0.0)
-    return np.asarray(whole * period * (speed - 0.5 * whole * most * period) + 0.5 * rest * period)
+    periods = np.floor(speed / (most * period))
+    rest = np.maximum(speed - periods * most * period, 0.0)
+    return np.asarray(periods * period * (speed - 0.5 * periods * most * period) + 0.5 * rest * period)
 
 
 def stopping_paths(v: Array, most: Array | float, period: Array | float) -> Array:
@@ -184,7 +184,7 @@ def beside_balls(d: Array, centres: Array, radii: Array, distance: float) -> Pla
 
 
 def stopping_acceleration(
-    wanted: Array, v: Array, planes: Planes, most: float, period: float, distance: float
+    desired: Array, v: Array, planes: Planes, most: float, period: float, distance: float
 ) -> tuple[Array, bool]:
     """An acceleration near the wanted one that keeps an agent at 0 on its side of planes, and whether none was relaxed.
 
@@ -204,8 +204,8 @@ def stopping_acceleration(
     reached = np.minimum(0.0, planes.normals @ path) - ROUNDING * (float(np.linalg.norm(path)) + distance)
     held = Planes(planes.normals, np.minimum(planes.levels, reached))
     fits = bool((planes.levels - held.levels <= RELAXED * distance).all())
-    size = float(np.linalg.norm(wanted))
-    first = wanted if size <= most else wanted * (most / size)
+    size = float(np.linalg.norm(desired))
+    first = desired if size <= most else desired * (most / size)
     kept = _kept(first[None], v, held, most, period)
     if kept.all():
         return first, fits
@@ -214,7 +214,7 @@ def stopping_acceleration(
     crossed = ~_sides(first[None], v, held, most, period)[0]
     along, _ = nearest(first, held.normals[crossed], held.normals[crossed] @ brake, most)
     found.append(_towards(along, brake, v, held, most, period))
-    away = [float(((u - wanted) ** 2).sum()) for u in found]
+    away = [float(((u - desired) ** 2).sum()) for u in found]
     return found[int(np.argmin(away))], fits
 
 

@@ -68,23 +68,23 @@ class BodyCheck:
         state |= {f"w{k}": state[f"p{k}"] for k in range(m)} | {f"q{k}": np.zeros(len(places)) for k in range(m)}
         given = self._numbers(particles.ids[places], since)
         moved = "p" if bodies.order == 2 else "q"
-        wanted = [*(f"rate_{moved}{k}" for k in range(m)), *(f"rate_{name}" for name in names)]
+        desired = [*(f"rate_{moved}{k}" for k in range(m)), *(f"rate_{name}" for name in names)]
         found = np.concatenate([particles.Y[m:, places], particles.slopes[:, places]]).astype(np.float64)
-        stated, acting = self._stated(state, given, wanted)
+        stated, acting = self._stated(state, given, desired)
         # What limits take away may be nearly all of a rate, whose rounding then is that of the rate before.
         free = {name: np.zeros(len(places)) for name in acting}
         reach, signs = np.zeros_like(stated), np.random.default_rng(len(places))
         for limits in (acting, free):
-            about = self._stated(state, given | limits, wanted, follow=False)[0]
+            about = self._stated(state, given | limits, desired, follow=False)[0]
             reach += np.abs(about)
             for name in (*(f"u{k}" for k in range(m)), *(f"p{k}" for k in range(m)), *columns):
                 nudged = state | {name: state[name] * (1.0 + NUDGE * signs.choice([-1.0, 1.0], len(places)))}
-                reach += np.abs(self._stated(nudged, given | limits, wanted, follow=False)[0] - about) / NUDGE
+                reach += np.abs(self._stated(nudged, given | limits, desired, follow=False)[0] - about) / NUDGE
         wrong = ~(np.abs(found - stated) <= UNITS * self.rounding * reach)
         if wrong.any():
             which, agent = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
             raise LawNotObeyed(
-                f"The computed motion does not follow {type(bodies).__name__}: {wanted[which]} is "
+                f"The computed motion does not follow {type(bodies).__name__}: {desired[which]} is "
                 f"{found[which, agent]:.6g} and should be {stated[which, agent]:.6g}. This is an error of the "
                 "engine, not of the step; use engine='exact', and report the body.",
                 time=t, agents=(int(particles.ids[places[agent]]),),
@@ -103,7 +103,7 @@ class BodyCheck:
         return found | {"t": np.full(len(agents), since)}
 
     def _stated(
-        self, state: dict[str, Array], given: dict[str, Array], wanted: list[str], *, follow: bool = True
+        self, state: dict[str, Array], given: dict[str, Array], desired: list[str], *, follow: bool = True
     ) -> tuple[Array, dict[str, Array]]:
         """Rates, shape (rates, agents), and which limits act by the names of their rows."""
         scenario, m = self.scenario, self.scenario.start.dimension
@@ -117,4 +117,4 @@ class BodyCheck:
                 acting = {name: np.where(values[f"begins_{k}"] > 0, 1.0, 0.0) for k, name in enumerate(limits)}
             values = self._motion(P, state | given | acting)
         shape = len(next(iter(state.values())))
-        return np.array([np.broadcast_to(values[name], shape) for name in wanted], dtype=np.float64), acting
+        return np.array([np.broadcast_to(values[name], shape) for name in desired], dtype=np.float64), acting

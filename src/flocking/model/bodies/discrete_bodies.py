@@ -240,16 +240,16 @@ class Heading(DiscreteBody):
         """
         speed, noise = (_of_agents(x, agents) for x in (self.speed, self.noise))
         noisy = bool(np.max(noise) > 0.0)
-        wanted, length = lowered(self.wanted(p, u, period, agents, tick))
+        desired, length = lowered(self.desired(p, u, period, agents, tick))
         still = (length == 0.0)[:, None]
-        found = np.where(still, p / speed[:, None], wanted / np.where(still, 1.0, length[:, None]))
+        found = np.where(still, p / speed[:, None], desired / np.where(still, 1.0, length[:, None]))
         if noisy and self.noise_kind == "angular":
             angle = noise * (uniform(self.seed, Purpose.HEADING, agents, 0, tick) - 0.5)
             c, s = np.cos(angle), np.sin(angle)
             found = np.column_stack([c * found[:, 0] - s * found[:, 1], s * found[:, 0] + c * found[:, 1]])
         return np.asarray(speed[:, None] * found)
 
-    def wanted(self, p: Array, u: Array, period: Array, agents: Indices, tick: Indices) -> Array:
+    def desired(self, p: Array, u: Array, period: Array, agents: Indices, tick: Indices) -> Array:
         """Vectors into whose directions ``agents`` turn, before angular noise; of any length, shape (K, m).
 
         Parameters

@@ -166,10 +166,10 @@ class Quadrotor(Body):
             _dot(b3[1], b2[1]) + _dot(b3[0], b2[2]), _dot(b1[1], b3[1]) + _dot(b1[0], b3[2]),
             _dot(b2[1], b1[1]) + _dot(b2[0], b1[2]),
         ])  # fmt: skip
-        r, wanted = [x.columns[name] for name in AXES], [b1[0], b2[0], b3[0]]
-        products = [[_dot(b, a) for a in r] for b in wanted]
+        r, desired = [x.columns[name] for name in AXES], [b1[0], b2[0], b3[0]]
+        products = [[_dot(b, a) for a in r] for b in desired]
         vector("attitude_error", [(products[k][j] - products[j][k]) / 2 for j, k in ((1, 2), (2, 0), (0, 1))])
-        in_space = [[sum((b[k] * c for b, c in zip(wanted, v, strict=True)), _zero()) for k in range(SPACE)]
+        in_space = [[sum((b[k] * c for b, c in zip(desired, v, strict=True)), _zero()) for k in range(SPACE)]
                     for v in (turn, turning)]  # fmt: skip
         seen = vector("turn_seen", [_dot(a, in_space[0]) for a in r])
         vector("turning_seen", [_dot(a, in_space[1]) for a in r])

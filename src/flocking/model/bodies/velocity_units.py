@@ -143,7 +143,7 @@ class VelocityUnit(DiscreteBody):
         return scaled(u, (length > 0.0) if self.fixed else (length > self.speed), self.speed)
 
     def moved(
-        self, q: Array, p: Array, wanted: Array, error: Array, period: float, tick: int
+        self, q: Array, p: Array, desired: Array, error: Array, period: float, tick: int
     ) -> tuple[Array, Array]:  # fmt: skip
         """Positions and velocities of all agents one period later, shape (N, m) each.
 
@@ -163,7 +163,7 @@ class VelocityUnit(DiscreteBody):
         n, m = q.shape
         h = period / self.substeps
         rate = (h / np.broadcast_to(np.asarray(self.time_constant, dtype=np.float64), n))[:, None]
-        goal, size = wanted - error, math.sqrt(2.0 * self.diffusion * h)
+        goal, size = desired - error, math.sqrt(2.0 * self.diffusion * h)
         kicks = None
         if self.diffusion:
             samples = tick * self.substeps + np.arange(self.substeps)[:, None]

@@ -400,8 +400,8 @@ class TurnBack(Steering):
     def steer(self, seen: Seen) -> Array:
         """Forces on those in ``seen`` that are outside."""
         distance = lengths(seen.q)
-        wanted = -seen.q * np.minimum(1.0, self.speed / np.maximum(distance, self.radius))
+        desired = -seen.q * np.minimum(1.0, self.speed / np.maximum(distance, self.radius))
         ahead = directions(seen.p)
-        difference = wanted - seen.p
+        difference = desired - seen.p
         sideways = difference - (difference * ahead).sum(axis=1, keepdims=True) * ahead
         return np.where(distance >= self.radius, sideways, 0.0)

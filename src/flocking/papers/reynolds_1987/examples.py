@@ -36,7 +36,7 @@ def few(scale: float = 1.0) -> State:
     return State(scale * found.q, found.p)
 
 
-def _wanted(term: Steering, state: State | None = None) -> Array:
+def _desired(term: Steering, state: State | None = None) -> Array:
     return control(Law(Proximity(9.0), (term,)), few() if state is None else state)
 
 
@@ -44,31 +44,31 @@ def cone_of(scale: float) -> Array:
     """Sums of the vectors to those seen in the cone of alignment by each boid, the radius scaled."""
     _, radius, cosine = system.ALIGNMENT
     many = starts.ball(40, radius=7.0, speed=5.0, dimension=3, seed=5)
-    return _wanted(Cohesion(1.0, scale * radius, cosine, system.NEAR * scale, total="sum"), many)
+    return _desired(Cohesion(1.0, scale * radius, cosine, system.NEAR * scale, total="sum"), many)
 
 
 def separation_of(scale: float) -> Array:
     """Separation of the boids, its weight scaled."""
     weight, radius, cosine = system.SEPARATION
-    return _wanted(Separation(scale * weight, radius, cosine, system.NEAR))
+    return _desired(Separation(scale * weight, radius, cosine, system.NEAR))
 
 
 def alignment_of(scale: float) -> Array:
     """Alignment of the boids, its weight scaled."""
     weight, radius, cosine = system.ALIGNMENT
-    return _wanted(Alignment(scale * weight, radius, cosine, system.NEAR))
+    return _desired(Alignment(scale * weight, radius, cosine, system.NEAR))
 
 
 def cohesion_of(scale: float) -> Array:
     """Cohesion of the boids, its weight scaled."""
     weight, radius, cosine = system.COHESION
-    return _wanted(Cohesion(scale * weight, radius, cosine, system.NEAR))
+    return _desired(Cohesion(scale * weight, radius, cosine, system.NEAR))
 
 
 def turn_of(scale: float) -> Array:
     """The turn back of boids on both sides of its radius, the largest speed scaled."""
     begin = few()
-    return _wanted(TurnBack(4.0, scale * 3.0), State(begin.q, begin.p))
+    return _desired(TurnBack(4.0, scale * 3.0), State(begin.q, begin.p))
 
 
 def boid_force_of(scale: float) -> Array:

@@ -215,13 +215,13 @@ def _stated(name: str) -> Sequence[Claim]:
     )  # fmt: skip
     order = Claim("polarised", "not stated", "The mean polarisation over the last quarter is above one half.",
                   polarised, origin=own)  # fmt: skip
-    whole = Claim("one-flock", "not stated", "At the end all belong to one group.", one_flock, origin=own)
+    united = Claim("one-flock", "not stated", "At the end all belong to one group.", one_flock, origin=own)
     if name in system.BIRDS:
-        return (*rule, order, whole)
+        return (*rule, order, united)
     force = Claim("force", source, "No velocity changes by more than the largest force allows.", force_limited,
                   dynamic=False)  # fmt: skip
     return (
-        *rule, force, order, whole,
+        *rule, force, order, united,
         Claim("apart", "not stated", "At no frame after the first do two bodies touch.", apart, origin=own),
         Claim("returns", "not stated", "At no frame is a boid twice as far as where it turns back.", returns,
               origin=own),

@@ -41,7 +41,7 @@ def few() -> State:
     return starts.box(15, side=60.0, corner=[-30.0, -30.0], speed=6.0, seed=8)
 
 
-def _wanted(term: Steering, state: State | None = None) -> Array:
+def _desired(term: Steering, state: State | None = None) -> Array:
     return control(Law(Proximity(1.0), (term,)), few() if state is None else state)
 
 
@@ -57,12 +57,12 @@ def distances_of(scale: float) -> Array:
 
 def propulsion_of(scale: float) -> Array:
     """Self-propulsion of the examples' agents, v_flock scaled."""
-    return _wanted(SelfPropulsion(scale * system.FLOCK_SPEED))
+    return _desired(SelfPropulsion(scale * system.FLOCK_SPEED))
 
 
 def repulsion_of(scale: float) -> Array:
     """Repulsion of the examples' agents, radius and largest speed scaled."""
-    return _wanted(
+    return _desired(
         LinearRepulsion(
             system.FILE.repulsion_slope, scale * system.FILE.repulsion_radius, scale * system.FILE.repulsion_speed
         )
@@ -72,7 +72,7 @@ def repulsion_of(scale: float) -> Array:
 def alignment_of(scale: float) -> Array:
     """Alignment of the examples' agents, the gain scaled."""
     x = system.FILE
-    return _wanted(BrakingAlignment(
+    return _desired(BrakingAlignment(
         scale * x.friction_gain, x.friction_slack, x.friction_radius, x.friction_acceleration, x.friction_slope,
         system.RANGE,
     ))  # fmt: skip
@@ -80,14 +80,14 @@ def alignment_of(scale: float) -> Array:
 
 def walls_of(scale: float) -> Array:
     """What the walls of a small arena want of the examples' agents, their speed scaled."""
-    return _wanted(
+    return _desired(
         ShillWalls(28.0, scale * system.FILE.shill_speed, system.FILE.shill_acceleration, system.FILE.shill_slope)
     )
 
 
 def obstacle_of(scale: float) -> Array:
     """What a round obstacle wants of the examples' agents, its radius scaled."""
-    return _wanted(
+    return _desired(
         ShillDisc(
             (5.0, -3.0), scale * 12.0, system.FILE.shill_speed, system.FILE.shill_acceleration, system.FILE.shill_slope
         )

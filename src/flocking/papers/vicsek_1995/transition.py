@@ -341,11 +341,11 @@ def pooled_cumulant(points: Sequence[Point]) -> tuple[float, Interval]:
         second, fourth = chosen.mean(axis=0)
         return float(1.0 - fourth / (3.0 * second**2))
 
-    whole, count = cumulant(rows), len(rows)
+    of_all, count = cumulant(rows), len(rows)
     left = np.array([cumulant(np.delete(rows, k, axis=0)) for k in range(count)])
-    found = mean_interval(count * whole - (count - 1) * left)
+    found = mean_interval(count * of_all - (count - 1) * left)
     if len(points) < FEWEST_RUNS:
-        return whole, found
+        return of_all, found
     rng, runs = np.random.default_rng(0), [np.array(point.moments) for point in points]
     drawn = [
         cumulant(np.concatenate([each[rng.integers(0, len(each), len(each))] for each in (
@@ -354,7 +354,7 @@ def pooled_cumulant(points: Sequence[Point]) -> tuple[float, Interval]:
         for _ in range(DRAWS)
     ]  # fmt: skip
     low, high = np.quantile(drawn, [0.025, 0.975])
-    return whole, Interval(
+    return of_all, Interval(
         min(found.low, float(low)), max(found.high, float(high)), "wider of a jackknife and a bootstrap over runs"
     )
 

@@ -66,7 +66,7 @@ def departed_causes(run: Run) -> Departed:
     scenario, log = logged(run)
     if scenario.agents.order == 1:
         raise UnsupportedLaw("departed_causes splits the work of forces; agents of order 1 have none.")
-    if not ForcedMotion(scenario, log).follows_wanted:
+    if not ForcedMotion(scenario, log).follows_desired:
         raise UnsupportedLaw(
             f"departed_causes splits the work of forces that change at ticks alone, and {scenario.agents.summary}."
         )

@@ -69,7 +69,7 @@ class ForcedMotion:
         while isinstance(inner, WrappedBody):
             self._chain.append(inner)
             inner = inner.body
-        self.follows_wanted = not any(isinstance(x, Lagged | Disturbed) for x in self._chain)
+        self.follows_desired = not any(isinstance(x, Lagged | Disturbed) for x in self._chain)
         """Whether forces act at once, and nothing else does."""
         self._forces = [none] * self.n
         """The force that each agent computed last and that has begun to act."""

@@ -100,7 +100,7 @@ def test_bounds_of_motions_that_do_not_commute_are_safe():
     made = scenario(np.array(places) + 0.03 * rng.normal(size=(9, 2)), graph=fk.Hysteresis(1.4, 0.1), beta=1.1)
     near = NearEquilibrium(made)
     assert isinstance(near.found, Equilibrium)
-    h, b = near.stiffness.values, near.whole_damping.values
+    h, b = near.stiffness.values, near.full_damping.values
     size, unit = len(h), np.eye(len(h))
     motion = np.block([[np.zeros((size, size)), unit], [-h, -b]])
     values = np.linalg.eigvals(motion)

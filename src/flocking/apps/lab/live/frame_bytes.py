@@ -61,7 +61,7 @@ def link_pairs(state: State, budget: int = LINK_BUDGET) -> tuple[NDArray[np.uint
     return pairs, count
 
 
-def packed(frame: Frame, wanted: Wanted, *, live: bool = True) -> bytes:
+def packed(frame: Frame, requested: Wanted, *, live: bool = True) -> bytes:
     """A frame as bytes.
 
     Parameters
@@ -73,7 +73,7 @@ def packed(frame: Frame, wanted: Wanted, *, live: bool = True) -> bytes:
     """
     groups, arrays = [], []
     for state, scenario in zip(frame.states, frame.scenarios, strict=True):
-        header, parts = _group(state, scenario, wanted)
+        header, parts = _group(state, scenario, requested)
         groups.append(header)
         arrays += parts
     head = {"number": frame.number, "t": frame.time, "live": live, "groups": groups, "version": list(frame.versions)}
@@ -82,7 +82,7 @@ def packed(frame: Frame, wanted: Wanted, *, live: bool = True) -> bytes:
     return b"".join([struct.pack("<I", len(text)), text, *(np.ascontiguousarray(a).tobytes() for a in arrays)])
 
 
-def _group(state: State, scenario: Scenario, wanted: Wanted) -> tuple[dict[str, object], list[NDArray[np.generic]]]:
+def _group(state: State, scenario: Scenario, requested: Wanted) -> tuple[dict[str, object], list[NDArray[np.generic]]]:
     centre = state.q.mean(axis=0)
     pairs, count = link_pairs(state)
     parts: list[NDArray[np.generic]] = [_single(state.q - centre), _single(state.p), pairs]
@@ -97,14 +97,14 @@ def _group(state: State, scenario: Scenario, wanted: Wanted) -> tuple[dict[str, 
             for x in solids(scenario, state.t)
         ],
     }  # fmt: skip
-    if wanted.energies and state.n <= MOST_ENERGIES:
+    if requested.energies and state.n <= MOST_ENERGIES:
         from flocking.study.potentials.state_energy import agent_energies
 
         energies = agent_energies(scenario.law, state, scenario.energy)
         if np.isfinite(energies).all():
             header["energies"] = True
             parts.append(_single(energies))
-    if wanted.virtual_agents:
+    if requested.virtual_agents:
         ghosts = virtual_agents(scenario, state)
         header["ghosts"] = len(ghosts)
         parts.append(_single(ghosts - np.pad(centre, (0, max(0, 3 - len(centre))))[:3]))

@@ -49,7 +49,7 @@ class Tab:
         """Whether the page has drawn the last frame that it was sent."""
         self.looking: float | None = None
         """Time of the record that it looks at; None for the present."""
-        self.wanted = Wanted()
+        self.requested = Wanted()
 
     def tell(self, message: Message | bytes) -> None:
         """Send a message, from any thread."""
@@ -135,13 +135,13 @@ class Hub:
         tab.show(self._bytes(self._clock.frame))
 
     def _bytes(self, frame: Frame) -> bytes:
-        every = [tab.wanted for tab in tuple(self.tabs)]
-        wanted = Wanted(any(w.energies for w in every), any(w.virtual_agents for w in every))
+        every = [tab.requested for tab in tuple(self.tabs)]
+        requested = Wanted(any(w.energies for w in every), any(w.virtual_agents for w in every))
         last = self._last
-        if last is not None and last[0] is frame and last[1] == wanted:
+        if last is not None and last[0] is frame and last[1] == requested:
             return last[2]
-        data = packed(frame, wanted)
-        self._last = frame, wanted, data
+        data = packed(frame, requested)
+        self._last = frame, requested, data
         return data
 
     def _run(self) -> None:

@@ -74,7 +74,7 @@ class Lab:
         self.compared: tuple[Step, ...] = ()
         """Path of the number in which two experiments differ; empty when there is one."""
         self._opening = ""
-        self._told = 0.0
+        self._reported = 0.0
         self.clock = Clock([experiment])
         self.clock.on_error = self.show_error
         self.files = SavedFiles(self.folder, self.clock)
@@ -157,7 +157,7 @@ class Lab:
 
     def tell_record(self) -> None:
         """Send all pages the record of the run."""
-        self._told = time.monotonic()
+        self._reported = time.monotonic()
         if self.past.stored is None:
             self.hub.tell(self.measuring.content())
 
@@ -171,7 +171,7 @@ class Lab:
         self.hub.tell(law_content(self.experiment.scenario, self.experiment.state))
 
     def _measured(self) -> None:
-        if not self.clock.playing or time.monotonic() - self._told > RECORD_SECONDS:
+        if not self.clock.playing or time.monotonic() - self._reported > RECORD_SECONDS:
             self.tell_record()
 
     def saved(self, message: str) -> dict[str, object]:

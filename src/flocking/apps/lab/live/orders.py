@@ -203,7 +203,7 @@ def _close_run(page: Lab, _: Tab, __: Order) -> None:
 
 
 def _wants(page: Lab, tab: Tab, order: Order) -> None:
-    tab.wanted = Wanted(bool(order.get("energies")), bool(order.get("virtual_agents")))
+    tab.requested = Wanted(bool(order.get("energies")), bool(order.get("virtual_agents")))
     page.past.look(tab, tab.looking)
 
 

@@ -64,7 +64,7 @@ class Past:
                 return
             state, scenario = found
         shown = replace(self._clock.frame, time=float(state.t), states=(state,), scenarios=(scenario,))
-        tab.show(packed(shown, tab.wanted, live=False))
+        tab.show(packed(shown, tab.requested, live=False))
 
     def open_run(self, name: str) -> None:
         """Show a stored run on the timeline.

@@ -191,11 +191,11 @@ def find_closest(
         found[row, 1], found[row, 2], found[row, 3] = NEVER, -1.0, -1.0
     square = np.empty(15)
     # Linked pairs are all in the list.
-    whole = best_free > nearby.bounds[BASE]
+    every_pair = best_free > nearby.bounds[BASE]
     for i in range(n):
-        first, last = (i + 1, n) if whole else (nearby.starts[i], nearby.starts[i + 1])
+        first, last = (i + 1, n) if every_pair else (nearby.starts[i], nearby.starts[i + 1])
         for e in range(first, last):
-            j = e if whole else nearby.partners[e]
+            j = e if every_pair else nearby.partners[e]
             if j < i:
                 continue
             row = 0 if (linked[i, j] or linked[j, i]) else 1

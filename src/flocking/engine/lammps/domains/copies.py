@@ -33,12 +33,12 @@ class Copies:
     """
 
     def __init__(
-        self, comm: Comm, numbers: NDArray[np.int32], indices: Indices, wanted: NDArray[np.int32]
+        self, comm: Comm, numbers: NDArray[np.int32], indices: Indices, requested: NDArray[np.int32]
     ) -> None:  # fmt: skip
         self._comm = comm
-        rank = owners(comm, numbers, wanted)
+        rank = owners(comm, numbers, requested)
         order = np.argsort(rank, kind="stable")
-        self.ids = wanted[order]
+        self.ids = requested[order]
         asked, counts = sent(comm, rank[order], self.ids[:, None])
         self._places: Indices = Numbering(numbers, indices).places(asked[:, 0])
         self._rows: Indices = np.arange(len(self.ids))

@@ -44,17 +44,17 @@ def _mark(first_tile, last_tile, n, ids, table, rows, first, count, lost):  # ty
         for lane in range(min(WIDTH, n - tile * WIDTH)):
             i = tile * WIDTH + lane
             for k in range(table.shape[1]):
-                wanted = table[i, k]
-                if wanted == 0:
+                requested = table[i, k]
+                if requested == 0:
                     break
                 here = False
                 for row in range(first[tile], first[tile] + count[tile]):
-                    if ids[np.int64(rows[row, lane] & NUMBER)] + 1 == wanted:
+                    if ids[np.int64(rows[row, lane] & NUMBER)] + 1 == requested:
                         rows[row, lane] |= LINKED
                         here = True
                 if not here:
                     lost[0] = ids[i]
-                    lost[1] = wanted - 1
+                    lost[1] = requested - 1
 
 
 def most_links(lists: TileLists, n: int, workers: Workers) -> int:

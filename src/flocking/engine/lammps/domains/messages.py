@@ -106,7 +106,7 @@ def sent(comm: Comm, to: NDArray[np.integer], rows: AnyArray) -> tuple[AnyArray,
     return received, from_each
 
 
-def fetched(comm: Comm, own: NDArray[np.integer], rows: AnyArray, wanted: NDArray[np.integer]) -> AnyArray:
+def fetched(comm: Comm, own: NDArray[np.integer], rows: AnyArray, requested: NDArray[np.integer]) -> AnyArray:
     """Rows of agents from the ranks that own them. Collective.
 
     Parameters
@@ -120,16 +120,16 @@ def fetched(comm: Comm, own: NDArray[np.integer], rows: AnyArray, wanted: NDArra
     wanted
         Numbers of the agents whose rows are asked for.
     """
-    rank = owners(comm, own, wanted)
+    rank = owners(comm, own, requested)
     order = np.argsort(rank, kind="stable")
-    asked, counts = sent(comm, rank[order], wanted[order, None].astype(np.int64))
+    asked, counts = sent(comm, rank[order], requested[order, None].astype(np.int64))
     answers, _ = sent(comm, np.repeat(np.arange(comm.size), counts), rows[Numbering(own).places(asked[:, 0])])
-    found = np.empty((len(wanted), rows.shape[1]), rows.dtype)
+    found = np.empty((len(requested), rows.shape[1]), rows.dtype)
     found[order] = answers
     return found
 
 
-def owners(comm: Comm, own: NDArray[np.integer], wanted: NDArray[np.integer]) -> Indices:
+def owners(comm: Comm, own: NDArray[np.integer], requested: NDArray[np.integer]) -> Indices:
     """The rank that owns each of some agents. Collective.
 
     Agent k is entered in a directory on rank k modulo the number of ranks, so that no rank knows all.
@@ -152,12 +152,12 @@ def owners(comm: Comm, own: NDArray[np.integer], wanted: NDArray[np.integer]) ->
     entered, counts = sent(comm, own[order] % comm.size, own[order, None].astype(np.int64))
     where = np.repeat(np.arange(comm.size), counts)
     directory = Numbering(entered[:, 0])
-    order = np.argsort(wanted % comm.size, kind="stable")
-    asked, counts = sent(comm, wanted[order] % comm.size, wanted[order, None].astype(np.int64))
+    order = np.argsort(requested % comm.size, kind="stable")
+    asked, counts = sent(comm, requested[order] % comm.size, requested[order, None].astype(np.int64))
     if not directory.has(asked[:, 0]).all():
         raise RuntimeError("an agent that is wanted is owned by no rank")
     found = where[directory.places(asked[:, 0])]
     answers, _ = sent(comm, np.repeat(np.arange(comm.size), counts), found[:, None].astype(np.int64))
-    result = np.empty(len(wanted), np.int64)
+    result = np.empty(len(requested), np.int64)
     result[order] = answers[:, 0]
     return result

@@ -213,18 +213,18 @@ class RankParticles(SharedParticles):
         if self._copies is not None:
             self._copies.close()
         if self._decomposition is None and self.ranks.size == 1:
-            wanted, self._copies = NOBODY, None
+            requested, self._copies = NOBODY, None
         else:
             own = np.sort(came.ids)
             linked = fixed_partners(came.ids, self.spec.graphs, self.radii.edges, self.everyone)
-            wanted = np.unique(np.concatenate([came.near, linked]))
-            wanted = wanted[~among(own, wanted)].astype(np.int32)
+            requested = np.unique(np.concatenate([came.near, linked]))
+            requested = requested[~among(own, requested)].astype(np.int32)
             visible = np.arange(len(own)) if any(kind.fixed for kind in self.spec.graphs) else came.visible
-            self._copies = Copies(self.ranks.comm, came.ids[visible], visible, wanted)
+            self._copies = Copies(self.ranks.comm, came.ids[visible], visible, requested)
             if self._own is not None:
                 self.migrated += newcomers(self._own, own)
             self._own = own
-        self._hold(came.ids, came.q, came.p, len(wanted))
+        self._hold(came.ids, came.q, came.p, len(requested))
         self._received = np.arange(self.n)
         if self._copies is not None:
             self.ids[self.size :] = self._copies.ids

@@ -91,8 +91,8 @@ def _source(spec: KernelSpec, formulas: LawFormulas, heard: HeardSamples | None)
     pairs: list[str] = []
     for number, pair in enumerate(formulas.pairs):
         pairs += pair_loop(w, number, pair)
-    wanted = {f"wanted{k}": sympy.Symbol(f"pull{k}", real=True) + formulas.body.force[k] for k in w.axes}
-    tail = w.statements(wanted, "b_")
+    desired = {f"wanted{k}": sympy.Symbol(f"pull{k}", real=True) + formulas.body.force[k] for k in w.axes}
+    tail = w.statements(desired, "b_")
     tail += [f"store(U[{k}], base, select(hold, load(U[{k}], base), wanted{k}))" for k in w.axes]
     tile = [f"pull{k} = spread(T(0.0))" for k in w.axes] + ["near = spread(huge)"]
     first = ["base = tile * 16", "busy = load(acting, base)", "if highest(busy) == 0:", "    continue"]

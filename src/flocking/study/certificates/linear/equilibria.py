@@ -294,8 +294,8 @@ def proven(q: Array, links: Links, force: PairForce) -> Equilibrium | str:
         As found by `descended`.
     """
     rigid = rigid_motions(q)
-    whole = np.linalg.qr(np.hstack([rigid, np.eye(len(rigid))]))[0]
-    v = exact(whole[:, rigid.shape[1] : len(rigid)])
+    basis = np.linalg.qr(np.hstack([rigid, np.eye(len(rigid))]))[0]
+    v = exact(basis[:, rigid.shape[1] : len(rigid)])
     diameter = float(np.linalg.norm(np.ptp(q, axis=0)))
     if _pieces_meet(q, links, force, 2.0 * RADII[-1] * diameter):
         return "pieces of a formula meet at a distance of two agents"

@@ -280,10 +280,10 @@ def _steady(system: CentreOfMass, hypotheses: tuple[Hypothesis, ...]) -> Certifi
     sizes = [sympy.simplify(a**2 + sympy.diff(a, t) ** 2 / square) for a in system.accelerations]
     if not all(s.is_number for s in sizes):
         return decided(KEYS[2], source, hypotheses, reason="the amplitude of the leader's acceleration is not found")
-    whole = _numbers(sizes).total()
+    total = _numbers(sizes).total()
     w2 = _numbers([square]).total()
     under = (kappa - w2).power(2) + gamma.power(2) * w2
-    bound = (Interval(np.maximum(whole.lo, 0.0), whole.hi) * w2 / under).sqrt() * system.missing.absolute()
+    bound = (Interval(np.maximum(total.lo, 0.0), total.hi) * w2 / under).sqrt() * system.missing.absolute()
     quantity = "amplitude of the error of the velocity of the centre of mass in the long run, all axes together"
     return decided(
         KEYS[2], source, hypotheses, bound=bound, side="is", quantity=quantity,

@@ -252,8 +252,8 @@ def deformations(at: Equilibrium) -> tuple[Array, float]:
 
 def _orthogonal(columns: Array) -> Array:
     """Orthonormal columns that are orthogonal to some others."""
-    whole = np.linalg.qr(np.hstack([columns, np.eye(len(columns))]))[0]
-    return np.asarray(whole[:, columns.shape[1] : len(columns)])
+    basis = np.linalg.qr(np.hstack([columns, np.eye(len(columns))]))[0]
+    return np.asarray(basis[:, columns.shape[1] : len(columns)])
 
 
 def _defect(columns: Array) -> float:

@@ -215,7 +215,7 @@ class NearEquilibrium:
         return Interval.of(float(values[-1]) - radius, float(values[-1]) + radius) / self.mass
 
     @cached_property
-    def whole_damping(self) -> EnclosedMatrix:
+    def full_damping(self) -> EnclosedMatrix:
         """B times the mass of all axes, shape (N m, N m)."""
         unit = np.eye(self.scenario.start.dimension)
         damping = self.damping
@@ -229,7 +229,7 @@ class NearEquilibrium:
 
         m = self.scenario.start.dimension
         # Both vanish on translations: agent 0 may be taken to stay.
-        h, b = (EnclosedMatrix(x.values[m:, m:], x.error[m:, m:]) for x in (self.stiffness, self.whole_damping))
+        h, b = (EnclosedMatrix(x.values[m:, m:], x.error[m:, m:]) for x in (self.stiffness, self.full_damping))
         try:
             near = float(eigh(h.values, b.values, eigvals_only=True)[-1])
         except np.linalg.LinAlgError:
@@ -257,7 +257,7 @@ class NearEquilibrium:
             return EnclosedMatrix(values, error * (1.0 + 1e-9) + 4e-16 * np.abs(values))
 
         mass = float(np.max(self.scenario.agents.masses))
-        h, b = (relative(x) for x in (self.stiffness, self.whole_damping))
+        h, b = (relative(x) for x in (self.stiffness, self.full_damping))
         none = np.zeros((size, size))
         matrix = EnclosedMatrix(
             np.block([[none, np.eye(size)], [-h.values / mass, -b.values / mass]]),
