@@ -22,7 +22,7 @@ def table():
 
 
 def test_a_measure_over_a_parameter_has_a_curve_for_each_value_of_another(table):
-    axes = fk.plot_sweep(table, "separation", "distance", "speed").axes[0]
+    axes = table.plot("separation", "distance", "speed").axes[0]
     means = table.summary()["distance"]
     curves = [line for line in axes.lines if len(line.get_xdata()) == 3]
     assert len(curves) >= 2
@@ -33,18 +33,18 @@ def test_a_measure_over_a_parameter_has_a_curve_for_each_value_of_another(table)
 
 
 def test_two_measures_are_dots_and_two_parameters_a_map(table):
-    dots = fk.plot_sweep(table, "distance", "linked", "speed").axes[0]
+    dots = table.plot("distance", "linked", "speed").axes[0]
     assert sum(len(line.get_xdata()) for line in dots.lines) + sum(
         len(c.get_offsets()) for c in dots.collections
     ) >= len(table)
-    cells = fk.plot_sweep(table, "separation", "speed", "linked").axes[0]
+    cells = table.plot("separation", "speed", "linked").axes[0]
     shown = cells.images or cells.collections
     values = np.ma.filled(np.ma.asarray(shown[0].get_array(), dtype=float), np.nan).ravel()
     assert sorted(values[np.isfinite(values)]) == [0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
 
 
 def test_a_file_is_written_where_it_was_asked_for(table, tmp_path):
-    fk.plot_sweep(table, "separation", "distance", "speed", save_as=tmp_path / "x.pdf")
+    table.plot("separation", "distance", "speed", save_as=tmp_path / "x.pdf")
     assert [p.name for p in tmp_path.iterdir()] == ["x.pdf"]
     assert (tmp_path / "x.pdf").read_bytes()[:5] == b"%PDF-"
 
@@ -62,7 +62,7 @@ def test_a_file_is_written_where_it_was_asked_for(table, tmp_path):
 )
 def test_names_that_do_not_fit_are_refused_by_name(table, x, y, hue, rule):
     with pytest.raises(fk.InvalidInput, match=rule):
-        fk.plot_sweep(table, x, y, hue)
+        table.plot(x, y, hue)
 
 
 def test_the_lattice_picture_is_zero_in_a_lattice_and_follows_a_closed_form():

@@ -15,7 +15,7 @@ def in_notebook() -> bool:
     """Whether this process is the kernel of a notebook."""
     shell = sys.modules.get("IPython")
     found = None if shell is None else shell.get_ipython()
-    return found is not None and hasattr(found, "kernel")
+    return found is not None and any(kind.__module__.startswith("ipykernel") for kind in type(found).__mro__)
 
 
 class Handle(Protocol):

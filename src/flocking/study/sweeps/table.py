@@ -22,6 +22,7 @@ from flocking.study.sweeps.work import Row
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
 CLAIM = "claim_"
 """Prefix of the columns that hold verdicts."""
@@ -71,6 +72,37 @@ class SweepTable:
         rows = zip(*(self.columns[name] for name in names), strict=True)
         shown = [[escape(f"{x:.4g}" if isinstance(x, float) else str(x)) for x in row] for row in rows]
         return folded(repr(self).strip("<>"), rows_table(names, shown))
+
+    def plot(
+        self, x: str, y: str, hue: str | None = None, *, save_as: str | Path | None = None, theme: str = "light"
+    ) -> Figure:
+        """Draw the results; the arguments are those of `flocking.plot_sweep`.
+
+        Parameters
+        ----------
+        x, y
+            A parameter and a measure, two measures, or two parameters.
+        hue
+            A parameter for curves or colours of dots, the measure of a map of two parameters.
+        save_as
+            Where files are written; nowhere by default.
+        theme
+            ``"light"`` or ``"dark"``.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure.
+
+        Raises
+        ------
+        InvalidInput
+            If the names are unknown, or do not go together.
+        """
+        # By its public name: pictures are drawn on a floor above.
+        import flocking
+
+        return flocking.plot_sweep(self, x, y, hue, save_as=save_as, theme=theme)
 
     @property
     def complete(self) -> bool:
