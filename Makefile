@@ -6,7 +6,8 @@ OUT ?= out/reproduce
 SEEDS ?= 10
 DOCS_OUT ?= docs/_build/html
 PYTEST_ARGS ?=
-WORKERS ?= auto
+# One process more than there are processors: some tests wait, for a signal or another process, and leave theirs idle.
+WORKERS ?= $(shell echo $$(( $$(getconf _NPROCESSORS_ONLN) + 1 )))
 
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready

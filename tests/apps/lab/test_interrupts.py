@@ -82,8 +82,8 @@ def test_a_browser_is_opened_but_not_from_a_notebook_whose_cell_shows_the_page(
     monkeypatch.delitem(sys.modules, "IPython", raising=False)
     server.lab()
     assert seen == ["opened nowhere"]
-    kernel = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=1))
-    monkeypatch.setitem(sys.modules, "IPython", kernel)
+    shell = type("Shell", (), {"__module__": "ipykernel.zmqshell"})()
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
     server.lab()
     assert seen == ["opened nowhere"]
     server.lab(browser=True)

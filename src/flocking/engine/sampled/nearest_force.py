@@ -34,7 +34,7 @@ def nearest(desired: Array, normals: Array, bounds: Array, most: float) -> tuple
 
     Parameters
     ----------
-    wanted
+    desired
         Shape (m,).
     normals, bounds
         Unit vectors n_k, shape (K, m), and b_k, shape (K,).
@@ -61,7 +61,7 @@ def shortened(desired: Array, most: float) -> Array:
 
     Parameters
     ----------
-    wanted
+    desired
         The vector, shape (m,).
     """
     largest = float(np.abs(desired).max())
@@ -93,7 +93,7 @@ def _within_ball(desired: Array, normals: Array, bounds: Array, most: float) -> 
 
 
 def _projected(desired: Array, normals: Array, bounds: Array, size: float) -> Array | None:
-    """The point nearest to ``wanted`` with n_k . u >= b_k for all k, or None where there is none.
+    """The point nearest to ``desired`` with n_k . u >= b_k for all k, or None where there is none.
 
     ``size`` is that of the numbers whose rounding counts as none.
     """

@@ -28,7 +28,7 @@ class SampledMemory:
         How often each agent has acted, and how often its force has changed, shape (N,).
     waiting
         Forces that do not act yet: when they will, in nanoseconds, whose they are, and the forces.
-    wanted
+    desired
         The forces that agents computed last and that have begun to act, shape (N, m).
     actuation
         What stands between these and the motion: the gusts in force.

@@ -190,7 +190,7 @@ def stopping_acceleration(
 
     Parameters
     ----------
-    wanted, v
+    desired, v
         Wanted acceleration and velocity, shape (m,).
     planes
         The planes.

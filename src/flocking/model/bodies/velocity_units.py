@@ -151,7 +151,7 @@ class VelocityUnit(DiscreteBody):
         ----------
         q, p
             Positions and velocities at the tick, shape (N, m).
-        wanted
+        desired
             Wanted velocities w, shape (N, m).
         error
             Errors of the velocities that agents measured at the tick, shape (N, m).

@@ -66,7 +66,7 @@ def packed(frame: Frame, requested: Wanted, *, live: bool = True) -> bytes:
 
     Parameters
     ----------
-    wanted
+    requested
         What is added.
     live
         Whether it is the present one, not one of the record.

@@ -23,7 +23,7 @@ class Copies:
         An mpi4py communicator.
     numbers, indices
         Numbers and indices of the agents of this rank of which others may keep copies.
-    wanted
+    requested
         Numbers of the agents of which it keeps copies; none of its own.
 
     Attributes

@@ -117,7 +117,7 @@ def fetched(comm: Comm, own: NDArray[np.integer], rows: AnyArray, requested: NDA
         Numbers of the agents of this rank.
     rows
         A row of each of them; of the same type and width on all ranks.
-    wanted
+    requested
         Numbers of the agents whose rows are asked for.
     """
     rank = owners(comm, own, requested)
@@ -140,7 +140,7 @@ def owners(comm: Comm, own: NDArray[np.integer], requested: NDArray[np.integer])
         An mpi4py communicator.
     own
         Numbers of the agents of this rank, of which there may be asked.
-    wanted
+    requested
         Numbers of the agents asked for.
 
     Raises
