@@ -206,23 +206,29 @@ class Interval:
 
     def total(self) -> Interval:
         """The sum of all, one interval."""
-        import math
-
         if not self.lo.size:
             return Interval.of(0.0)
         if not (np.isfinite(self.lo).all() and np.isfinite(self.hi).all()):
             return Interval.of(
-                -np.inf if (self.lo == -np.inf).any() else float(np.nextafter(math.fsum(self.lo.flat), -np.inf)),
-                np.inf if (self.hi == np.inf).any() else float(np.nextafter(math.fsum(self.hi.flat), np.inf)),
+                -np.inf if (self.lo == -np.inf).any() else float(np.nextafter(_total(self.lo, -np.inf), -np.inf)),
+                np.inf if (self.hi == np.inf).any() else float(np.nextafter(_total(self.hi, np.inf), np.inf)),
             )
-        # math.fsum rounds the exact sum once.
-        lo, hi = math.fsum(self.lo.flat), math.fsum(self.hi.flat)
-        return _widened(np.float64(lo), np.float64(hi), 1)
+        return _widened(np.float64(_total(self.lo, -np.inf)), np.float64(_total(self.hi, np.inf)), 1)
 
     def _known(self, where: Mask) -> Interval:
         """These intervals where a condition holds, and the whole line elsewhere."""
         lo, hi = np.where(where, self.lo, -np.inf), np.where(where, self.hi, np.inf)
         return Interval(np.where(np.isnan(lo), -np.inf, lo), np.where(np.isnan(hi), np.inf, hi))
+
+
+def _total(numbers: Array, side: float) -> float:
+    """The sum of all, rounded once; a side where the sum is beyond double precision."""
+    import math
+
+    try:
+        return math.fsum(numbers.flat)
+    except OverflowError:
+        return side
 
 
 def _sum(a: Array, b: Array, side: float) -> Array:

@@ -50,7 +50,7 @@ def certify(
 
     found = certificates_of(find_scenario(scenario, seed, most_agents))
     if as_json:
-        print(json.dumps(_finite(found.as_dict()), indent=2))
+        print(json.dumps(found.as_dict(), indent=2, allow_nan=False))
         return 0
     rows = [(c.key, c.outcome, c.statement if c.granted else c.reason) for c in found]
     print_table(("certificate", "outcome", "guarantee, or why there is none"), rows, title=found.name)

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from math import isfinite
 
 from flocking.formula.intervals import Interval
 from flocking.model.law import Scenario
 
 GRANTED, REFUSED, NOT_APPLICABLE = "granted", "refused", "not applicable"
 """Outcomes of a certificate."""
+
+TOO_EXTREME = "the numbers are too large or too small for an enclosure in double precision"
+"""Why a bound that would be infinite is not granted."""
 
 
 @dataclass(frozen=True)
@@ -112,13 +116,17 @@ class Certificate:
         return self.bound.lo if self.bound is not None and self.granted else None
 
     def as_dict(self) -> dict[str, object]:
-        """The certificate as plain values for JSON."""
-        bound = None if self.bound is None else {"lower": self.bound.lo, "upper": self.bound.hi}
+        """The certificate as plain values for JSON, which has no infinity: None stands for an infinite end."""
+        bound = None if self.bound is None else {"lower": _plain(self.bound.lo), "upper": _plain(self.bound.hi)}
         return {
             "key": self.key, "statement": self.statement, "source": self.source, "outcome": self.outcome,
             "reason": self.reason, "quantity": self.quantity, "side": self.side, "bound": bound,
             "hypotheses": [{"statement": h.statement, "holds": h.holds, "found": h.found} for h in self.hypotheses],
         }  # fmt: skip
+
+
+def _plain(end: float) -> float | None:
+    return end if isfinite(end) else None
 
 
 @dataclass(frozen=True)
@@ -242,7 +250,7 @@ def decided(
     key: str, source: str, hypotheses: tuple[Hypothesis, ...], *, statement: str = "", reason: str = "",
     bound: Interval | Enclosure | None = None, side: str = "at most", quantity: str = "",
 ) -> Certificate:  # fmt: skip
-    """A certificate that is granted if no hypothesis fails and there is no other reason against it.
+    """A certificate that is granted if no hypothesis fails, its bound is finite and no other reason speaks against it.
 
     Parameters
     ----------
@@ -254,7 +262,15 @@ def decided(
     failed = next((h for h in hypotheses if not h.holds), None)
     against = f"not met: {failed.statement} ({failed.found})" if failed is not None else reason
     enclosure = Enclosure.of(bound) if isinstance(bound, Interval) else bound
+    if not against and enclosure is not None and not _tells(enclosure, side):
+        against = TOO_EXTREME
     outcome = REFUSED if against else GRANTED
     return Certificate(
         key, statement, source, hypotheses, outcome, against, None if against else enclosure, side, quantity
     )
+
+
+def _tells(bound: Enclosure, side: str) -> bool:
+    """Whether the ends of a bound that are relied on are finite."""
+    ends = {"at least": (bound.lo,), "at most": (bound.hi,)}.get(side, (bound.lo, bound.hi))
+    return all(isfinite(end) for end in ends)

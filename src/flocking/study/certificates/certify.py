@@ -2,19 +2,47 @@
 
 from __future__ import annotations
 
-from flocking.errors import InvalidInput
+from collections.abc import Callable
+
+from flocking.errors import FormulaError, InvalidInput
 from flocking.model.law import Scenario
+from flocking.study.certificates.alignment_certificates import KEYS as ALIGNMENT_KEYS
 from flocking.study.certificates.alignment_certificates import alignment_certificates
-from flocking.study.certificates.certificate import Certificates
+from flocking.study.certificates.certificate import Certificate, Certificates, Hypothesis, decided
+from flocking.study.certificates.consensus_certificates import KEYS as CONSENSUS_KEYS
 from flocking.study.certificates.consensus_certificates import consensus_certificates
-from flocking.study.certificates.limit_certificates import energy_and_limits, stopping_certificates
+from flocking.study.certificates.energy_certificates import KEYS as ENERGY_KEYS
+from flocking.study.certificates.limit_certificates import KEY as LIMIT_KEY
+from flocking.study.certificates.limit_certificates import STOPPING, energy_and_limits, stopping_certificates
+from flocking.study.certificates.linear.directed_consensus import KEYS as DIRECTED_KEYS
 from flocking.study.certificates.linear.directed_consensus import directed_certificates
+from flocking.study.certificates.linear.equilibrium_certificates import KEYS as EQUILIBRIUM_KEYS
 from flocking.study.certificates.linear.equilibrium_certificates import equilibrium_certificates
-from flocking.study.certificates.linear.leader_errors import leader_error_certificates
-from flocking.study.certificates.linear.switching_graphs import switching_certificates
+from flocking.study.certificates.linear.leader_errors import DRIFT, leader_error_certificates
+from flocking.study.certificates.linear.leader_errors import KEYS as LEADER_KEYS
+from flocking.study.certificates.linear.switching_graphs import SWITCHING, switching_certificates
+from flocking.study.certificates.obstacle_certificates import KEY as OBSTACLE_KEY
 from flocking.study.certificates.obstacle_certificates import obstacle_certificates
+from flocking.study.certificates.safety_certificates import OBSTACLES as SAFE_FROM_OBSTACLES
 from flocking.study.certificates.safety_certificates import safety_certificates
+from flocking.study.certificates.sources import sources
+from flocking.study.certificates.world_certificates import DELAY as WORLD_DELAY
+from flocking.study.certificates.world_certificates import KEYS as WORLD_KEYS
 from flocking.study.certificates.world_certificates import world_certificates
+
+Family = tuple[Callable[[Scenario], tuple[Certificate, ...]], str, tuple[str, ...]]
+
+FAMILIES: tuple[Family, ...] = (
+    (energy_and_limits, "energy", (*ENERGY_KEYS, LIMIT_KEY)),
+    (consensus_certificates, "spectrum", CONSENSUS_KEYS), (alignment_certificates, "alignment", ALIGNMENT_KEYS),
+    (switching_certificates, "switching", SWITCHING), (directed_certificates, "directed", DIRECTED_KEYS),
+    (leader_error_certificates, "centre", (DRIFT, *LEADER_KEYS)),
+    (equilibrium_certificates, "equilibrium", EQUILIBRIUM_KEYS),
+    (world_certificates, "moments", (*WORLD_KEYS, WORLD_DELAY)),
+    (safety_certificates, "safety_filter", ("safe_distance", SAFE_FROM_OBSTACLES)),
+    (obstacle_certificates, "obstacles", (OBSTACLE_KEY,)), (stopping_certificates, "stopping", STOPPING),
+)  # fmt: skip
+"""The kinds of certificates: the function that gives them, the key of their source, and their own keys."""
 
 
 def certify(scenario: Scenario) -> Certificates:
@@ -46,11 +74,15 @@ def certify(scenario: Scenario) -> Certificates:
     """
     if not isinstance(scenario, Scenario):
         raise InvalidInput("certify", "scenario", "must be a Scenario", scenario)
-    found = (
-        *energy_and_limits(scenario), *consensus_certificates(scenario), *alignment_certificates(scenario),
-        *switching_certificates(scenario), *directed_certificates(scenario), *leader_error_certificates(scenario),
-        *equilibrium_certificates(scenario), *world_certificates(scenario), *safety_certificates(scenario),
-        *obstacle_certificates(scenario),
-        *stopping_certificates(scenario),
-    )  # fmt: skip
+    found = tuple(each for family in FAMILIES for each in _answers(family, scenario))
     return Certificates(scenario.name, found)
+
+
+def _answers(family: Family, scenario: Scenario) -> tuple[Certificate, ...]:
+    """The certificates of one kind; refused where the law has a formula that is not written with exact numbers."""
+    of, source, keys = family
+    try:
+        return of(scenario)
+    except FormulaError as error:
+        exact = Hypothesis("formulas of the law have exact, finite numbers below 1e100", False, str(error))
+        return tuple(decided(key, sources()[source], (exact,)) for key in keys)

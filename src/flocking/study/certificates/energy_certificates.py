@@ -13,6 +13,12 @@ from flocking.study.certificates.certificate import NOT_APPLICABLE, Certificate,
 from flocking.study.certificates.energy_setting import EnergySetting
 from flocking.study.certificates.sources import sources
 
+KEYS = (
+    "largest_energy", "closest_approach", "simultaneous_collisions", "longest_link", "links_kept", "group_diameter",
+    "largest_speed", "largest_force",
+)  # fmt: skip
+"""Keys of the certificates, in their order."""
+
 
 def energy_certificates(setting: EnergySetting) -> tuple[Certificate, ...]:
     """All guarantees that follow from the energy of a scenario.

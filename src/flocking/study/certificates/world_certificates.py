@@ -17,6 +17,9 @@ from flocking.study.certificates.sources import sources
 KEYS = ("growth_in_world", "period_in_world", "noise_in_world")
 """Keys of the certificates of held control."""
 
+DELAY = "delay_in_world"
+"""Key of the certificate of a delay in continuous time."""
+
 FIRST_SHARE, PLACES = 1e-2, 40
 """Where the search for the largest period begins, as a share of where it ends, and its number of places."""
 
@@ -64,7 +67,7 @@ def _without(hypotheses: tuple[Hypothesis, ...], reason: str) -> tuple[Certifica
 
 def _delay(scenario: Scenario, system: LinearConsensus) -> Certificate:
     """Whether agreement is stable with the declared delay, and the delay up to which it is."""
-    key, information = "delay_in_world", scenario.information
+    key, information = DELAY, scenario.information
     if not isinstance(information, Delayed) or information.ideal:
         return Certificate(key, "", sources()["delay"], (), NOT_APPLICABLE, "no delay in continuous time is declared")
     failed = next((h for h in system.hypotheses if not h.holds), None)
