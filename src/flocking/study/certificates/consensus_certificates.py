@@ -15,7 +15,8 @@ from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Scenario
 from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable, until_failed
-from flocking.study.certificates.laplacian_spectrum import laplacian_spectrum
+from flocking.study.certificates.laplacian_spectrum import has_two_sides, laplacian_spectrum
+from flocking.study.certificates.late.late_samples import NeighboursLate, period_of_all_late
 from flocking.study.certificates.sources import sources
 
 PI = Interval.of(np.nextafter(np.pi, 0.0), np.nextafter(np.pi, 4.0))
@@ -29,8 +30,10 @@ MOST_SAMPLES = 4
 
 KEYS = (
     "decay_rate", "settling_time", "delay", "neighbour_delay", "control_period",
-    *(f"control_period_delayed_{d}" for d in range(1, MOST_SAMPLES + 1)), "noise_variance",
+    *(f"control_period_delayed_{d}" for d in range(1, MOST_SAMPLES + 1)),
+    *(f"neighbour_period_delayed_{d}" for d in range(1, MOST_SAMPLES + 1)), "noise_variance",
 )  # fmt: skip
+"""Keys of the certificates, in their order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,10 +190,24 @@ class LinearConsensus:
             speed = self.first_gain * self.largest
             return (PI / Interval.of(2.0 * (2 * samples + 1))).sin() * Interval.of(2.0) / speed
         if samples:
-            return None
+            return period_of_all_late(self.modes, self.place_gain, self.rate_gain, samples)
         first = self.rate_gain * Interval.of(2.0) / self.place_gain
         second = Interval.of(2.0) / (self.rate_gain * self.largest)
         return Interval.of(min(first.lo, second.lo), min(first.hi, second.hi))
+
+    def neighbour_period(self, samples: int) -> Interval | str:
+        """Largest period of held control with a delay of whole samples of neighbours alone; or why none is proven."""
+        links = self._links
+        neighbours = links.sum(axis=1)
+        if np.ptp(neighbours):
+            return (
+                "agents have different numbers of neighbours, and eigenvalues of the Laplacian alone do not tell; a "
+                "scenario with such messages has `period_in_world`"
+            )
+        place = Interval.of(0.0) if self.is_first else self.place_gain
+        rate = self.first_gain if self.is_first else self.rate_gain
+        found = NeighboursLate(int(neighbours[0]), self.modes, has_two_sides(links), place, rate, samples).period()
+        return "no period was proven" if found is None else found
 
     def variance(self) -> Interval:
         """Stationary mean square disagreement of an agent and axis under white noise of intensity 1 on its rate.
@@ -253,8 +270,8 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     ))  # fmt: skip
     for d in range(MOST_SAMPLES + 1):
         period = system.period(d)
-        words = f", all states delayed by {d} samples" if d else ""
-        statement, reason = "", "no closed form is known here; a scenario with such messages has `period_in_world`"
+        words = f", all states delayed by {d} samples, the own one too" if d else ""
+        statement, reason = "", "no period was proven"
         if period is not None:
             reason = ""
             statement = (
@@ -262,7 +279,22 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
                 f" none above {float(period.hi):.9g}."
             )
         key = f"control_period_delayed_{d}" if d else "control_period"
-        found.append(_of(system, key, "sampling", period, f"period of held control{words}", statement, reason))
+        source = "late_samples" if d and not system.is_first else "sampling"
+        found.append(_of(system, key, source, period, f"period of held control{words}", statement, reason))
+    for d in range(1, MOST_SAMPLES + 1):
+        late = system.neighbour_period(d)
+        words = f", neighbours' states delayed by {d} samples, the own one not"
+        statement, reason, bound = "", "", None
+        if isinstance(late, str):
+            reason = late
+        else:
+            bound = late
+            statement = (
+                f"Under held control{words}, disagreement and common motion fall for every period below "
+                f"{float(late.lo):.9g}, and do not both at {float(late.hi):.9g}."
+            )
+        key = f"neighbour_period_delayed_{d}"
+        found.append(_of(system, key, "late_neighbours", bound, f"period of held control{words}", statement, reason))
     variance = system.variance()
     of, where = ("velocity", "accelerations") if system.order == 2 else ("position", "rates")
     found.append(_of(

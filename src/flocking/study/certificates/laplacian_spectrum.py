@@ -23,3 +23,17 @@ def laplacian_spectrum(links: Links) -> Interval:
     lo, hi = np.maximum(values - radius, 0.0), values + radius
     lo[0] = hi[0] = 0.0
     return Interval(lo, hi)
+
+
+def has_two_sides(links: Links) -> bool:
+    """Whether agents fall into two parts without links inside; then 2 k is an eigenvalue where all have k neighbours.
+
+    Parameters
+    ----------
+    links
+        Link matrix, symmetric, of a connected graph, shape (N, N).
+    """
+    from scipy.sparse.csgraph import shortest_path
+
+    odd = shortest_path(links, unweighted=True, indices=0) % 2 == 1
+    return not (links & (odd[:, None] == odd[None, :])).any()

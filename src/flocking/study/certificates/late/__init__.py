@@ -1,0 +1,1 @@
+"""Held control with samples that are late."""
