@@ -56,10 +56,13 @@ def form_of(scenario):
 
 
 class CompiledLaw:
-    """An exported law on this machine."""
+    """An exported law on this machine; `change` says which texts of its source are replaced by which."""
 
-    def __init__(self, folder, scenario, *, float32=False, neighbours=None, limit=None):
+    def __init__(self, folder, scenario, *, float32=False, neighbours=None, limit=None, change=()):
         self.files = c_files(scenario, float32=float32, neighbours=neighbours, limit=limit)
+        for old, new in change:
+            assert old in self.files["law.c"]
+            self.files["law.c"] = self.files["law.c"].replace(old, new)
         self.library = shared_object(folder, self.files)
         self.n, self.m = scenario.start.n, scenario.start.dimension
         self.real = ctypes.c_float if float32 else ctypes.c_double
@@ -86,6 +89,12 @@ class CompiledLaw:
         u = self.vector()
         code = self.library.law_control(ctypes.byref(memory), ctypes.c_int64(now), self.vector(*q), self.vector(*p), u)
         return code, np.array(u[:], dtype=self.kind)
+
+    def velocity(self, agent, p, u):
+        """Code and velocity that is set."""
+        v = self.vector()
+        code = self.library.law_velocity(ctypes.byref(self.begin(agent)), self.vector(*p), self.vector(*u), v)
+        return code, np.array(v[:], dtype=self.kind)
 
     def links(self, memory, graph=0):
         """Agents that are linked."""

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.c_export.export import c_files
 from flocking.errors import UnsupportedLaw
 from flocking.model.terms import braking, steering
 from tests.engine.c_export.building import CODES, CompiledLaw, needs_compiler
 from tests.engine.c_export.judging import random_surroundings, steering_by_scalars
+from tests.engine.c_export.rounding import Bounds, Exact
 from tests.engine.c_export.test_on_this_machine import EPS, agree
+from tests.engine.c_export.test_single_precision import random_state
 
 pytestmark = needs_compiler
 
@@ -55,19 +58,41 @@ def test_each_steering_term_is_that_of_the_law_and_of_a_second_text(tmp_path):
         assert (acted > 2).all()
 
 
-def test_single_precision_rounds_what_is_added_up(tmp_path):
-    """Within 8 roundings of the sum of absolute terms of a second text, which is computed before the call."""
-    rng, single = np.random.default_rng(8), np.finfo(np.float32).eps
-    scenario = scenario_of(TERMS)
-    compiled = CompiledLaw(tmp_path, scenario, float32=True)
-    for _ in range(40):
-        agent, q, p, others = random_surroundings(rng, scenario)
-        q, p = np.float64(np.float32(q)), np.float64(np.float32(p))
-        others = {j: (np.float64(np.float32(x)), np.float64(np.float32(v))) for j, (x, v) in others.items()}
-        force, size = steering_by_scalars(scenario, q, p, others)
-        code, u, _ = compiled.force(agent, q, p, others)
+@pytest.mark.parametrize("limit", [None, 0.8])
+def test_single_precision_stays_within_the_bounds_of_intervals(limit, tmp_path):
+    """The force of all terms at once, scaled back or not, and the exact one."""
+    rng, scenario, shares = np.random.default_rng(8), scenario_of(TERMS), []
+    compiled, saturated = CompiledLaw(tmp_path, scenario, float32=True, limit=limit), 0
+    bounds, exactly = Bounds(compiled.files), Exact(c_files(scenario, limit=limit))
+    for _ in range(60):
+        state = random_state(rng, scenario)
+        enclosure, (_, exact), (code, u, memory) = (f(*state) for f in (bounds.force, exactly.force, compiled.force))
         assert code == CODES["OK"]
-        assert (np.abs(u - force) <= 8 * single * size).all()
+        saturated += memory.saturated
+        assert not enclosure.undecided
+        for interval, x, y in zip(enclosure.numbers, u, exact, strict=True):
+            assert interval.lo <= x <= interval.hi
+            assert interval.lo <= y <= interval.hi
+            shares.append(float(abs(y - float(x))) / (interval.hi - interval.lo))
+    assert max(shares) > 0.03
+    assert (saturated > 30) == (limit is not None)
+
+
+GAINS = ("weight", "gain", "slope", "speed", "acceleration", "most")
+
+
+@pytest.mark.parametrize(("term", "name"), [(t, k) for t in TERMS for k in GAINS if hasattr(t, k)], ids=str)
+def test_a_number_that_is_wrong_by_a_hundred_thousandth_leaves_the_bounds(term, name, tmp_path):
+    """Of each term: the bounds are narrow enough to tell."""
+    rng, scenario = np.random.default_rng(9), scenario_of([term])
+    wrong = replace(term, **{name: getattr(term, name) * (1 + 1e-5)})
+    bounds, exactly = Bounds(c_files(scenario, float32=True)), Exact(c_files(scenario_of([wrong])))
+    outside = 0
+    for _ in range(300):
+        state = random_state(rng, scenario)
+        numbers, (_, force) = bounds.force(*state).numbers, exactly.force(*state)
+        outside += any(not i.lo <= x <= i.hi for i, x in zip(numbers, force, strict=True))
+    assert outside > 0
 
 
 def test_agents_at_one_place_and_at_rest_have_a_force(tmp_path):
