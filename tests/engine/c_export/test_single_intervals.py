@@ -7,6 +7,7 @@ import pytest
 from tests.engine.c_export import exact_numbers as exactly
 from tests.engine.c_export import single_intervals as intervals
 from tests.engine.c_export.single_intervals import Single, Unbounded
+from tests.engine.c_export.source_evaluation import Law
 
 F = np.float32
 OPERATIONS = {
@@ -55,6 +56,8 @@ def test_functions_hold_the_exact_result_and_its_stated_error(name):
     for _ in range(1500):
         ends = np.sort(np.exp(rng.uniform(-6, 4.4, 2)))
         ends = ends if name in ("sqrt", "log") else np.sort(ends * rng.choice([-1, 1], 2))
+        # At a point only the stated error widens.
+        ends = ends[[0, 0]] if rng.uniform() < 0.5 else ends
         x = rng.uniform(*ends)
         interval, exact = getattr(intervals, name)(Single(*ends)), getattr(exactly, name)(exactly.literal(x))
         error = {"sqrt": 0.5, "floor": 0.0}.get(name, 1.0) * (
@@ -68,6 +71,8 @@ def test_powers_hold_the_exact_result_and_its_stated_error():
     rng = np.random.default_rng(6)
     for _ in range(1500):
         bases, exponents = np.sort(np.exp(rng.uniform(-3, 3, 2))), np.sort(rng.uniform(-9, 9, 2))
+        if rng.uniform() < 0.5:
+            bases, exponents = bases[[0, 0]], exponents[[0, 0]]
         x, y = rng.uniform(*bases), rng.uniform(*exponents)
         interval, exact = intervals.pow(Single(*bases), Single(*exponents)), mpmath.mpf(x) ** mpmath.mpf(y)
         error = 2 * float(np.spacing(F(float(exact))))
@@ -86,3 +91,11 @@ def test_comparisons_are_decided_where_all_numbers_agree():
     a, b, c = Single(1.0, 2.0), Single(2.0, 3.0), Single(1.5, 1.5)
     assert [a < b, a <= b, b > a, b >= a, a == b, a != b] == [None, True, None, True, None, None]
     assert [c < b, c > b, c == c, c != b, c == b, c < c, c <= c] == [True, False, True, True, False, False, True]
+
+
+def test_a_choice_that_is_not_decided_gives_the_hull_of_both():
+    text = "law_real law_chosen(law_real a)\n{\n    return (a < 1.0f) ? 2.0f : 3.0f;\n}\n"
+    law = Law({"law.h": "typedef float law_real;\n", "law.c": text}, intervals)
+    for a, least, most in ((0.5, 2.0, 2.0), (1.0, 2.0, 3.0), (1.5, 3.0, 3.0)):
+        (found,) = law.outcomes(lambda a=a: law.call("chosen", Single(a, a)))
+        assert (found.lo, found.hi) == pytest.approx((least, most), rel=1e-6)
