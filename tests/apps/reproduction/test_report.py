@@ -65,7 +65,7 @@ def test_certificates_stand_beside_what_the_runs_show(folder):
         for each in fk.certify(run.scenario).granted:
             assert set_text(each.statement) in text
     assert '<td data-name="kept">yes</td>' in text
-    assert "<td data-name='kept'>no</td>" not in text
+    assert '<td data-name="kept">no</td>' not in text
 
 
 def test_every_claim_and_erratum_is_in_the_report(folder):
