@@ -26,8 +26,8 @@ CELLS = {
     "    grid={'gain': [0.5, 1.0]}, seeds=2, workers=1)\ntable",
     "sweep figure": "table.plot('gain', 'velocity_spread')",
     "progress": "from flocking.engine.driver import progress, run_progress\n"
-    "progress.QUIET_SECONDS = run_progress.QUIET_SECONDS = 0.0\ndone = fk.simulate(scenario.with_(t_end=5.0))",
-    "progress of runs": "done = fk.simulate_many([scenario] * 3)",
+    "progress.QUIET_SECONDS = run_progress.QUIET_SECONDS = 0.0\ndone = fk.simulate(scenario.with_(t_end=40.0))",
+    "progress of runs": "done = fk.simulate_many([scenario] * 60)",
     "lab": "page = fk.lab(scenario)\npage",
 }
 
@@ -55,8 +55,8 @@ def test_a_notebook_in_a_kernel_shows_everything_and_the_lab_runs_in_its_cell(tm
         assert shown["sweep figure"]["image/png"]
         assert shown["film"]["text/html"].startswith("<img src")
         told = [shown[name]["text/plain"] for name in ("progress", "progress of runs")]
-        assert re.match(r"simulation: t = .* of 5 \(\d+ %\), .*agent-steps/s", told[0])
-        assert re.match(r"runs: \d of 3", told[1])
+        assert re.match(r"simulation: t = .* of 40 \(\d+ %\), .*agent-steps/s", told[0])
+        assert re.match(r"runs: \d+ of 60", told[1])
         assert [len(outputs[name]) for name in ("progress", "progress of runs")] == [1, 1], "it is written over"
         (tmp_path / "page.html").write_text(nbconvert.HTMLExporter().from_notebook_node(notebook)[0])
         handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))

@@ -132,7 +132,11 @@ class Hub:
 
     def repaint(self, tab: Tab) -> None:
         """Send the last frame to the page of a ``tab`` again."""
-        tab.show(self._bytes(self._clock.frame))
+        frame = None
+        # A frame that comes while this one is packed may be shown before it, and would be replaced by it.
+        while frame is not self._clock.frame:
+            frame = self._clock.frame
+            tab.show(self._bytes(frame))
 
     def _bytes(self, frame: Frame) -> bytes:
         every = [tab.requested for tab in tuple(self.tabs)]
