@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
@@ -134,3 +135,24 @@ def test_a_speed_without_bound_has_an_infinite_one():
     assert fk.Path(["1/(t - 0.5)"], start_time=1.0).speed_bound(0.0, 1.0) == np.inf
     many = " + ".join(f"where(t < {k}, t, {k + 1}*t)" for k in range(20))
     assert fk.Path([many]).speed_bound(0.0, 1.0) == np.inf
+
+
+@pytest.mark.parametrize(
+    ("condition", "jump"),
+    [("t < 0.4", 0.4), ("t < 17.3", 17.3), ("t^2 - 9 < 0", 3.0), ("exp(t/10) < 5", 10 * math.log(5))],
+)
+def test_a_position_is_right_where_the_velocity_jumps(condition, jump):
+    """Quadrature does not see a jump near the end of a piece, and states 1e-12 for what is wrong by 1e-3."""
+    leader = fk.Path([f"where({condition}, 1, 2)", f"where({condition}, 0, exp(-t^2))"])
+    times = np.random.default_rng(0).uniform(jump, 102.0, 100)
+    found = leader.along([*times, jump / 2])[0]
+    assert np.abs(found[:-1, 0] - (2 * times - jump)).max() < 1e-9
+    tail = np.array([math.sqrt(math.pi) / 2 * (math.erf(t) - math.erf(jump)) for t in times])
+    assert np.abs(found[:-1, 1] - tail).max() < 1e-9
+    assert found[-1].tolist() == pytest.approx([jump / 2, 0.0], abs=1e-12)
+
+
+def test_a_position_before_the_start_is_right_where_the_velocity_jumps():
+    leader = fk.Path(["where(t < 0.4, 1, exp(-t^2))"], start_time=5.0)
+    tail = math.sqrt(math.pi) / 2 * (math.erf(5.0) - math.erf(0.4))
+    assert leader.at(-1.5)[0][0] == pytest.approx(-(tail + 1.9), abs=1e-9)

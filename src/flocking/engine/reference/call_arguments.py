@@ -58,7 +58,9 @@ def identifiers(given: ArrayLike) -> Indices:
     """
     rule = "must be a list of whole numbers"
     found = _array("ids", given, "iu", rule)
-    if found.ndim != 1 or (found.dtype == np.uint64 and found.size and found.max() > np.iinfo(np.int64).max):
+    if found.ndim != 1 or (
+        found.dtype == np.uint64 and found.size and int(found.astype(np.uint64).max()) > np.iinfo(np.int64).max
+    ):
         raise InvalidInput(OWNER, "ids", rule, found.tolist())
     return np.ascontiguousarray(found, dtype=np.int64)
 

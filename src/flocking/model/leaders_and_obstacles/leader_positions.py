@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,13 @@ HIGHEST_POWER = 8
 """Largest exponent in such an addend; limits the number of terms of its integral."""
 MOST_PIECES = 256
 """Largest number of pieces of an interval of quadrature; about one per unit of time below it."""
+
+SAMPLES_OF_A_PIECE = 64
+"""Times of a piece at which a condition that is no polynomial is looked at: one that changes twice between two is
+missed."""
+NEARLY_REAL = 1e-6
+"""Imaginary part of a computed root, relative to its size, up to which it may be a real one: an end of a piece that was
+not needed costs little."""
 
 LARGEST_DOUBT = 1e-9
 """Largest estimated error of the position on a piece; relative if the displacement exceeds 1."""
@@ -221,10 +228,71 @@ def _of_polynomial(lines: list[tuple[sympy.Expr, int]], t: sympy.Symbol, begin: 
     return found
 
 
-def travelled(velocity: Callable[[float], Array], start: float, end: float) -> Array:
+def jump_times(velocity: Sequence[sympy.Expr], t: sympy.Symbol, start: float, end: float) -> list[float]:
+    """Times at which a condition of ``where`` in a velocity changes, in order.
+
+    Quadrature looks at a velocity at some times only, and does not see a jump between the last of them and the end of
+    its piece. Times of conditions that are polynomials are found for certain; of others those that are further apart
+    than the samples.
+
+    Parameters
+    ----------
+    velocity
+        Formulas of ``t`` alone.
+    start, end
+        What lies between is looked at.
+    """
+    import sympy
+    from scipy.optimize import brentq
+
+    found: set[float] = set()
+    conditions = {
+        c for v in velocity for p in v.atoms(sympy.Piecewise) for c in p.atoms(sympy.core.relational.Relational)
+    }
+    for condition in conditions:
+        difference = condition.lhs - condition.rhs
+        if difference.is_polynomial(t):
+            coefficients = [float(c) for c in sympy.Poly(difference, t).all_coeffs()]
+            found |= {
+                float(root.real) for root in np.roots(coefficients) if abs(root.imag) <= NEARLY_REAL * (1.0 + abs(root))
+            }
+            continue
+        value = sympy.lambdify(t, difference, "math")
+        times = np.linspace(start, end, SAMPLES_OF_A_PIECE * _pieces(start, end) + 1)
+        values = [_sign(value, float(x)) for x in times]
+        for (a, x), (b, y) in pairwise(zip(times.tolist(), values, strict=True)):
+            if x * y < 0:
+                found.add(float(brentq(lambda s, value=value: _sign(value, s), a, b, xtol=1e-14 * max(1.0, abs(b)))))
+            elif x == 0:
+                found.add(a)
+    return sorted(x for x in found if min(start, end) < x < max(start, end))
+
+
+def _sign(value: Callable[[float], object], t: float) -> float:
+    """The sign of a condition's difference; 0 where it has no real value."""
+    try:
+        found = value(t)
+    except (ValueError, ArithmeticError):
+        return 0.0
+    return float(np.sign(found)) if isinstance(found, int | float) else 0.0
+
+
+def _pieces(start: float, end: float) -> int:
+    """Number of pieces of an interval of quadrature."""
+    return int(min(MOST_PIECES, max(1.0, np.ceil(abs(end - start)))))
+
+
+def travelled(velocity: Callable[[float], Array], start: float, end: float, jumps: Sequence[float] = ()) -> Array:
     """Integral of a velocity from ``start`` to ``end``, by adaptive quadrature over pieces of unit length.
 
     Longer intervals have 256 pieces, so features much shorter than a piece may be missed.
+
+    Parameters
+    ----------
+    velocity
+        The velocity at a time, shape (m,).
+    jumps
+        Times at which it may jump, see `jump_times`: pieces end there.
 
     Raises
     ------
@@ -233,8 +301,11 @@ def travelled(velocity: Callable[[float], Array], start: float, end: float) -> A
     """
     from scipy.integrate import quad
 
-    pieces = int(min(MOST_PIECES, max(1.0, np.ceil(abs(end - start)))))
-    edges = np.linspace(start, end, pieces + 1)
+    edges = np.linspace(start, end, _pieces(start, end) + 1)
+    inside = [x for x in jumps if min(start, end) < x < max(start, end)]
+    if inside:
+        edges = np.unique(np.concatenate([edges, inside]))
+        edges = edges if start <= end else edges[::-1]
     total = np.zeros(len(velocity(start)))
     for axis in range(len(total)):
 

@@ -116,11 +116,19 @@ class Leader(ABC):
         times = np.asarray(times, dtype=np.float64)
         found = np.array([self._motion(module, float(t), numbers) for t in times]).reshape(-1, 3, self.dimension)
         if not module.CLOSED:
-            from flocking.model.leaders_and_obstacles.leader_positions import travelled
-
-            start = np.array([given[f"start_{k}"] for k in range(self.dimension)])
-            found[:, 0] = [start + travelled(self.velocity_at, given["start_time"], float(t)) for t in times]
+            found[:, 0] = self._travelled(given, times)
         return found[:, 0], found[:, 1], found[:, 2]
+
+    def _travelled(self, given: Mapping[str, float], times: Array) -> list[Array]:
+        """Positions at times, by quadrature."""
+        import sympy
+
+        from flocking.model.leaders_and_obstacles.leader_positions import jump_times, travelled
+
+        start, begin = np.array([given[f"start_{k}"] for k in range(self.dimension)]), given["start_time"]
+        velocity = self.velocity(t := sympy.Symbol("t", real=True), lambda name: sympy.Float(given[name]))
+        jumps = jump_times(velocity, t, min([begin, *times]), max([begin, *times]))
+        return [start + travelled(self.velocity_at, begin, float(x), jumps) for x in times]
 
     def moved_to(self, point: Sequence[float], t: float) -> Leader:
         """A leader with the same velocity that is at ``point`` at time ``t``.
@@ -195,6 +203,17 @@ class Sink(Leader):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", array("Sink", "point", self.point, ndim=1))
+
+    def _travelled(self, given: Mapping[str, float], times: Array) -> list[Array]:
+        """Positions at times, by quadrature."""
+        import sympy
+
+        from flocking.model.leaders_and_obstacles.leader_positions import jump_times, travelled
+
+        start, begin = np.array([given[f"start_{k}"] for k in range(self.dimension)]), given["start_time"]
+        velocity = self.velocity(t := sympy.Symbol("t", real=True), lambda name: sympy.Float(given[name]))
+        jumps = jump_times(velocity, t, min([begin, *times]), max([begin, *times]))
+        return [start + travelled(self.velocity_at, begin, float(x), jumps) for x in times]
 
     def moved_to(self, point: Sequence[float], t: float) -> Leader:
         """A sink at ``point``."""

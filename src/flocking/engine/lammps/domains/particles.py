@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Array, Numbers32, Reals
+from flocking.arrays import Array, Numbers32, Reals, Vector
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps.domains.copies import Copies
 from flocking.engine.lammps.domains.decomposition import Decomposition, Residents
@@ -237,8 +237,8 @@ class RankParticles(SharedParticles):
         copies = self.agents[self.size :].copy()
         beside = Sorter(len(copies), self.workers, self.space.lengths)
         surveys = [each.survey(rows) for each, rows in ((sorter, self.agents), (beside, copies)) if each.n]
-        low = np.min([x.low for x in surveys], axis=0) if surveys else np.zeros(m)
-        high = np.max([x.high for x in surveys], axis=0) if surveys else np.zeros(m)
+        low: Vector = np.array([x.low for x in surveys]).min(axis=0) if surveys else np.zeros(m)
+        high: Vector = np.array([x.high for x in surveys]).max(axis=0) if surveys else np.zeros(m)
         grid = choose_grid(low, high, reach, max(n + len(copies), 1), self.space.lengths)
         total = n * surveys[0].velocity if n else np.zeros(m)
         seen = Survey(low, high, self.group_sum(total) / self.everyone)
