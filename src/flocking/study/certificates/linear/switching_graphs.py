@@ -84,6 +84,9 @@ def switching_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     ideal = Hypothesis("information and control are ideal", not scenario.imperfections, scenario.imperfections or "so")
     fastest = consensus.first_gain * Interval.of(float(scenario.start.n))
     period, delay = Interval.of(2.0) / fastest, PI / (fastest * Interval.of(2.0))
+    # No eigenvalue exceeds twice the largest number k of neighbours.
+    of_neighbours = Interval.of(1.0) / consensus.first_gain, PI / (consensus.first_gain * Interval.of(4.0))
+    few_period, few_delay = (float(x.lo) for x in of_neighbours)
     spread = spread_about_mean(values)
     return (
         decided(
@@ -95,13 +98,15 @@ def switching_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         decided(
             "period_of_any_graph", source, hypotheses, bound=period, side="is", quantity="period of held control",
             statement=f"Under held control of a period of at most {float(period.lo):.9g}, and with the present known, "
-            f"the {what} never differ by more than at the start, whatever links appear and break.",
+            f"the {what} never differ by more than at the start, whatever links appear and break; while no agent has "
+            f"more than k neighbours, of one of at most {few_period:.9g}/k.",
         ),
         decided(
             "delay_of_each_graph", source, hypotheses, bound=delay, side="is",
             quantity="delay of all states, the own one too",
-            statement=f"On every connected graph that stays as it is a delay below {float(delay.lo):.9g} is harmless; "
-            f"of graphs that switch this is said of each interval alone, and not of all together.",
+            statement=f"On every connected graph that stays as it is a delay below {float(delay.lo):.9g} is harmless, "
+            f"and below {few_delay:.9g}/k where no agent has more than k neighbours; of graphs that switch this is "
+            f"said of each interval alone, and not of all together.",
         ),
     )  # fmt: skip
 
