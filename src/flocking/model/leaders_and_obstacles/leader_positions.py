@@ -232,8 +232,8 @@ def jump_times(velocity: Sequence[sympy.Expr], t: sympy.Symbol, start: float, en
     """Times at which a condition of ``where`` in a velocity changes, in order.
 
     Quadrature looks at a velocity at some times only, and does not see a jump between the last of them and the end of
-    its piece. Times of conditions that are polynomials are found for certain; of others those that are further apart
-    than the samples.
+    its piece. Conditions that are polynomials change at their roots, as accurately as these are computed; of other
+    conditions changes that are further apart than samples are found.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def jump_times(velocity: Sequence[sympy.Expr], t: sympy.Symbol, start: float, en
         What lies between is looked at.
     """
     import sympy
-    from scipy.optimize import brentq
+    from scipy.optimize import bisect
 
     found: set[float] = set()
     conditions = {
@@ -262,7 +262,7 @@ def jump_times(velocity: Sequence[sympy.Expr], t: sympy.Symbol, start: float, en
         values = [_sign(value, float(x)) for x in times]
         for (a, x), (b, y) in pairwise(zip(times.tolist(), values, strict=True)):
             if x * y < 0:
-                found.add(float(brentq(lambda s, value=value: _sign(value, s), a, b, xtol=1e-14 * max(1.0, abs(b)))))
+                found.add(float(bisect(lambda s, value=value: _sign(value, s), a, b, xtol=1e-14 * max(1.0, abs(b)))))
             elif x == 0:
                 found.add(a)
     return sorted(x for x in found if min(start, end) < x < max(start, end))

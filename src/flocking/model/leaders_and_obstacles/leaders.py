@@ -204,17 +204,6 @@ class Sink(Leader):
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", array("Sink", "point", self.point, ndim=1))
 
-    def _travelled(self, given: Mapping[str, float], times: Array) -> list[Array]:
-        """Positions at times, by quadrature."""
-        import sympy
-
-        from flocking.model.leaders_and_obstacles.leader_positions import jump_times, travelled
-
-        start, begin = np.array([given[f"start_{k}"] for k in range(self.dimension)]), given["start_time"]
-        velocity = self.velocity(t := sympy.Symbol("t", real=True), lambda name: sympy.Float(given[name]))
-        jumps = jump_times(velocity, t, min([begin, *times]), max([begin, *times]))
-        return [start + travelled(self.velocity_at, begin, float(x), jumps) for x in times]
-
     def moved_to(self, point: Sequence[float], t: float) -> Leader:
         """A sink at ``point``."""
         return Sink([float(x) for x in point])

@@ -290,10 +290,7 @@ class RankParticles(SharedParticles):
         for number, kind in enumerate(self.spec.graphs):
             if kind.fixed:
                 continue
-            each_reach = radii.each[number]
-            if kind.uneven:
-                each_reach = np.sqrt(each_reach) + self.dtype(skin)
-            inside = radii.each[number] if kind.uneven else radii.limits[number][:1]
+            cutoff, each_reach, inside = radii.searched(number, skin)
             table = next(left, None) if kind.memory else None
             fresh = kind.memory and (self._no_links_yet or table is None)
             builder, old = self.builders[number], self.lists[number]
@@ -303,7 +300,7 @@ class RankParticles(SharedParticles):
                     old.rows, np.zeros(builder.tiles, np.int64), np.zeros(builder.tiles, np.int32)
                 )  # fmt: skip
             self.lists[number], _ = builder.build(
-                self.agents, radii.cutoffs[number] + skin, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
+                self.agents, cutoff, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
                 begin2=inside if fresh else None, remember=kind.memory, beside=self._beside,
             )  # fmt: skip
             lists = self.lists[number]

@@ -153,14 +153,11 @@ class HeldRankParticles(RankParticles, HeldParticles):
         for number, kind in enumerate(self.control_spec.graphs):
             if kind.fixed or not (kind.memory or self.store is not None):
                 continue
-            each_reach = radii.each[number]
-            if kind.uneven:
-                each_reach = np.sqrt(each_reach) + self.dtype(beyond)
-            inside = radii.each[number] if kind.uneven else radii.limits[number][:1]
+            cutoff, each_reach, inside = radii.searched(number, beyond)
             table = next(left, None) if kind.memory else None
             fresh = kind.memory and (self._nothing_known_yet or table is None)
             lists, _ = self.known_builders[number].build(
-                self.agents, radii.cutoffs[number] + beyond, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
+                self.agents, cutoff, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
                 begin2=inside if fresh else None, remember=kind.memory, beside=self._beside,
             )  # fmt: skip
             self.known[number] = lists

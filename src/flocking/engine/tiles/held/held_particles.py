@@ -110,13 +110,10 @@ class HeldParticles(ParticleArrays):
             if kind.fixed or not (kind.memory or self.store is not None):
                 continue
             old = self.known[number]
-            each_reach = radii.each[number]
-            if kind.uneven:
-                each_reach = np.sqrt(each_reach) + self.dtype(beyond)
-            inside = radii.each[number] if kind.uneven else radii.limits[number][:1]
+            cutoff, each_reach, inside = radii.searched(number, beyond)
             # The sort leaves the new place of each agent in its buffer.
             self.known[number], _ = self.known_builders[number].build(
-                self.agents, radii.cutoffs[number] + beyond, each_reach, sorter.grid, sorter.start, old, sorter.order,
+                self.agents, cutoff, each_reach, sorter.grid, sorter.start, old, sorter.order,
                 sorter.key_buffer, begin2=inside if kind.memory and old is None else None, remember=kind.memory,
             )  # fmt: skip
         if self._first_known_links is not None:

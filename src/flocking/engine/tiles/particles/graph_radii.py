@@ -69,6 +69,27 @@ class GraphRadii:
                 each[n:] = 0.0
                 self.each[number] = np.nextafter(each, dtype(np.inf)) if closed else each
 
+    def searched(self, number: int, beyond: float) -> tuple[float, Reals, Reals]:
+        """How far the neighbours of a graph are searched, and which of them are linked, as lists are built.
+
+        Parameters
+        ----------
+        number
+            The graph.
+        beyond
+            By how much lists reach further than links.
+
+        Returns
+        -------
+        tuple of float and arrays
+            The largest distance; that of each agent, shape (size,), or shape (1,) if it is common; and the squared
+            radius of each agent, of the same shape.
+        """
+        each, cutoff = self.each[number], self.cutoffs[number] + beyond
+        if self._spec.graphs[number].uneven:
+            return cutoff, np.sqrt(each) + self._dtype(beyond), each
+        return cutoff, each, self.limits[number][:1]
+
     def reorder(self, order: Numbers32) -> None:
         """Sort the radii of each agent.
 

@@ -170,13 +170,10 @@ class ListedAgents(AgentArrays):
         for number, kind in enumerate(self.spec.graphs):
             if kind.fixed:
                 continue
-            each_reach = radii.each[number]
-            if kind.uneven:
-                each_reach = np.sqrt(each_reach) + self.dtype(skin)
             old = self.lists[number]
-            inside = radii.each[number] if kind.uneven else radii.limits[number][:1]
+            cutoff, each_reach, inside = radii.searched(number, skin)
             self.lists[number], lost = self.builders[number].build(
-                self.agents, radii.cutoffs[number] + skin, each_reach, sorter.grid, sorter.start, old, order,
+                self.agents, cutoff, each_reach, sorter.grid, sorter.start, old, order,
                 old_place, begin2=inside if kind.memory and old is None else None, remember=kind.memory,
             )  # fmt: skip
             if lost is not None and kind.barrier:

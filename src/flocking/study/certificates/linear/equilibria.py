@@ -136,6 +136,12 @@ class Equilibrium:
         return tuple(enclosed(x, self.force.symbol, places) for x in (self.force.slope, self.force.curvature))  # type: ignore[return-value]
 
 
+def orthogonal_to(columns: Array) -> Array:
+    """Orthonormal columns that are orthogonal to some independent ones."""
+    basis = np.linalg.qr(np.hstack([columns, np.eye(len(columns))]))[0]
+    return np.asarray(basis[:, columns.shape[1] : len(columns)])
+
+
 def rigid_motions(q: Array) -> Array:
     """An orthonormal basis of translations and rotations of some places, shape (N m, z)."""
     n, m = q.shape
@@ -294,8 +300,7 @@ def proven(q: Array, links: Links, force: PairForce) -> Equilibrium | str:
         As found by `descended`.
     """
     rigid = rigid_motions(q)
-    basis = np.linalg.qr(np.hstack([rigid, np.eye(len(rigid))]))[0]
-    v = exact(basis[:, rigid.shape[1] : len(rigid)])
+    v = exact(orthogonal_to(rigid))
     diameter = float(np.linalg.norm(np.ptp(q, axis=0)))
     if _pieces_meet(q, links, force, 2.0 * RADII[-1] * diameter):
         return "pieces of a formula meet at a distance of two agents"

@@ -27,7 +27,7 @@ from flocking.study.certificates.enclosed_matrices import (
     rounding,
     spectral_radius,
 )
-from flocking.study.certificates.linear.equilibria import Equilibrium, rigid_motions
+from flocking.study.certificates.linear.equilibria import Equilibrium, orthogonal_to, rigid_motions
 from flocking.study.certificates.linear.near_equilibrium import NearEquilibrium
 from flocking.study.certificates.random_recursion import RandomRecursion
 from flocking.study.certificates.sampled_consensus import NUMBER_ERROR, SampledConsensus
@@ -100,7 +100,7 @@ class LossyLattice:
         at, world = self.near.equilibrium, self.world
         n, m = at.q.shape
         deforming, away = deformations(at)
-        across = _orthogonal(np.ones((n, 1)))
+        across = orthogonal_to(np.ones((n, 1)))
         moving = np.asarray(np.kron(across, np.eye(m)), dtype=np.float64)
         # Of exact ones: how far the computed columns are from orthonormal, and from orthogonal to the same for all.
         apart = _defect(across) + float(np.linalg.norm(across.sum(axis=0))) / np.sqrt(n) + n * 4.0 * UNIT
@@ -228,7 +228,7 @@ def deformations(at: Equilibrium) -> tuple[Array, float]:
         An equilibrium with as many rigid motions as its dimension admits.
     """
     n, m = at.q.shape
-    deforming = _orthogonal(rigid_motions(at.q))
+    deforming = orthogonal_to(rigid_motions(at.q))
     centred = at.q - at.q.mean(axis=0)
     columns = [np.kron(np.ones(n), unit) for unit in np.eye(m)]
     turns = 0
@@ -248,12 +248,6 @@ def deformations(at: Equilibrium) -> tuple[Array, float]:
     product = exact(rigid.T) @ exact(deforming)
     x = (norm_bound(np.abs(product.values) + product.error) + moved) / least
     return deforming, INFLATION * (x + _defect(deforming) + x * x)
-
-
-def _orthogonal(columns: Array) -> Array:
-    """Orthonormal columns that are orthogonal to some others."""
-    basis = np.linalg.qr(np.hstack([columns, np.eye(len(columns))]))[0]
-    return np.asarray(basis[:, columns.shape[1] : len(columns)])
 
 
 def _defect(columns: Array) -> float:
