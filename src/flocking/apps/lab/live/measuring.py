@@ -61,6 +61,8 @@ class Measuring:
         self._certified: tuple[float, Law, Certificates | None] | None = None
         self._judged_frame = -1
         self._judged_version = 0
+        self._former = 0
+        """Number of the last frame of a run that another took the place of."""
         self._lock = threading.Lock()
         self._judging = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="flocking-lab-measurements", daemon=True)
@@ -75,22 +77,25 @@ class Measuring:
             self._thread.join()
 
     def reset(self) -> None:
-        """Clear all measurements, as for another run."""
+        """Clear all measurements, as for another run; called between steps of the clock."""
         with self._lock:
+            self._begin_anew()
             self.timeline.reset()
-            self.history.clear()
-            self.verdicts, self.numbers = [], []
-            self._judged_frame = -1
+            self.numbers = []
         self._changed()
 
     def go_on_from(self, t: float) -> None:
-        """Forget what lies after ``t``: the run goes on from there."""
+        """Forget what lies after ``t``: the run goes on from there; called between steps of the clock."""
         with self._lock:
+            self._begin_anew()
             self.timeline.cut(t)
-            self.history.clear()
-            self.verdicts = []
-            self._judged_frame = -1
         self._changed()
+
+    def _begin_anew(self) -> None:
+        self.history.clear()
+        self.verdicts, self._judged_frame = [], -1
+        # A frame of the former run may be measured or judged just now: its result must not enter the new record.
+        self._former = self._clock.frame.number
 
     def _run(self) -> None:
         number, judged, pause = 0, 0.0, JUDGE_SECONDS
@@ -126,6 +131,8 @@ class Measuring:
     def _read(self, frame: Frame) -> None:
         numbers = [_numbers(frame, k) for k in range(len(frame.states))]
         with self._lock:
+            if frame.number <= self._former:
+                return
             self.history.take(frame)
             self.numbers = numbers
             values = [_curve(each, name) for each in numbers for name in CURVES]
@@ -152,8 +159,8 @@ class Measuring:
             found = verdicts_on(run, claims_of(frame.scenarios[0].name), self._certified[2])
         until = float(run.t[-1])
         with self._lock:
-            if not self.history.frames or self.history.frames[-1].t < until:
-                return  # another run began meanwhile
+            if frame.number <= self._former:
+                return
             self.verdicts, self._judged_version = found, frame.versions[0]
             before = self.timeline.judged
             for verdict in found:

@@ -1,0 +1,98 @@
+"""Measurements of a run that another takes the place of meanwhile: nothing of the former stays in the record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from flocking.apps.lab.experiment.clock import Clock
+from flocking.apps.lab.experiment.experiment import Experiment
+from flocking.apps.lab.live.measuring import Measuring
+from tests.apps.lab.conftest import ten
+
+
+@pytest.fixture
+def measuring() -> Iterator[tuple[Clock, Measuring]]:
+    """A clock that runs, and measurements that are made when a test asks for them."""
+    clock = Clock([Experiment(ten())])
+    clock.begin()
+    yield clock, Measuring(clock, lambda: None)
+    clock.close()
+
+
+def shown(clock: Clock, t: float) -> None:
+    """Wait for the frame of a time."""
+    while (number := clock.frame.number) and clock.frame.time != t:
+        assert clock.next_frame(number, timeout=60) is not None, f"the frame of t = {t} has not come"
+
+
+def step(clock: Clock, to: float) -> None:
+    clock.do(lambda: clock.experiments[0].advance(to))
+    shown(clock, to)
+
+
+def install(clock: Clock, measuring: Measuring) -> None:
+    def swap() -> None:
+        clock.experiments = [Experiment(ten())]
+        measuring.reset()
+
+    clock.do(swap)
+
+
+def test_a_frame_measured_while_another_run_begins_does_not_enter_its_record(measuring) -> None:
+    clock, made = measuring
+    step(clock, 1.0)
+    former = clock.frame
+    install(clock, made)
+    made._read(former)
+    assert made.timeline.times == []
+    assert made.numbers == []
+    shown(clock, 0.0)
+    made._read(clock.frame)
+    assert made.timeline.times == [0.0]
+
+
+def test_a_frame_from_beyond_a_branch_does_not_enter_the_record(measuring) -> None:
+    clock, made = measuring
+    for t in (0.5, 1.0):
+        step(clock, t)
+        made._read(clock.frame)
+    step(clock, 1.5)
+    former, experiment = clock.frame, clock.experiments[0]
+
+    def act() -> None:
+        clock.experiments = [experiment.branch(0.7)]
+        made.go_on_from(0.7)
+
+    clock.do(act)
+    made._read(former)
+    assert made.timeline.times == [0.5]
+    step(clock, 1.8)
+    made._read(clock.frame)
+    assert made.timeline.times == [0.5, 1.8], "the moment t = 1.5 is of another run"
+
+
+def test_a_judgement_of_the_former_run_is_dropped(measuring, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, made = measuring
+    for t in (0.2, 0.4, 0.6):
+        step(clock, t)
+        made._read(clock.frame)
+    made.judge(clock.frame)
+    assert made.verdicts
+    window = made.window
+
+    def replaced():
+        found = window()
+        install(clock, made)
+        shown(clock, 0.0)
+        # The new run is beyond the last moment of the old before that is judged.
+        for t in (0.3, 0.7):
+            step(clock, t)
+            made._read(clock.frame)
+        return found
+
+    monkeypatch.setattr(made, "window", replaced)
+    made.judge(clock.frame)
+    assert made.verdicts == []
+    assert made.timeline.strips == {}
