@@ -95,6 +95,12 @@ class Fidelity:
         The time step, where it is fixed; None where its length follows the error.
     law
         Difference from the declared law; None where it was not measured.
+    position_error, velocity_error
+        Estimated errors of any coordinate of a sampled position and of any component of a velocity that was computed
+        from positions; 0 for what is taken as exact, NaN where it is not known.
+    changed
+        Whether a session of held control was given another law or other messages while the run went on, so that its
+        scenario alone does not make it again. Engines of continuous control record a jump of the energy instead.
     """
 
     engine: str = ""
@@ -104,6 +110,9 @@ class Fidelity:
     ledger: LedgerRule = field(default_factory=LedgerRule)
     fixed_step: float | None = None
     law: LawAgreement | None = None
+    position_error: float = 0.0
+    velocity_error: float = 0.0
+    changed: bool = False
 
 
 UNSTATED = Fidelity()

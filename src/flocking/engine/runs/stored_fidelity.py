@@ -8,6 +8,7 @@ from dataclasses import asdict
 
 from flocking.engine.archives.data_checks import Flag, Form, Integer, Maybe, Names, Real, Text
 from flocking.engine.runs.fidelity import LEDGER_RULES, WATCHED, Approaches, Fidelity, LawAgreement, LedgerRule
+from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.runs.run_errors import json_number
 from flocking.model.law import Scenario
 
@@ -26,13 +27,16 @@ class _Number(Form[float]):
         return float(value) if isinstance(value, str) and value in _WORDS else float(Real().check(value, name))
 
 
+_LATER: dict[str, Form[object]] = {"position_error": _Number(), "velocity_error": _Number(), "changed": Flag()}
+"""What runs stored by earlier versions state in their provenance alone."""
+
 _FORM = Names({
     "engine": Text(), "sampled": Flag(), "switches_located": Flag(),
     "approaches": Names({"pairs": Text(WATCHED), "error": Maybe(_Number()), "looked": Text()}),
     "ledger": Names({"kind": Text(LEDGER_RULES), "size": _Number(), "switch_error": _Number()}),
     "fixed_step": Maybe(_Number()),
     "law": Maybe(Names({"checks": Integer(), "gap": _Number(), "allowed": _Number()})),
-})  # fmt: skip
+}, _LATER)  # fmt: skip
 
 
 def fidelity_data(found: Fidelity) -> dict[str, object]:
@@ -67,13 +71,30 @@ def fidelity_of(data: object, provenance: Mapping[str, object], scenario: Scenar
     assert isinstance(data, dict)
     near, ledger, law, step = (data[name] for name in ("approaches", "ledger", "law", "fixed_step"))
     error = near["error"]
+    earlier = _stated_in(provenance)
+    position_error, velocity_error = (
+        float(data.get(name, x)) for name, x in zip(("position_error", "velocity_error"), earlier[:2], strict=True)
+    )
     return Fidelity(
         data["engine"], data["sampled"], data["switches_located"],
         Approaches(near["pairs"], None if error is None else float(error), near["looked"]),
         LedgerRule(ledger["kind"], float(ledger["size"]), float(ledger["switch_error"])),
         None if step is None else float(step),
         None if law is None else LawAgreement(law["checks"], float(law["gap"]), float(law["allowed"])),
+        position_error, velocity_error, data.get("changed", earlier[2]),
     )  # fmt: skip
+
+
+def _stated_in(provenance: Mapping[str, object]) -> tuple[float, float, bool]:
+    """Errors of samples, and whether the run was changed, as the ``provenance`` of an earlier version has them."""
+
+    def size(name: str) -> float:
+        value = provenance.get(name, 0.0)
+        if isinstance(value, int | float) and not isinstance(value, bool) and value >= 0.0:
+            return float(value)
+        return math.nan
+
+    return size("position_error"), size("velocity_error"), bool(provenance.get(CHANGED))
 
 
 def derived_fidelity(provenance: Mapping[str, object], scenario: Scenario) -> Fidelity:
@@ -83,7 +104,8 @@ def derived_fidelity(provenance: Mapping[str, object], scenario: Scenario) -> Fi
     estimated errors; ``scheme`` means fixed steps of at most ``step``; ``farthest`` means an engine that checks linked
     pairs at every step, between which two agents approach each other by at most that length; ``closest`` says when
     distances were checked; ``switches`` that they are not recorded; ``law_checks``, ``law_gap`` and ``law_gap_allowed``
-    how far forces were from the law. A number that is missing is not known.
+    how far forces were from the law; ``position_error`` and ``velocity_error`` errors of samples; ``changed at`` when
+    the run was changed. A number that is missing is not known, but samples without errors are exact.
     """
 
     def number(name: str) -> float:
@@ -110,5 +132,5 @@ def derived_fidelity(provenance: Mapping[str, object], scenario: Scenario) -> Fi
         law = LawAgreement(checks if isinstance(checks, int) else 0, number("law_gap"), number("law_gap_allowed"))
     return Fidelity(
         engine, sampled, not sampled and provenance.get("switches") != "not recorded", approaches, ledger,
-        number("step") if fixed else None, law,
+        number("step") if fixed else None, law, *_stated_in(provenance),
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.body_chains import of_points, point_of
 from flocking.engine.protocol.session import Packed, Stored
+from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.runs.run import is_tangential
 from flocking.engine.sampled.actuation import Actuation
@@ -272,6 +274,11 @@ class SampledSession(ImperfectSession):
         """Provenance of the records, with what a safety filter did, and when the session was changed."""
         changed = {CHANGED: list(self.interventions.times)} if self.interventions.times else {}
         return super().about | self._filter_counts(self.filter) | changed
+
+    @property
+    def fidelity(self) -> Fidelity:
+        """As of all engines of imperfect worlds, and whether the session was changed."""
+        return dataclasses.replace(super().fidelity, changed=bool(self.interventions.times))
 
     # Interventions.
 

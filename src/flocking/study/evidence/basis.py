@@ -82,18 +82,18 @@ class RunEvidence:
     @property
     def velocity_error(self) -> float:
         """Estimated error of any component of a velocity that was computed from positions; 0 for other velocities."""
-        return self._stated_error("velocity_error")
+        return self._stated_error("velocity_error", self.fidelity.velocity_error)
 
     @property
     def position_error(self) -> float:
         """Estimated error of any coordinate of a sampled position; 0 where it is taken as exact."""
-        return self._stated_error("position_error")
+        return self._stated_error("position_error", self.fidelity.position_error)
 
-    def _stated_error(self, name: str) -> float:
-        found = self.run.provenance.get(name, 0.0)
-        if isinstance(found, bool) or not isinstance(found, int | float) or not 0.0 <= found <= LARGEST:
+    @staticmethod
+    def _stated_error(name: str, error: float) -> float:
+        if not 0.0 <= error <= LARGEST:
             raise NotResolvable(f"the run states no usable {name.replace('_', ' ')}")
-        return float(found)
+        return error
 
     @property
     def motion_unstated(self) -> bool:

@@ -21,7 +21,6 @@ import numpy as np
 from flocking.arrays import Reals
 from flocking.engine.driver.registry import entry_named
 from flocking.engine.protocol.session import Session
-from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError
 from flocking.study.evidence.basis import NotResolvable
@@ -94,7 +93,7 @@ def repetitions_of(run: Run) -> Repetitions:
         repeats = None
     if repeats is None:
         raise NotResolvable("")
-    if run.provenance.get(CHANGED):
+    if run.fidelity.changed:
         raise NotResolvable("a run that was changed while it went on is not repeated")
     steps = run.provenance.get("steps")
     if not run.finished or not isinstance(steps, int):

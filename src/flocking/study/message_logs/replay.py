@@ -9,7 +9,7 @@ import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.reference.control import Agent, control_of
-from flocking.engine.runs.message_log import AT_START, CHANGED, OWN, PRESENT, MessageLog
+from flocking.engine.runs.message_log import AT_START, OWN, PRESENT, MessageLog
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.formula.compiled import Reading
@@ -161,7 +161,7 @@ def logged(run: Run) -> tuple[Scenario, MessageLog]:
         )  # fmt: skip
     if isinstance(scenario.control, SafetyFilter):
         raise UnsupportedLaw("replay computes the forces of the law again, not those that a SafetyFilter changed.")
-    if run.provenance.get(CHANGED):
+    if run.fidelity.changed:
         raise UnsupportedLaw("replay computes again runs of one world and law; this one was changed while it went on.")
     return scenario, run.log
 

@@ -99,15 +99,9 @@ def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: flo
     found = smoothed_velocities(samples.t, samples.q) if samples.p is None else None
     p = found.p if found is not None else samples.p
     assert p is not None
-    about: dict[str, object] = {"velocities": GIVEN}
-    if found is not None:
-        about = {
-            "velocities": _described(found), "velocity_error": float(found.error.max()),
-            "position_error": SPREADS * found.noise,
-        }  # fmt: skip
     if scenario is None:
-        run = _run_without_law(samples, p, radius)
-        return SampledMotion(replace(run, provenance={**run.provenance, **about}), False, radius)
+        run = _with_errors(_run_without_law(samples, p, radius), found)
+        return SampledMotion(run, False, radius)
     if not scenario.space.is_open:
         raise InvalidInput("audit", "law", "must be in open space", scenario.space, "Samples are judged as they are.")
     if scenario.start.q.shape[1] != m:
@@ -116,7 +110,17 @@ def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: flo
     run = run_from_samples(declared, samples.t, samples.q, p)
     if found is not None:
         run = _widened(run, found, _residual_changes(declared, run, found))
-    return SampledMotion(replace(run, provenance={**run.provenance, **about}), True)
+    return SampledMotion(_with_errors(run, found), True)
+
+
+def _with_errors(run: Run, found: Velocities | None) -> Run:
+    """The run with what is known of the errors of its samples; ``found`` are the velocities that were estimated."""
+    if found is None:
+        return replace(run, provenance={**run.provenance, "velocities": GIVEN})
+    errors = {"position_error": SPREADS * found.noise, "velocity_error": float(found.error.max())}
+    about = {**run.provenance, "velocities": _described(found), **errors}
+    fidelity = replace(run.fidelity, position_error=errors["position_error"], velocity_error=errors["velocity_error"])
+    return replace(run, fidelity=fidelity, provenance=about)
 
 
 def _described(found: Velocities) -> str:
