@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.papers.equation_files import has_table, read_statements
 from flocking.papers.equation_table import Erratum, Row, errata_of
+from flocking.papers.grounds import ClaimsOf
 from flocking.show.declaration import Figures, drawn_figure
-from flocking.study.claims.claim import Claim
 from flocking.study.potentials.potential_check import Definition
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
-
-
-class ClaimsOf(Protocol):
-    """Claims about one of a paper's scenarios, by default the first."""
-
-    def __call__(self, scenario: str = ...) -> Sequence[Claim]:
-        """Claims about the scenario of this name."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,6 @@ from flocking.model.law import Law, Scenario
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import Agents, State
 from flocking.papers.potential_definitions import check_potential
-from flocking.show.declaration import Figures
 from flocking.study.claims.audit import audit
 from flocking.study.claims.claim import Claim
 from flocking.study.claims.judgement import Judgement, judge
@@ -122,7 +121,7 @@ class Pictured:
 
 
 def pictured(
-    figures: Callable[[], Figures],
+    key: str,
     number: int | str,
     make: Callable[[], Scenario] | None = None,
     *beside: Callable[[], Scenario],
@@ -131,8 +130,8 @@ def pictured(
 
     Parameters
     ----------
-    figures
-        Figures of the paper by number.
+    key
+        Key of the paper.
     number
         Number of the figure.
     make
@@ -142,10 +141,11 @@ def pictured(
     """
 
     def build(scale: float) -> Pictured:
+        from flocking.papers import paper
         from flocking.show.contents import contents
 
         run = None if make is None else shown(make)
-        known = figures()
+        known = paper(key).figures()
         declared = {str(name): (f.number, f.caption, f.scenarios("")) for name, f in known.items()}
         (figure,) = (f for name, f in known.items() if name == number)
         return Pictured(run, contents(figure.draw(run, *map(shown, beside)), scale), declared)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
+from flocking.model.checks import one_of
 from flocking.model.law import Scenario
 from flocking.study.claims.claim import Basis, Claim
 
@@ -74,3 +76,41 @@ def grounded(claims: Sequence[Claim], grounds: Mapping[str, Ground]) -> tuple[Cl
         ground = grounds[claim.key]
         found.append(replace(claim, basis=ground.basis, ground=ground.proof, counterexample=ground.counterexample))
     return tuple(found)
+
+
+class ClaimsOf(Protocol):
+    """Claims about one of a paper's scenarios, by default the first."""
+
+    def __call__(self, scenario: str = ...) -> Sequence[Claim]:
+        """Claims about the scenario of this name."""
+
+
+def claims_by_name(
+    scenarios: Callable[[], Mapping[str, Callable[[int], Scenario]]],
+    stated: Callable[[str], Sequence[Claim]],
+    grounds: Callable[[str], Mapping[str, Ground]],
+) -> ClaimsOf:
+    """The function that gives the claims about a scenario of a paper, with the grounds of their expected verdicts.
+
+    It raises `InvalidInput` for a name that is not one of the paper's scenarios.
+
+    Parameters
+    ----------
+    scenarios
+        Scenarios by name; the first is the default.
+    stated
+        Claims about the scenario of a name, without grounds.
+    grounds
+        Grounds by the key of the claim, for the scenario of a name.
+    """
+
+    def claims(scenario: str | None = None) -> Sequence[Claim]:
+        """Claims about a scenario of the paper by its name; about the first by default."""
+        known = scenarios()
+        name = next(iter(known)) if scenario is None else scenario
+        one_of("claims", "scenario", name, known)
+        return grounded(stated(name), grounds(name))
+
+    # Other processes find it in the module of the paper.
+    claims.__module__, claims.__qualname__ = stated.__module__, "claims"
+    return claims

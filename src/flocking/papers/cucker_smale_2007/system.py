@@ -8,13 +8,14 @@ import numpy as np
 
 from flocking.model import starts
 from flocking.model.bodies.discrete_bodies import Impulsive
-from flocking.model.checks import number, one_of
+from flocking.model.checks import number
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.terms.alignment import CuckerSmale
 from flocking.model.world.control import Held
 from flocking.model.world.information import Delayed
+from flocking.papers.named_scenarios import scenario_by_name
 
 KEY = "cucker-smale-2007"
 CRITICAL, SHARP = f"{KEY}-critical", f"{KEY}-sharp"
@@ -217,25 +218,5 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
     }
 
 
-def scenario(figure: str | None = None, seed: int = 0, *, name: str = KEY) -> Scenario:
-    """A scenario by its name, or that of a figure.
-
-    Parameters
-    ----------
-    figure
-        Name of a figure of this package; the authors print no figure of a simulation.
-    seed
-        Seed of the start, where it is random.
-    name
-        Name of the scenario, if no figure is given.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no such figure or scenario.
-    """
-    if figure is not None:
-        one_of("scenario", "figure", figure, FIGURES, f"must be one of {', '.join(FIGURES)}")
-        name = FIGURES[figure]
-    one_of("scenario", "name", name, scenarios(), f"must be one of {', '.join(scenarios())}")
-    return scenarios()[name](seed)
+scenario = scenario_by_name(scenarios, FIGURES)
+"""A scenario by its name, or that of a figure, see `scenario_by_name`."""

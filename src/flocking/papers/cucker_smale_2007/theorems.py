@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from flocking.errors import InvalidInput
 from flocking.model.bodies.discrete_bodies import Impulsive
 from flocking.model.checks import NO_LESS
 from flocking.model.graphs.all_pairs import Complete
@@ -25,7 +24,7 @@ from flocking.papers.cucker_smale_2007.closed_forms import (
     final_speed,
     pair_invariant,
 )
-from flocking.papers.grounds import OBSERVED, Ground, grounded, proved, refuted
+from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved, refuted
 from flocking.study.certificates.alignment_certificates import Alignment
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below
@@ -280,24 +279,6 @@ def grounds() -> Mapping[str, Ground]:
     }
 
 
-def claims(scenario: str = system.KEY) -> Sequence[Claim]:
-    """Claims about a scenario of this package.
-
-    Parameters
-    ----------
-    scenario
-        Its name.
-
-    Raises
-    ------
-    InvalidInput
-        If there is none of that name.
-    """
-    if scenario not in system.scenarios():
-        raise InvalidInput("claims", "scenario", f"must be one of {', '.join(system.scenarios())}", scenario)
-    return grounded(_stated(scenario), grounds())
-
-
 def _stated(name: str) -> Sequence[Claim]:
     own, cited = Origin.OWN, "as commonly cited"
     if name == system.DELAYED:
@@ -343,6 +324,10 @@ def _stated(name: str) -> Sequence[Claim]:
               "exp(-N phi(X) t), down to a thousandth of the first.", differences_decay, held_together, origin=own),
         Claim("all-apart", "not stated", "No two agents collide.", general.all_apart, origin=own),
     )  # fmt: skip
+
+
+claims = claims_by_name(system.scenarios, _stated, lambda _: grounds())
+"""Claims about a scenario by its name, see `claims_by_name`."""
 
 
 def _of_two(name: str, own: Origin) -> Sequence[Claim]:

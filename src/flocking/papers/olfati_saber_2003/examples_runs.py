@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -25,7 +25,7 @@ from flocking.study.claims.judgement import Judgement, judge
 from flocking.study.evidence import Evidence
 
 if TYPE_CHECKING:
-    from flocking.show.declaration import Figure
+    pass
 
 FEW_AGENTS = 24
 """Number of agents of the smaller run among obstacles, which takes seconds."""
@@ -96,13 +96,6 @@ def passing(scale: float) -> Report:
     return audited(system.KEY, 0, scale)
 
 
-def known_figures() -> Mapping[str, Figure]:
-    """Figures of the paper; the module of pictures is imported when needed."""
-    from flocking.papers.olfati_saber_2003.pictures import figures
-
-    return figures()
-
-
 def few_for_figures() -> Scenario:
     """The first task with few agents, up to the times of Fig. 7 and 8."""
     return few_through_obstacles().with_(t_end=26.0, name="")
@@ -125,7 +118,7 @@ def picture(number: str) -> Callable[[float], examples.Pictured]:
     number
         Its number.
     """
-    return examples.pictured(known_figures, number, DRAWN.get(number))
+    return examples.pictured(system.KEY, number, DRAWN.get(number))
 
 
 def newton(scale: float) -> tuple[Scenario, Run]:

@@ -12,10 +12,10 @@ from flocking.model.potentials.potential import Potential
 from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.terms.pair_terms import Gradient
 from flocking.papers import obstacle_passages
-from flocking.papers.grounds import grounded
+from flocking.papers.grounds import claims_by_name
 from flocking.papers.olfati_saber_2003 import passage, system
 from flocking.papers.olfati_saber_2003.grounds import grounds
-from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH
+from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH, scenarios
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below, happens
 from flocking.study.claims.settling import limit_of, limit_of_configuration, limit_of_series, of_configuration
@@ -397,17 +397,6 @@ def _smooth_claims() -> tuple[Claim, ...]:
     )
 
 
-def claims(scenario: str = KEY) -> Sequence[Claim]:
-    """Claims of the paper about one of its scenarios.
-
-    Parameters
-    ----------
-    scenario
-        Name of the scenario.
-    """
-    return grounded(_stated(scenario), grounds(scenario))
-
-
 def _stated(scenario: str) -> Sequence[Claim]:
     found: dict[str, Callable[[], tuple[Claim, ...]]] = {
         KEY: _obstacle_claims,
@@ -416,3 +405,7 @@ def _stated(scenario: str) -> Sequence[Claim]:
         SMOOTH: _smooth_claims,
     }
     return found[scenario]()
+
+
+claims = claims_by_name(scenarios, _stated, grounds)
+"""Claims about a scenario by its name, see `claims_by_name`."""

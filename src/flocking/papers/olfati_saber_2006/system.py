@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.model import starts
-from flocking.model.checks import Array, integer, number, one_of
+from flocking.model.checks import Array, integer, number
 from flocking.model.energy import Energy
 from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law, Scenario
@@ -21,6 +21,7 @@ from flocking.model.terms.avoidance import Avoid
 from flocking.model.terms.body_terms import Track
 from flocking.model.terms.pair_terms import Consensus, Gradient, Term
 from flocking.model.world.control import Held
+from flocking.papers.named_scenarios import scenario_by_name
 
 KEY = "olfati-saber-2006"
 FRAGMENTS, SPACE, GENTLE, PRESSED = (f"{KEY}-{name}" for name in ("fragments", "space", "gentle", "pressed"))
@@ -336,25 +337,5 @@ FIGURES = {"A": FRAGMENTS, "B": KEY, "C": SPLIT, "D": SQUEEZE, "E": KEY}
 """Scenario of each figure of this package; those of the printed paper were not at hand."""
 
 
-def scenario(figure: str | None = None, seed: int = 0, *, name: str = KEY) -> Scenario:
-    """A scenario by its name, or that of a figure.
-
-    Parameters
-    ----------
-    figure
-        Letter of a figure of this package.
-    seed
-        Seed of the start.
-    name
-        Name of the scenario, if no figure is given.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no such figure or scenario.
-    """
-    if figure is not None:
-        one_of("scenario", "figure", figure, FIGURES, f"must be one of {', '.join(FIGURES)}")
-        name = FIGURES[figure]
-    one_of("scenario", "name", name, scenarios(), f"must be one of {', '.join(scenarios())}")
-    return scenarios()[name](seed)
+scenario = scenario_by_name(scenarios, FIGURES)
+"""A scenario by its name, or that of a figure, see `scenario_by_name`."""

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from flocking.engine.reference.control import control
-from flocking.errors import InvalidInput
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.leaders_and_obstacles.leaders import Velocity
@@ -17,7 +16,7 @@ from flocking.model.terms.body_terms import Track
 from flocking.model.terms.schedules import Schedule
 from flocking.model.world.control import Held
 from flocking.papers import obstacle_passages
-from flocking.papers.grounds import OBSERVED, Ground, grounded, proved, refuted
+from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved, refuted
 from flocking.papers.olfati_saber_2006 import system
 from flocking.papers.olfati_saber_2006.closed_forms import (
     centre_motion,
@@ -217,24 +216,6 @@ def grounds() -> Mapping[str, Ground]:
     }
 
 
-def claims(scenario: str = system.KEY) -> Sequence[Claim]:
-    """Claims about a scenario of this package.
-
-    Parameters
-    ----------
-    scenario
-        Its name.
-
-    Raises
-    ------
-    InvalidInput
-        If there is none of that name.
-    """
-    if scenario not in system.scenarios():
-        raise InvalidInput("claims", "scenario", f"must be one of {', '.join(system.scenarios())}", scenario)
-    return grounded(_stated(scenario), grounds())
-
-
 def _stated(name: str) -> Sequence[Claim]:
     own = Origin.OWN
     energy = Claim("energy", FIRST, "The declared forces explain the energy of the motion.",
@@ -298,3 +279,7 @@ def _stated(name: str) -> Sequence[Claim]:
         *found,
         Claim("lattice", SECOND, "The flock ends as a quasi alpha-lattice.", quasi_lattice),
     )
+
+
+claims = claims_by_name(system.scenarios, _stated, lambda _: grounds())
+"""Claims about a scenario by its name, see `claims_by_name`."""

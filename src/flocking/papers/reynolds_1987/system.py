@@ -11,12 +11,13 @@ from collections.abc import Callable
 
 from flocking.model import starts
 from flocking.model.bodies.discrete_bodies import Heading, Impulsive
-from flocking.model.checks import integer, number, one_of
+from flocking.model.checks import integer, number
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Periodic
 from flocking.model.terms.steering import Alignment, Cohesion, Separation, TurnBack
 from flocking.model.world.control import Held
+from flocking.papers.named_scenarios import scenario_by_name
 
 KEY = "reynolds-1987"
 SEQUENTIAL, SMALL, LARGE = f"{KEY}-sequential", f"{KEY}-comparison-small", f"{KEY}-comparison-large"
@@ -161,25 +162,5 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
     }
 
 
-def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY) -> Scenario:
-    """A scenario by its name, or that of a figure.
-
-    Parameters
-    ----------
-    figure
-        1 or 2.
-    seed
-        Seed of the start and of the order.
-    name
-        Name of the scenario, if no figure is given.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no such figure or scenario.
-    """
-    if figure is not None:
-        one_of("scenario", "figure", figure, FIGURES, "must be 1 or 2")
-        name = FIGURES[figure]
-    one_of("scenario", "name", name, scenarios(), f"must be one of {', '.join(scenarios())}")
-    return scenarios()[name](seed)
+scenario = scenario_by_name(scenarios, FIGURES)
+"""A scenario by its name, or that of a figure, see `scenario_by_name`."""

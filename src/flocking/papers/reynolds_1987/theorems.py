@@ -10,14 +10,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from flocking.errors import InvalidInput
 from flocking.model.bodies.discrete_bodies import Heading, Impulsive
 from flocking.model.checks import Array
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law
 from flocking.model.observables import order_of
 from flocking.model.world.control import Held
-from flocking.papers.grounds import OBSERVED, Ground, grounded, proved
+from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved
 from flocking.papers.reynolds_1987 import system
 from flocking.papers.reynolds_1987.observations import measured
 from flocking.papers.reynolds_1987.rules import next_state
@@ -184,24 +183,6 @@ def grounds() -> Mapping[str, Ground]:
     }
 
 
-def claims(scenario: str = system.KEY) -> Sequence[Claim]:
-    """Claims about a scenario of this package.
-
-    Parameters
-    ----------
-    scenario
-        Its name.
-
-    Raises
-    ------
-    InvalidInput
-        If there is none of that name.
-    """
-    if scenario not in system.scenarios():
-        raise InvalidInput("claims", "scenario", f"must be one of {', '.join(system.scenarios())}", scenario)
-    return grounded(_stated(scenario), grounds())
-
-
 def _stated(name: str) -> Sequence[Claim]:
     own = Origin.OWN
     source = "the comparison's program" if name in system.BIRDS else "the library's program"
@@ -226,3 +207,7 @@ def _stated(name: str) -> Sequence[Claim]:
         Claim("returns", "not stated", "At no frame is a boid twice as far as where it turns back.", returns,
               origin=own),
     )  # fmt: skip
+
+
+claims = claims_by_name(system.scenarios, _stated, lambda _: grounds())
+"""Claims about a scenario by its name, see `claims_by_name`."""

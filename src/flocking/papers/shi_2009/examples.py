@@ -6,7 +6,7 @@ Every function takes a factor of the number that determines its object; 1 gives 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
@@ -35,7 +35,7 @@ from flocking.study.claims.audit import Report, audit
 from flocking.study.claims.potential_minimum import smallest_value
 
 if TYPE_CHECKING:
-    from flocking.show.declaration import Figure
+    pass
 
 KEY = system.KEY
 
@@ -295,13 +295,6 @@ def numbers(scale: float) -> dict[str, float]:
     }
 
 
-def known_figures() -> Mapping[int, Figure]:
-    """Figures of the paper; the module of pictures is imported when needed."""
-    from flocking.papers.shi_2009.pictures import figures
-
-    return figures()
-
-
 FIGURE_SECONDS = 3.0
 """Duration of the simulations for the rows of figures."""
 
@@ -322,4 +315,4 @@ def picture(number: int, names: Sequence[str] = ()) -> Callable[[float], example
     names
         The settings it shows; empty for figures without a run.
     """
-    return examples.pictured(known_figures, number, *map(beginning, names))
+    return examples.pictured(system.KEY, number, *map(beginning, names))

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from flocking.model.checks import Array
-from flocking.papers.grounds import grounded
+from flocking.papers.grounds import claims_by_name
 from flocking.papers.shi_2009.closed_forms import centre_motion, steady_velocity_error
 from flocking.papers.shi_2009.grounds import grounds
-from flocking.papers.shi_2009.system import KEY, SETTINGS, VELOCITY_GAIN
+from flocking.papers.shi_2009.system import SETTINGS, VELOCITY_GAIN, scenarios
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, below
 from flocking.study.claims.settling import limit_of_series
@@ -107,17 +107,6 @@ def fell_apart(e: Evidence) -> Measure:
     return general.stays_connected(e).opposite
 
 
-def claims(scenario: str = KEY) -> Sequence[Claim]:
-    """Claims of the paper about one of its simulations.
-
-    Parameters
-    ----------
-    scenario
-        Name of the scenario; a row of Table 1.
-    """
-    return grounded(_stated(scenario), grounds(scenario))
-
-
 def _stated(scenario: str) -> Sequence[Claim]:
     setting = SETTINGS[scenario]
     connected = kept_connected if setting.connected else fell_apart
@@ -191,6 +180,10 @@ def _stated(scenario: str) -> Sequence[Claim]:
             Claim("centre", source, "The centre of mass moves by the closed form.", centre_follows(setting.law))
         )
     return tuple(found)
+
+
+claims = claims_by_name(scenarios, _stated, grounds)
+"""Claims about a scenario by its name, see `claims_by_name`."""
 
 
 def _negated(conclusion: Callable[[Evidence], Measure]) -> Callable[[Evidence], Measure]:

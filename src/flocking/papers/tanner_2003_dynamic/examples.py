@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +27,7 @@ from flocking.study.potentials.equilibrium import Equilibrium
 from flocking.study.potentials.state_energy import agent_energies, total_energy
 
 if TYPE_CHECKING:
-    from flocking.show.declaration import Figure
+    pass
 
 DISTANCES = np.array([0.5, 1.0, 1.5, 1.9, 1.999, 2.0, 2.01, 2.5, 4.0])
 """Distances on both sides of the radius."""
@@ -253,13 +253,6 @@ def start_of(scale: float) -> State:
     return system.scenario(seed=0, speed=system.LARGEST_SPEED * scale).start
 
 
-def known_figures() -> Mapping[int, Figure]:
-    """Figures of the paper; the module of pictures is imported when needed."""
-    from flocking.papers.tanner_2003_dynamic.pictures import figures
-
-    return figures()
-
-
 def simulated() -> Scenario:
     """The simulation the figures show."""
     return system.scenario(seed=0)
@@ -273,4 +266,4 @@ def picture_of(number: int) -> Callable[[float], examples.Pictured]:
     number
         Number of the figure.
     """
-    return examples.pictured(known_figures, number, simulated)
+    return examples.pictured(system.KEY, number, simulated)

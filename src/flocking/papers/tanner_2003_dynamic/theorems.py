@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flocking.papers.grounds import grounded
+from flocking.papers.grounds import claims_by_name
 from flocking.papers.tanner_2003_dynamic.grounds import grounds
-from flocking.papers.tanner_2003_dynamic.system import KEY
+from flocking.papers.tanner_2003_dynamic.system import scenarios
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above
 from flocking.study.claims.subjects import Subject, about
@@ -41,17 +41,6 @@ def forbidden_distance(e: Evidence) -> float:
     pairs = e.run.n * (e.run.n - 1) // 2
     most = float(e.trace["energy"][0]) - (pairs - 1) * lowest
     return distance_of(psi, most, -40.0, float(np.log(best)))
-
-
-def claims(scenario: str = KEY) -> Sequence[Claim]:
-    """Claims of the paper about its system.
-
-    Parameters
-    ----------
-    scenario
-        ``"tanner-2003-dynamic"``.
-    """
-    return grounded(_stated(scenario), grounds())
 
 
 def _stated(_: str) -> Sequence[Claim]:
@@ -87,3 +76,7 @@ def _stated(_: str) -> Sequence[Claim]:
         Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift,
               origin=Origin.OWN),
     )  # fmt: skip
+
+
+claims = claims_by_name(scenarios, _stated, lambda _: grounds())
+"""Claims about a scenario by its name, see `claims_by_name`."""

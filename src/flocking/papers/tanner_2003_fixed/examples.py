@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +26,7 @@ from flocking.study.potentials.equilibrium import Equilibrium
 from flocking.study.potentials.state_energy import agent_energies, total_energy
 
 if TYPE_CHECKING:
-    from flocking.show.declaration import Figure
+    pass
 
 EDGES = ((0, 1), (1, 2), (2, 3), (3, 4), (0, 4), (1, 3))
 """A ring of five agents with a chord."""
@@ -226,13 +226,6 @@ def start_of(scale: float) -> State:
     return State(start.q, start.p)
 
 
-def known_figures() -> Mapping[int, Figure]:
-    """Figures of the paper; the module of pictures is imported when needed."""
-    from flocking.papers.tanner_2003_fixed.pictures import figures
-
-    return figures()
-
-
 def simulated() -> Scenario:
     """The simulation the figures show."""
     return system.scenario(seed=0)
@@ -246,4 +239,4 @@ def picture_of(number: int) -> Callable[[float], examples.Pictured]:
     number
         Number of the figure.
     """
-    return examples.pictured(known_figures, number, simulated)
+    return examples.pictured(system.KEY, number, simulated)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flocking.model.potentials.potential import Potential
-from flocking.papers.grounds import grounded
+from flocking.papers.grounds import claims_by_name
 from flocking.papers.tanner_2003_fixed.grounds import grounds
-from flocking.papers.tanner_2003_fixed.system import COMPLETE, KEY
+from flocking.papers.tanner_2003_fixed.system import COMPLETE, scenarios
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict
 from flocking.study.claims.potential_minimum import distance_of
@@ -44,17 +44,6 @@ def distances_bounded(e: Evidence) -> Measure:
     return general.at_most(e, "diameter", float(e.diameter.max()), bound)
 
 
-def claims(scenario: str = KEY) -> Sequence[Claim]:
-    """Claims of the paper about one of its systems.
-
-    Parameters
-    ----------
-    scenario
-        ``"tanner-2003-fixed"``, or ``"tanner-2003-fixed-complete"`` for the complete graph of Remark IV.5.
-    """
-    return grounded(_stated(scenario), grounds(scenario == COMPLETE))
-
-
 def _stated(scenario: str) -> Sequence[Claim]:
     complete = scenario == COMPLETE
     connected = general.starts_connected
@@ -85,6 +74,10 @@ def _stated(scenario: str) -> Sequence[Claim]:
         Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift,
               origin=Origin.OWN),
     )  # fmt: skip
+
+
+claims = claims_by_name(scenarios, _stated, lambda name: grounds(name == COMPLETE))
+"""Claims about a scenario by its name, see `claims_by_name`."""
 
 
 @about(Subject.CLOSEST, lasting=True)

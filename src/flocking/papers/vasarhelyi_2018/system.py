@@ -14,7 +14,7 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.model import starts
 from flocking.model.bodies.velocity_units import VelocityUnit
-from flocking.model.checks import integer, number, one_of
+from flocking.model.checks import integer, number
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -29,6 +29,7 @@ from flocking.model.terms.braking import (
 from flocking.model.terms.steering import Steering
 from flocking.model.world.control import Held
 from flocking.model.world.fixes import Fixes
+from flocking.papers.named_scenarios import scenario_by_name
 
 KEY = "vasarhelyi-2018"
 PROGRAM, OPTIMIZED, OBSTACLES, ALONE = (f"{KEY}-{name}" for name in ("program", "optimized", "obstacles", "alone"))
@@ -304,25 +305,5 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
     }
 
 
-def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY) -> Scenario:
-    """A scenario by its name, or that of a figure.
-
-    Parameters
-    ----------
-    figure
-        1 or 2.
-    seed
-        Seed of the start and of all noise.
-    name
-        Name of the scenario, if no figure is given.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no such figure or scenario.
-    """
-    if figure is not None:
-        one_of("scenario", "figure", figure, FIGURES, "must be 1 or 2")
-        name = FIGURES[figure]
-    one_of("scenario", "name", name, scenarios(), f"must be one of {', '.join(scenarios())}")
-    return scenarios()[name](seed)
+scenario = scenario_by_name(scenarios, FIGURES)
+"""A scenario by its name, or that of a figure, see `scenario_by_name`."""

@@ -10,11 +10,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from flocking.errors import InvalidInput
 from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.checks import Array
 from flocking.model.world.control import Held
-from flocking.papers.grounds import OBSERVED, Ground, grounded, proved
+from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved
 from flocking.papers.vasarhelyi_2018 import system
 from flocking.papers.vasarhelyi_2018.closed_forms import lone_speeds
 from flocking.papers.vasarhelyi_2018.parameters import OrderParameters, order_parameters
@@ -154,24 +153,6 @@ def grounds() -> Mapping[str, Ground]:
     return {**found, "lone-speed": proved(f"{alone}: a linear recursion"), "straight": proved(alone)}
 
 
-def claims(scenario: str = system.KEY) -> Sequence[Claim]:
-    """Claims about a scenario of this package.
-
-    Parameters
-    ----------
-    scenario
-        Its name.
-
-    Raises
-    ------
-    InvalidInput
-        If there is none of that name.
-    """
-    if scenario not in system.scenarios():
-        raise InvalidInput("claims", "scenario", f"must be one of {', '.join(system.scenarios())}", scenario)
-    return grounded(_stated(scenario), grounds())
-
-
 def _stated(name: str) -> Sequence[Claim]:
     own = Origin.OWN
     if name == system.ALONE:
@@ -190,3 +171,7 @@ def _stated(name: str) -> Sequence[Claim]:
         ("together", "After a minute the smallest cluster has a fifth of the agents on average.", together),
     )
     return tuple(Claim(key, "order parameters", words, measure, origin=own) for key, words, measure in asked)
+
+
+claims = claims_by_name(system.scenarios, _stated, lambda _: grounds())
+"""Claims about a scenario by its name, see `claims_by_name`."""

@@ -8,13 +8,14 @@ import numpy as np
 
 from flocking.model import starts
 from flocking.model.bodies.discrete_bodies import Heading
-from flocking.model.checks import integer, number, one_of
+from flocking.model.checks import integer, number
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Periodic
 from flocking.model.state import State
 from flocking.model.terms.alignment import VelocityAverage
 from flocking.model.world.control import Held
+from flocking.papers.named_scenarios import scenario_by_name
 
 KEY = "vicsek-1995"
 GATHERING, ORDERED, SMALL = f"{KEY}-gathering", f"{KEY}-ordered", f"{KEY}-small"
@@ -120,25 +121,5 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
     }  # fmt: skip
 
 
-def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY) -> Scenario:
-    """A scenario by its name, or that of a figure.
-
-    Parameters
-    ----------
-    figure
-        1, 2, or 3, which is of later work.
-    seed
-        Seed of the start and of the noise.
-    name
-        Name of the scenario, if no figure is given.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no such figure or scenario.
-    """
-    if figure is not None:
-        one_of("scenario", "figure", figure, FIGURES, "must be 1, 2 or 3")
-        name = FIGURES[figure]
-    one_of("scenario", "name", name, scenarios(), f"must be one of {', '.join(scenarios())}")
-    return scenarios()[name](seed)
+scenario = scenario_by_name(scenarios, FIGURES)
+"""A scenario by its name, or that of a figure, see `scenario_by_name`."""

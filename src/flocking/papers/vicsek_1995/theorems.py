@@ -12,11 +12,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from flocking.errors import InvalidInput
 from flocking.model.bodies.discrete_bodies import Heading
 from flocking.model.checks import Array
 from flocking.model.world.control import Held
-from flocking.papers.grounds import OBSERVED, Ground, grounded, proved
+from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved
 from flocking.papers.vicsek_1995 import system
 from flocking.papers.vicsek_1995.closed_forms import deviations, random_order
 from flocking.study.claims import general_claims as general
@@ -212,24 +211,6 @@ def grounds() -> Mapping[str, Ground]:
     }
 
 
-def claims(scenario: str = system.KEY) -> Sequence[Claim]:
-    """Claims about a scenario of this package.
-
-    Parameters
-    ----------
-    scenario
-        Its name.
-
-    Raises
-    ------
-    InvalidInput
-        If there is none of that name.
-    """
-    if scenario not in system.scenarios():
-        raise InvalidInput("claims", "scenario", f"must be one of {', '.join(system.scenarios())}", scenario)
-    return grounded(_stated(scenario), grounds())
-
-
 def _stated(name: str) -> Sequence[Claim]:
     own, rule = Origin.OWN, "the rule, as commonly cited"
     speed = Claim("speed", rule, "All speeds are v at all times.", speeds_kept, dynamic=False)
@@ -260,3 +241,7 @@ def _stated(name: str) -> Sequence[Claim]:
         )  # fmt: skip
     sentence = "The motion is ordered: v_a is above one half on average."
     return (speed, old, within, even, Claim("ordered", "Figs. 1 and 2", sentence, ordered))
+
+
+claims = claims_by_name(system.scenarios, _stated, lambda _: grounds())
+"""Claims about a scenario by its name, see `claims_by_name`."""

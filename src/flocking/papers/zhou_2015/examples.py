@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +30,7 @@ from flocking.study.potentials.equilibrium import Equilibrium
 from flocking.study.potentials.state_energy import total_energy
 
 if TYPE_CHECKING:
-    from flocking.show.declaration import Figure
+    pass
 
 
 FIRST_WITH_LEADER = 8
@@ -333,13 +333,6 @@ def start_of(scale: float) -> State:
     return system.scenario(seed=0, side=system.SIDE * scale).start
 
 
-def known_figures() -> Mapping[int, Figure]:
-    """Figures of the paper; the module of pictures is imported when needed."""
-    from flocking.papers.zhou_2015.pictures import figures
-
-    return figures()
-
-
 def alone() -> Scenario:
     """The simulation without a leader, slightly longer than the figures show."""
     return system.scenario(seed=0, duration=13.0).with_(name="")
@@ -358,4 +351,4 @@ def picture_of(number: int) -> Callable[[float], examples.Pictured]:
     number
         Number of the figure.
     """
-    return examples.pictured(known_figures, number, alone if number < FIRST_WITH_LEADER else led)
+    return examples.pictured(system.KEY, number, alone if number < FIRST_WITH_LEADER else led)

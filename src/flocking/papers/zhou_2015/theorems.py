@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from flocking.model.terms.body_terms import Track
-from flocking.papers.grounds import grounded
+from flocking.papers.grounds import claims_by_name
 from flocking.papers.zhou_2015.bounds import largest_energy, most_new_links
 from flocking.papers.zhou_2015.grounds import grounds
-from flocking.papers.zhou_2015.system import KEY, LEADER
+from flocking.papers.zhou_2015.system import LEADER, scenarios
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below
 from flocking.study.claims.settling import limit_of, limit_of_series, of_configuration
@@ -153,17 +153,6 @@ def leader_met(e: Evidence) -> Measure:
     )  # fmt: skip
 
 
-def claims(scenario: str = KEY) -> Sequence[Claim]:
-    """Claims of the paper about one of its systems.
-
-    Parameters
-    ----------
-    scenario
-        ``"zhou-2015"``, or ``"zhou-2015-leader"`` with the virtual leader.
-    """
-    return grounded(_stated(scenario), grounds(scenario == LEADER))
-
-
 def _stated(scenario: str) -> Sequence[Claim]:
     led = scenario == LEADER
     theorem = "Theorem 2" if led else "Theorem 1"
@@ -218,6 +207,10 @@ def _stated(scenario: str) -> Sequence[Claim]:
         Claim("stationary", "proof of Theorem 2", "The potential forces balance in the limit.", general.forces_vanish,
               start),
     )  # fmt: skip
+
+
+claims = claims_by_name(scenarios, _stated, lambda name: grounds(name == LEADER))
+"""Claims about a scenario by its name, see `claims_by_name`."""
 
 
 @about(Subject.VELOCITIES, lasting=True)
