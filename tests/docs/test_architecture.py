@@ -42,7 +42,7 @@ HOMES = {
     "change how headings are set at ticks": "class Heading(",
     "change how neighbours are found in discrete time": "class CellPairs:",
     "add an actuator or a limit": "class Limited(",
-    "change how it is located when a limit begins to act": "def first_bite(",
+    "change how it is located when a limit begins to act": "def first_limit_change(",
     "add a space": "class Open",
     "change which images the exact engine watches": "def reachable(",
     "change the displacements that kernels compute": "def displacement_lines(",

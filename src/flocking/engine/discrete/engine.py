@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
+from flocking.engine.discrete.random_rounding import RandomRoundingDiscreteSession
 from flocking.engine.discrete.session import DiscreteOptions, DiscreteSession
-from flocking.engine.discrete.shaken import ShakenDiscreteSession
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.repeats import Repeats
@@ -74,7 +74,7 @@ class DiscreteEngine(Engine):
             return None
         how = "with errors larger than those of rounding"
         return Repeats(
-            tuple(partial(ShakenDiscreteSession, run.scenario, seed) for seed in SEEDS), how, how, DISCRETE_WORK
+            tuple(partial(RandomRoundingDiscreteSession, run.scenario, seed) for seed in SEEDS), how, how, DISCRETE_WORK
         )
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:

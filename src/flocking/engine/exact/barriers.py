@@ -51,7 +51,7 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
     segment
         The step.
     ledger
-        What the ledger says at the start of the step.
+        The ledger at the start of the step.
     """
     tolerance = dynamics.scenario.tolerance
     if _gap(dynamics, segment.t1, segment.coefficients[-1], ledger) > LEDGER_GAP * tolerance:

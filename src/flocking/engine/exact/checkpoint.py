@@ -72,7 +72,7 @@ def restore_exact(numbers: Mapping[str, object], arrays: Arrays, stored: Stored)
     checked = check_exact(numbers, arrays, scenario, plant)
     (t, step), (t0, t1) = checked["stepper"], checked["segment"]
     rate, lost, doubts = checked.get("error", (0.0, t0, ((), ())))
-    # What a checkpoint without an estimate of the error went through is not known.
+    # A checkpoint without an estimate of the error leaves the error until then unknown.
     nodes = arrays.get("difference", np.zeros((NODES, len(arrays["y"]))))
     origin = Origin.unpacked(checked["origin"])
     return Snapshot(

@@ -128,12 +128,12 @@ class Dynamics:
         self._put_held()
 
     def follow_limits(self, t: float, y: Array) -> bool:
-        """Let limits of the bodies begin and end to act as a state vector ``y`` says; whether one did."""
+        """Change which limits of the bodies act according to a state vector ``y``; whether one changed."""
         return bool(self.held.limits) and self.held.follow(self._limit_signs, t, y, self._put_held)
 
-    def first_bite(self, segment: Segment) -> float | None:
+    def first_limit_change(self, segment: Segment) -> float | None:
         """The fraction of a segment at which the first limit begins or ends to act; None if none does."""
-        return self.held.first_bite(self._limit_signs, segment)
+        return self.held.first_limit_change(self._limit_signs, segment)
 
     def _limit_signs(self, t: float, y: Array) -> Array:
         self._locate(y)
@@ -378,7 +378,7 @@ class Dynamics:
         return q, p, y[self.columns_size :]
 
     def integrals(self, states: Array, velocity: Array, begin: Array) -> Array:
-        """What `fill_ledger` says of state vectors (``states``, ``velocity``, ``begin``)."""
+        """Result of `fill_ledger` for state vectors (``states``, ``velocity``, ``begin``)."""
         found, masses = np.empty((len(states), DEPARTED + 1)), self.scenario.agents.masses
         each = np.array(np.broadcast_to(masses, self.n), dtype=np.float64)
         moving = self.n * self.m if self.order == 2 else -1

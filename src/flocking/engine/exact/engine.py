@@ -35,7 +35,7 @@ class ExactEngine(Engine):
         if scenario.start.n > MOST_AGENTS:
             raise InvalidInput(
                 "start", "engine", f"must be 'tiles' for more than {MOST_AGENTS} agents",
-                f"{self.name!r} for {scenario.start.n}", "The exact engine looks at every pair.",
+                f"{self.name!r} for {scenario.start.n}", "The exact engine stores a matrix of all pairs.",
             )  # fmt: skip
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> ExactSession:
@@ -58,7 +58,7 @@ class ExactEngine(Engine):
         """Runs to each of several ends from one session; only the first stores fine samples."""
         assert isinstance(options, ExactOptions)
         first = scenario.t_end - scenario.start.t
-        # This session meets no end: its steps near one are those of a run that has it far ahead.
+        # This session has no end of its own: its steps near one are those of a run whose end is far away.
         complete = longer(scenario, ends[-1]).with_(t_end=ends[-1] + first)
         session = ExactSession(complete, options, plant=plant)
         left = session.snapshot()

@@ -273,7 +273,7 @@ def _approach(motion: Motion, linked: Links, nearby: NearbyPairs, times: StepTim
 
 
 def _image_approach(space: Space, motion: Motion, linked: Links, times: StepTimes, error: float, rows: Array) -> None:
-    """Take in how close pairs come on a step where space repeats."""
+    """Record the closest approaches on a step in periodic space."""
     known, most = np.empty(2), np.empty(2)
     _bounds(error, rows, known, most)
     found, closest = image_closest(space, motion.positions, motion.far, linked, most[0], most[1])
@@ -282,7 +282,7 @@ def _image_approach(space: Space, motion: Motion, linked: Links, times: StepTime
 
 
 def _bounds(error: float, rows: Array, known: Array, most: Array) -> None:
-    """Fill the errors of the closest approaches so far, and below which distances a step has something to say."""
+    """Fill the errors of the closest approaches so far, and the distances below which a step must be searched."""
     margin = 0.0 if error == np.inf else error
     for row in range(2):
         distance, off = rows[CLOSEST + row, VALUE], rows[CLOSEST + row, ERROR]
@@ -293,7 +293,7 @@ def _bounds(error: float, rows: Array, known: Array, most: Array) -> None:
 def _take_approach(
     B: Array, i: int, j: int, found: Array, known: float, times: StepTimes, error: float, row: Array
 ) -> None:
-    """Take in the closest approach of a step, that of the paths ``i`` and ``j``."""
+    """Record the closest approach of a step, that of the paths ``i`` and ``j``."""
     square, x = found[0], found[1]
     if x >= NEVER:
         if error == np.inf and row[FIRST] >= 0.0:

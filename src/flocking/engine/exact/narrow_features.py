@@ -1,9 +1,9 @@
 """Narrow features of pair formulas: distances that a step may not jump over.
 
 The error estimate of a step uses the force only at the stages of the step. A bump of the force between two stages
-leaves no trace, so a pair may move only a fraction of its width per step while it is near it. The formulas give the
-positions of bumps: each has an extremum of the force. On an interval where the slope of the force has one sign there is
-none; interval arithmetic finds all others, however narrow.
+does not change that estimate, so a pair may move only a fraction of its width per step while it is near it. The
+formulas give the positions of bumps: each has an extremum of the force. On an interval where the slope of the force has
+one sign there is none; interval arithmetic finds all others, however narrow.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ def zones(
             try:
                 found += _piece(formula, low * (1 + MARGIN), high * (1 - MARGIN), borders[-1])
             except (TypeError, ValueError, ArithmeticError, AttributeError):
-                # A function of a part from outside that intervals are not known for: only stages look at it.
+                # A user's function without interval arithmetic is evaluated at the stages alone.
                 continue
     return _merged(found)
 

@@ -64,7 +64,7 @@ class Precision:
             enter, leave = (np.asarray(r, dtype=np.float64).ravel() for r in (graph.appear_radius, graph.break_radius))
             finest += [float(x) for x in (*enter, *leave, *np.abs(leave - enter)) if 0 < x < np.inf]
         self.finest = min(finest)
-        """The finest distance that links tell apart."""
+        """The smallest difference of distances that decides about a link."""
 
     def check(self, own: float, y: Array) -> None:
         """Check the state vector ``y`` at the session's own time.

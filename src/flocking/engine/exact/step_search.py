@@ -68,10 +68,10 @@ def found_step(
             tried = None
         where, crossings = links.next_crossings(complete, dynamics.n, dynamics.m, dynamics.order)
         segment = complete.cut(where) if crossings else complete
-        bite = dynamics.first_bite(segment)
+        change = dynamics.first_limit_change(segment)
         # At the end of the step a limit and a pair may both change.
-        if bite is not None and bite < 1.0:
-            segment, crossings = segment.cut(bite), []
+        if change is not None and change < 1.0:
+            segment, crossings = segment.cut(change), []
         lost = links.lost_link(crossings, dynamics.barriers)
         share = dynamics.allowed_share(segment, links)
         jumped = ledger is not None and lost is None and share >= 1 and jumps_barrier(dynamics, segment, ledger)

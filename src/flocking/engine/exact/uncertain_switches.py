@@ -225,7 +225,7 @@ class Doubts:
         fresh = Fresh(t, begin, level, outward, links.would(*key), bound)
         settled = []
         if key in self.fresh:
-            # There and back within the error: neither need have happened.
+            # Two crossings within the error: it is possible that none occurred.
             settled = self._doubtful(key, t, links)
             self.fresh[key] = fresh
             settled += self._doubtful(key, t, links)
@@ -247,7 +247,7 @@ class Doubts:
 
     @property
     def open(self) -> bool:
-        """Whether there are doubts besides those that any switch leaves for a while."""
+        """Whether there are doubts beyond those that follow every switch until the pair is beyond the error."""
         return bool(self.approaches) or any(fresh.recorded for fresh in self.fresh.values())
 
     def fresh_rows(self) -> Array:
@@ -259,7 +259,7 @@ class Doubts:
         return np.array(rows, dtype=np.float64).reshape(-1, 10)
 
     def take_fresh(self, rows: Array, links: LinkState) -> None:
-        """Take such ``rows`` in place of those known; ``links`` says what the watches are."""
+        """Take such ``rows`` in place of those known; ``links`` has the watches."""
         self.fresh = {}
         for watch, i, j, time, begin, level, outward, error, *_ in rows.tolist():
             kink = links.watches[int(watch)].kind == "kink"

@@ -35,9 +35,9 @@ def compiled_kernels(layout: Layout, dimension: int) -> ModuleType:
     Functions of the module: ``control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)`` fills
     the forces and `RATES`; for first-order agents ``flow`` does with velocities u that are given; ``slope(t, z,
     senders, ..., S, q, p, u, out)`` fills the slope of a state vector, see `motion_source`; of bodies with limits
-    ``limit_signs`` takes the same and fills what `limits_source` says; ``energies(t, q, p, ...)`` gives pair storage,
-    body storage and kinetic energy in the frame of the energy, see `flocking.engine.kernels.law_kernels`. Row
-    ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
+    ``limit_signs`` takes the same and fills the expressions of `limits_source`; ``energies(t, q, p, ...)`` gives pair
+    storage, body storage and kinetic energy in the frame of the energy, see `flocking.engine.kernels.law_kernels`. Row
+    ``pieces[e]`` of ``spans`` gives the piece of a piecewise formula that is in force for pair ``e``, see `limits`;
     ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
     those of each group of obstacles. ``shape0.reads`` numbers the slots of P, A and W that such a function reads,
     ``shape0.acting`` those of its values that are forces or multiply one.
@@ -56,7 +56,7 @@ def compiled_kernels(layout: Layout, dimension: int) -> ModuleType:
 
 
 def known_kernels(layout: Layout, dimension: int, degree: int) -> ModuleType:
-    """The forces of agents that know of each neighbour what a polynomial in time says, instead of its present state.
+    """The forces of agents that know a polynomial in time of each neighbour instead of its present state.
 
     Function of the module: ``control(t, q, p, senders, ..., S, T, K, u, rates)``, as that of `compiled_kernels`, where
     ``q`` and ``p`` are what agents know of themselves, and of the neighbour of pair ``e`` its agent knows the positions

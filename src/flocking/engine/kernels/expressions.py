@@ -57,7 +57,7 @@ class PairFormulas:
 
 @dataclass(frozen=True)
 class MotionFormulas:
-    """How the columns of an agent change under the force ``u0...`` that the law wants.
+    """How the columns of an agent change under the force ``u0...`` of the law.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class MotionFormulas:
     departure
         Power that a body of order 2 adds to that of the wanted force and the damping.
     departs
-        Whether the point that the law sees may move otherwise than an ideal body under the wanted force.
+        Whether the point on which the law acts may move otherwise than an ideal body under the wanted force.
     limits
         Where each limit begins and ends to act, ``begins_0``, ``ends_0`` and so on, in the order of `Body.limits`.
     """
@@ -220,9 +220,9 @@ def _flow(stated: dict[str, sympy.Expr], x: PairSymbols, paired: bool) -> sympy.
     """Supply of first-order agents, dq/dt = u: what the storage gains beyond -|u|^2, the rate of a gradient flow."""
     import sympy
 
-    # Forces of first-order agents see no velocities, whereas ``radial`` and ``push`` are here those of the motion.
+    # Forces of first-order agents have no velocities in them; ``radial`` and ``push`` are here those of the motion.
     along = stated["along"].subs({_symbol("radial"): 0, _symbol("speed2"): 0})
-    # An integral has the force as its slope, which no algebra finds in its series.
+    # The slope of an integral is the force, which differentiating its series would not show.
     slope = along if x.fade is not None else sympy.diff(stated["storage"], x.r)
     rate = slope * _symbol("radial")
     if paired:

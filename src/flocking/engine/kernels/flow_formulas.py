@@ -1,4 +1,4 @@
-"""The formulas of a law for agents of order 1, whose velocity is their control and which see no velocities."""
+"""The formulas of a law for agents of order 1, whose velocity is their control and which know no velocities."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OF_PAIRS = ("speed2", "radial", "push", "pull")
 
 
 def flow_formulas(formulas: LawFormulas) -> LawFormulas:
-    """The formulas of a law with zero for every velocity that it sees.
+    """The formulas of a law with zero for every velocity in them.
 
     Dissipation and supply of second order are gone: a gradient flow dissipates |u|^2, and what else changes the storage
     is ``flow``, in which the symbols of velocities are those of the motion, ``u0``... and their mean ``mean_u0``... .

@@ -78,12 +78,12 @@ class Layout:
     space
         Where they live; the lengths of axes that repeat get slots too.
     steering
-        Whether whoever uses it adds the forces of steering terms, which have no formulas.
+        Whether the caller adds the forces of steering terms, which have no formulas.
 
     Raises
     ------
     UnsupportedLaw
-        When the law has steering terms, and nobody adds their forces.
+        When the law has steering terms and `steering` is false.
     """
 
     law: Law

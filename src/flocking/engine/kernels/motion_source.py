@@ -17,7 +17,7 @@ RATES = ("work", "dissipated", "supplied")
 
 
 def point_source(m: int, order: int) -> str:
-    """Lines that take positions and velocities, as the law sees them, from the state vector.
+    """Lines that read the positions and velocities on which the law depends from the state vector.
 
     Parameters
     ----------

@@ -60,4 +60,4 @@ class KnownNeighbours:
 
 
 PRESENT = PresentNeighbours()
-"""The ideal world, in which everybody knows the present."""
+"""Instant information: every agent knows the present state of its neighbours."""

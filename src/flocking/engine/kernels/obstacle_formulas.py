@@ -99,7 +99,7 @@ def obstacle_formulas(
 
 
 def _check_common(group: ObstacleGroup, stated: Callable[[Obstacle], object]) -> None:
-    """Obstacles of one structure share one kernel: those whose code is not this library's are asked, each of them."""
+    """Refuse obstacles of one structure and different formulas, which would share a kernel; users may write such."""
     if library_states_all(group.obstacles):
         return
     first = canonical(stated(group.obstacles[0]))

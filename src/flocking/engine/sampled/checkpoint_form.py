@@ -209,7 +209,7 @@ def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tu
 
 
 def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[float, Array], space: Space) -> None:
-    """Crossings are ahead, at their distances, and leave every link such as the distance at the end of a piece says."""
+    """Crossings lie in the future, at their distances, and agree with the distances at the ends of pieces."""
     slack, ends = spans
     time, rows = arrays["crossing_time"], arrays["crossing"]
     must(len(time) == len(rows), "crossing", "have as many rows as crossing_time")
@@ -259,7 +259,7 @@ def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[
 
 
 def _check_meetings(arrays: Arrays, meetings: Meetings, when: tuple[float, float, float]) -> None:
-    """Agents are where they are said to be within range of obstacles, and meetings are ahead, at the range."""
+    """Agents stated to be within range of obstacles are, and meetings lie in the future, at the range."""
     (base, now, slack), time, rows = when, arrays["meeting_time"], arrays["meeting"]
     must(len(time) == len(rows), "meeting", "have as many rows as meeting_time")
     counts = np.array([there.shape[1] for there in meetings.near])
@@ -295,7 +295,7 @@ def _check_meetings(arrays: Arrays, meetings: Meetings, when: tuple[float, float
 
 
 def _check_knowledge(arrays: Arrays, fresh: Knowledge, ticks: PeriodicTimes) -> None:
-    """Everyone has of everyone the newest sample that has arrived, and all samples that are in use are kept."""
+    """All agents have the newest samples that have arrived, and all samples in use are kept."""
     newest, taken, n = arrays["newest"], arrays["taken"], fresh.n
     room = len(arrays["sample_rows"])
     doubled = room >= FIRST_ROOM and room & (room - 1) == 0

@@ -12,9 +12,9 @@ from flocking.engine.protocol.repeats import Repeats
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.runs.run import Run
+from flocking.engine.sampled.random_rounding import RandomRoundingSession
 from flocking.engine.sampled.safety import check_filter
 from flocking.engine.sampled.session import SampledOptions, SampledSession
-from flocking.engine.sampled.shaken import ShakenSession
 from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
@@ -37,14 +37,14 @@ class SampledEngine(Engine):
     worlds = (Held, Messages)
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
-        """Refuse what has no closed form, and what this engine does not know."""
+        """Refuse what has no closed form, and kinds of information that this engine does not support."""
         if not isinstance(scenario.control, Held):
             raise UnsupportedLaw(
                 "engine='sampled' needs control=Held(...): between two ticks it moves agents in closed form. "
                 "Use another engine for continuous control."
             )
         if not isinstance(scenario.information, Instant | Messages):
-            raise UnsupportedLaw("engine='sampled' knows no information but Instant and Messages.")
+            raise UnsupportedLaw("engine='sampled' supports no information but Instant and Messages.")
         check_nanoseconds(scenario)
         if isinstance(scenario.control, SafetyFilter):
             check_filter(scenario)
@@ -61,7 +61,7 @@ class SampledEngine(Engine):
         if run.fidelity.ledger.kind != "estimate":
             return None
         how = "with errors larger than those of rounding"
-        return Repeats(tuple(partial(ShakenSession, run.scenario, seed) for seed in SEEDS), how, how)
+        return Repeats(tuple(partial(RandomRoundingSession, run.scenario, seed) for seed in SEEDS), how, how)
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""

@@ -69,7 +69,7 @@ def check_law_change(scenario: Scenario, law: Law) -> Scenario:
     """
     if tuple(law.graphs) != tuple(scenario.law.graphs):
         raise UnsupportedLaw(
-            "engine='sampled' keeps the graphs of a law while a run goes on: links of what agents know have a past. "
+            "engine='sampled' keeps the graphs of a law while a run goes on: links depend on earlier samples. "
             "Start another run from run.state(-1)."
         )
     return scenario.with_(law=law)
@@ -99,7 +99,7 @@ def packed_changes(found: Interventions, knowledge: Knowledge) -> Packed:
 
 
 def unpacked_changes(packed: Packed, found: Interventions, knowledge: Knowledge) -> Packed:
-    """Take up what `packed_changes` gave, and return the rest of what was packed.
+    """Restore what `packed_changes` gave, and return the rest of what was packed.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, Periodi
 
 
 class Knowledge:
-    """What every agent knows of the others, and whom it is linked with by what it knows.
+    """What every agent knows of the others, and its links by what it knows.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Knowledge:
             self.errors = np.concatenate(drawn, axis=1)
 
     def recall(self, sent: Sequence[Messages], since: Sequence[Instants]) -> None:
-        """Take up how messages ``sent`` before the present settings were sent, at the start of a session.
+        """Restore how messages ``sent`` before the present settings were sent, at the start of a session.
 
         Parameters
         ----------
@@ -140,7 +140,7 @@ class Knowledge:
 
     @property
     def next_sample(self) -> Instants:
-        """When each agent takes its next sample, in nanoseconds; nobody does without messages."""
+        """When each agent takes its next sample, in nanoseconds; never without messages."""
         assert self.schedule is not None
         return self.schedule.at(np.arange(self.n), self.taken)
 
@@ -240,7 +240,7 @@ class Knowledge:
         return loss.lost(messages.seed, sender, receiver, k, distance)
 
     def _begun(self, sender: NDArray[np.int64], number: Instants) -> Instants:
-        """When samples were taken, in nanoseconds; the one everyone has at the start, at the start."""
+        """When samples were taken, in nanoseconds; the one that all have at the start, at the start."""
         assert self.schedule is not None
         return np.where(number == START, 0, self.schedule.at(sender, number))
 
@@ -250,7 +250,7 @@ class Knowledge:
         Parameters
         ----------
         q, p
-            True positions and velocities of everyone, shape (N, m).
+            True positions and velocities of all agents, shape (N, m).
         """
         shape = (len(agents), self.n)
         state = np.concatenate([q, p], axis=1)
@@ -268,7 +268,7 @@ class Knowledge:
         return Known(agents, own, rows, there, begun if self.messages.predict else None, time)
 
     def relink(self, known: Known, rules: LinkRules) -> None:
-        """Let links appear and break by what agents know; who is not known any more is no neighbour.
+        """Let links appear and break by what agents know; an agent that is not known any more is no neighbour.
 
         Parameters
         ----------
@@ -326,9 +326,9 @@ class Known:
     own
         What each knows of itself, shape (agents, 2 m).
     rows
-        What each knows of everyone, as it was measured, shape (agents, N, 2 m).
+        What each knows of all agents, as it was measured, shape (agents, N, 2 m).
     there
-        Of whom each knows anything, shape (agents, N).
+        Of which agents each knows a state, shape (agents, N).
     begun
         When that was measured, in nanoseconds, where it is moved on; None where it is held.
     time
@@ -343,7 +343,7 @@ class Known:
     time: int
 
     def positions(self, m: int) -> Array:
-        """Where the agents take everyone to be now, shape (agents, N, m)."""
+        """Where the agents assume all agents to be now, shape (agents, N, m)."""
         if self.begun is None:
             return self.rows[..., :m]
         return np.asarray(self.rows[..., :m] + ((self.time - self.begun) * NANOSECOND)[..., None] * self.rows[..., m:])
@@ -356,7 +356,7 @@ class Known:
         row
             Rows of the agents that know.
         other
-            Whom they know.
+            The agents that they know.
         m
             Number of axes.
 

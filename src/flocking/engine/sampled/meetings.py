@@ -23,7 +23,7 @@ class Meeting(NamedTuple):
     seconds
         When, since the start.
     agent, group, obstacle
-        Who, the number of the group of obstacles, and that of the obstacle within it.
+        The agent, the number of the group of obstacles, and that of the obstacle within it.
     """
 
     seconds: float
@@ -70,12 +70,12 @@ class Meetings(ObstacleDistances):
         return [(i, o) for i, o in map(np.nonzero, self.near)]
 
     def met_by(self, q: Array, t: float, agents: Indices) -> list[tuple[Indices, Indices]]:
-        """Agents that take themselves to be within range of an obstacle, and the obstacles, of every group.
+        """Agents within range of an obstacle by the positions that they assume, and the obstacles, of every group.
 
         Parameters
         ----------
         q
-            Where ``agents`` take themselves to be, shape (agents, m).
+            Positions that ``agents`` assume, shape (agents, m).
         t
             The scenario's time.
         """

@@ -99,7 +99,7 @@ class Motion:
             self.longest = np.maximum(np.minimum(np.floor(pieces), float(LONGEST_PIECE)), 1.0).astype(np.int64)
         self.coefficients = np.zeros((self.degree + 1, n, m))
         self._latest: tuple[float, Array, Array] | None = None
-        """The time last asked of `shifted`, the coefficients that it was asked of, and its answer."""
+        """The last argument of `shifted`, the coefficients at that time, and its result."""
         self.force = np.zeros((n, m))
         everyone = np.arange(n)
         self.beside = self.lag = None
@@ -127,7 +127,7 @@ class Motion:
         drive
             What acts at the beginning.
         sizes
-            Whether bounds on what adds up to the coefficients are asked for instead.
+            Whether to give bounds on the summands of the coefficients instead.
         """
         if drive.lag is None or drive.beside is None:
             return np.abs(drive.force)[None] if sizes else drive.force[None]
@@ -174,7 +174,7 @@ class Motion:
         drive
             What acts.
         sizes
-            Whether bounds on what adds up to the coefficients are asked for instead.
+            Whether to give bounds on the summands of the coefficients instead.
         """
         C = np.empty((self.degree + 1, *q.shape))
         A = self.acting(agents, drive, sizes=sizes)
@@ -193,7 +193,7 @@ class Motion:
         return C
 
     def _restart(self, agents: Indices, q: Array, p: Array) -> None:
-        """Take up new pieces of ``agents`` at positions and velocities, under what acts."""
+        """Begin new pieces of ``agents`` at positions and velocities, under what acts."""
         self.coefficients[:, agents] = self.piece(agents, q, p, self.drive(agents))
         self._latest = None
 
@@ -216,7 +216,7 @@ class Motion:
     def shifted(self, time: float) -> Array:
         """Coefficients of the same polynomials about ``time`` seconds from the start, shape (degree + 1, N, m).
 
-        They are not to be changed: the next one to ask for the same time is given them too.
+        They must not be changed: the next call for the same time returns them too.
         """
         if self._latest is None or self._latest[0] != time or self._latest[1] is not self.coefficients:
             found = shifted(self.coefficients, np.asarray(time - self.begin * NANOSECOND)[:, None])

@@ -18,7 +18,8 @@ from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND
 
 ASKED = 1e6
-"""Largest acceleration that is asked for, by what both agents can brake: two that are too close would ask for more."""
+"""Largest acceleration that a condition requires, in those with which both agents can brake: for two that are too close
+it would be larger."""
 
 
 @dataclass
@@ -142,7 +143,7 @@ class ForceFilter:
         known
             What they know.
         force
-            What the law wants of them, shape (agents, m).
+            Forces of the law on them, shape (agents, m).
         """
         m = force.shape[1]
         found = np.empty_like(force)
@@ -193,7 +194,7 @@ class ForceFilter:
         control, own = self.control, self.most[i]
         braking = own + self.most[others]
         r = np.linalg.norm(dp, axis=1)
-        # Of whom nothing is known any more the line is forgotten, as its link is.
+        # The line to an agent that is not known any more is dropped, as its link is.
         self.memory.normals[i, ~others] = 0.0
         held = self.memory.normals[i, others]
         apart = r > 0.0

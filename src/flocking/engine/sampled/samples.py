@@ -1,4 +1,4 @@
-"""Samples of agents by their numbers, as far back as anybody may still use them."""
+"""Samples of agents by their numbers, as far back as an agent may still use them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from flocking.engine.runs.message_log import AT_START
 from flocking.model.world.times import Instants
 
 START = AT_START
-"""Number of the sample that everyone has of everyone at the start."""
+"""Number of the sample that all agents have of all others at the start."""
 
 FIRST_ROOM = 4
 """Samples of each agent for which there is room at first; it doubles where messages are old."""
 
 
 class Samples:
-    """Samples by agent and number, as far back as anybody may still use them.
+    """Samples by agent and number, as far back as an agent may still use them.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Samples:
         """Measured positions and velocities, sample k in row k % room, shape (room, N, 2 m)."""
         self.start = np.concatenate([q, p], axis=1)
         self.distances = np.zeros((room, n, n) if with_distances else (room, 0, 0))
-        """True distances of everyone from the agent when it was measured, shape (room, N, N)."""
+        """True distances of all agents from the one measured, at that time, shape (room, N, N)."""
 
     def make_room(self, newest: Instants, least: Instants) -> None:
         """Double the room until no sample in use is written over.
@@ -66,7 +66,7 @@ class Samples:
         measured
             What was measured, shape (agents, 2 m).
         distances
-            True distances of everyone, shape (agents, N), where they are kept.
+            True distances of all agents, shape (agents, N), where they are kept.
         """
         place = numbers % len(self.rows)
         self.rows[place, agents] = measured

@@ -80,7 +80,7 @@ class SampledSession(ImperfectSession):
         self.motion = Motion(
             start.q, start.p, scenario.agents, self.actuation, columns.get(APPLIED), columns.get(HEADING)
         )
-        # Agents of order 1 stand still before the start, whatever velocities it names.
+        # Agents of order 1 stand still before the start, whatever velocities it gives.
         sent = start.p if scenario.agents.order == 2 else np.zeros_like(start.p)
         self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
         self._sampled_law = SampledLaw(of_points(scenario), self.knowledge.degree)
@@ -119,7 +119,7 @@ class SampledSession(ImperfectSession):
         return {column.name: every[column.name] for column in self.scenario.agents.columns}
 
     def relink(self) -> None:
-        """Take true links and obstacles within range as they are now."""
+        """Set true links and obstacles within range from the present state."""
         self._pairs = self._law.pairs(self.links, self.meetings.pairs)
         self._linked = int(self.links[0].sum())
 
@@ -130,7 +130,7 @@ class SampledSession(ImperfectSession):
         return round((t - self._base) / NANOSECOND) * NANOSECOND
 
     def _next_change(self) -> float:
-        """When anybody measures, acts, or changes its force or its polynomial."""
+        """The next time at which an agent measures, acts, or changes its force or its polynomial."""
         self._ticking = self._next_tick()
         found = min(int(self._ticking.min()), int(self.motion.ends().min()))
         if self.waiting:
@@ -227,12 +227,12 @@ class SampledSession(ImperfectSession):
         self._record_row(seconds)
 
     def _measure(self, measuring: Indices, seconds: float) -> None:
-        """Let agents take a sample."""
+        """Take a sample of agents."""
         everyone = self.motion.at(seconds)[0] if self.knowledge.reads_distances else None
         self.knowledge.measure(measuring, *self.motion.at(seconds, measuring), everyone)
 
     def _desired(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
-        """Forces that the law wants of the agents that act, shape (agents, m)."""
+        """Forces of the law on the agents that act, shape (agents, m)."""
         t = self._base + instant * NANOSECOND
         met = self.meetings.met_by(known.own[:, : self.m], t, known.agents)
         return self._law.forces(t, known, pairs, met)
@@ -248,7 +248,7 @@ class SampledSession(ImperfectSession):
         self.meetings.watch(self._base, seconds, self.motion.shifted(seconds), np.flatnonzero(changed))
         self._watch(instant * NANOSECOND, (ends - instant) * NANOSECOND, changed)
 
-    # What others ask.
+    # Queries.
 
     @property
     def known_links(self) -> Links:

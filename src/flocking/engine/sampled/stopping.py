@@ -6,8 +6,8 @@ the two points at which these are nearest to each other; each keeps half the dis
 the stopping path that it has then. Braking satisfies that for all planes at once, whatever the number of agents: the
 rest of a stopping path is again one, and a segment lies beyond the plane that is normal to the shortest way to it. So
 conditions never contradict each other. What lies half the distance away from a plane on its two sides is the whole
-distance apart; hence nobody comes closer during the period, and stopping paths are the distance apart at the next tick
-again. An obstacle that is a ball or a half space at rest has such a plane through its nearest point.
+distance apart; hence no two agents come closer during the period, and at the next tick stopping paths are the distance
+apart again. An obstacle that is a ball or a half space at rest has such a plane through its nearest point.
 """
 
 from __future__ import annotations

@@ -103,7 +103,7 @@ class Limited(WrappedBody):
     body
         What is limited.
     force
-        Largest force that the body is asked for, one for all agents or one for each; positive. None: no limit.
+        Largest force that is passed to the body, one for all agents or one for each; positive. None: no limit.
     speed
         Largest speed; positive. None: no limit. An agent that starts faster does not get faster.
     rate

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flocking.model.world.control import Control
 
 MOTION = ("q", "p")
-"""Columns that hold the point a law sees: its position, and its velocity where a body has one."""
+"""Columns that hold the point on which a law acts: its position, and its velocity where a body has one."""
 
 LIMIT_ROUNDS = 4
 """Rounds in which limits may change at one instant: one that acts may make another one begin or end."""
@@ -85,7 +85,7 @@ class MotionSymbols:
     q, p
         Position and velocity, m expressions each; velocities of bodies without that column are zero.
     u
-        Force that the law wants, m expressions.
+        Force of the law, m expressions.
     mass, damping
         m_i and k_i.
     columns
@@ -111,10 +111,10 @@ class MotionSymbols:
 
 
 class Body(ABC):
-    """What an agent is: which numbers describe it and how they change under the force that its law wants.
+    """What an agent is: which numbers describe it and how they change under the force of its law.
 
-    A body has a position ``q``, which is the point that the law sees. One of order 2 has a velocity ``p`` beside it,
-    with ``q' = p``; one of order 1 has none, and the law sees zero. Further columns are those of `columns`.
+    A body has a position ``q``, the point on which the law acts. One of order 2 has a velocity ``p`` beside it,
+    with ``q' = p``; one of order 1 has none, and the law takes it as zero. Further columns are those of `columns`.
     A subclass is a frozen dataclass that states `order` and `rates`, and what else is not as here. Its fields may be
     numbers or one number for each agent; those that formulas need are its `parameters`.
     """
@@ -124,7 +124,7 @@ class Body(ABC):
     damping: float | Array = 0.0
     """Velocity damping gains k_i, one for all or one for each agent."""
     headings: Array | None = None
-    """Directions that do not change, for graphs that look at them."""
+    """Directions that do not change, for graphs that use them."""
     discrete: bool = False
     """Whether velocities are set at ticks and stay as they are between, see
     `flocking.model.bodies.discrete_bodies.DiscreteBody`."""
@@ -214,7 +214,7 @@ class Body(ABC):
         return ()
 
     def limits(self, x: MotionSymbols) -> dict[str, Limit]:
-        """What acts only at times, by the name of the number that says whether it does."""
+        """What acts only at times, by the name of the number that is 1 while it does."""
         return {}
 
     def drawn(self, elapsed: float, n: int, dimension: int) -> dict[str, Array]:
@@ -238,7 +238,7 @@ class Body(ABC):
 
     @property
     def ideal(self) -> bool:
-        """Whether the point that the law sees moves as that of an ideal body of the same order does."""
+        """Whether the point on which the law acts moves as that of an ideal body of the same order does."""
         return not self.summary
 
     @property

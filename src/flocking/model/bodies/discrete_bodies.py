@@ -47,7 +47,7 @@ class DiscreteBody(Body):
     ``"forward"`` it takes the new one at once, q(t + T) = q(t) + T p(t + T) (Baglietto and Albano 2009 compare both).
     In both all agents that tick at one instant act on the same state. With ``"sequential"`` agents take the new one at
     once and act one after another, in the order of their numbers: each acts on the new velocities of those before it,
-    and sees them at the places where these velocities take them by the next tick. ``"shuffled"`` is the same in a new
+    and uses the places that they reach with these velocities by the next tick. ``"shuffled"`` is the same in a new
     random order at every tick (sequential random activation). A subclass states `updated`.
     """
 
@@ -83,7 +83,7 @@ class DiscreteBody(Body):
         Parameters
         ----------
         p, u
-            Their velocities, and the forces that the law wants, shape (K, m).
+            Their velocities, and the forces of the law, shape (K, m).
         period
             Time until the next tick of each, shape (K,).
         agents, tick
@@ -142,7 +142,7 @@ class DiscreteBody(Body):
 class Heading(DiscreteBody):
     """An agent of constant speed that sets its heading at ticks, with noise (Vicsek et al. 1995).
 
-    At a tick it turns into the direction of w = p + T u/m, T its period and u the force that the law wants; with
+    At a tick it turns into the direction of w = p + T u/m, T its period and u the force of the law; with
     `flocking.model.terms.alignment.VelocityAverage` of gain 1/T and m = 1 that is the average velocity of the agent and
     its neighbours. Where w is zero it keeps its heading. Noise acts in one of two ways. ``"angular"``: the direction
     is turned by an angle drawn evenly from [-noise/2, noise/2] (Vicsek et al. 1995; in the plane). ``"vectorial"``:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import sympy
 
 KIND = "kind"
-"""Parameter that says which body an agent is."""
+"""Parameter with the number of the body of an agent."""
 
 
 @register_part("mixture")
@@ -204,7 +204,7 @@ class Mixture(Body):
         return min(body.drawn_until(elapsed) for body in self.bodies)
 
     def missing_columns(self, given: Mapping[str, Array], q: Array, p: Array) -> dict[str, Array]:
-        """Where columns begin that a start does not give: as each agent's own body says, and at zero.
+        """Where columns begin that a start does not give: by the rule of each agent's own body, and at zero.
 
         Parameters
         ----------

@@ -30,7 +30,7 @@ class PointMass(Body):
         Velocity damping gains k_i, one for all or one for each agent; not negative.
     headings
         Heading angles in radians, shape (N,), or rotation matrices, shape (N, d, d); None when the graph
-        does not look at headings.
+        does not use headings.
 
     Raises
     ------

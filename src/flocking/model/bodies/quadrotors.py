@@ -1,4 +1,4 @@
-"""Quadrotors: they push along their own axis alone, and turn to push where the law wants."""
+"""Quadrotors: thrust acts along their own axis alone, so they turn to direct it along the force of the law."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import sympy
 
 AXES = ("axis_1", "axis_2", "axis_3")
-"""Columns of the attitude: where the axes of the body point, unit vectors; rotors push along the last."""
+"""Columns of the attitude: where the axes of the body point, unit vectors; thrust acts along the last."""
 
 SPIN, COMMAND, COMMAND_RATE = "spin", "command", "command_rate"
 """Columns of the angular velocity in the body's axes, of the filtered wanted force, and of its rate."""
@@ -94,7 +94,7 @@ class Quadrotor(Body):
         if (np.asarray(self.reach) >= 1.0).any():
             raise InvalidInput(
                 "Quadrotor", "reach", "must be below 1", float(np.max(self.reach)),
-                "Otherwise rotors could be asked for no thrust at all, which has no direction.",
+                "Otherwise the thrust could have to be zero, which has no direction.",
             )  # fmt: skip
         self.check_fields()
 
@@ -110,7 +110,7 @@ class Quadrotor(Body):
 
     @property
     def directions(self) -> tuple[str, ...]:
-        """The first axis, which is ahead, and the third, along which rotors push."""
+        """The first axis, which is ahead, and the third, along which thrust acts."""
         return (AXES[0], AXES[2])
 
     @property
@@ -182,7 +182,7 @@ class Quadrotor(Body):
         return ("idle",)
 
     def limits(self, x: MotionSymbols) -> dict[str, Limit]:
-        """Rotors idle while they would have to push downwards."""
+        """Rotors idle while the thrust would have to be negative."""
         weight = x.mass * x.parameter("gravity")
         f, up = x.columns[COMMAND], x.columns[AXES[2]]
         lift = _dot([f[0], f[1], f[2] + weight], up)
@@ -278,7 +278,7 @@ class Quadrotor(Body):
 
     @property
     def summary(self) -> str:
-        """That forces come late, and only where the aircraft points."""
+        """That forces are delayed by the turn of the aircraft."""
         return f"quadrotors that turn at {float(np.min(self.attitude_frequency)):g} before they push"
 
     @property

@@ -32,7 +32,7 @@ class Unicycle(Body):
     """A robot on wheels in the plane whose hand point, at an offset in front of its axle, obeys the law.
 
     With the unit vector e of the heading, speed v and rate of turn w, the axle moves with x' = v e and the heading with
-    e' = w n, where n is e turned by 90 degrees. The law sees the hand point q = x + d e, whose velocity is
+    e' = w n, where n is e turned by 90 degrees. The law acts on the hand point q = x + d e, whose velocity is
     p = v e + d w n: every velocity of the hand point is reached by one pair (v, w). The accelerations
     v' = u.e/m + d w^2 and w' = (u.n/m - v w)/d give m p' = u - k p (input-output linearisation): the hand point moves
     exactly as a `PointMass`, whatever the heading. The axle follows; distances between axles may be up to twice the

@@ -24,9 +24,9 @@ MOST_SUBSTEPS = 10_000
 @register_part("velocity_unit")
 @dataclass(frozen=True, eq=False)
 class VelocityUnit(DiscreteBody):
-    """A vehicle that is told a velocity at ticks: dp/dt = (w - p)/tau within a largest acceleration, and white noise.
+    """A vehicle that is given a velocity at ticks: dp/dt = (w - p)/tau within a largest acceleration, and white noise.
 
-    The force that the law wants is the wanted velocity w. It is held until the next tick, and the motion is computed by
+    The force of the law is the wanted velocity w. It is held until the next tick, and the motion is computed by
     the Euler-Maruyama method in equal steps h: the place moves on with the velocity before the step, and the velocity
     by h (w - p)/tau, no longer than h a, and by sqrt(2 D h) N(0, 1) along each axis (Vasarhelyi et al. 2018). Where an
     agent measures itself, see `flocking.model.world.fixes.Fixes`, its autopilot compares w with p and the error of the

@@ -156,7 +156,7 @@ class WrappedBody(Body):
 
     @property
     def own_structure(self) -> tuple[object, ...]:
-        """What of it fixes the formulas and is no run-time parameter: nothing."""
+        """What determines its formulas beside run-time parameters: nothing."""
         return ()
 
     def start(self, column: str, q: Array, p: Array) -> Array:
@@ -173,7 +173,7 @@ class WrappedBody(Body):
         return self.body.start(column, q, p) if inside else super().start(column, q, p)
 
     def missing_columns(self, given: Mapping[str, Array], q: Array, p: Array) -> dict[str, Array]:
-        """Columns of the inner body as it says, and its own.
+        """Columns of the inner body by its own rule, and its own.
 
         Parameters
         ----------
@@ -212,12 +212,12 @@ class WrappedBody(Body):
 
     @property
     def own_summary(self) -> str:
-        """What it does, in a few words."""
+        """Its own effect, in a few words."""
         return super().summary
 
     @property
     def summary(self) -> str:
-        """What it does, and what the inner body does."""
+        """Its own effect, and that of the inner body."""
         return ", ".join(filter(None, (self.own_summary, self.body.summary)))
 
     @property

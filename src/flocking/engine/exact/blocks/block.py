@@ -67,7 +67,7 @@ MOST_LINKS = 64_000_000
 
 WORK = 100_000_000
 """Approximate work of one native call, in pairs looked at; to follow a linked one costs some 200 times as much. Ctrl-C
-and clocks wait for its end, some hundredths of a second.
+and limits of wall time take effect at its end, after some hundredths of a second.
 """
 
 

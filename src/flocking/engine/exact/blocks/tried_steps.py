@@ -97,7 +97,7 @@ def try_step(law: CompiledLaw, method: Method, limits: Limits, solution: Solutio
     law, method, limits
         The law, the integrator and the bounds of the step.
     solution
-        Where it begins; what it says of the step tried last changes.
+        Where it begins; its fields for the step tried last change.
     work
         Arrays to work with.
     """
@@ -130,7 +130,7 @@ def try_step(law: CompiledLaw, method: Method, limits: Limits, solution: Solutio
         for c in range(size):
             solution.uncut[c] = new[c]
         progress[STOP] = stop
-        # The last step before a bound is cut short; it says nothing about the next one.
+        # The last step before a bound is cut short; its length is no guide to the next one.
         progress[PROPOSED] = max(length, progress[LENGTH]) if stop == limits.bound else length
     return stop, fine
 

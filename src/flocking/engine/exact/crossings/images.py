@@ -23,10 +23,10 @@ from flocking.model.graphs.connectivity import Links
 from flocking.model.space import Space
 
 TOGETHER = 64
-"""Pairs handed to one native call: it looks at all pairs of their paths, so that its work grows with the square."""
+"""Pairs of one native call: it examines all pairs of their paths, so that its work grows with the square."""
 
 MARGIN = 1e-9
-"""Share by which images are sought farther than they can come: far above the rounding of distances."""
+"""Share by which images are sought beyond the distance that they can reach: far above the rounding of distances."""
 
 
 def nearest_shift(space: Space, difference: Array) -> Array:
@@ -86,7 +86,7 @@ def pair_paths(space: Space, B: Array, i: int, j: int) -> tuple[Array, int, int]
 
 
 def linked_paths(space: Space, motion: Motion, i: Indices, j: Indices) -> tuple[Array, Array, Indices, Indices]:
-    """Paths of linked pairs, how far each strays, and the numbers of the pairs among the paths.
+    """Paths of linked pairs, bounds on the displacement along each, and the numbers of the pairs among the paths.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ LOOKED_AT = 8
 """Places of a step at which limits are looked at; the solution is a polynomial of degree 7 there."""
 
 LOCATED = 1e-3
-"""Largest interval around a bite in which it is located, in tolerances of the scenario."""
+"""Largest interval in which the time of a change of limits is located, in tolerances of the scenario."""
 
 Signs = Callable[[float, Array], Array]
 """Values of the expressions of all limits at a time and state vector, shape (limits, 2, N)."""
@@ -70,7 +70,7 @@ class HeldNumbers:
         return np.asarray(np.where(self.acting > 0.0, signs[:, 1] > 0.0, signs[:, 0] > 0.0))
 
     def follow(self, signs: Signs, t: float, y: Array, put: Callable[[], None]) -> bool:
-        """Let limits begin and end to act as the state says; whether one did.
+        """Change which limits act according to the state; whether one changed.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class HeldNumbers:
             raise SimulationError(f"a limit of agent {agent} begins and ends to act without end", time=t + self._base)
         return any_change
 
-    def first_bite(self, signs: Signs, segment: Segment) -> float | None:
+    def first_limit_change(self, signs: Signs, segment: Segment) -> float | None:
         """The fraction of a segment just after which the first limit begins or ends to act; None if none does.
 
         Parameters

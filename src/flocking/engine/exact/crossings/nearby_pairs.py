@@ -61,7 +61,7 @@ def all_pairs(n: int) -> NearbyPairs:
 
 
 def unknown_pairs(watches: PairWatches, n: int) -> NearbyPairs:
-    """A list of pairs of ``n`` agents under some ``watches`` that is still to be made."""
+    """An empty list for ``n`` agents under some ``watches``, to be made before its first use."""
     levels = np.concatenate([watches.enter.ravel(), watches.leave.ravel()])
     top = float(levels[np.isfinite(levels)].max(initial=0.0))
     room = max(n * (n - 1), 1)
@@ -120,6 +120,6 @@ def require_pairs(nearby: NearbyPairs, motion: Motion, watches: PairWatches, lin
 
 
 def note_displacements(nearby: NearbyPairs, far: Array) -> None:
-    """Take in that no agent of ``nearby`` moved by more than ``far``, shape (N,), on a step; for native functions."""
+    """Note that no agent of ``nearby`` moved by more than ``far``, shape (N,), on a step; for native functions."""
     for i in range(far.shape[0]):
         nearby.moved[i] += far[i]

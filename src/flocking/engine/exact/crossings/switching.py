@@ -74,7 +74,7 @@ class LinkState:
     links
         Link memory of the law's own graph; its initial rule decides when absent.
     headings
-        Headings of the agents, as in `Agents`, if a graph sees them.
+        Headings of the agents, as in `Agents`, if a graph uses them.
     base
         The time at which the session's own time, the time of all functions here, is 0.
     space
@@ -323,7 +323,7 @@ class LinkState:
             return False
         i, j = (int(x) for x in crossing.pairs[k])
         before, fast, count = self._sliding.of(crossing.watch, i, j)
-        # It went no further than its speed took it.
+        # It moved no further than its speed allows for.
         still = (time - before) * max(fast, abs(speed)) <= SLIDE * float(watch.leave[i])
         count = count + 1 if still else 0
         self._sliding.put(crossing.watch, i, j, time, abs(speed), count)

@@ -1,4 +1,4 @@
-"""A second run of the same scenario, with rounding errors of its own: what it differs by is what rounding does."""
+"""A second run of the same scenario with random rounding errors: the difference estimates the effect of rounding."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ UNITS = 16.0 * float(np.finfo(np.float64).eps)
 unit of rounding at most, so that at most 9 units of the largest value are exceeded nearly twice."""
 
 
-class ShakenSession(SampledSession):
+class RandomRoundingSession(SampledSession):
     """Held control in which every new position, velocity and force has a random error of some units of rounding.
 
     Positions and velocities err by shares of the largest ones of the group, of which they are differences, and forces
@@ -33,14 +33,14 @@ class ShakenSession(SampledSession):
     def __init__(self, scenario: Scenario, seed: int) -> None:
         super().__init__(scenario)
         self._errors = np.random.default_rng(seed)
-        self.motion = _Shaken(self.motion, self._errors)
+        self.motion = _RandomRoundingMotion(self.motion, self._errors)
 
     def _desired(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
         force = super()._desired(instant, known, pairs)
-        return _shaken(self._errors, force, float(np.abs(force).max(initial=0.0)))
+        return _with_errors(self._errors, force, float(np.abs(force).max(initial=0.0)))
 
 
-class _Shaken(Motion):
+class _RandomRoundingMotion(Motion):
     """A motion whose pieces begin with errors."""
 
     def __init__(self, motion: Motion, errors: np.random.Generator) -> None:
@@ -50,9 +50,9 @@ class _Shaken(Motion):
     def _restart(self, agents: Indices, q: Array, p: Array) -> None:
         sizes = (float(np.abs(x).max(initial=0.0)) for x in self.coefficients[:2])
         place, speed = (max(a, float(np.abs(x).max(initial=0.0))) for a, x in zip(sizes, (q, p), strict=True))
-        super()._restart(agents, _shaken(self._errors, q, place), _shaken(self._errors, p, speed))
+        super()._restart(agents, _with_errors(self._errors, q, place), _with_errors(self._errors, p, speed))
 
 
-def _shaken(errors: np.random.Generator, values: Array, size: float) -> Array:
+def _with_errors(errors: np.random.Generator, values: Array, size: float) -> Array:
     """Values with errors of up to `UNITS` of a size."""
     return np.asarray(values + UNITS * size * errors.uniform(-1.0, 1.0, values.shape))

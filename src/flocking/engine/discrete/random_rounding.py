@@ -1,4 +1,4 @@
-"""A second run in discrete time with rounding errors of its own: what it differs by is what rounding does."""
+"""A second run in discrete time with random rounding errors: the difference estimates the effect of rounding."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ UNITS = 16.0 * float(np.finfo(np.float64).eps)
 over neighbours, and each errs by half a unit of rounding at most."""
 
 
-class ShakenDiscreteSession(DiscreteSession):
+class RandomRoundingDiscreteSession(DiscreteSession):
     """Discrete time in which every position and velocity after a tick has a random error of some units of rounding.
 
     Errors are shares of the largest position and velocity of the group, of which sums over neighbours are made.
@@ -33,11 +33,11 @@ class ShakenDiscreteSession(DiscreteSession):
     def _tick(self, ticking: Mask) -> None:
         super()._tick(ticking)
         memory = self.memory
-        memory.q, memory.p = self._shaken(memory.q), self._shaken(memory.p)
-        memory.waiting = self._shaken(memory.waiting)
+        memory.q, memory.p = self._with_errors(memory.q), self._with_errors(memory.p)
+        memory.waiting = self._with_errors(memory.waiting)
         if memory.ahead is not None:
-            memory.ahead = self._shaken(memory.ahead)
+            memory.ahead = self._with_errors(memory.ahead)
 
-    def _shaken(self, values: Array) -> Array:
+    def _with_errors(self, values: Array) -> Array:
         size = float(np.abs(values).max(initial=0.0))
         return np.asarray(values + UNITS * size * self._errors.uniform(-1.0, 1.0, values.shape))
