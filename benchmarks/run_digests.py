@@ -3,8 +3,8 @@
     python benchmarks/run_digests.py > before.txt     (in one tree, then in the other)
     diff before.txt after.txt
 
-The exact engine runs the first tenth of every scenario of the papers, the tiled engine three laws with every
-integrator, with and without a ledger, on one thread.
+The engines for small groups (exact, sampled, delayed, discrete) run the first tenth of every scenario of the papers
+that is theirs, the tiled engine three laws with every integrator, with and without a ledger, on one thread.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flocking as fk
-from flocking.papers import KEYS, paper
+from flocking.papers import ALL_KEYS, paper
 
 SHARE, FRAMES = 0.1, 20
 SIDE, AGENTS, UNTIL, STEP = 20.0, 500, 2.0, 0.01
@@ -40,12 +40,12 @@ def line(name: str, run: fk.Run) -> str:
     arrays = [run.t, run.q, run.p, run.links, run.switches, run.trace]
     if run.accuracy is not None:
         arrays += [run.accuracy.frames, run.accuracy.doubts]
-    return f"{name} {' '.join(map(digest, arrays))} {run.closest_linked} {run.closest_unlinked}"
+    return f"{name} {run.fidelity.engine} {' '.join(map(digest, arrays))} {run.closest_linked} {run.closest_unlinked}"
 
 
 def lines() -> Iterator[str]:
     """One line a run."""
-    for key in KEYS:
+    for key in ALL_KEYS:
         for name, make in paper(key).scenarios().items():
             scenario = make(1)
             begin = scenario.start.t

@@ -309,6 +309,32 @@ def test_no_name_is_vague():
     assert identifiers(ast.parse("def f(soft):\n    self.stray = tops = 1\n")) == {"f", "soft", "stray", "tops"}
 
 
+MOST_ARGUMENTS = 12
+MANY_ARGUMENTS = {
+    "known_and_linked": "records would make each call of a controller a third slower",
+    "__init__": "the fields of a Scenario, all but three given by name",
+}
+"""Functions with more, and why; functions of commands have an argument for each option of a user."""
+
+
+def argument_counts(tree: ast.Module) -> dict[str, int]:
+    """How many arguments functions have that may be given by position."""
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    return {node.name: len(node.args.posonlyargs) + len(node.args.args) for node in nodes}
+
+
+def test_functions_have_few_arguments():
+    found = {
+        name
+        for path in FILES
+        if path.parent.name != "commands"
+        for name, count in argument_counts(tree_of(path)).items()
+        if count > MOST_ARGUMENTS
+    }
+    assert found == set(MANY_ARGUMENTS)
+    assert argument_counts(ast.parse("def f(a, /, b, *, c):\n    def g(x): ...\n")) == {"f": 2, "g": 1}
+
+
 def test_few_values_are_of_any_type():
     """`Any` switches the type checker off: it belongs to the edge of untyped libraries, and to their data."""
     found = [

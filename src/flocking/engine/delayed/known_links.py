@@ -7,14 +7,13 @@ import numpy as np
 from flocking.arrays import Array, Links, Numbers
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.pair_polynomials import (
-    ROUNDING,
     Paths,
     nearest_offset,
     paths_in,
     reach_within,
     too_many_images,
 )
-from flocking.engine.imperfect.pair_switches import add_switches
+from flocking.engine.imperfect.pair_switches import TwoPaths, WatchedLink, add_switches
 from flocking.engine.kernels.bernstein import all_rows
 from flocking.formula.native.functions import native_apart
 from flocking.model.space import Space
@@ -48,17 +47,12 @@ def find_known_switches(
             if i == j:
                 continue
             distance, reach = nearest_offset(paths, i, n + j, nearest), reach_within(paths, i, n + j, span)
+            two = TwoPaths(i, n + j, span, distance, reach)
             for graph in range(links.shape[0]):
                 if ways[graph] == 0:
                     continue
-                close, far = enter[graph, i], leave[graph, i]
-                slack = ROUNDING * ((far if far < np.inf else close) + size)
-                inside = links[graph, i, j]
-                level = far if inside else close
-                if not distance - reach - 2.0 * slack <= level <= distance + reach + 2.0 * slack:
-                    continue
-                total = add_switches(paths, i, n + j, nearest, reach, span, inside, close, far, slack, found, total,
-                                     i, j, graph)  # fmt: skip
+                link = WatchedLink(links[graph, i, j], enter[graph, i], leave[graph, i], i, j, graph)
+                total = add_switches(paths, two, nearest, link, size, found, total)
                 if total < 0:
                     return -1
     return total

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from flocking.arrays import Array, Links, Numbers
@@ -42,33 +44,71 @@ def first_beyond(square: Array, level: float, inside: bool, x: float) -> float:
     return NEVER if found > 1.0 else x + found * (1.0 - x)
 
 
-def add_switches(
-    paths: Paths, i: int, j: int, nearest: Array, reach: float, span: float, inside: bool, close: float, far: float,
-    slack: float, found: Array, total: int, s: int, o: int, graph: int,
-) -> int:  # fmt: skip
-    """Add rows (time, s, o, graph) of all switches of one link; how many rows there are, or -1 for too many images.
+class TwoPaths(NamedTuple):
+    """Two paths whose distance is watched.
 
     Parameters
     ----------
-    paths, span
-        How agents move from now on, and for how long.
     i, j
-        The two whose distance decides.
-    nearest
-        What `nearest_offset` gives.
+        Their numbers.
+    span
+        For how long from now on.
+    distance
+        Their distance now, that of the nearest images.
     reach
-        By how much at most their distance changes.
+        By how much at most it changes.
+    """
+
+    i: int
+    j: int
+    span: float
+    distance: float
+    reach: float
+
+
+class WatchedLink(NamedTuple):
+    """A link between the agents of two paths.
+
+    Parameters
+    ----------
     inside
         Whether they are linked now.
     close, far
         Distances at which the link appears and breaks.
-    slack
-        By how much a distance must be crossed.
-    found, total
-        Takes the rows, shape (room, 4), and how many there are before.
     s, o, graph
         The agent that senses, the one that is sensed, and the graph.
     """
+
+    inside: bool
+    close: float
+    far: float
+    s: int
+    o: int
+    graph: int
+
+
+def add_switches(
+    paths: Paths, two: TwoPaths, nearest: Array, link: WatchedLink, size: float, found: Array, total: int
+) -> int:
+    """Add rows (time, s, o, graph) of all switches of one link; how many rows there are, or -1 for too many images.
+
+    Parameters
+    ----------
+    paths, two, link
+        How agents move from now on, and the paths and the link that are looked at.
+    nearest
+        What `nearest_offset` gives.
+    size
+        Size of the coordinates, for rounding.
+    found, total
+        Takes the rows, shape (room, 4), and how many there are before.
+    """
+    i, j, span, reach = two.i, two.j, two.span, two.reach
+    inside, close, far = link.inside, link.close, link.far
+    slack = ROUNDING * ((far if far < np.inf else close) + size)
+    border = far if inside else close
+    if not two.distance - reach - 2.0 * slack <= border <= two.distance + reach + 2.0 * slack:
+        return total
     m = paths.S.shape[2]
     square, offset, counts = np.empty(2 * paths.S.shape[0] - 1), np.empty(m), np.empty(m, np.int64)
     images = count_images(paths, close + reach + 2.0 * slack, counts)
@@ -94,8 +134,8 @@ def add_switches(
             break
         x, inside, linked = when, not inside, which
         if total < found.shape[0]:
-            found[total, 0], found[total, 1] = x * span, s
-            found[total, 2], found[total, 3] = o, graph
+            found[total, 0], found[total, 1] = x * span, link.s
+            found[total, 2], found[total, 3] = link.o, link.graph
         total += 1
         switches += 1
     return total
@@ -145,18 +185,13 @@ def find_pair_events(
                 continue
             span = min(length[i], length[j])
             distance, reach = nearest_offset(paths, i, j, nearest), reach_within(paths, i, j, span)
+            two = TwoPaths(i, j, span, distance, reach)
             for graph in range(graphs):
                 for way in range(ways[graph]):
                     s = i if way == 0 else j
                     o = j if way == 0 else i
-                    close, far = enter[graph, s], leave[graph, s]
-                    slack = ROUNDING * ((far if far < np.inf else close) + size)
-                    inside = near[graph, s, o]
-                    level = far if inside else close
-                    if not distance - reach - 2.0 * slack <= level <= distance + reach + 2.0 * slack:
-                        continue
-                    total = add_switches(paths, i, j, nearest, reach, span, inside, close, far, slack, found, total,
-                                         s, o, graph)  # fmt: skip
+                    link = WatchedLink(near[graph, s, o], enter[graph, s], leave[graph, s], s, o, graph)
+                    total = add_switches(paths, two, nearest, link, size, found, total)
                     if total < 0:
                         return -1
     return total

@@ -9,15 +9,21 @@ from numpy.typing import ArrayLike
 
 from flocking.arrays import Indices, Links
 from flocking.engine.kernels.codegen import compiled_kernels
-from flocking.engine.kernels.displacements import nearest_difference
 from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import free_pieces
 from flocking.engine.reference.call_arguments import identifiers, link_rows, numbers, refuse_shapes, time_stamps
 from flocking.engine.reference.finite_forces import bounding_poles
+from flocking.engine.reference.known_neighbours import (
+    CLOSED,
+    FIXED,
+    NO_AGENT,
+    NO_STAMP,
+    NOT_FINITE,
+    known_and_linked,
+)
 from flocking.errors import InvalidInput
-from flocking.formula.native.functions import native
 from flocking.model.bodies.discrete_bodies import FACTOR
 from flocking.model.checks import Array, integer, number, truth
 from flocking.model.energy import Energy
@@ -35,76 +41,6 @@ MOST_NEIGHBOURS = 1024
 MOST_AGENTS, MOST_AXES = 10_000_000, 64
 """Largest number of agents that may be heard of, for which a controller takes half a gigabyte, and of axes, whose
 formulas take a second to compile."""
-
-NOT_FINITE, NO_AGENT, TWICE, NO_STAMP = 1, 2, 3, 4
-"""Faults of what is known of the others: a number that is not finite, an agent that is not, one given twice, a stamp
-that is not finite or in the future."""
-
-CLOSED, FIXED = 1.0, 2.0
-"""Kinds of graphs in the native rules: links of a start at the radius itself, and links that never change."""
-
-
-@native
-def _prepare(  # type: ignore[no-untyped-def]
-    call, relative, started, own, moving, who, places, speeds, lengths, rules, links, after, marks, Q, V, r, sensed,
-    offsets, t, stamps, expires,
-):  # fmt: skip
-    """Copy and check what is known, and find the linked agents of every graph; returns a fault, 0 for none."""
-    m, k, n = own.shape[0], who.shape[0], marks.shape[0]
-    for c in range(m):
-        if own[c] - own[c] != 0.0 or moving[c] - moving[c] != 0.0:
-            return 1
-        Q[0, c] = own[c]
-        V[0, c] = moving[c]
-    for e in range(k):
-        j = who[e]
-        if stamps.shape[0] > 0:
-            stamp = stamps[e]
-            if not stamp <= t or stamp - stamp != 0.0:
-                return 4
-            if not t - stamp < expires:
-                # Too old to be used, which no distance says.
-                r[e] = -1.0
-                continue
-        if j < 0 or j >= n:
-            return 2
-        if marks[j] == call:
-            return 3
-        marks[j] = call
-        square = 0.0
-        for c in range(m):
-            x = places[e, c] + (own[c] if relative else 0.0)
-            v = speeds[e, c] + (moving[c] if relative else 0.0)
-            if x - x != 0.0 or v - v != 0.0:
-                return 1
-            Q[e + 1, c] = x
-            V[e + 1, c] = v
-            d = x - own[c]
-            if lengths[c] > 0.0:
-                d = nearest_difference(d, lengths[c])
-            square += d * d
-        r[e] = math.sqrt(square)
-    total = 0
-    for g in range(rules.shape[0]):
-        offsets[g] = total
-        for j in range(n):
-            after[g, j] = links[g, j] and rules[g, 2] == 2.0
-        for e in range(k):
-            old = links[g, who[e]]
-            if r[e] < 0.0:
-                continue
-            if rules[g, 2] == 2.0:
-                linked = old
-            elif started:
-                linked = r[e] < (rules[g, 1] if old else rules[g, 0])
-            else:
-                linked = r[e] < rules[g, 1] or (rules[g, 2] == 1.0 and r[e] == rules[g, 1])
-            if linked:
-                sensed[total] = e + 1
-                total += 1
-                after[g, who[e]] = True
-    offsets[rules.shape[0]] = total
-    return 0
 
 
 class Controller:
@@ -326,7 +262,7 @@ class Controller:
         self._marks[self.agent] = self._calls
         offsets = np.empty(graphs + 1 + len(self._obstacles.groups), dtype=np.int64)
         Q, V = self._Q[: k + 1], self._V[: k + 1]
-        fault = _prepare(
+        fault = known_and_linked(
             self._calls, self.relative, self._started, own, moving, who, places,
             speeds, self._lengths, self._rules, self.links, self._after, self._marks, Q, V, self._r,
             self._sensed, offsets, t, measured, self._oldest,

@@ -102,7 +102,8 @@ def test_speeds_within_a_step_are_bounded():
     for part in np.linspace(0, h, 400)[1:]:
         target, after, fastest = np.empty_like(agents), np.empty_like(lag), np.empty(1)
         rows = lagged_motion.lag_coefficients(body, 0.1, n, part)[None]
-        lagged_motion.coast_lagged(0, 1, agents, target, goal, beside, lag, after, rows, np.zeros(2), n, True, fastest)
+        forces = lagged_motion.LaggedForces(goal, beside, lag, after)
+        lagged_motion.coast_lagged(0, 1, agents, target, forces, rows, np.zeros(2), n, True, fastest)
         most = max(most, float((target[:, 2:] ** 2).sum(axis=1).max()))
     assert most <= fastest[0] < 30 * most
 

@@ -9,7 +9,7 @@ from flocking.arrays import Indices, Numbers, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.held.held_actuation import HeldActuation
 from flocking.engine.tiles.held.held_motion import HeldMotion, coast
-from flocking.engine.tiles.held.lagged_motion import coast_lagged
+from flocking.engine.tiles.held.lagged_motion import LaggedForces, coast_lagged
 from flocking.engine.tiles.held.messages import SampleStore
 from flocking.engine.tiles.kernels.control_kernel import control_kernel, control_spec
 from flocking.engine.tiles.kernels.spec import KernelSpec
@@ -222,10 +222,11 @@ class HeldParticles(ParticleArrays):
             self.workers.each(coast, self.tiles, self.agents, into, self.force, constants, frame, self.n, self._fastest)
         else:
             lag = actuation.lag if target is None else np.empty_like(actuation.lag)
+            forces = LaggedForces(self.force, actuation.beside, actuation.lag, lag)
+            rows, second = actuation.constants.over(h, self.ids), self.spec.order == 2
             self.workers.each(
-                coast_lagged, self.tiles, self.agents, into, self.force, actuation.beside, actuation.lag, lag,
-                actuation.constants.over(h, self.ids), frame, self.n, self.spec.order == 2, self._fastest,
-            )  # fmt: skip
+                coast_lagged, self.tiles, self.agents, into, forces, rows, frame, self.n, second, self._fastest
+            )
         if actuation is not None:
             if target is None:
                 actuation.heading = heading

@@ -12,6 +12,7 @@ where drift, lift, keep and push are those of a constant force.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -124,20 +125,35 @@ class LagConstants:
         return self._sorted[h]
 
 
+class LaggedForces(NamedTuple):
+    """Forces on agents sorted by tiles, shape (m, size) each.
+
+    Parameters
+    ----------
+    tended
+        What the lagged forces tend to.
+    beside
+        What acts beside them.
+    before, after
+        The lagged forces before and after a step; they may be one array.
+    """
+
+    tended: Reals
+    beside: Reals
+    before: Reals
+    after: Reals
+
+
 @native
-def coast_lagged(first, last, agents, target, force, beside, lag, lag_target, constants, frame, n, second, fastest):  # type: ignore[no-untyped-def]
+def coast_lagged(first, last, agents, target, forces, constants, frame, n, second, fastest):  # type: ignore[no-untyped-def]
     """Move the agents of some tiles by one step.
 
     Parameters
     ----------
     first, last, agents, target, frame, n
         As for `flocking.engine.tiles.held.held_motion.coast`.
-    force
-        What the lagged forces tend to, shape (m, size).
-    beside
-        What acts beside them, shape (m, size).
-    lag, lag_target
-        The lagged forces before and after, shape (m, size); they may be one array.
+    forces
+        A `LaggedForces`, of which ``after`` is filled.
     constants
         See `lag_coefficients`, shape (1, 11) or (size, 11).
     second
@@ -146,7 +162,7 @@ def coast_lagged(first, last, agents, target, force, beside, lag, lag_target, co
         Takes the square of a bound on the speed in that frame at any time of the step, by tile; infinite where one is
         not finite.
     """
-    m = force.shape[0]
+    m = forces.tended.shape[0]
     for tile in range(first, last):
         fastest_of, swift_of, push_of, rate_of = np.float64(0.0), np.float64(0.0), np.float64(0.0), np.float64(0.0)
         h = np.float64(constants[0, 10])
@@ -155,14 +171,14 @@ def coast_lagged(first, last, agents, target, force, beside, lag, lag_target, co
             rate, each, light = constants[row, 7], constants[row, 8], constants[row, 9]
             before, after, swift, push = np.float64(0.0), np.float64(0.0), np.float64(0.0), np.float64(0.0)
             for k in range(m):
-                p, g, b, f = agents[i, m + k], force[k, i], beside[k, i], lag[k, i]
+                p, g, b, f = agents[i, m + k], forces.tended[k, i], forces.beside[k, i], forces.before[k, i]
                 off = f - g
                 begin = p if second else f + b
                 place = agents[i, k] + constants[row, 0] * p + constants[row, 1] * (g + b)
                 target[i, k] = place + constants[row, 4] * off
                 speed = constants[row, 2] * p + constants[row, 3] * (g + b) + constants[row, 5] * off
                 target[i, m + k] = speed
-                lag_target[k, i] = g + constants[row, 6] * off
+                forces.after[k, i] = g + constants[row, 6] * off
                 c = np.float64(begin) - np.float64(frame[k])
                 before += c * c
                 c = np.float64(speed) - np.float64(frame[k])
