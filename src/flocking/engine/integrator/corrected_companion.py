@@ -65,11 +65,7 @@ def correct(
                 z[c] = left[left.shape[0] - 1, c] + (e[c] + ahead * slopes[max(k - 1, 0), c] if k > 0 else e[c])
             stages(law, places, weights, 0, 1, -1, at + base, z, 0.0, room, none)
             for c in range(size):
-                if x > 0.0:
-                    along = DEGREE / (x * span) * (left[left.shape[0] - 1, c] - left[left.shape[0] - 2, c])
-                else:
-                    along = DEGREE / span * (coefficients[1, c] - coefficients[0, c])
-                slopes[k, c] = room[0, c] - along
+                slopes[k, c] = room[0, c] - slope_at(coefficients, left, x, span, c)
         moved, turned = 0.0, 0.0
         for c in range(size):
             moved += (slopes[1, c] - slopes[0, c]) ** 2
@@ -81,22 +77,59 @@ def correct(
             e[c] += h / 6 * (slopes[0, c] + 2 * slopes[1, c] + 2 * slopes[2, c] + slopes[3, c])
             square += e[c] ** 2
         if piece < pieces - 1:
-            # As many as on other steps, the largest among them.
-            place = kept
-            while place > 0 and norms[place - 1] < square:
-                place -= 1
-            if place < last - 1:
-                kept = min(kept + 1, last - 1)
-                for k in range(kept - 1, place, -1):
-                    norms[k] = norms[k - 1]
-                    for c in range(size):
-                        nodes[k + 1, c] = nodes[k, c]
-                norms[place] = square
-                for c in range(size):
-                    nodes[place + 1, c] = e[c]
+            kept = keep_largest(nodes, norms, kept, square, e)
     for c in range(size):
         nodes[last, c] = e[c]
     for k in range(kept + 1, last):
         for c in range(size):
             nodes[k, c] = nodes[1, c]
     return fastest
+
+
+def slope_at(coefficients: Array, left: Array, x: float, span: float, c: int) -> float:
+    """Slope of component ``c`` of the polynomial of a step at place ``x``; for native functions.
+
+    Parameters
+    ----------
+    coefficients, left
+        Bernstein coefficients of the step, and of its part up to ``x``, shape (8, size).
+    span
+        Duration of the step.
+    """
+    if x > 0.0:
+        return DEGREE / (x * span) * np.float64(left[left.shape[0] - 1, c] - left[left.shape[0] - 2, c])
+    return DEGREE / span * np.float64(coefficients[1, c] - coefficients[0, c])
+
+
+def keep_largest(nodes: Array, norms: Array, kept: int, square: float, e: Array) -> int:
+    """Put a difference among the largest ones, as many as on other steps; for native functions.
+
+    Parameters
+    ----------
+    nodes
+        The differences, shape (6, size), from row 1 on; the last row is that at the end of the step.
+    norms
+        Squares of their sizes, descending.
+    kept
+        How many there are.
+    square, e
+        The new difference, shape (size,), and the square of its size.
+
+    Returns
+    -------
+    int
+        How many there are then.
+    """
+    last, place = nodes.shape[0] - 1, kept
+    while place > 0 and norms[place - 1] < square:
+        place -= 1
+    if place < last - 1:
+        kept = min(kept + 1, last - 1)
+        for k in range(kept - 1, place, -1):
+            norms[k] = norms[k - 1]
+            for c in range(e.shape[0]):
+                nodes[k + 1, c] = nodes[k, c]
+        norms[place] = square
+        for c in range(e.shape[0]):
+            nodes[place + 1, c] = e[c]
+    return kept
