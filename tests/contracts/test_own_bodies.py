@@ -53,6 +53,11 @@ stored = fk.read_run(sys.argv[1] + "/run")
 assert stored.columns["force"].tobytes() == run.columns["force"].tobytes()
 assert to_data(stored.scenario) == to_data(found)
 
+apart = FILE.replace("[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]", "[[0.0, 0.0], [100.0, 0.0], [0.0, 100.0]]")
+alone = fk.simulate(parse_scenario(apart.replace("FORCE", GIVEN)), progress=False)
+decay = np.exp(-alone.t[:, None, None] / np.array([0.1, 0.2, 0.3])[:, None])
+assert np.abs(alone.columns["force"] - decay * np.array(json.loads(GIVEN))).max() < 1e-8
+
 experiment = Experiment(found)
 experiment.advance(0.5)
 experiment.apply({"kind": "set", "path": ["agents", "time_constant"], "value": 0.4})

@@ -100,6 +100,10 @@ assert experiment.scenario.law.terms[0].gain == 0.25 and experiment.state.n == 4
 run = fk.simulate(found, progress=False)
 fk.write_run(run, folder + "/run")
 assert to_data(fk.read_run(folder + "/run").scenario) == to_data(found)
+assert np.abs(run.residual).max() < 1e-9
+moving = found.with_(start=fk.State(found.start.q, np.cos(np.arange(10.0)).reshape(5, 2), found.start.t))
+lost = fk.simulate(moving, progress=False).trace
+assert lost["dissipated"][-1] > 0.01 and np.abs(lost["supplied"]).max() < 1e-9, lost[-1]
 tiled = fk.simulate(found, engine="tiles", progress=False)
 assert np.abs(tiled.q[-1] - run.q[-1]).max() < 1e-4
 
