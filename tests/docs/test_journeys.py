@@ -1,12 +1,18 @@
-"""The journeys drawn on the page of the architecture are the ways that calls go, in their order, no file twice."""
+"""The journeys drawn on the page of the architecture are the ways that data go, in their order, no file twice.
+
+A journey follows one thing: a formula by a number in it, a scenario by its name, the value of a slider. A file is
+reached when a function of it is given something in which that is found.
+"""
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePath
 
+import numpy as np
 import pytest
 
 import flocking as fk
@@ -25,16 +31,63 @@ JOURNEYS = {
 STATE = fk.State([[0.0, 0.0], [2.0, 0.0]], [[0.0, 0.1], [0.0, 0.0]])
 
 
-def entered(go: Callable[[], object]) -> list[str]:
-    """Files of the library in the order their functions are called, each as often as calls come to it from another."""
+@dataclass(frozen=True)
+class Followed:
+    """What is followed: words in texts and formulas, and a number."""
+
+    words: str = ""
+    number: float = float("nan")
+
+    def among(self, values: object, depth: int = 6) -> bool:
+        """Whether it is found in values, in what they contain, and in the fields of this library's objects."""
+        if isinstance(values, str | PurePath) or type(values).__module__.startswith("sympy"):
+            return self.words != "" and self.words in str(values)
+        if isinstance(values, int | float | np.number):
+            return bool(values == self.number)
+        if isinstance(values, np.ndarray):
+            return values.dtype.kind in "fi" and bool((values == self.number).any())
+        inner: list[object] = []
+        if isinstance(values, Mapping):
+            inner = [*values.keys(), *values.values()]
+        elif isinstance(values, list | tuple | set | frozenset):
+            inner = list(values)
+        elif type(values).__module__.startswith("flocking") and not isinstance(values, type):
+            inner = list(getattr(values, "__dict__", {}).values())
+        return depth > 0 and any(self.among(x, depth - 1) for x in inner)
+
+
+def reached(go: Callable[[], object], drawn: list[str], followed: Followed, behind: frozenset[str]) -> list[str]:
+    """Drawn files in the order in which they are reached; calls during imports do not count.
+
+    Parameters
+    ----------
+    behind
+        Files that are given the machine code, in which nothing is found: they are reached by the first call that comes
+        after the file drawn before them is reached.
+    """
     found: list[str] = []
+    importing = 0
 
     def follow(frame, event, _) -> None:
+        nonlocal importing
         code = frame.f_code
-        if event == "call" and code.co_filename.startswith(str(SOURCE)) and code.co_name != "<module>":
-            name = Path(code.co_filename).relative_to(SOURCE).as_posix()
-            if found[-1:] != [name]:
+        if code.co_name == "<module>":
+            importing += {"call": 1, "return": -1}.get(event, 0)
+        if event != "call" or importing or not code.co_filename.startswith(str(SOURCE)):
+            return
+        name = Path(code.co_filename).relative_to(SOURCE).as_posix()
+        if name not in drawn or name in found:
+            return
+        if name in behind:
+            if drawn[drawn.index(name) - 1] in found:
                 found.append(name)
+            return
+        sys.setprofile(None)
+        try:
+            if any(followed.among(value) for value in frame.f_locals.values()):
+                found.append(name)
+        finally:
+            sys.setprofile(follow)
 
     before = sys.getprofile()
     sys.setprofile(follow)
@@ -45,41 +98,52 @@ def entered(go: Callable[[], object]) -> list[str]:
     return found
 
 
-def missing(drawn: list[str], passed: list[str]) -> list[str]:
-    """What is left of a journey where the first file comes that is not entered after the one before it."""
-    way = iter(passed)
-    return next((drawn[k:] for k, name in enumerate(drawn) if name not in way), [])
-
-
 def law(formula: str) -> fk.Law:
     return fk.Law(fk.Hysteresis(4.0, 0.1), [fk.Gradient(fk.Potential(formula, R=4.0, b=1.5)), fk.Consensus(1.0)])
 
 
-SHOWN = "(r - 2)**2 + b/(R + r)"
-
-
-def scenario(formula: str = SHOWN) -> fk.Scenario:
+def scenario(formula: str = "(r - 2)**2 + b/(R + r)") -> fk.Scenario:
     return fk.Scenario(law(formula), STATE, t_end=0.2, frames=2, name="shown")
 
 
-def formula_to_kernel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+NUMBER = 887653
+"""A number that nothing else has."""
+
+MACHINE_CODE = frozenset({"engine/kernels/law_kernels.py", "formula/native/entries.py"})
+
+
+def formula_to_kernel(drawn: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     fk.start(scenario(), engine="exact").accelerations()
     monkeypatch.setenv("FLOCKING_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(compiled, "_modules", {})
-    return entered(lambda: fk.start(scenario("(r - 2)**2 + b/(R + 3*r)"), engine="exact").accelerations())
+    followed = Followed(str(NUMBER), float(NUMBER))
+    made: list[fk.Scenario] = []
+
+    def make() -> None:
+        made.append(scenario(f"(r - 2)**2 + b/(R + {NUMBER}*r)"))
+
+    end = drawn.index("model/law.py") + 1
+    found = reached(make, drawn[:end], followed, MACHINE_CODE)
+    # The law has checked the values of its potential; its kernels are made when it is simulated.
+    monkeypatch.setattr(compiled, "_modules", {})
+    return found + reached(
+        lambda: fk.start(made[0], engine="exact").accelerations(), drawn[end:], followed, MACHINE_CODE
+    )
 
 
-def scenario_to_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    file = fk.write_scenario(scenario(), tmp_path / "shown.toml")
+def scenario_to_report(drawn: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    name = "followed-by-name"
+    file = fk.write_scenario(scenario().with_(name=name), tmp_path / f"{name}.toml")
 
     def go() -> None:
         run = fk.simulate(fk.read_scenario(file), save=tmp_path / "run", progress=False)
         assert "ledger" in str(fk.audit(run))
 
-    return entered(go)
+    return reached(go, drawn, Followed(name), frozenset())
 
 
-def slider_to_force(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def slider_to_force(drawn: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    value = 1.234567
     experiment = Experiment(scenario(), "exact")
     experiment.advance(0.1)
     controls = Controls(
@@ -87,11 +151,11 @@ def slider_to_force(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str
     )
 
     def go() -> None:
-        controls.move(["law", "terms", 1, "gain"], 1.25)
+        controls.move(["law", "terms", 1, "gain"], value)
         experiment.session.accelerations()
 
-    found = entered(go)
-    assert experiment.scenario.law.terms[1].gain == 1.25
+    found = reached(go, drawn, Followed(number=value), frozenset())
+    assert experiment.scenario.law.terms[1].gain == value
     return found
 
 
@@ -110,11 +174,23 @@ def test_three_journeys_are_drawn_and_pass_no_file_twice():
 
 
 @pytest.mark.parametrize("title", WAYS)
-def test_calls_go_the_way_that_is_drawn(title, tmp_path, monkeypatch):
-    assert missing(JOURNEYS[title], WAYS[title](tmp_path, monkeypatch)) == []
+def test_data_go_the_way_that_is_drawn(title, tmp_path, monkeypatch):
+    """The order is that in which files are reached first: one drawn elsewhere, or not on the way, fails."""
+    assert WAYS[title](JOURNEYS[title], tmp_path, monkeypatch) == JOURNEYS[title]
 
 
-def test_a_journey_that_goes_another_way_is_found():
-    assert missing(["a", "b", "c"], ["a", "x", "b", "a", "c"]) == []
-    assert missing(["a", "b", "c"], ["b", "a", "c"]) == ["b", "c"]
-    assert missing(["a", "b"], ["a"]) == ["b"]
+def test_a_journey_that_goes_another_way_is_found(tmp_path, monkeypatch):
+    drawn = JOURNEYS["a slider to a force"]
+    for k in range(len(drawn) - 1):
+        swapped = [*drawn[:k], drawn[k + 1], drawn[k], *drawn[k + 2 :]]
+        assert slider_to_force(swapped, tmp_path, monkeypatch) == drawn
+    assert slider_to_force([*drawn, "engine/exact/recorder.py"], tmp_path, monkeypatch) == drawn
+
+
+def test_what_is_followed_is_found_in_what_contains_it():
+    followed = Followed("7.25", 7.25)
+    held = law("(r - 7.25)**2 + b/(R + r)")
+    for values in ("a 7.25", [1, {"x": 7.25}], np.array([1.0, 7.25]), held):
+        assert followed.among(values)
+    for values in ("7.3", None, [1, {"x": 7}], np.array([1.0]), law("(r - 2)**2 + b/(R + r)")):
+        assert not followed.among(values)
