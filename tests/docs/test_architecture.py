@@ -130,6 +130,22 @@ HOMES = {
     "change what the timeline of the lab remembers": "class Timeline",
     "change which potentials the lab refuses": "def check_range",
     "change what a frame carries to a page of the lab": "def packed",
+    "change how obstacles are drawn in the lab": "def solids(",
+    "change the port on which the lab listens": "PORT =",
+    "change the exit codes of commands": "BAD_INPUT",
+    "change what happens on Ctrl-C": "def check(",
+    "refuse a damaged checkpoint by another rule": "class Form(",
+    "change how the past of delayed agents is kept": "class History:",
+    "change how switches of links under messages or delays are located": "def add_switches(",
+    "change how parameters are handed to the kernels of large groups": "class LawParameters:",
+    "change how a controller links the agents that it knows": "def find_linked(",
+    "add a stored study of a paper": "STUDIES = {",
+    "add a showcase": "SHOWCASES = {",
+    "change how ground and verdict of a paper's claim go together": "def claims_by_name(",
+    "change when a net counts as rigid": "def is_rigid(",
+    "add a guarantee under late samples": "class NeighboursLate:",
+    "change how a fault of a scenario file is worded": "def problem_of(",
+    "add a deliberately wrong plant": "def flipped_sign(",
 }
 """For each task, words that stand where it is done."""
 
@@ -144,6 +160,15 @@ def test_a_task_is_done_in_the_file_that_the_page_names(task):
     path = SOURCE / ROWS[task]
     assert path.is_file()
     assert HOMES[task] in path.read_text(encoding="utf-8")
+
+
+def test_every_folder_has_a_task():
+    """But folders of papers, of which one stands for all, and of data."""
+    papers = {p.parent for p in SOURCE.glob("papers/*/equations.toml")}
+    named = {(SOURCE / name).parent for name in ROWS.values()}
+    folders = {p.parent for p in SOURCE.rglob("*.py") if p.name != "__init__.py"}
+    assert folders - papers - named == set()
+    assert named & papers
 
 
 def test_the_plan_names_every_folder():
