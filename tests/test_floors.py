@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 import tokenize
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -307,6 +308,28 @@ def test_no_name_is_vague():
     }
     assert {path: names for path, names in found.items() if names} == {}
     assert identifiers(ast.parse("def f(soft):\n    self.stray = tops = 1\n")) == {"f", "soft", "stray", "tops"}
+
+
+READERS = ("tests", "docs", "gallery", "benchmarks", "src")
+
+
+def top_names(tree: ast.Module) -> list[str]:
+    """Names of functions, classes and values at the top of a file."""
+    found = [node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    targets = [
+        x for node in tree.body if isinstance(node, ast.Assign) for target in node.targets for x in ast.walk(target)
+    ]
+    targets += [node.target for node in tree.body if isinstance(node, ast.AnnAssign)]
+    return [name for name in found + [x.id for x in targets if isinstance(x, ast.Name)] if not name.startswith("__")]
+
+
+def test_no_name_is_dead():
+    """Each name at the top of a file is used somewhere: in another line, a test, a table, a page."""
+    paths = {p for root in READERS for end in ("py", "md", "toml") for p in (ROOT / root).rglob(f"*.{end}")}
+    counts = Counter(word for path in paths for word in re.findall(r"\w+", path.read_text(encoding="utf-8")))
+    names = [(path.relative_to(SOURCE).as_posix(), name) for path in FILES for name in top_names(tree_of(path))]
+    assert len(names) > 5000
+    assert [(path, name) for path, name in names if counts[name] == 1] == []
 
 
 MOST_ARGUMENTS = 12

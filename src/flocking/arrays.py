@@ -47,9 +47,6 @@ Numbers = NDArray[np.int64]
 Numbers32 = NDArray[np.int32]
 """Integers in 32 bits, such as the agent at each place of the tiled engine, shape (K,)."""
 
-PairIndices = NDArray[np.intp]
-"""Pairs (i, j) of agents by their indices in an array, shape (K, 2)."""
-
 Records = NDArray[np.void]
 """Structured rows, shape (K,); the fields are those of a constant that is named at each use."""
 

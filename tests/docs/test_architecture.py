@@ -116,7 +116,7 @@ HOMES = {
     "change the colours of pictures": "class Theme",
     "correct the reading of an equation of Zhou": "[[statement]]",
     "add a field to the description of every paper, such as its venue": "class Paper:",
-    "give an array type a name": "PairIndices =",
+    "give an array type a name": "Numbers32 =",
     "add an option to `flocking run`": "def run(",
     "change the layout of the report": "def write_report(",
     "change the page about one run": "def write_run_page",

@@ -12,9 +12,6 @@ from flocking.errors import EngineMissing, StorageError
 if TYPE_CHECKING:
     import zenoh
 
-LOOPBACK = "tcp/127.0.0.1:0"
-"""Where the world listens unless it is told another place: this machine alone, at a port that is free."""
-
 MISSING = "Processes of agents need the package eclipse-zenoh: pip install 'flocking[nodes]'."
 """Message where the package is not installed."""
 

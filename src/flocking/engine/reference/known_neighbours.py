@@ -160,7 +160,7 @@ def take_known(call: int, own: Own, others: Others, fixed: CallRules, room: Room
     m, n = own.q.shape[0], room.marks.shape[0]
     for c in range(m):
         if own.q[c] - own.q[c] != 0.0 or own.p[c] - own.p[c] != 0.0:
-            return 1
+            return NOT_FINITE
         Q[0, c] = own.q[c]
         V[0, c] = own.p[c]
     for e in range(others.who.shape[0]):
@@ -168,22 +168,22 @@ def take_known(call: int, own: Own, others: Others, fixed: CallRules, room: Room
         if others.stamps.shape[0] > 0:
             stamp = others.stamps[e]
             if not stamp <= own.t or stamp - stamp != 0.0:
-                return 4
+                return NO_STAMP
             if not own.t - stamp < fixed.expires:
                 # Too old to be used; no distance is -1.
                 room.r[e] = -1.0
                 continue
         if j < 0 or j >= n:
-            return 2
+            return NO_AGENT
         if room.marks[j] == call:
-            return 3
+            return TWICE
         room.marks[j] = call
         square = 0.0
         for c in range(m):
             x = others.q[e, c] + (own.q[c] if fixed.relative else 0.0)
             v = others.p[e, c] + (own.p[c] if fixed.relative else 0.0)
             if x - x != 0.0 or v - v != 0.0:
-                return 1
+                return NOT_FINITE
             Q[e + 1, c] = x
             V[e + 1, c] = v
             d = x - own.q[c]
@@ -210,18 +210,18 @@ def find_linked(others: Others, memory: LinkMemory, fixed: CallRules, room: Room
     for g in range(rules.shape[0]):
         offsets[g] = total
         for j in range(room.marks.shape[0]):
-            memory.after[g, j] = memory.links[g, j] and rules[g, 2] == 2.0
+            memory.after[g, j] = memory.links[g, j] and rules[g, 2] == FIXED
         for e in range(others.who.shape[0]):
             j, r = others.who[e], room.r[e]
             if r < 0.0:
                 continue
             old = memory.links[g, j]
-            if rules[g, 2] == 2.0:
+            if rules[g, 2] == FIXED:
                 linked = old
             elif memory.started:
                 linked = r < (rules[g, 1] if old else rules[g, 0])
             else:
-                linked = r < rules[g, 1] or (rules[g, 2] == 1.0 and r == rules[g, 1])
+                linked = r < rules[g, 1] or (rules[g, 2] == CLOSED and r == rules[g, 1])
             if linked:
                 room.sensed[total] = e + 1
                 total += 1

@@ -63,7 +63,7 @@ _ELEMENTS: dict[str, ir.Type] = {
     "i4": ir.IntType(32), "u4": ir.IntType(32), "b1": ir.IntType(1),
 }  # fmt: skip
 
-F8, F4, I8, U8, I4, U4, B1 = (Kind(name) for name in ("f8", "f4", "i8", "u8", "i4", "u4", "b1"))
+F8, F4, I8, U8, I4, B1 = (Kind(name) for name in ("f8", "f4", "i8", "u8", "i4", "b1"))
 
 
 @dataclass(frozen=True)

@@ -35,9 +35,6 @@ PURPOSE_SHIFT = 24
 IN_A_PAIR = 2
 """Normal numbers that one draw gives."""
 
-LARGEST_SAMPLE = 1 << 56
-"""Number of different sample indices: 32 bits of the first word and 24 of the second."""
-
 
 class Purpose(IntEnum):
     """What a draw is for. Numbers are never used again for another purpose: stored runs would change."""

@@ -34,8 +34,6 @@ RADIUS = 1.2 * DISTANCE
 """r, the range of interaction."""
 OBSTACLE_DISTANCE = 0.6 * DISTANCE
 """d', from which on an obstacle repels."""
-OBSTACLE_RADIUS = 1.2 * OBSTACLE_DISTANCE
-"""r', within which an obstacle is a neighbour; forces end at d' already."""
 EPSILON = 0.1
 """eps of the sigma-norm."""
 ATTRACTION = REPULSION = 5.0

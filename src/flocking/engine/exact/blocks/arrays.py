@@ -37,9 +37,6 @@ AT, BEGUN, LEVEL, OUTWARD, BOUND, LATER, LEFT_AT = range(SECOND + 1, SECOND + 8)
 """What a row of ``fresh`` holds then: the fields of `flocking.engine.exact.uncertain_switches.Fresh`, and of the step
 looked at last the error with it and the place at which the pair was beyond the error."""
 
-FRESH_NUMBERS = LEFT_AT + 1
-"""Length of such a row."""
-
 SLID_AT, SLID_SPEED, SLIDES = range(SECOND + 1, SECOND + 4)
 """What a row of ``sliding`` holds then: time and speed of the last crossing of a pair, and the number of those in a row
 on which it hardly moved."""

@@ -18,10 +18,6 @@ def _bits_of(builder: ir.IRBuilder, mask: Value) -> Number:
     return Number(I8, builder.zext(builder.bitcast(number(mask).code, ir.IntType(WIDTH)), I8.type))
 
 
-def _first_bit(builder: ir.IRBuilder, bits: Value) -> Number:
-    return Number(I8, builder.cttz(number(bits).code, ir.Constant(ir.IntType(1), 1)))
-
-
 def _halves(builder: ir.IRBuilder, value: ir.Value, join: _Join) -> ir.Value:
     """Combine the upper half of the lanes with the lower one until one lane is left, always in the same order."""
     width = WIDTH
@@ -52,8 +48,6 @@ def _total(builder: ir.IRBuilder, value: Value) -> Number:
 
 bits_of = Primitive(_bits_of)
 """A mask as an integer: bit k is lane k."""
-first_bit = Primitive(_first_bit)
-"""Number of the lowest bit that is set in a positive integer."""
 highest = Primitive(_extreme(">"))
 """Largest lane."""
 lowest = Primitive(_extreme("<"))
