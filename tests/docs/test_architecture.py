@@ -27,6 +27,7 @@ HOMES = {
     "change what is stored of the transition in large groups": "class Study:",
     "certify what lost messages do to a lattice": "class LossyLattice:",
     "change how kernels are given to threads": "class Workers:",
+    "change how the native loop hears messages under held control": "def hear(",
     "change how a safety filter changes forces": "class ForceFilter:",
     "change how agents keep their stopping paths apart": "def between(",
     "add a guarantee of consensus on graphs that switch": "def switching_certificates(",

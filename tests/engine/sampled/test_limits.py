@@ -6,6 +6,7 @@ import pytest
 import flocking as fk
 from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.law_in_force import SampledLaw
+from flocking.engine.sampled.session import SampledSession
 from flocking.errors import UnsupportedLaw
 from tests.engine.sampled.test_sessions import same
 
@@ -101,12 +102,14 @@ def test_limited_runs_go_on_with_the_same_bits_and_their_log_is_right():
 
 def test_saturation_before_the_hold_is_caught(monkeypatch):
     """The log holds what was computed; a force that was limited before it was logged is not that of the law."""
+    monkeypatch.setattr(SampledSession, "in_blocks", False)
     forces = SampledLaw.forces
     monkeypatch.setattr(SampledLaw, "forces", lambda *given: np.clip(forces(*given), -1.0, 1.0))
     assert "its force is logged as" in str(fk.replay(fk.simulate(scenario(**WORLD), progress=False)))
 
 
 def test_a_limit_that_is_left_out_is_caught(monkeypatch):
+    monkeypatch.setattr(SampledSession, "in_blocks", False)
     monkeypatch.setattr(Actuation, "exerted", lambda self, agents, force: force)
     assert "from where the logged forces lead" in str(fk.replay(fk.simulate(scenario(**WORLD), progress=False)))
 

@@ -162,6 +162,7 @@ def without_latency(patch):
     ],
 )  # fmt: skip
 def test_broken_message_layers_are_caught(monkeypatch, broken, words):
+    monkeypatch.setattr(SampledSession, "in_blocks", False)
     broken(monkeypatch)
     run = ran(world())
     found = fk.replay(run)

@@ -14,9 +14,10 @@ from flocking.engine.delayed.checkpoint import DelayedMemory, packed_memory, unp
 from flocking.engine.delayed.delayed_law import DelayedLaw
 from flocking.engine.delayed.history import History, position_series, split_state
 from flocking.engine.delayed.known_links import known_switches
-from flocking.engine.imperfect.powers import FIFTEEN, Powers
+from flocking.engine.imperfect.powers import FIFTEEN, Powers, integrated
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.taylor_series import shifted
+from flocking.engine.imperfect.true_law import check_forces
 from flocking.engine.integrator.adaptive_session import AdaptiveSession
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.integrator.state_tolerances import state_tolerances
@@ -169,7 +170,13 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
     def _series(self, seconds: float) -> Array:
         return position_series(self._segment, self.n, self.m, seconds)
 
+    def _integrated(self, length: float) -> tuple[Array, Array, float]:
+        powers = self._powers(self.accounted)
+        return integrated(powers, length, self.scenario.tolerance, self.largest_power, self.rule)
+
     def _powers(self, seconds: float) -> Powers:
+        """Powers of the ledger as functions of the time from ``seconds`` since the start on."""
+
         def at(times: Array) -> Array:
             found = np.empty((len(times), 4))
             for row, s in enumerate((seconds + times).tolist()):
@@ -266,7 +273,7 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
     def _check_slope(self) -> None:
         """Refuse to go on where no step is short enough for the forces."""
         rates = self._stepper.memory.slope[-self.n * self.m :].reshape(self.n, self.m)
-        self._check_forces(rates, self._stepper.memory.t, np.arange(self.n))
+        check_forces(rates, self._base + self._stepper.memory.t, np.arange(self.n))
 
     def _break_from(self, seconds: float) -> None:
         """Let steps end where a jump of the forces at a time comes back."""

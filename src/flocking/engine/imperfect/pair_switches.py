@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -195,6 +197,19 @@ def find_pair_events(
                     if total < 0:
                         return -1
     return total
+
+
+def radial_speed(d: Sequence[float], w: Sequence[float]) -> tuple[float, float]:
+    """How fast the distance of two agents grows, and their relative speed: summed up as native functions do.
+
+    Parameters
+    ----------
+    d, w
+        Displacement and relative velocity.
+    """
+    distance = math.sqrt(sum(x * x for x in d))
+    speed = sum(x * y for x, y in zip(d, w, strict=True)) / distance if distance else 0.0
+    return speed, math.sqrt(sum(y * y for y in w))
 
 
 def pair_events(

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.kernels.codegen import ARGUMENTS, CONTROL_RESULTS
+from flocking.engine.kernels.codegen import ARGUMENTS, CONTROL_RESULTS, FRAME_RESULTS
 from flocking.engine.kernels.law_kernels import Pairs, Slots
 from flocking.formula.native.functions import by_address, native_apart
 
@@ -68,7 +68,11 @@ MOST_PIECES = 500
 POWERS = ("work", "dissipated", "supplied", "departed")
 """What is integrated."""
 
+MOST_OPEN = MOST_HALVINGS + 2
+"""Intervals that are open at once: each halving leaves one more."""
+
 _control = by_address(ARGUMENTS + CONTROL_RESULTS)
+_frame = by_address(ARGUMENTS + FRAME_RESULTS)
 
 
 class LawInForce(NamedTuple):
@@ -76,8 +80,9 @@ class LawInForce(NamedTuple):
 
     Parameters
     ----------
-    control, flow
-        Addresses of its compiled functions; the second for agents of order 1 alone.
+    control, flow, frame
+        Addresses of its compiled functions; the second for agents of order 1 alone. The last one gives the velocity of
+        the frame of the energy; 0 where that is at rest.
     order
         Order of the agents.
     pairs, slots, functionals
@@ -86,6 +91,7 @@ class LawInForce(NamedTuple):
 
     control: int
     flow: int
+    frame: int
     order: int
     pairs: Pairs
     slots: Slots
@@ -93,9 +99,7 @@ class LawInForce(NamedTuple):
 
 
 @native_apart
-def node_powers(
-    law: LawInForce, start: float, S: Array, forces: Array, times: Array, frames: Array, found: Array
-) -> None:
+def node_powers(law: LawInForce, start: float, S: Array, forces: Array, times: Array, found: Array) -> None:
     """Work, dissipation, supply and departure at some times.
 
     Parameters
@@ -110,14 +114,12 @@ def node_powers(
         Taylor coefficients of the forces that act, shape (terms, N, m).
     times
         Times since ``start``, shape (nodes,).
-    frames
-        Velocity of the frame of the energy at these times, shape (nodes, m).
     found
         Takes the powers, shape (nodes, 4).
     """
     degree, n, m, pairs, slots = S.shape[0] - 1, S.shape[1], S.shape[2], law.pairs, law.slots
     q, p, u, rates, none = np.empty((n, m)), np.empty((n, m)), np.empty((n, m)), np.empty(3), np.empty(0)
-    seen, force, terms = np.empty((n, m)), np.empty((n, m)), forces.shape[0]
+    seen, force, terms, frame = np.empty((n, m)), np.empty((n, m)), forces.shape[0], np.zeros(m)
     for node in range(times.shape[0]):
         s = times[node]
         for i in range(n):
@@ -137,11 +139,16 @@ def node_powers(
             law.control, start + s, q, seen, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces,
             pairs.spans, slots.P, slots.A, slots.W, law.functionals, u, rates, none,
         )  # fmt: skip
+        if law.frame != 0:
+            _frame(
+                law.frame, start + s, q, seen, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces,
+                pairs.spans, slots.P, slots.A, slots.W, law.functionals, frame, none,
+            )  # fmt: skip
         work, departed = 0.0, 0.0
         for i in range(n):
             for k in range(m):
                 work += force[i, k] * p[i, k]
-                departed += (force[i, k] - u[i, k]) * (p[i, k] - frames[node, k])
+                departed += (force[i, k] - u[i, k]) * (p[i, k] - frame[k])
         lost, supplied = rates[1], rates[2]
         if law.order == 1:
             # Beside the law's own flow, -lost + supplied, storage changes at the rate of the velocity that acts.
@@ -193,3 +200,62 @@ def integrated(
             middle = begin + half
             open_ += [(middle, end, halvings - 1), (begin, middle, halvings - 1)]
     return total, error, largest
+
+
+@native_apart
+def integrate_powers(
+    law: LawInForce, start: float, S: Array, forces: Array, length: float, tolerance: float, largest: float, rule: Rule,
+    found: Array,
+) -> float:  # fmt: skip
+    """Add the integrals of the powers of a law, and what they may be off by, as `integrated` computes them.
+
+    Parameters
+    ----------
+    law, start, S, forces
+        As for `node_powers`.
+    length, tolerance, largest, rule
+        As for `integrated`.
+    found
+        Takes the integrals and their errors, shape (2, 4), which are added to what is there.
+
+    Returns
+    -------
+    float
+        The largest power met so far.
+    """
+    nodes = rule.nodes.shape[0]
+    times, values, open_ = np.empty(nodes), np.empty((nodes, 4)), np.empty((MOST_OPEN, 3))
+    fine, gap = np.empty(4), np.empty(4)
+    open_[0, 0], open_[0, 1], open_[0, 2] = 0.0, length, float(MOST_HALVINGS)
+    top, pieces = 0, 0
+    while top >= 0:
+        begin, end, halvings = open_[top, 0], open_[top, 1], open_[top, 2]
+        top -= 1
+        half = 0.5 * (end - begin)
+        for a in range(nodes):
+            times[a] = begin + half * (1.0 + rule.nodes[a])
+        node_powers(law, start, S, forces, times, values)
+        pieces += 1
+        done = halvings == 0.0 or pieces > MOST_PIECES
+        for k in range(4):
+            kronrod, coarse = 0.0, 0.0
+            for a in range(nodes):
+                kronrod += rule.weights[a] * values[a, k]
+                coarse += rule.gauss[a] * values[a, k]
+                if np.isfinite(values[a, k]):
+                    largest = max(largest, abs(values[a, k]))
+            fine[k], gap[k] = half * kronrod, abs(half * kronrod - half * coarse)
+            done = done or not np.isfinite(fine[k])
+        fits = True
+        for k in range(4):
+            fits = fits and gap[k] <= tolerance * (end - begin) * largest
+        if done or fits:
+            for k in range(4):
+                found[0, k] += fine[k]
+                found[1, k] += gap[k]
+        else:
+            middle = begin + half
+            open_[top + 1, 0], open_[top + 1, 1], open_[top + 1, 2] = middle, end, halvings - 1.0
+            open_[top + 2, 0], open_[top + 2, 1], open_[top + 2, 2] = begin, middle, halvings - 1.0
+            top += 2
+    return largest

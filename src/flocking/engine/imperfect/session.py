@@ -21,15 +21,15 @@ from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
 from flocking.engine.imperfect.memory import ImperfectMemory
 from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, closest_pairs, paths_in
-from flocking.engine.imperfect.pair_switches import pair_events
-from flocking.engine.imperfect.powers import SEVEN, Powers, Rule, integrated
+from flocking.engine.imperfect.pair_switches import pair_events, radial_speed
+from flocking.engine.imperfect.powers import SEVEN, Rule
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.protocol.session import Session, Stored
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Closest, LedgerRow, is_tangential
-from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
+from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
@@ -138,8 +138,8 @@ class ImperfectSession(Session):
         """Taylor coefficients of the positions about a time since the start, shape (degree + 1, N, m)."""
 
     @abstractmethod
-    def _powers(self, seconds: float) -> Powers:
-        """Powers of the ledger, as functions of the time from ``seconds`` since the start on."""
+    def _integrated(self, length: float) -> tuple[Array, Array, float]:
+        """Integrals of the powers of the ledger over a ``length`` of time, their errors, and the largest power met."""
 
     @abstractmethod
     def _next_change(self) -> float:
@@ -215,23 +215,21 @@ class ImperfectSession(Session):
                 crossing = self.crossings[0][0] if self.crossings else math.inf
                 gains = self._next_gains()
                 earliest = min(at, crossing, gains)
-                if self.accounted < last <= earliest and last <= end:
+                taken = self._take_block(min(end, gains, last), earliest)
+                if not taken and self.accounted < last <= earliest and last <= end:
                     self._record_frames(last)
                     self._account(last)
                     self._record_row(last)
                     self.time = self._base + last
                     continue
-                if earliest >= end:
+                if not taken and earliest >= end:
                     break
-                self._record_frames(earliest)
-                self.time = max(self.time, self._base + earliest)
-                if gains <= earliest:
-                    self._change_gains()
-                elif crossing <= at:
-                    self._switch()
-                else:
-                    self._change()
-                events += 1
+                if not taken:
+                    self._record_frames(earliest)
+                    self.time = max(self.time, self._base + earliest)
+                    change = self._change if crossing > at else self._switch
+                    (self._change_gains if gains <= earliest else change)()
+                events += taken or 1
                 moved = (self.time, self.steps) != before or events >= MOST_AT_ONCE
                 if moved and clock.monotonic() >= stop:  # a slice that ended at its first instant would seem stuck
                     return
@@ -241,16 +239,17 @@ class ImperfectSession(Session):
             error.run = self.run(str(error))
             raise
 
-    def _check_forces(self, force: Array, seconds: float, agents: Indices) -> None:
-        """Refuse to go on under a ``force`` of ``agents``, shape (agents, m), that is infinite or NaN.
+    def _take_block(self, bound: float, earliest: float) -> int:
+        """Let several events take place at once that come before a time, if an engine can; how many have.
 
         Parameters
         ----------
-        seconds
-            Now, since the start.
+        bound
+            The time, in seconds from the start.
+        earliest
+            When the next event comes.
         """
-        if (bad := np.flatnonzero(~np.isfinite(force).all(axis=1))).size:
-            raise NotFinite("A force is infinite or NaN.", time=self._base + seconds, agents=(int(agents[bad[0]]),))
+        return 0
 
     def _watch(self, seconds: float, length: Array, changed: Links) -> None:
         """Find the switches of the pairs of changed agents until either one's motion changes again.
@@ -266,7 +265,7 @@ class ImperfectSession(Session):
         """
         if not self._rules.ways.any():
             return
-        # A motion may change before the end that it was given: its later switches do not take place.
+        # A motion may change before its end: its later switches do not take place.
         self.crossings = [x for x in self.crossings if not (changed[x[1]] or changed[x[2]])]
         heapq.heapify(self.crossings)
         size = float(np.abs((paths := self._paths(seconds)).S[0]).max())
@@ -277,9 +276,7 @@ class ImperfectSession(Session):
         """Switch a true link that crosses its distance."""
         seconds, i, j, graph = heapq.heappop(self.crossings)
         (q, r), (p, v) = self.motion_at(seconds, np.array([i, j]))
-        d, w = self.scenario.space.displacement(r - q), v - p
-        distance = float(np.linalg.norm(d))
-        speed = float(d @ w / distance) if distance else 0.0
+        speed, relative = radial_speed(self.scenario.space.displacement(r - q).tolist(), (v - p).tolist())
         breaks = bool(self.links[graph, i, j])
         if breaks and self._law.barriers[graph]:
             self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
@@ -295,7 +292,7 @@ class ImperfectSession(Session):
             self.jumped += self.energy - before
         else:
             self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
-        slow, kind = is_tangential(speed, float(np.linalg.norm(w))), "break" if breaks else "appear"
+        slow, kind = is_tangential(speed, relative), "break" if breaks else "appear"
         self.records.switches.append((self._base + seconds, i, j, kind, graph, speed, slow, math.nan, math.nan))
         self._record_row(seconds)
 
@@ -309,10 +306,7 @@ class ImperfectSession(Session):
         paths = self._paths(self.accounted)
         self.closest = closest_pairs(paths, length, self.links[0], self.accounted, self.closest)
         if self._base + self.accounted < self.ledger_ends:
-            powers = self._powers(self.accounted)
-            sums, errors, self.largest_power = integrated(
-                powers, length, self.scenario.tolerance, self.largest_power, self.rule
-            )
+            sums, errors, self.largest_power = self._integrated(length)
             self.sums += sums
             self.errors += errors
         self.accounted = seconds

@@ -8,11 +8,29 @@ from functools import cached_property
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
-from flocking.engine.imperfect.powers import LawInForce, Powers, node_powers
+from flocking.engine.imperfect.powers import LawInForce
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
+from flocking.errors import NotFinite
 from flocking.model.law import Law, Scenario
+
+
+def check_forces(force: Array, time: float, agents: Indices) -> None:
+    """Refuse to go on under a ``force`` of ``agents``, shape (agents, m), that is infinite or NaN.
+
+    Parameters
+    ----------
+    time
+        The scenario's time.
+
+    Raises
+    ------
+    NotFinite
+        When one is.
+    """
+    if (bad := np.flatnonzero(~np.isfinite(force).all(axis=1))).size:
+        raise NotFinite("A force is infinite or NaN.", time=time, agents=(int(agents[bad[0]]),))
 
 
 class TrueLaw:
@@ -41,10 +59,11 @@ class TrueLaw:
         self.slots = Slots(*self.layout.values(self.scenario.agents, self.n, t))
 
     @cached_property
-    def _addresses(self) -> tuple[int, int]:
-        """Addresses of the compiled forces on the true state, and of the flow of agents of order 1."""
-        module = self.kernels.module
-        return int(module.control.address), int(module.flow.address) if self.order == 1 else 0
+    def _addresses(self) -> tuple[int, int, int]:
+        """Addresses of the compiled forces on the true state, of the flow of agents of order 1, and of the frame."""
+        module, moving = self.kernels.module, self.order == 2 and self.scenario.energy.frame != "lab"
+        flow = int(module.flow.address) if self.order == 1 else 0
+        return int(module.control.address), flow, int(module.frame.address) if moving else 0
 
     def pairs(self, links: Links, met: Sequence[tuple[Indices, Indices]] = ()) -> Pairs:
         """Ordered pairs of linked agents, graph by graph, then agents and the obstacles that they have met.
@@ -73,37 +92,12 @@ class TrueLaw:
         apart = 0.5 * (self.n * (self.n - 1) - linked) * self.scenario.energy.unlinked
         return stored + bodies + kinetic + apart, kinetic
 
-    def powers(self, t: float, S: Array, forces: Array, pairs: Pairs) -> Powers:
-        """Powers of the ledger as functions of the time since ``t``.
+    def in_force(self, pairs: Pairs) -> LawInForce:
+        """The law as native functions take it.
 
         Parameters
         ----------
-        t
-            The scenario's time about which the polynomials are.
-        S
-            Taylor coefficients of the positions, shape (degree + 1, N, m).
-        forces
-            Taylor coefficients of the forces that act, shape (terms, N, m); of agents of order 1 their velocities.
         pairs
             Pairs linked in truth.
         """
-        law = LawInForce(*self._addresses, self.order, pairs, self.slots, self.functionals)
-
-        def at(times: Array) -> Array:
-            found = np.empty((len(times), 4))
-            node_powers(law, t, S, forces, times, self._frames(t, times, S), found)
-            return found
-
-        return at
-
-    def _frames(self, t: float, times: Array, S: Array) -> Array:
-        """Velocity of the frame of the energy, shape (times, m)."""
-        energy = self.scenario.energy
-        if energy.leader is not None:
-            return np.ascontiguousarray(energy.leader.along(t + times)[1])
-        if energy.frame == "lab":
-            return np.zeros((len(times), self.m))
-        masses = np.broadcast_to(np.asarray(self.scenario.agents.masses, dtype=np.float64), self.n)
-        mean = np.einsum("i,aik->ak", masses / masses.sum(), S)
-        powers = np.arange(1, len(S))
-        return np.asarray((times[:, None] ** (powers - 1) * powers) @ mean[1:])
+        return LawInForce(*self._addresses, self.order, pairs, self.slots, self.functionals)

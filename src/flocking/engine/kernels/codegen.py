@@ -25,6 +25,8 @@ ARGUMENTS = "f8, f8[:,:], f8[:,:], i8[:], i8[:], i8[:], i4[:], f8[:,:], f8[:], f
 """Kinds of t, q, p, senders, sensed, offsets, pieces, spans, P, A, W and S, which all compiled functions take."""
 CONTROL_RESULTS = ", f8[:,:], f8[:]"
 """Kinds of u and rates, which ``control`` fills."""
+FRAME_RESULTS = ", f8[:]"
+"""Kind of the velocity that ``frame`` fills."""
 SLOPE_ARGUMENTS = "f8, f8[:], " + ARGUMENTS.split(", ", 3)[3] + ", f8[:,:], f8[:,:], f8[:,:], f8[:]"
 """Kinds of the arguments of ``slope``: t, the state vector, pairs and slots, room for q, p and u, and the slope."""
 
@@ -36,7 +38,8 @@ def compiled_kernels(layout: Layout, dimension: int) -> ModuleType:
     the forces and `RATES`; for first-order agents ``flow`` does with velocities u that are given; ``slope(t, z,
     senders, ..., S, q, p, u, out)`` fills the slope of a state vector, see `motion_source`; of bodies with limits
     ``limit_signs`` takes the same and fills the expressions of `limits_source`; ``energies(t, q, p, ...)`` gives pair
-    storage, body storage and kinetic energy in the frame of the energy, see `flocking.engine.kernels.law_kernels`. Row
+    storage, body storage and kinetic energy in the frame of the energy, see `flocking.engine.kernels.law_kernels`;
+    ``frame(t, q, p, ..., found)`` fills the velocity of that frame. Row
     ``pieces[e]`` of ``spans`` gives the piece of a piecewise formula that is in force for pair ``e``, see `limits`;
     ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
     those of each group of obstacles. ``shape0.reads`` numbers the slots of P, A and W that such a function reads,
@@ -104,7 +107,8 @@ def _header(formulas: LawFormulas) -> str:
 
 
 def _scalar_module(formulas: LawFormulas, order: int) -> str:
-    return _header(formulas) + _control_source(formulas, order) + _energies_source(formulas) + _shapes_source(formulas)
+    source = _header(formulas) + _control_source(formulas, order) + _energies_source(formulas)
+    return source + _frame_source(formulas) + _shapes_source(formulas)
 
 
 def _shapes_source(formulas: LawFormulas) -> str:
@@ -332,6 +336,15 @@ def _energies_source(formulas: LawFormulas) -> str:
     if lines:
         source += indented(["for i in range(n):"], 1) + indented(lines, 2)
     return source + "    return pairs, bodies, kinetic\n\n\n"
+
+
+def _frame_source(formulas: LawFormulas) -> str:
+    """The function ``frame``: velocity of the frame of the energy."""
+    body, m = formulas.body, formulas.dimension
+    source = f'@native_of(ARGUMENTS + "{FRAME_RESULTS}")\n'
+    source += "def frame(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, found):\n"
+    source += indented(["n = q.shape[0]"], 1) + unpack(free_names([*body.named().values(), *body.frame]), 1)
+    return source + _means(body, m) + indented([f"found[{k}] = frame{k}" for k in range(m)], 1) + "\n\n"
 
 
 def _array_module(formulas: LawFormulas) -> str:

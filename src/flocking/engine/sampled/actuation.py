@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Indices
+from flocking.arrays import Array, Indices, Mask
 from flocking.engine.protocol.body_chains import chain_of
 from flocking.model.bodies.actuators import Lagged, Limited
 from flocking.model.bodies.body import Body
@@ -126,6 +126,16 @@ class Actuation:
                 if part.rate is not None:
                     self.rate = np.minimum(self.rate, each(part.rate))
         self._stages += last
+
+    @property
+    def largest_forces(self) -> tuple[Array, Mask]:
+        """Limits in the order in which they act, shape (limits, N), and whether each axis is limited by itself.
+
+        They are all that stands between a force and the motion where nothing is lagged and there are no gusts.
+        """
+        limits = [stage for stage in self._stages if isinstance(stage, _Limit)]
+        most = np.array([x.most[:, 0] for x in limits]).reshape(len(limits), len(self.rate))
+        return most, np.array([x.each_axis for x in limits], dtype=bool)
 
     def exerted(self, agents: Indices, force: Array) -> Array:
         """What ``agents`` exert of a ``force``, or what a lagged force tends to, shape (agents, m) each."""

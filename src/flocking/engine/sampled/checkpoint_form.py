@@ -26,7 +26,8 @@ from flocking.engine.imperfect.checkpoint_form import (
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.meetings import Meetings
-from flocking.engine.sampled.motion import LONGEST_PIECE, Drive, Motion
+from flocking.engine.sampled.motion import Drive, Motion
+from flocking.engine.sampled.piece_series import LONGEST_PIECE
 from flocking.engine.sampled.samples import FIRST_ROOM, START
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario

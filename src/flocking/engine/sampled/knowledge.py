@@ -134,6 +134,11 @@ class Knowledge:
         return any(loss is not None and loss.reads_distance for loss in losses)
 
     @property
+    def memory_of_errors(self) -> Array:
+        """Correlation of the errors of one sample of each agent with those of its next, shape (N,)."""
+        return np.ascontiguousarray(self._memory[:, 0]) if self._memory.size else np.zeros(self.n)
+
+    @property
     def draws_errors(self) -> bool:
         """Whether samples have errors."""
         return self.messages is not None and self.messages.noise is not None and not self.messages.noise.ideal

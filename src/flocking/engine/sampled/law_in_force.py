@@ -29,6 +29,16 @@ class SampledLaw(TrueLaw):
         super().__init__(scenario)
         self._known = known_kernels(self.layout, self.m, degree)
 
+    @property
+    def known_address(self) -> int:
+        """Address of the compiled forces on what agents know."""
+        return int(self._known.control.address)
+
+    @property
+    def energies_address(self) -> int:
+        """Address of the compiled energies of the true state."""
+        return int(self.kernels.module.energies.address)
+
     def forces(
         self,
         t: float,

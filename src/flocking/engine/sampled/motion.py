@@ -10,6 +10,7 @@ from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.taylor_series import shifted
 from flocking.engine.kernels.headings import turned
 from flocking.engine.sampled.actuation import Actuation
+from flocking.engine.sampled.piece_series import LONGEST_PIECE, binomials, shift_pieces
 from flocking.model.bodies.body import Body
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants
 
@@ -19,9 +20,6 @@ SERIES_DEGREE = 9
 SERIES_SHARE = 1.0 / 32.0
 """Longest piece of such an agent over its shortest time constant, m/k or that of the lag. The velocity then is of
 degree 8 and leaves out at most 9 (1/32)**8/9! = 2e-17 of its change, the position less."""
-
-LONGEST_PIECE = 1 << 62
-"""Nanoseconds of a piece that has no end of its own."""
 
 
 class Drive(NamedTuple):
@@ -219,9 +217,14 @@ class Motion:
         They must not be changed: the next call for the same time returns them too.
         """
         if self._latest is None or self._latest[0] != time or self._latest[1] is not self.coefficients:
-            found = shifted(self.coefficients, np.asarray(time - self.begin * NANOSECOND)[:, None])
+            found = np.empty_like(self.coefficients)
+            shift_pieces(binomials(self.degree), self.coefficients, self.begin, float(time), found)
             self._latest = (time, self.coefficients, found)
         return self._latest[2]
+
+    def forget(self) -> None:
+        """Forget what `shifted` answered last: the coefficients have been changed in place."""
+        self._latest = None
 
     def acting_from(self, time: float) -> Array:
         """Taylor coefficients of the forces that act about ``time`` seconds from the start, shape (terms, N, m)."""

@@ -30,6 +30,8 @@ class RandomRoundingSession(SampledSession):
         Seed of the errors.
     """
 
+    in_blocks = False
+
     def __init__(self, scenario: Scenario, seed: int) -> None:
         super().__init__(scenario)
         self._errors = np.random.default_rng(seed)

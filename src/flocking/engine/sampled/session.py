@@ -6,19 +6,22 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
-from flocking.engine.imperfect.powers import Powers
-from flocking.engine.imperfect.session import ImperfectSession
+from flocking.engine.imperfect.powers import POWERS, integrate_powers
+from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
 from flocking.engine.imperfect.supported_laws import check_law
+from flocking.engine.imperfect.true_law import check_forces
 from flocking.engine.protocol.body_chains import of_points, point_of
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.runs.run import is_tangential
 from flocking.engine.sampled.actuation import Actuation
+from flocking.engine.sampled.blocks.block import EventBlocks, Settings
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.interventions import (
     Interventions,
@@ -62,6 +65,8 @@ class SampledSession(ImperfectSession):
 
     engine = "sampled"
     keeps_log = True
+    in_blocks: ClassVar[bool] = True
+    """Whether the native loop takes the events that it knows; it gives the same bits."""
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
@@ -93,6 +98,7 @@ class SampledSession(ImperfectSession):
         self._ticking = self._sampling = self._next_tick()
         """When each agent acts and measures next, as `_next_change` found it."""
         self.interventions = Interventions()
+        self._blocks = EventBlocks()
         self.begin()
         self._watch_pieces(0, np.ones(self.n, dtype=bool))
         self._record_frames(0.0)
@@ -108,9 +114,14 @@ class SampledSession(ImperfectSession):
     def _series(self, seconds: float) -> Array:
         return self.motion.shifted(seconds)
 
-    def _powers(self, seconds: float) -> Powers:
-        acting = self.motion.acting_from(seconds)
-        return self._law.powers(self._base + seconds, self._series(seconds), acting, self._pairs)
+    def _integrated(self, length: float) -> tuple[Array, Array, float]:
+        begin, found = self.accounted, np.zeros((2, len(POWERS)))
+        forces = np.ascontiguousarray(self.motion.acting_from(begin))
+        largest = integrate_powers(
+            self._law.in_force(self._pairs), self._base + begin, self._series(begin), forces, length,
+            self.scenario.tolerance, self.largest_power, self.rule, found,
+        )  # fmt: skip
+        return found[0], found[1], float(largest)
 
     def _columns_at(self, seconds: float) -> dict[str, Array]:
         """Further columns of the agents at ``seconds`` from the start, shape (N, width) each, by name."""
@@ -169,7 +180,7 @@ class SampledSession(ImperfectSession):
             knowledge.relink(known, self._rules)
             pairs = knowledge.pairs(known)
             force = self._desired(instant, known, pairs)
-            self._check_forces(force, seconds, acting)
+            check_forces(force, self._base + seconds, acting)
             if self.filter is not None:
                 force = self.filter.filtered(instant, known, force)
             assert self.records.log is not None
@@ -198,6 +209,28 @@ class SampledSession(ImperfectSession):
             self._exert(instant, np.arange(self.n))
         self._record_row(seconds)
         self._watch_pieces(instant, changed)
+
+    def _take_block(self, bound: float, earliest: float) -> int:
+        if not (self.in_blocks and earliest < bound) or self._meets:
+            return 0
+        memory = self._memory
+        if not self._blocks.can(memory):
+            return 0
+        settings = Settings(self.scenario, self._law, self._ticks, self._latency, self._rules, self.rule)
+        taken = self._blocks.take(memory, settings, self.records, bound)
+        truth = memory.truth
+        self.crossings, self.closest, self.sums, self.errors = truth.crossings, truth.closest, truth.sums, truth.errors
+        for name in NUMBERS:
+            if name not in ("steps", "gains_changed"):
+                setattr(self, name, truth.numbers[name])
+        self.steps = int(truth.numbers["steps"])
+        self.relink()
+        if taken.unwatched is not None:
+            self._watch_pieces(taken.unwatched, taken.changed)
+        if not taken.events:
+            # Of an event that Python goes on with samples may have been taken: it still is the next one.
+            self._next_change()
+        return taken.events
 
     def _exert(self, instant: int, agents: Indices) -> None:
         """Let the forces that ``agents`` computed last act on their bodies from an ``instant`` on."""

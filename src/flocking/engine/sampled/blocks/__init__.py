@@ -1,0 +1,1 @@
+"""The native loop over the events of a session of held control."""
