@@ -12,8 +12,8 @@ import numpy as np
 
 from flocking.arrays import Links
 from flocking.errors import InvalidInput, SuspectInput
-from flocking.model.bodies.body import Body, MotionSymbols
-from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
+from flocking.model.bodies.body import MotionSymbols
+from flocking.model.bodies.point_bodies import PointMass, Points, SingleIntegrator
 from flocking.model.checks import Array, array, axes_of, number, one_of
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
@@ -123,7 +123,7 @@ add_group(Group("start", State, key="draw", default="given"))
 
 
 @dataclass(frozen=True, eq=False)
-class Agents(Body):
+class Agents(Points):
     """What the agents are: m_i dv_i/dt = u_i - k_i v_i (Shi (1)), or dq_i/dt = u_i for order 1.
 
     It is `PointMass` or `SingleIntegrator`, chosen by the order.
@@ -169,16 +169,6 @@ class Agents(Body):
     def structure(self) -> tuple[object, ...]:
         """That of `PointMass` or `SingleIntegrator`."""
         return self._body.structure
-
-    @property
-    def summary(self) -> str:
-        """Empty."""
-        return ""
-
-    @property
-    def homogeneous(self) -> bool:
-        """True."""
-        return True
 
     @property
     def inert(self) -> bool:

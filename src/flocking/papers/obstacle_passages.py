@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +10,9 @@ from flocking.arrays import Array, Reals
 from flocking.engine.runs.run import Run
 from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 from flocking.model.terms.avoidance import ObstacleTerm
-
-if TYPE_CHECKING:
-    from flocking.study.evidence import Evidence
+from flocking.study.claims.claim import Measure, above, happens
+from flocking.study.claims.subjects import Subject, about
+from flocking.study.evidence import Evidence, NotResolvable
 
 BETWEEN = 10
 """Number of interpolated points between two frames."""
@@ -95,3 +94,26 @@ def flock_counts(e: Evidence) -> tuple[int, int, int]:
             before = count
         most = max(most, count if time >= times[0] else 0)
     return before, max(most, before), flocks(e.end_links)
+
+
+@about(Subject.NET, lasting=True)
+def never_inside(e: Evidence) -> Measure:
+    """Smallest distance of any agent from any obstacle."""
+    if len(e.t) < 3:
+        raise NotResolvable("fewer than three frames do not show the paths between them")
+    least, error = clearance(e.checked)
+    return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
+
+
+@about(Subject.CONNECTIVITY)
+def splits(e: Evidence) -> Measure:
+    """Largest number of flocks while obstacles are active, against that when the first becomes active."""
+    before, most, _ = flock_counts(e)
+    return happens(above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them"))
+
+
+@about(Subject.CONNECTIVITY)
+def rejoins(e: Evidence) -> Measure:
+    """Number of flocks at the end, against the largest number while obstacles were active."""
+    _, most, after = flock_counts(e)
+    return happens(above(most - after, 0.5, f"{most} flocks among the obstacles, {after} at the end"))

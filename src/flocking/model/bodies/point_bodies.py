@@ -17,9 +17,26 @@ if TYPE_CHECKING:
     import sympy
 
 
+class Points(Body):
+    """Base of bodies that are what laws assume: points that exert the force at once, the same everywhere."""
+
+    def __post_init__(self) -> None:
+        self.check_fields()
+
+    @property
+    def summary(self) -> str:
+        """Empty."""
+        return ""
+
+    @property
+    def homogeneous(self) -> bool:
+        """True."""
+        return True
+
+
 @register_part("point-mass")
 @dataclass(frozen=True, eq=False)
-class PointMass(Body):
+class PointMass(Points):
     """A double integrator: m_i dp_i/dt = u_i - k_i p_i (Shi (1)).
 
     Parameters
@@ -42,9 +59,6 @@ class PointMass(Body):
     damping: float | Array = 0.0
     headings: Annotated[Array | None, values.HEADINGS] = None
 
-    def __post_init__(self) -> None:
-        self.check_fields()
-
     @property
     def order(self) -> int:
         """2: an agent has a velocity of its own."""
@@ -53,16 +67,6 @@ class PointMass(Body):
     def rates(self, x: MotionSymbols) -> dict[str, Sequence[sympy.Expr]]:
         """Acceleration (u - k p)/m."""
         return {"p": [(u - x.damping * p) / x.mass for u, p in zip(x.u, x.p, strict=True)]}
-
-    @property
-    def summary(self) -> str:
-        """Empty."""
-        return ""
-
-    @property
-    def homogeneous(self) -> bool:
-        """True."""
-        return True
 
     @property
     def inert(self) -> bool:
@@ -83,7 +87,7 @@ def is_point_mass(body: Body) -> bool:
 
 @register_part("single-integrator")
 @dataclass(frozen=True, eq=False)
-class SingleIntegrator(Body):
+class SingleIntegrator(Points):
     """An agent of order 1, whose velocity is its control: dq_i/dt = u_i (Olfati-Saber (12)-(13)).
 
     Parameters
@@ -102,9 +106,6 @@ class SingleIntegrator(Body):
     masses: float | Array = 1.0
     headings: Annotated[Array | None, values.HEADINGS] = None
 
-    def __post_init__(self) -> None:
-        self.check_fields()
-
     @property
     def order(self) -> int:
         """1: the velocity of an agent is its control."""
@@ -113,13 +114,3 @@ class SingleIntegrator(Body):
     def rates(self, x: MotionSymbols) -> dict[str, Sequence[sympy.Expr]]:
         """Velocity u."""
         return {"q": list(x.u)}
-
-    @property
-    def summary(self) -> str:
-        """Empty."""
-        return ""
-
-    @property
-    def homogeneous(self) -> bool:
-        """True."""
-        return True

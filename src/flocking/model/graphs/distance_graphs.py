@@ -171,6 +171,26 @@ def pair_distances(q: Array, space: Space = OPEN) -> Array:
     return np.asarray(distance)
 
 
+class OneRadius(Graph):
+    """Base of graphs whose links appear and break at one distance, their `radius`."""
+
+    radius: float | Array
+
+    @property
+    def appear_radius(self) -> float | Array:
+        """The radius."""
+        return self.radius
+
+    @property
+    def break_radius(self) -> float | Array:
+        """The radius."""
+        return self.radius
+
+    def initial(self, q: Array) -> Links:
+        """Links of the positions ``q``, shape (N, m)."""
+        return self.among(pair_distances(q))
+
+
 @register_part("fixed")
 @dataclass(frozen=True)
 class Fixed(Graph):
@@ -301,7 +321,7 @@ def random_connected(
 
 @register_part("proximity")
 @dataclass(frozen=True)
-class Proximity(Graph):
+class Proximity(OneRadius):
     """Agents closer than one radius are neighbours (Tanner II Definition IV.1, Olfati-Saber (8)).
 
     Parameters
@@ -323,20 +343,6 @@ class Proximity(Graph):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", number("Proximity", "radius", self.radius, above=0.0))
-
-    @property
-    def appear_radius(self) -> float:
-        """The sensing radius."""
-        return self.radius
-
-    @property
-    def break_radius(self) -> float:
-        """The sensing radius."""
-        return self.radius
-
-    def initial(self, q: Array) -> Links:
-        """Links of the positions ``q``, shape (N, m)."""
-        return self.among(pair_distances(q))
 
     def among(self, distance: Array) -> Links:
         """Pairs at a ``distance`` below the radius, or at it."""

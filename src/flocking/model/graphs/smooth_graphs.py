@@ -11,7 +11,7 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, check_each, number
 from flocking.model.graphs.connectivity import Links
-from flocking.model.graphs.distance_graphs import Graph, pair_distances
+from flocking.model.graphs.distance_graphs import Graph, OneRadius, pair_distances
 from flocking.model.parts.registration import register_part
 from flocking.model.potentials.bumps import Bump, bump_named
 from flocking.model.potentials.sigma_norm import SigmaNorm, sigma_share
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @register_part("smooth")
 @dataclass(frozen=True)
-class Smooth(Graph):
+class Smooth(OneRadius):
     """Links of weight a_ij = rho(r/R), with support r < R (Olfati-Saber (17)), or rho(|r|_sigma/|R|_sigma) (2006).
 
     Parameters
@@ -60,20 +60,6 @@ class Smooth(Graph):
     def shape(self) -> Bump:
         """The bump function."""
         return bump_named("Smooth", self.bump)
-
-    @property
-    def appear_radius(self) -> float:
-        """The radius R."""
-        return self.radius
-
-    @property
-    def break_radius(self) -> float:
-        """The radius R."""
-        return self.radius
-
-    def initial(self, q: Array) -> Links:
-        """Pairs of positions ``q``, shape (N, m), closer than R."""
-        return self.among(pair_distances(q))
 
     def among(self, distance: Array) -> Links:
         """Pairs at a ``distance`` below R."""

@@ -12,7 +12,7 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, check_each, number, one_of, scalar_or_each
 from flocking.model.graphs.connectivity import Links
-from flocking.model.graphs.distance_graphs import Graph, pair_distances
+from flocking.model.graphs.distance_graphs import Graph, OneRadius, pair_distances
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
@@ -100,7 +100,7 @@ def heading_gaps(headings: Array, measure: str) -> Array:
 
 @register_part("cone")
 @dataclass(frozen=True, eq=False)
-class Cone(HeadingGraph):
+class Cone(HeadingGraph, OneRadius):
     """Agents within a radius and with a similar heading are neighbours (Olfati-Saber (4)-(6)).
 
     As printed, the condition on headings is symmetric: with common values the net is undirected, contrary to the
@@ -136,16 +136,6 @@ class Cone(HeadingGraph):
     def directed(self) -> bool:  # type: ignore[override]
         """Whether values differ between agents."""
         return bool(np.ndim(self.radius) or np.ndim(self.opening))
-
-    @property
-    def appear_radius(self) -> float | Array:
-        """The radius."""
-        return self.radius
-
-    @property
-    def break_radius(self) -> float | Array:
-        """The radius."""
-        return self.radius
 
     def allowed(self, headings: Array | None) -> Links:
         """Pairs whose headings differ by no more than the opening, shape (N, N)."""
@@ -221,7 +211,7 @@ class HeadingWeights(PairWeights):
 
 @register_part("smooth_cone")
 @dataclass(frozen=True)
-class SmoothCone(HeadingGraph):
+class SmoothCone(HeadingGraph, OneRadius):
     """Links of weight rho(r/R) rho(|theta_j - theta_i|/phi_0) (Olfati-Saber (18)).
 
     Parameters
@@ -255,16 +245,6 @@ class SmoothCone(HeadingGraph):
         object.__setattr__(self, "opening", number("SmoothCone", "opening", self.opening, above=0.0))
         bump_named("SmoothCone", self.bump)
         one_of("SmoothCone", "measure", self.measure, MEASURES)
-
-    @property
-    def appear_radius(self) -> float:
-        """The radius."""
-        return self.radius
-
-    @property
-    def break_radius(self) -> float:
-        """The radius."""
-        return self.radius
 
     @property
     def view(self) -> HeadingWeights:
@@ -304,7 +284,7 @@ class SmoothCone(HeadingGraph):
 
 @register_part("field_of_view")
 @dataclass(frozen=True, eq=False)
-class FieldOfView(HeadingGraph):
+class FieldOfView(HeadingGraph, OneRadius):
     """Agent i sees all agents within a radius and an angle of its heading (Olfati-Saber, Fig. 1(b)): directed.
 
     Parameters
@@ -332,16 +312,6 @@ class FieldOfView(HeadingGraph):
             object.__setattr__(self, name, value)
         if (np.asarray(self.half_angle) > np.pi).any():
             raise InvalidInput("FieldOfView", "half_angle", "must be at most pi", self.half_angle)
-
-    @property
-    def appear_radius(self) -> float | Array:
-        """The radius."""
-        return self.radius
-
-    @property
-    def break_radius(self) -> float | Array:
-        """The radius."""
-        return self.radius
 
     def directions(self, headings: Array | None) -> Array:
         """Unit vectors of the headings, shape (N, m): (cos, sin) of angles, the first column of rotation matrices.

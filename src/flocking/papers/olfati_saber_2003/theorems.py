@@ -11,8 +11,8 @@ from flocking.model.checks import Array
 from flocking.model.potentials.potential import Potential
 from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.terms.pair_terms import Gradient
-from flocking.papers import obstacle_passages
 from flocking.papers.grounds import claims_by_name
+from flocking.papers.obstacle_passages import never_inside, rejoins, splits
 from flocking.papers.olfati_saber_2003 import passage, system
 from flocking.papers.olfati_saber_2003.grounds import grounds
 from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH, scenarios
@@ -55,15 +55,6 @@ def dense_at_end(e: Evidence) -> Measure:
     )
 
 
-@about(Subject.NET, lasting=True)
-def never_inside(e: Evidence) -> Measure:
-    """Smallest distance of any agent from any obstacle."""
-    if len(e.t) < 3:
-        raise NotResolvable("fewer than three frames do not show the paths between them")
-    least, error = obstacle_passages.clearance(e.checked)
-    return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
-
-
 @about(Subject.VELOCITIES)
 def velocities_near_desired(e: Evidence) -> Measure:
     """Largest |p_i - p_d| at the end, against |p_d|."""
@@ -80,20 +71,6 @@ def headings_agree(e: Evidence) -> Measure:
     desired = float(np.arctan2(system.DESIRED_VELOCITY[1], system.DESIRED_VELOCITY[0]))
     off = float(np.abs(np.angle(np.exp(1j * (headings(e.state(-1)) - desired)))).max())
     return replace(below(off, SAME, f"headings within {off:.1e} rad"), everywhere=False)
-
-
-@about(Subject.CONNECTIVITY)
-def splits(e: Evidence) -> Measure:
-    """Largest number of flocks while obstacles are active, against that when the first becomes active."""
-    before, most, _ = obstacle_passages.flock_counts(e)
-    return happens(above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them"))
-
-
-@about(Subject.CONNECTIVITY)
-def rejoins(e: Evidence) -> Measure:
-    """Number of flocks at the end, against the largest number while obstacles were active."""
-    _, most, after = obstacle_passages.flock_counts(e)
-    return happens(above(most - after, 0.5, f"{most} flocks among the obstacles, {after} at the end"))
 
 
 def squeezes(e: Evidence) -> Measure:

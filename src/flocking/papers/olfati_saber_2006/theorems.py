@@ -15,8 +15,8 @@ from flocking.model.state import State
 from flocking.model.terms.body_terms import Track
 from flocking.model.terms.schedules import Schedule
 from flocking.model.world.control import Held
-from flocking.papers import obstacle_passages
 from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved, refuted
+from flocking.papers.obstacle_passages import never_inside, rejoins, splits
 from flocking.papers.olfati_saber_2006 import system
 from flocking.papers.olfati_saber_2006.closed_forms import (
     centre_motion,
@@ -26,7 +26,7 @@ from flocking.papers.olfati_saber_2006.closed_forms import (
     structural_energy,
 )
 from flocking.study.claims import general_claims as general
-from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below, happens
+from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below
 from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
@@ -146,15 +146,6 @@ def centre_as_predicted(e: Evidence) -> Measure:
 
 
 @about(Subject.NET, lasting=True)
-def never_inside(e: Evidence) -> Measure:
-    """Smallest distance of any agent from any obstacle, for agents that start outside of all."""
-    if len(e.t) < 3:
-        raise NotResolvable("fewer than three frames do not show the paths between them")
-    least, error = obstacle_passages.clearance(e.checked)
-    return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
-
-
-@about(Subject.NET, lasting=True)
 def moved_as_held(e: Evidence) -> Measure:
     """Largest difference of frames from the motion under the law's force at the frame before, held for the period."""
     control_, body = e.run.scenario.control, e.run.scenario.agents
@@ -175,20 +166,6 @@ def moved_as_held(e: Evidence) -> Measure:
         off = max(off, float(np.abs(q - e.q[k + 1]).max()) / (period * scale))
         off = max(off, float(np.abs(e.p[k] + period * u - e.p[k + 1]).max()) / scale)
     return below(off, AGREED, f"{len(judged)} updates differ from those of the held force by at most {off:.1e} of it")
-
-
-@about(Subject.CONNECTIVITY)
-def splits(e: Evidence) -> Measure:
-    """Largest number of flocks among the obstacles, against that before."""
-    before, most, _ = obstacle_passages.flock_counts(e)
-    return happens(above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them"))
-
-
-@about(Subject.CONNECTIVITY)
-def rejoins(e: Evidence) -> Measure:
-    """Number of flocks at the end, against the largest number among the obstacles."""
-    _, most, after = obstacle_passages.flock_counts(e)
-    return happens(above(most - after, 0.5, f"{most} flocks among the obstacles, {after} at the end"))
 
 
 def grounds() -> Mapping[str, Ground]:

@@ -34,6 +34,11 @@ KNOWN_GRAPHS = (Complete, Fixed, Proximity, Hysteresis, Smooth)
 """Graphs whose weights are known: 1, or a bump of the library between 0 and 1."""
 
 
+def has_known_weight(graph: Graph) -> bool:
+    """Whether the weight of the links of a ``graph`` is known, see `KNOWN_GRAPHS`."""
+    return type(graph) in KNOWN_GRAPHS and isinstance(getattr(graph, "bump", ""), str)
+
+
 def unknown_weight(term: PairTerm, graph: Graph) -> Graph | None:
     """The graph whose weight multiplies a velocity consensus and may be anything; None where there is none.
 
@@ -47,8 +52,7 @@ def unknown_weight(term: PairTerm, graph: Graph) -> Graph | None:
     if not isinstance(term, Consensus) or not term.weighted:
         return None
     over = term.over or graph
-    known = type(over) in KNOWN_GRAPHS and isinstance(getattr(over, "bump", ""), str)
-    return None if known else over
+    return None if has_known_weight(over) else over
 
 
 def jump(expression: sympy.Expr, r: sympy.Symbol, first: float = 0.0, last: float = np.inf) -> str:

@@ -16,8 +16,6 @@ import numpy as np
 
 from flocking.errors import FormulaError
 from flocking.formula.intervals import Interval
-from flocking.model.graphs.all_pairs import Complete
-from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
 from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Scenario
 from flocking.model.terms.pair_terms import Consensus, Gradient
@@ -33,6 +31,7 @@ from flocking.study.certificates.enclosed_matrices import (
 )
 from flocking.study.certificates.energy_setting import EnergySetting
 from flocking.study.certificates.linear.equilibria import Equilibrium, PairForce, descended, proven
+from flocking.study.certificates.pieces import has_known_weight
 
 LARGEST = 200
 """Coordinates up to which an equilibrium is sought: 100 agents in the plane, a few seconds."""
@@ -97,10 +96,8 @@ class NearEquilibrium:
     def _graph(self) -> Hypothesis:
         law, start = self.scenario.law, self.scenario.start
         statement = f"two agents or more, of {LARGEST} coordinates at most, have one undirected graph in open space"
-        known = type(law.graph) in (Complete, Fixed, Proximity, Hysteresis, Smooth) and not law.graph.directed
-        known = known and len(law.graphs) == 1 and self.scenario.space.is_open and isinstance(
-            getattr(law.graph, "bump", ""), str
-        ) and len({t.weighting for t in self.setting.gradients}) == 1  # fmt: skip
+        known = has_known_weight(law.graph) and not law.graph.directed and len(law.graphs) == 1
+        known = known and self.scenario.space.is_open and len({t.weighting for t in self.setting.gradients}) == 1
         known = known and not np.ndim(law.graph.break_radius)
         return Hypothesis(statement, bool(known and start.n > 1 and start.q.size <= LARGEST), type(law.graph).__name__)
 
