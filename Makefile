@@ -14,12 +14,13 @@ READY := $(VENV)/.ready
 MPI_READY := $(VENV)/.mpi-ready
 CLUSTER_READY := $(VENV)/.cluster-ready
 NODES_READY := $(VENV)/.nodes-ready
+PEERS_READY := $(VENV)/.peers-ready
 EMULATOR_READY := $(VENV)/.emulator-ready
 LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-mpi test-cluster test-emulator test-nodes test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs clean
+.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs clean
 
 setup: $(READY)
 
@@ -89,6 +90,14 @@ test-nodes: $(NODES_READY)
 
 $(NODES_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[nodes]'
+	@touch $@
+
+# Periodic boxes against freud, a program of others that the library does not need.
+test-peers: $(PEERS_READY)
+	$(BIN)/python -m pytest -m peers -p no:xdist tests/peers $(PYTEST_ARGS)
+
+$(PEERS_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[peers]'
 	@touch $@
 
 # Sweeps on two Dask workers over TCP on this machine, workers killed among them.

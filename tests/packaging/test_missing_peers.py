@@ -53,5 +53,5 @@ def test_every_package_of_an_extra_for_users_is_looked_at(found):
     looked = {PACKAGES.get(told["package"], told["package"]) for told in found.values()}
     for extra, packages in extras().items():
         # The others are for the tests and the pages of this library, and one is a part of another.
-        if extra not in ("browser", "docs", "test", "emulator"):
+        if extra not in ("browser", "docs", "test", "emulator", "peers"):
             assert packages - looked <= {"dask[distributed]"}, extra

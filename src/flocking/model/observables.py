@@ -75,7 +75,7 @@ def flocks(links: Links) -> int:
     return int(components(links).max()) + 1
 
 
-def link_length_deviation(q: Reals, links: Links) -> float:
+def link_length_deviation(q: Reals, links: Links, space: Space = OPEN) -> float:
     """Root mean square deviation of the lengths of links from their mean, relative to it; nan without links.
 
     It is zero where all links have one length, as in a lattice.
@@ -86,11 +86,13 @@ def link_length_deviation(q: Reals, links: Links) -> float:
         Positions, shape (N, m).
     links
         Link matrix, shape (N, N); one-way links count as links.
+    space
+        Where the agents live.
     """
     i, j = np.nonzero(np.triu(links | links.T))
     if len(i) == 0:
         return float("nan")
-    r = np.linalg.norm(np.asarray(q)[i] - np.asarray(q)[j], axis=1)
+    r = np.linalg.norm(space.displacement(np.asarray(q)[i] - np.asarray(q)[j]), axis=1)
     mean = float(r.mean())
     return float(np.sqrt(np.mean((r / mean - 1) ** 2))) if mean > 0 else 0.0
 

@@ -140,7 +140,7 @@ def _place(event: Event, scenario: Scenario, base: Scenario, state: State) -> Ou
     links = None
     if state.links is not None:
         links = np.array(state.links)
-        found = scenario.law.graph.start_links(q, scenario.agents.headings)
+        found = scenario.law.graph.links_in(scenario.space, q, scenario.agents.headings)
         links[agent], links[:, agent] = found[agent], found[:, agent]
     return Outcome(scenario, base, replace(state, q=q, links=links))
 
@@ -162,7 +162,7 @@ def _add(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outc
     larger = selected(scenario, chosen, bare)
     links = None
     if state.links is not None:
-        links = np.array(larger.law.graph.start_links(bare.q, larger.agents.headings))
+        links = np.array(larger.law.graph.links_in(larger.space, bare.q, larger.agents.headings))
         links[:-1, :-1] = state.links
     grown = replace(bare, links=links)
     return Outcome(larger.with_(start=grown), selected(base, chosen, grown), new_session=True)

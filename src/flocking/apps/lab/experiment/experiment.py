@@ -10,7 +10,7 @@ from flocking.apps.lab.experiment.events import Event, EventLog, outcome
 from flocking.engine.driver.registry import check_name, chosen_engine, engine_named
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import SwitchRow
-from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
+from flocking.errors import InvalidInput, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -248,11 +248,8 @@ def opened(scenario: Scenario, engine: str) -> tuple[Session, str]:
     Raises
     ------
     InvalidInput, UnsupportedLaw
-        When the scenario cannot be started, or not by that engine, and when its space repeats.
+        When the scenario cannot be started, or not by that engine.
     """
-    if not scenario.space.is_open:
-        name = type(scenario.space).__name__
-        raise UnsupportedLaw(f"The lab shows open space alone, not {name}. Use fk.simulate and fk.plot.")
     found = engine_named(chosen_engine(scenario, check_name("lab", engine), interactive=True))
     return found.open_unrecorded(scenario), found.name
 

@@ -1,8 +1,9 @@
 """Frames as bytes for a page: a header in JSON, then arrays of 32 bits.
 
 The length of the header, in bytes, stands in four bytes before it; it is padded so that the arrays begin at a multiple
-of four. For each group they are positions relative to its centre, velocities, and, where the header says so, pairs of
-linked agents, energies, and beta- and gamma-agents.
+of four. For each group they are positions relative to its centre, velocities, pairs of linked agents, the directions
+that the header names, and, where it says so, energies, and beta- and gamma-agents. Along an axis that repeats,
+positions are those of the images in the box, and the centre is its middle.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from flocking.apps.lab.experiment.clock import Frame
 from flocking.apps.lab.scene.solids import solids, virtual_agents
 from flocking.arrays import Array
 from flocking.model.law import Scenario
+from flocking.model.space import Space
 from flocking.model.state import State
 
 LINK_BUDGET = 6000
@@ -61,6 +63,22 @@ def link_pairs(state: State, budget: int = LINK_BUDGET) -> tuple[NDArray[np.uint
     return pairs, count
 
 
+def placed(q: Array, space: Space) -> tuple[Array, Array, list[float | None]]:
+    """Positions as they are drawn, what they are drawn around, and the lengths of the box, None on axes without end.
+
+    Parameters
+    ----------
+    q
+        Positions, shape (N, m).
+    space
+        Where the agents live.
+    """
+    here = np.asarray(q, dtype=np.float64) if space.is_open else space.wrapped(q)
+    lengths = np.array(space.lengths or (np.inf,) * q.shape[1], dtype=np.float64)
+    centre = np.where(np.isfinite(lengths), 0.5 * np.where(np.isfinite(lengths), lengths, 0.0), here.mean(axis=0))
+    return here, centre, [float(x) if np.isfinite(x) else None for x in lengths]
+
+
 def packed(frame: Frame, requested: Wanted, *, live: bool = True) -> bytes:
     """A frame as bytes.
 
@@ -83,12 +101,14 @@ def packed(frame: Frame, requested: Wanted, *, live: bool = True) -> bytes:
 
 
 def _group(state: State, scenario: Scenario, requested: Wanted) -> tuple[dict[str, object], list[NDArray[np.generic]]]:
-    centre = state.q.mean(axis=0)
+    q, centre, box = placed(state.q, scenario.space)
     pairs, count = link_pairs(state)
-    parts: list[NDArray[np.generic]] = [_single(state.q - centre), _single(state.p), pairs]
+    names = [name for name in scenario.agents.directions if state.columns[name].shape[1] == state.dimension]
+    parts: list[NDArray[np.generic]] = [_single(q - centre), _single(state.p), pairs]
+    parts += [_single(state.columns[name]) for name in names]
     header: dict[str, object] = {
         "n": state.n, "d": state.dimension, "centre": centre.tolist(), "links": len(pairs), "all_links": count,
-        "linked": state.links is not None, "energies": False, "ghosts": 0,
+        "linked": state.links is not None, "energies": False, "ghosts": 0, "box": box, "directions": names,
         "solids": [
             {
                 "kind": x.kind, "path": list(x.path), "of": list(x.part), "position": x.position.tolist(),
@@ -100,7 +120,7 @@ def _group(state: State, scenario: Scenario, requested: Wanted) -> tuple[dict[st
     if requested.energies and state.n <= MOST_ENERGIES:
         from flocking.study.potentials.state_energy import agent_energies
 
-        energies = agent_energies(scenario.law, state, scenario.energy)
+        energies = agent_energies(scenario.law, state, scenario.energy, space=scenario.space)
         if np.isfinite(energies).all():
             header["energies"] = True
             parts.append(_single(energies))

@@ -113,9 +113,10 @@ def small_picture(scenario: Scenario) -> dict[str, object]:
     """
     start = scenario.start
     some = np.unique(np.linspace(0, start.n - 1, min(start.n, MOST_POINTS)).astype(int))
+    q = start.q if scenario.space.is_open else scenario.space.wrapped(start.q)
     return {
         "n": start.n, "d": start.dimension, "open": scenario.space.is_open,
-        "q": _rounded(start.q[some, :2]), "p": _rounded(start.p[some, :2]),
+        "q": _rounded(q[some, :2]), "p": _rounded(start.p[some, :2]),
         "obstacles": [
             _rounded((x.outline + x.position)[:, :2]) for x in solids(scenario, start.t) if len(x.outline)
         ],

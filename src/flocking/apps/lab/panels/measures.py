@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from flocking.engine.runs.run import LedgerRow, Run
 from flocking.errors import FlockingError
 from flocking.model import observables
+from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 from flocking.papers.auditing import paper_claims
 from flocking.study.certificates.beside.guaranteed_claims import WITH_GUARANTEE, guarantee_of
@@ -33,7 +34,7 @@ LEDGER = ("dissipated", "supplied", "jumped", "residual")
 NAMES = ("energy", "velocity spread", "connectivity", "flocks", "closest pair", "defect")
 
 
-def measured(state: State, energy: float) -> dict[str, float]:
+def measured(state: State, energy: float, space: Space = OPEN) -> dict[str, float]:
     """Numbers of one moment by their `NAMES`; NaN for what a group is too large for.
 
     ``defect`` is the relative standard deviation of linked distances.
@@ -42,10 +43,12 @@ def measured(state: State, energy: float) -> dict[str, float]:
     ----------
     energy
         Energy of the scenario at that moment.
+    space
+        Where the agents live.
     """
     found = dict.fromkeys(NAMES, float("nan"))
     found |= {"energy": energy, "velocity spread": observables.velocity_spread(state)}
-    found["closest pair"] = observables.closest_pair(state)[0]
+    found["closest pair"] = observables.closest_pair(state, space)[0]
     if state.links is None:
         return found
     found["flocks"] = float(observables.flocks(state.links))
@@ -55,7 +58,7 @@ def measured(state: State, energy: float) -> dict[str, float]:
         net = state.links | state.links.T
         # Rounding leaves some 1e-15 of the eigenvalue of a net that is apart, which a page would show as a number.
         found["connectivity"] = 0.0 if observables.flocks(net) > 1 else algebraic_connectivity(net)
-    found["defect"] = observables.link_length_deviation(state.q, state.links)
+    found["defect"] = observables.link_length_deviation(state.q, state.links, space)
     return found
 
 

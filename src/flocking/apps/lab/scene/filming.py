@@ -63,6 +63,7 @@ def _run(states: list[State], scenario: Scenario) -> Run:
         scenario, np.array([s.t for s in states]), np.array([s.q for s in states]), np.array([s.p for s in states]),
         np.array([s.links for s in states]) if linked else np.zeros((len(states), 0, 0), dtype=bool),
         np.zeros(0, dtype=SWITCH_FIELDS), np.zeros(0, dtype=TRACE_FIELDS), status="running",
+        columns={name: np.array([s.columns[name] for s in states]) for name in states[0].columns},
     )  # fmt: skip
 
 

@@ -77,6 +77,11 @@ export class Camera {
       }
     };
     for (let i = 0; i < group.n; i++) take([group.q[i * d], d > 1 ? group.q[i * d + 1] : 0, d > 2 ? group.q[i * d + 2] : 0]);
+    group.box.forEach((length, k) => {
+      if (length === null) return;
+      low[k] = -length / 2;
+      high[k] = length / 2;
+    });
     const size = Math.max(high[0] - low[0], high[1] - low[1], high[2] - low[2], 1e-9);
     const mid = [0, 1, 2].map((k) => (low[k] + high[k]) / 2);
     for (const s of group.solids) {

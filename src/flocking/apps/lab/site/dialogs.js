@@ -63,8 +63,7 @@ export class Dialogs {
     const picture = this.pictures.get(name);
     if (!picture) return;
     drawStart(tile.querySelector("canvas"), picture);
-    tile.querySelector("small").textContent = picture.open ? `${picture.n} agents${picture.d > 2 ? " in space" : ""}` : "on a torus: not in the lab";
-    tile.disabled = !picture.open;
+    tile.querySelector("small").textContent = `${picture.n} agents${picture.d > 2 ? " in space" : ""}${picture.open ? "" : " on a torus"}`;
   }
 
   challenges() {

@@ -13,10 +13,16 @@ export function decoded(buffer) {
     group.q = take(Float32Array, group.n * group.d);
     group.p = take(Float32Array, group.n * group.d);
     group.pairs = take(Uint32Array, 2 * group.links);
+    group.axes = group.directions.map(() => take(Float32Array, group.n * group.d));
     group.energy = group.energies ? take(Float32Array, group.n) : null;
     group.virtual = group.ghosts ? take(Float32Array, 3 * group.ghosts) : new Float32Array(0);
   }
   return head;
+}
+
+// A difference of coordinates to the nearest image, along an axis of a length; null where it does not repeat.
+export function nearest(difference, length) {
+  return length === null ? difference : difference - length * Math.round(difference / length);
 }
 
 export function speeds(group) {
@@ -51,7 +57,7 @@ export function pairDistances(group, reach, bins, most = 700) {
   for (let i = 0; i < group.n; i += step)
     for (let j = 0; j < i; j += step) {
       let sum = 0;
-      for (let k = 0; k < d; k++) sum += (q[i * d + k] - q[j * d + k]) ** 2;
+      for (let k = 0; k < d; k++) sum += nearest(q[i * d + k] - q[j * d + k], group.box[k]) ** 2;
       const bin = Math.floor((Math.sqrt(sum) / reach) * bins);
       if (bin < bins) counts[bin]++;
     }

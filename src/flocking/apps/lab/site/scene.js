@@ -2,6 +2,7 @@
 
 import { Camera } from "./camera.js";
 import { binned, gradient, wheel, css } from "./colours.js";
+import { AXES, crossed, edges, halves, wedges } from "./boxes.js";
 import { flocks, speeds } from "./frames.js";
 
 const MOST_TRAILS = 500, MOST_DARTS = 10000;
@@ -37,7 +38,7 @@ export class Scene {
     const one = frame.groups[0];
     if (before && (frame.t < before.t || before.groups[0].n !== one.n || before.live !== frame.live)) this.past = [];
     if (!this.past.length || frame.t > this.past[this.past.length - 1].t) {
-      if (one.n <= MOST_TRAILS) this.past.push({ t: frame.t, groups: frame.groups.map((g) => ({ q: g.q, centre: g.centre, d: g.d, n: g.n })) });
+      if (one.n <= MOST_TRAILS) this.past.push({ t: frame.t, groups: frame.groups.map((g) => ({ q: g.q, centre: g.centre, d: g.d, n: g.n, box: g.box })) });
     }
     const since = frame.t - this.span * TRAIL_SHARE;
     while (this.past.length > 1 && this.past[1].t <= since) this.past.shift();
@@ -128,12 +129,16 @@ export class Scene {
       if (depth) depth[i] = at[2];
     }
     if (k === 0) [this.sx, this.sy] = [sx, sy];
+    edges(this, group);
     this.solids(group);
     if (this.look.links) this.links(group, sx, sy);
     if (this.look.trails && n <= MOST_TRAILS) this.trails(k);
     const values = this.values(group);
     if (n >= MOST_DARTS) this.density(group, sx, sy, values, width, height);
-    else this.agents(group, sx, sy, depth, values);
+    else {
+      this.agents(group, sx, sy, depth, values);
+      wedges(this, group, sx, sy);
+    }
     for (let i = 0; i < group.virtual.length; i += 3) {
       const [x, y] = cam.put(group.virtual[i], group.virtual[i + 1], group.virtual[i + 2]);
       c.strokeStyle = "#e09f3e";
@@ -193,9 +198,12 @@ export class Scene {
     c.strokeStyle = this.dark ? `rgba(124,147,171,${alpha})` : `rgba(80,100,120,${alpha})`;
     c.lineWidth = 1;
     c.beginPath();
+    const repeats = group.box.some((length) => length !== null);
     for (let k = 0; k < group.pairs.length; k += 2) {
-      c.moveTo(sx[group.pairs[k]], sy[group.pairs[k]]);
-      c.lineTo(sx[group.pairs[k + 1]], sy[group.pairs[k + 1]]);
+      const [i, j] = [group.pairs[k], group.pairs[k + 1]];
+      if (repeats && halves(this, group, i, j, sx, sy)) continue;
+      c.moveTo(sx[i], sy[i]);
+      c.lineTo(sx[j], sy[j]);
     }
     c.stroke();
   }
@@ -209,6 +217,7 @@ export class Scene {
       c.strokeStyle = this.dark ? `rgba(120,190,235,${0.6 * (s / this.past.length)})` : `rgba(40,110,190,${0.6 * (s / this.past.length)})`;
       c.beginPath();
       for (let i = 0; i < a.n; i++) {
+        if (crossed(a, b, i)) continue;
         const from = cam.world([0, 1, 2].map((x) => (x < a.d ? a.q[i * a.d + x] + a.centre[x] : 0)));
         const to = cam.world([0, 1, 2].map((x) => (x < b.d ? b.q[i * b.d + x] + b.centre[x] : 0)));
         c.moveTo(from[0], from[1]);
@@ -409,6 +418,11 @@ export class Scene {
   }
 
   legendHtml() {
+    const inks = AXES[this.dark ? "dark" : "light"], names = this.frame?.groups[0].directions ?? [];
+    return this.colourHtml() + names.map((name, k) => ` <b style="background:${inks[k % 3]}"></b>${name}`).join("");
+  }
+
+  colourHtml() {
     const { kind, low, high } = this.legend ?? { kind: "speed", low: 0, high: 0 };
     if (kind === "flock") return "colour: one for each flock";
     if (kind === "heading")
