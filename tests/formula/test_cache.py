@@ -55,7 +55,7 @@ def test_a_folder_that_others_may_write_is_refused(folder: Path, mode: int) -> N
 
 def test_a_folder_that_others_may_rename_is_refused(folder: Path) -> None:
     folder.parent.chmod(0o777)
-    with pytest.raises(CacheError, match="everybody may write and rename"):
+    with pytest.raises(CacheError, match="every user may write and rename"):
         module("value = 1\n")
 
 

@@ -56,7 +56,7 @@ def test_a_file_is_written_where_it_was_asked_for(table, tmp_path):
         ("separation", "distance", "seed", "hue must be one of"),
         ("distance", "separation", None, "must be a measure over"),
         ("separation", "speed", None, "must be a measure over"),
-        ("separation", "distance", None, "hue must tell apart the values of speed"),
+        ("separation", "distance", None, "hue must distinguish the values of speed"),
         ("distance", "separation", "linked", "must be a measure over"),
     ],
 )

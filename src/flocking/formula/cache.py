@@ -151,7 +151,7 @@ def _require_own(folder: Path) -> None:
         mode = above.stat().st_mode
         if hasattr(os, "getuid") and mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
             raise CacheError(
-                f"The cache folder {folder} lies in {above}, which everybody may write and rename. "
+                f"The cache folder {folder} lies in {above}, which every user may write and rename. "
                 "Set FLOCKING_CACHE to a folder of your own."
             )
 

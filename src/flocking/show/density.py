@@ -178,7 +178,7 @@ def _mapped(
     else:
         raise InvalidInput("density", "what", "must be a Run, a State or a DensityMap", what)
     if state.dimension != 2:
-        raise InvalidInput("density", "what", "must live in the plane", state.dimension, "Draw a projection of it.")
+        raise InvalidInput("density", "what", "must be in the plane", state.dimension, "Draw a projection of it.")
     low, high = (state.q.min(axis=0), state.q.max(axis=0)) if limits is None else map(np.asarray, limits)
     if limits is None:
         margin = MARGIN * float((high - low).max()) or 1.0

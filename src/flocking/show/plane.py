@@ -151,7 +151,7 @@ def net(
     state, past, top_speed = _choose(what, time, frame)
     m = state.dimension
     if m > 3:
-        raise InvalidInput("net", "what", "must live in at most 3 dimensions", m, "Draw a projection of the state.")
+        raise InvalidInput("net", "what", "must be in at most 3 dimensions", m, "Draw a projection of the state.")
     space = m == 3
     axes = axes_or_new(axes, width=COLUMN, height=COLUMN, projection="3d" if space else None)
     if space != (axes.name == "3d"):

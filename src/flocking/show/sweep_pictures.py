@@ -270,7 +270,7 @@ def _drawn(table: SweepTable, x: str, y: str, hue: str | None) -> Axes:
     others = [name for name in parameters if name not in (x, y, hue) and len(table.plan.grid[name]) > 1]
     if x in parameters and others:
         raise InvalidInput(
-            "plot_sweep", "hue", f"must tell apart the values of {', '.join(others)}", hue,
+            "plot_sweep", "hue", f"must distinguish the values of {', '.join(others)}", hue,
             "A mean over values of a parameter is that of no population: name the parameter as hue.",
         )  # fmt: skip
     if x in parameters and y in measures and curve:

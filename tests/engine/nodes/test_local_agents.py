@@ -185,7 +185,7 @@ def test_what_is_no_answer_ends_the_run_and_names_its_agent(do, wrong, monkeypat
         return found | {i: wrong for i, request in requests.items() if i == 3 and request["do"] == do}
 
     monkeypatch.setattr(LocalAgents, "ask", asked)
-    with pytest.raises(SimulationError, match="Agent 3 answered with something else than it was asked for"):
+    with pytest.raises(SimulationError, match="Agent 3 gave another answer than was requested"):
         local(scenario(t_end=0.2))
 
 

@@ -225,7 +225,7 @@ def test_runs_with_scheduled_gains_go_on_with_the_same_bits():
     )
     assert older.gains_changed == 1
     for wrong in (0.0, 2.0, 0.5):
-        with pytest.raises(MalformedError, match="gains_changed must be as often"):
+        with pytest.raises(MalformedError, match="gains_changed must agree"):
             SampledSession.unpack(({**numbers, "gains_changed": wrong}, dict(arrays)), stored, {})
 
 

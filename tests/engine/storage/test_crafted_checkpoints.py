@@ -132,10 +132,10 @@ def test_the_checkpoint_of_the_sampled_engine_has_something_everywhere() -> None
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [
-        ("ticked", lambda x: x + 1, "ticked must be as often as the scenario says"),
-        ("applied", lambda x: x - 1, "applied must be as often as the scenario says"),
-        ("taken", lambda x: x - 1, "taken must be as often as the scenario says"),
-        ("taken", lambda x: x + 2**60, "taken must be as often as the scenario says"),
+        ("ticked", lambda x: x + 1, "ticked must agree with the schedule of the scenario"),
+        ("applied", lambda x: x - 1, "applied must agree with the schedule of the scenario"),
+        ("taken", lambda x: x - 1, "taken must agree with the schedule of the scenario"),
+        ("taken", lambda x: x + 2**60, "taken must agree with the schedule of the scenario"),
         ("waiting_time", lambda x: x + 1, "waiting_time must be a latency after the ticks"),
         ("waiting_time", lambda x: x[1:], "waiting_time must be one for each force that waits"),
         ("waiting_agent", lambda x: x[::-1].copy(), "waiting_agent must be whose ticks they are"),
@@ -174,7 +174,7 @@ def test_wrong_arrays_of_the_sampled_engine(name: str, change: Any, said: str) -
     ("name", "change", "said"),
     [
         ("gusts", lambda x: x + 1, "gusts must be those of the time reached"),
-        ("wanted", lambda x: x * 0.5, "force must be what bodies make of the wanted one"),
+        ("wanted", lambda x: x * 0.5, "force must be what bodies exert for the desired one"),
         ("lag", lambda x: x + 1.0, "coefficients must be those of the motion under the force"),
         ("lag", lambda x: x[:3].copy(), "lag must have the shape"),
         ("heading", lambda x: x * 0.5, "heading must be unit vectors"),
@@ -289,7 +289,7 @@ def test_wrong_numbers_of_the_delayed_engine(key: str, value: object, said: str)
     ("key", "value", "said"),
     [
         ("time", 7.0, "time must lie between 0 and 0.5"),
-        ("time", 0.26, "ticked must be as often"),
+        ("time", 0.26, "ticked must agree with the schedule"),
         ("time", 0.24, "accounted must not lie after the time"),
         ("steps", 10.5, "steps must be a whole number"),
         ("steps", 0, "steps must be the number of times"),
@@ -312,8 +312,8 @@ def test_wrong_numbers_of_the_sampled_engine(key: str, value: object, said: str)
         ("q", lambda x: x * np.nan, "q must hold finite numbers"),
         ("p", lambda x: x[:-1], "p must have the shape"),
         ("waiting", lambda x: x.astype("f4"), "waiting must be of type float64"),
-        ("ticked", lambda x: x + 1, "ticked must be as often as the clocks say"),
-        ("ticked", lambda x: x - 2, "ticked must be as often as the clocks say"),
+        ("ticked", lambda x: x + 1, "ticked must agree with the schedule of the ticks"),
+        ("ticked", lambda x: x - 2, "ticked must agree with the schedule of the ticks"),
         ("pairs0", lambda x: x[:, ::-1].copy(), "pairs0 must be sorted pairs"),
         ("pairs0", lambda x: x[:, :-1].copy(), "pairs0 must be links of a Hysteresis graph"),
         ("pairs0", lambda x: x + 8, "pairs0 must not hold values above 7"),
@@ -329,7 +329,7 @@ def test_wrong_arrays_of_the_discrete_engine(name: str, change: Any, said: str) 
     ("key", "value", "said"),
     [
         ("time", 0.4, "time must fit the clocks"), ("time", 0.1, "time must fit the clocks"),
-        ("instant", 10**8, "ticked must be as often"), ("taken", True, "must not hold 'taken'"),
+        ("instant", 10**8, "ticked must agree with the schedule"), ("taken", True, "must not hold 'taken'"),
         ("steps", -1, "steps must lie between"), ("worst", float("nan"), "worst must be finite"),
     ],
 )  # fmt: skip

@@ -27,7 +27,7 @@ from flocking.show.declaration import Figure
 from flocking.study.claims.claim import Origin, Verdict
 from flocking.study.claims.judgement import Judgement
 
-MARGINS = "Margins: how much delay, loss, noise and limits its conclusions stand"
+MARGINS = "Margins: how much delay, loss, noise and limits its conclusions withstand"
 """Heading of the stored margins of a paper."""
 
 CLAIMS = "claims"

@@ -58,7 +58,7 @@ def _row(anchor: str, title: str, run: Run) -> str:
     s = run.scenario
     numbers = (
         run.provenance.get("engine", ""), run.n, f"{run.t[0]:g}", f"{run.t[-1]:g}", len(run.t),
-        "none" if s.seed is None else s.seed, f"{s.tolerance:g}", run.provenance.get("steps", "not told"),
+        "none" if s.seed is None else s.seed, f"{s.tolerance:g}", run.provenance.get("steps", "not recorded"),
         len(run.switches), run.status,
     )  # fmt: skip
     named = zip(TOLD, numbers, strict=True)

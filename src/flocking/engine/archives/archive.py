@@ -71,7 +71,7 @@ def _array(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> AnyArray:
         for length in shape:
             count *= length
         if begin + count * dtype.itemsize != entry.file_size:
-            raise MalformedError(f"{entry.filename} says that it holds {count} numbers, and does not")
+            raise MalformedError(f"{entry.filename} states that it holds {count} numbers, and does not")
         values = np.empty(count, dtype)
         if count:
             room, source = memoryview(values.view(np.uint8).data), io.BufferedReader(cast(io.RawIOBase, part))

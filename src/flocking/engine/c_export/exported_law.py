@@ -143,7 +143,7 @@ def _check(scenario: Scenario) -> None:
     check_steering_terms(law.steering_terms)
     if scenario.agents.discrete and type(scenario.agents) not in WITH_RULES:
         raise UnsupportedLaw(
-            f"export_c knows no rule by which {type(scenario.agents).__name__} agents set their velocity. "
+            f"export_c has no rule by which {type(scenario.agents).__name__} agents set their velocity. "
             f"Use {', '.join(kind.__name__ for kind in WITH_RULES)}."
         )
     for graph in law.graphs:

@@ -138,7 +138,7 @@ def unpacked_memory(fresh: DiscreteMemory, packed: Packed, scenario: Scenario) -
     ticks = scenario.control.schedule(n)
     done, ticked = ticks.count_until(instant), arrays["ticked"]
     last = ticks.at(np.arange(n), ticked)
-    must((ticked <= done).all() and (last >= instant).all(), "ticked", "be as often as the clocks say")
+    must((ticked <= done).all() and (last >= instant).all(), "ticked", "agree with the schedule of the ticks")
     passed = (time - start.t) / NANOSECOND
     must(instant <= passed * (1.0 + 1e-12) + SAME and passed <= float(last.min()) + 1.0, "time", "fit the clocks")
     found = []

@@ -62,7 +62,7 @@ def resume(
     if plant is not None and (scenario is None or not isinstance(plant, Law)):
         raise InvalidInput(
             "resume", "plant", "must be a Law, beside the scenario of a run that could not be stored", plant,
-            "A stored run knows its own plant: leave it out.",
+            "A stored run has its own plant: leave it out.",
         )  # fmt: skip
     folder = Path(folder)
     with read_soundly(folder):

@@ -85,4 +85,4 @@ def check_closest(closest: Array, n: int, accounted: float) -> None:
     for square, time, i, j in closest.tolist():
         nobody = square == math.inf and math.isnan(time) and i == j == -1.0
         pair = square >= 0.0 and 0.0 <= time <= accounted and i in range(n) and j in range(n) and i < j
-        must(nobody or pair, "closest", "name a pair, its squared distance and a time until now, or nobody")
+        must(nobody or pair, "closest", "name a pair, its squared distance and a time until now, or none")

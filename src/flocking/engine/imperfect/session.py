@@ -185,7 +185,7 @@ class ImperfectSession(Session):
         least, most = (sum(t < numbers["accounted"] for t in times), sum(t <= numbers["accounted"] for t in times))
         found = numbers.get("gains_changed", float(most))
         if not (least <= found <= most and found == int(found)):
-            raise MalformedError("gains_changed must be as often as the schedules say")
+            raise MalformedError("gains_changed must agree with the schedules")
         self.gains_changed = int(found)
         self._take_gains()
 

@@ -40,7 +40,7 @@ def check_law(
     if n > MOST_AGENTS:
         raise InvalidInput(
             "start", "engine", f"must be another one for more than {MOST_AGENTS} agents", f"{engine!r} for {n}",
-            "It keeps what everybody knows of everybody.",
+            "It stores what each agent knows of each other one.",
         )  # fmt: skip
     if points.structure not in (PointMass().structure, SingleIntegrator().structure):
         raise UnsupportedLaw(
@@ -64,7 +64,7 @@ def check_law(
                 f"engine={engine!r} follows links by two distances; {type(graph).__name__} has another rule."
             )
     if not obstacles and any(getattr(term, "groups", ()) for term in law.body_terms):
-        raise UnsupportedLaw(f"engine={engine!r} knows no obstacles yet. Leave Avoid out.")
+        raise UnsupportedLaw(f"engine={engine!r} does not support obstacles yet. Leave Avoid out.")
     layout = Layout(law, scenario.energy, points, scenario.space)
     if layout.places:
         raise UnsupportedLaw(

@@ -187,7 +187,7 @@ class NodeSession(SampledSession):
         for i, answer in found.items():
             if not well_formed(answer, i, asked[i], sizes):
                 raise SimulationError(
-                    f"Agent {i} answered with something else than it was asked for: {said(answer)}.",
+                    f"Agent {i} gave another answer than was requested: {said(answer)}.",
                     time=self.time, agents=(i,),
                 )  # fmt: skip
             if "fault" in answer:

@@ -359,7 +359,7 @@ def control_of(
     if not law.distributed:
         raise InvalidInput(
             "control_of", "law", "must be distributed", f"a law that needs the {', '.join(law.beyond_neighbours)}",
-            "Use control(law, state), which sees the whole group.",
+            "Use control(law, state), which is given the whole group.",
         )  # fmt: skip
     m = len(agent.q)
     layout = Layout(law, Energy(), space=space, steering=True)

@@ -75,7 +75,7 @@ def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: Sampl
             np.zeros(n) if schedule is None else schedule.count_until(int(at) - late) for at in (earliest, latest)
         )
         must(((least <= counts) & (counts <= most) & (counts == arrays[name])).all(), name,
-              "be as often as the scenario says until the time")  # fmt: skip
+              "agree with the schedule of the scenario until the time")  # fmt: skip
     ticked, applied = arrays["ticked"], arrays["applied"]
     must(numbers["steps"] == int(numbers["steps"]), "steps", "be a whole number")
     must(ticked.max() <= numbers["steps"] <= ticked.sum(), "steps", "be the number of times at which agents acted")
@@ -189,7 +189,7 @@ def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tu
         with np.errstate(over="ignore", invalid="ignore"):
             again = fresh.actuation.exerted(everyone, desired)
             fits = np.abs(again - force) <= ROUNDED * np.abs(force)
-        must(fits.all(), "force", "be what bodies make of the wanted one")
+        must(fits.all(), "force", "be what bodies exert for the desired one")
     first = begin == 0
     given = C[: motion.order]
     must((given == motion.coefficients[: motion.order])[:, first].all(), "coefficients", "begin at the start")

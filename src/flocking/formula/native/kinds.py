@@ -141,7 +141,7 @@ def kind_of(stored: np.dtype[np.generic]) -> Kind:
     """
     name = "b1" if stored == np.bool_ else stored.str[1:]
     if name not in _ELEMENTS or stored.byteorder == ">":
-        raise CacheError(f"Native functions know no numbers of the type {stored}.")
+        raise CacheError(f"Native functions have no numbers of the type {stored}.")
     return Kind(name)
 
 

@@ -121,7 +121,7 @@ class SafetyFilter(Held):
         if self.obstacles and self.form != "stopping":
             raise InvalidInput(
                 "SafetyFilter", "form", "must be 'stopping' where there are obstacles", self.form,
-                "The conditions of pairs know none.",
+                "The conditions of pairs have no term for them.",
             )  # fmt: skip
 
     def check_count(self, n: int) -> None:

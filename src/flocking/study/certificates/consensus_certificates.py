@@ -201,8 +201,8 @@ class LinearConsensus:
         neighbours = links.sum(axis=1)
         if np.ptp(neighbours):
             return (
-                "agents have different numbers of neighbours, and eigenvalues of the Laplacian alone do not tell; a "
-                "scenario with such messages has `period_in_world`"
+                "agents have different numbers of neighbours, and eigenvalues of the Laplacian do not decide it alone; "
+                "a scenario with such messages has `period_in_world`"
             )
         place = Interval.of(0.0) if self.is_first else self.place_gain
         rate = self.first_gain if self.is_first else self.rate_gain

@@ -185,7 +185,7 @@ def _speed(setting: EnergySetting) -> Certificate:
 
 
 def _force(setting: EnergySetting) -> Certificate:
-    quantity = "force that the law asks of an agent" if setting.order == 2 else "speed that the law asks of an agent"
+    quantity = "force of the law on an agent" if setting.order == 2 else "speed of the law for an agent"
     if not setting.holds:
         return decided("largest_force", sources()["energy"], setting.hypotheses, quantity=quantity)
     bound = _force_bound(setting)

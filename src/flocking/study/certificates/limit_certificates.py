@@ -127,7 +127,7 @@ def energy_and_limits(scenario: Scenario) -> tuple[Certificate, ...]:
 
 def _limits(ideal: EnergySetting, body: Limited, found: dict[str, Certificate]) -> Certificate:
     hypotheses, force = ideal.hypotheses, found["largest_force"]
-    quantity = "largest force that the law asks, over the limit"
+    quantity = "largest force of the law, over the limit"
     if not ideal.holds:
         return decided(KEY, sources()["limits"], hypotheses, quantity=quantity)
     shares = []
@@ -143,7 +143,7 @@ def _limits(ideal: EnergySetting, body: Limited, found: dict[str, Certificate]) 
             reason = "speeds are bounded relative to a leader that moves"
             return decided(KEY, sources()["limits"], hypotheses, reason=reason, quantity=quantity)
         shares.append(np.nextafter(speed / float(np.min(body.speed)), np.inf))
-        quantity = "largest speed, or force that the law asks, over the limit"
+        quantity = "largest speed, or force of the law, over the limit"
     share = float(max(shares))
     reason = "" if share < 1.0 else f"the bound is {share:.6g} times the limit, which may act"
     return decided(

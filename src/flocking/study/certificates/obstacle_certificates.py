@@ -115,7 +115,7 @@ class ObstacleSetting:
 
     def still(self) -> Hypothesis:
         """Whether energies are counted at rest, and links need not be counted."""
-        group, statement = self.group, "agents of order 2 follow no leader that moves, and no link remembers"
+        group, statement = self.group, "agents of order 2 follow no leader that moves, and no link has memory"
         if group.order == 1:
             return Hypothesis(statement, False, "agents are of order 1")
         if group.keeps_links:

@@ -87,7 +87,7 @@ def _delay(scenario: Scenario, system: LinearConsensus) -> Certificate:
     bound, reason = system.delay(), ""
     if bound is None:
         return decided(
-            key, sources()["delay"], hypotheses, reason="agreement is not known to stand any delay", side="is"
+            key, sources()["delay"], hypotheses, reason="agreement is not known to hold under any delay", side="is"
         )
     low, high = float(bound.lo), float(bound.hi)
     if tau > high:

@@ -44,7 +44,7 @@ class DirectedConsensus(LinearConsensus):
 
     def _known(self) -> Hypothesis:
         reason = self.spectrum.reason
-        return Hypothesis("eigenvalues of the Laplacian are told apart from zero", not reason, reason or "so")
+        return Hypothesis("eigenvalues of the Laplacian are distinguished from zero", not reason, reason or "so")
 
     @cached_property
     def spectrum(self) -> DirectedSpectrum:
@@ -101,7 +101,7 @@ def directed_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     found.append(_row(
         system, KEYS[1], delay, "delay of all states, the own one too",
         "" if delay is None else f"Agreement is stable for every such delay below {float(delay.lo):.9g}.",
-        grows or "the angle of an eigenvalue is not told apart from the limit" * (delay is None),
+        grows or "the angle of an eigenvalue is not distinguished from the limit" * (delay is None),
     ))  # fmt: skip
     reason = "" if system.is_first else "not every delay is harmless, and no bound is known here"
     found.append(decided(

@@ -64,14 +64,14 @@ class DirectedSpectrum:
                 zero = int(np.argmin(np.abs(values)))
                 others = np.delete(values, zero)
                 if (np.abs(others - values[zero]) <= 2.0 * radius * (1.0 + SLACK)).any():
-                    self.reason = "the eigenvalue zero of the Laplacian is not told apart from others"
+                    self.reason = "the eigenvalue zero of the Laplacian is not distinguished from others"
                     return
                 values = others
             centres.append(values)
             radii.append(np.full(len(values), radius))
         self.centres, self.radii = np.concatenate(centres), np.concatenate(radii)
         if (self.centres.real - self.radii <= 0.0).any():
-            self.reason = "eigenvalues of the Laplacian are not told apart from the imaginary axis"
+            self.reason = "eigenvalues of the Laplacian are not distinguished from the imaginary axis"
 
     def rate(self, gain: Interval) -> Interval:
         """The smallest real part, times a gain.

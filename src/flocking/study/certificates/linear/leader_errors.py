@@ -227,7 +227,7 @@ def _at_end(system: CentreOfMass, hypotheses: tuple[Hypothesis, ...]) -> Certifi
     reason = "" if system.unforced else "the leader accelerates and agents do not know it in full"
     bound = None if reason else _speed_after(system, Interval.of(scenario.t_end) - Interval.of(scenario.start.t))
     if bound is None and not reason:
-        reason = "it is not told whether the error swings or not"
+        reason = "it is undecided whether the error oscillates"
     statement = "" if bound is None else f"The {quantity} is {float(bound.hi):.9g} at most."
     return decided(
         KEYS[1], sources()["centre"], hypotheses, reason=reason, bound=bound, quantity=quantity, statement=statement

@@ -269,7 +269,7 @@ class NearEquilibrium:
         others = values[~near]
         apart = len(others) == 0 or np.abs(others).min() > 3.0 * radius
         if int(near.sum()) != turns or not apart:
-            return "slow deformations are not told apart from rotations"
+            return "slow deformations are not distinguished from rotations"
         slowest = float(-others.real.max())
         return Interval.of(slowest - radius, slowest + radius)
 
