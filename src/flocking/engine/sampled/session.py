@@ -68,6 +68,11 @@ class SampledSession(ImperfectSession):
     in_blocks: ClassVar[bool] = True
     """Whether the native loop takes the events that it knows; it gives the same bits."""
 
+    def __init_subclass__(cls) -> None:
+        """Leave the native loop off in a subclass, whose events may be others, unless it declares `in_blocks`."""
+        super().__init_subclass__()
+        cls.in_blocks = bool(vars(cls).get("in_blocks", False))
+
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self.options = SampledOptions()
