@@ -11,6 +11,7 @@ from flocking.engine.sampled.engine import ENGINE as SAMPLED
 from flocking.engine.sampled.session import SampledOptions
 from flocking.engine.tiles.engine import ENGINE
 from flocking.engine.tiles.held.past_speeds import Speeds
+from flocking.engine.tiles.kernels.heard_samples import BAD, BEST, KNOWN
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH
 from flocking.engine.tiles.options import TilesOptions
 from flocking.engine.tiles.simd.counter_random import open_unit, philox_words
@@ -51,7 +52,7 @@ def used_by(session, n):
     lists, ids = particles.known[0], particles.ids
     found = np.full((n, n), -2)
     links = np.zeros((n, n), dtype=bool)
-    heard = particles.used[0].reshape(-1, WIDTH)
+    heard = (particles.used[0] & np.uint32(BEST)).reshape(-1, WIDTH)
     for tile in range(particles.tiles):
         for row in range(lists.first[tile], lists.first[tile] + lists.count[tile]):
             for lane in range(WIDTH):
@@ -147,6 +148,60 @@ def test_many_random_worlds(seed, space):
     check(seed, space)
 
 
+CHANNELS = [
+    fk.GilbertElliott(0.2, 0.5), fk.GilbertElliott(0.7, 0.6), fk.GilbertElliott(1.0, 1.0),
+    fk.GilbertElliott(0.1, 0.2, 0.1, 0.8), fk.GilbertElliott(0.3, 0.5, paired=True), fk.DistanceLoss(2.5),
+    fk.DistanceLoss(2.5, exponent=3.0, floor=0.1), fk.Bernoulli(0.3),
+]  # fmt: skip
+"""Channels that redraw or keep their state, flip it, leave it each time; losses of other forms."""
+
+
+@pytest.mark.parametrize("loss", CHANNELS, ids=lambda loss: f"{type(loss).__name__} {loss.summary}")
+@pytest.mark.parametrize("period", [0.1, 0.2, 0.05])
+def test_what_is_kept_of_losses_changes_nothing(loss, period):
+    """Of one, two and half a sample for each act: the messages used, and the motion, are those of `sampled`."""
+    law = fk.Law(fk.Hysteresis(2.5, gap=0.3), [fk.Gradient(PSI), fk.Consensus(0.5)])
+    start = fk.start.box(30, side=7, speed=1.0, seed=2)
+    information = fk.Messages(0.1, loss=loss, expires=0.5, seed=9)
+    made = fk.Scenario(law, start, t_end=2.31, frames=4, control=fk.Held(period), information=information)
+    session = ENGINE.open(made, TilesOptions(step=STEP, ledger=False))
+    other = SAMPLED.open(made, SampledOptions())
+    kept = seen = 0
+    for t in (0.41, 0.61, 0.81, 1.01, 1.37, 1.61, 1.81, 2.01, made.t_end):
+        session.advance(t)
+        other.advance(t)
+        assert np.abs(session.state.q - other.state.q).max() < 1e-10
+        used, links = used_by(session, 30)
+        assert (links == other.known_links[0]).all()
+        newest = other.knowledge.newest
+        young = np.where(newest < 0, 0, newest) * 0.1 > t - 0.5
+        listed = (used > 0) & young
+        assert (used[listed] == newest[listed]).all()
+        seen += int(listed.sum())
+        flags = session._particles.used[0]
+        kept += int((flags & np.uint32(KNOWN) > 0).sum())
+        assert not (flags & np.uint32(BAD) > 0)[flags & np.uint32(KNOWN) == 0].any()
+    # Lists that were built since the last tick have nothing beside their entries.
+    assert seen > 500
+    assert (kept > 0) == isinstance(loss, fk.GilbertElliott)
+
+
+@pytest.mark.parametrize("loss", CHANNELS[:5], ids=lambda loss: loss.summary)
+def test_a_sample_that_had_expired_before_anybody_looked_leaves_the_state_of_its_channel_open(loss):
+    """At some ticks the newest sample is too old to be looked at; the state of a channel is then not that before it."""
+    law = fk.Law(fk.Hysteresis(2.5, gap=0.3), [fk.Gradient(PSI), fk.Consensus(0.5)])
+    information = fk.Messages(0.1, delay=0.04, loss=loss, expires=0.08, seed=9)
+    start = fk.start.box(30, side=7, speed=1.0, seed=2)
+    made = fk.Scenario(law, start, t_end=8.0, frames=9, control=fk.Held(0.07), information=information)
+    run = fk.simulate(made, engine="tiles", step=STEP, ledger=False, progress=False)
+    exact = fk.simulate(made, engine="sampled", progress=False)
+    assert np.abs(run.q - exact.q).max() < 1e-9
+    heard = exact.log.uses[:, 2] > 0
+    assert heard.sum() > 900
+    acts_without = (exact.log.ticks[:, 2] == 0).mean()
+    assert 0.3 < acts_without < 0.9
+
+
 def large_world(**changes):
     start = fk.start.hexagonal(2200, spacing=1.9, noise=0.2, speed=1.0, seed=1)
     law = fk.Law(fk.Hysteresis(2.5, gap=0.5), [fk.Gradient(PSI), fk.Consensus(1.0)])
@@ -191,6 +246,13 @@ def test_messages_that_need_more_memory_are_refused_by_name(changes, said):
     world = large_world(**({"loss": None, "expires": None} | changes))
     with pytest.raises(InvalidInput, match=f"Messages.*{said}"):
         ENGINE.open(world, TilesOptions(step=STEP))
+
+
+def test_more_samples_than_kernels_number_are_refused():
+    made = large_world().with_(information=fk.Messages(1e-6, expires=1e-5), control=fk.Held(1e-6), t_end=1073.0)
+    ENGINE.check(made)
+    with pytest.raises(InvalidInput, match=r"fewer than 1,073,741,824 samples until t_end"):
+        ENGINE.check(made.with_(t_end=1074.0))
 
 
 def test_large_groups_with_messages_choose_it():

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Array, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
-from flocking.engine.tiles.held.news import News, loss_numbers
+from flocking.engine.tiles.held.news import News, is_plain, loss_numbers
 from flocking.engine.tiles.held.past_speeds import Speeds
 from flocking.engine.tiles.kernels.heard_samples import HeardSamples
 from flocking.engine.tiles.kernels.measure_kernel import MeasureKind, measure_kernel
@@ -156,7 +156,7 @@ class SampleStore:
         return HeardSamples(
             dimension, repeats, self.alike, "" if loss is None else type(loss).__name__,
             bool(getattr(loss, "paired", False)), self.jitter > 0, self.expires is not None, self.messages.predict,
-            flips, shared,
+            flips, is_plain(loss), shared,
         )  # fmt: skip
 
     @property

@@ -14,6 +14,9 @@ from flocking.model.law import Scenario
 from flocking.model.world.information import Messages
 from flocking.model.world.losses import Bernoulli, DistanceLoss, GilbertElliott, Loss
 
+MOST_SAMPLES = 1 << 30
+"""Samples of an agent that kernels tell apart, see `flocking.engine.tiles.kernels.heard_samples.BEST`."""
+
 
 class News(NamedTuple):
     """What the control kernel reads about messages; arrays of length 1 where all agents are alike, else by place.
@@ -64,12 +67,19 @@ class News(NamedTuple):
     tested: int
 
 
+def is_plain(loss: Loss | None) -> bool:
+    """Whether a loss is of the commonest form, see `flocking.engine.tiles.kernels.heard_samples.HeardSamples`."""
+    if isinstance(loss, GilbertElliott):
+        return loss.loss_good == 0.0 and loss.loss_bad == 1.0
+    return isinstance(loss, DistanceLoss) and loss.exponent == 2.0
+
+
 def loss_numbers(loss: Loss | None) -> Array:
     """Numbers of a loss as the control kernel reads them."""
     if isinstance(loss, Bernoulli):
         return np.array([loss.probability])
     if isinstance(loss, DistanceLoss):
-        return np.array([loss.floor, loss.exponent, 2.0 * math.log(loss.range)])
+        return np.array([loss.floor, loss.exponent, 2.0 * math.log(loss.range), loss.range**-2.0])
     if isinstance(loss, GilbertElliott):
         redrawn, share = loss.redraws
         return np.array([loss.loss_good, loss.loss_bad, redrawn, loss.stationary_bad, share])
@@ -77,7 +87,7 @@ def loss_numbers(loss: Loss | None) -> Array:
 
 
 def check_messages(scenario: Scenario) -> None:
-    """Refuse messages that need samples of any age, or true distances at times of others.
+    """Refuse messages that need samples of any age, true distances at times of others, or too many numbers.
 
     Raises
     ------
@@ -88,6 +98,12 @@ def check_messages(scenario: Scenario) -> None:
     if not isinstance(messages, Messages):
         return
     loss = messages.loss
+    count = (scenario.t_end - scenario.start.t) / float(np.min(messages.period))
+    if count >= MOST_SAMPLES:
+        raise InvalidInput(
+            "Messages", "period", f"must give fewer than {MOST_SAMPLES:,} samples until t_end in engine='tiles'",
+            messages.period, "Its kernels number samples by 30 bits.",
+        )  # fmt: skip
     if loss is not None and not loss.ideal:
         if not isinstance(loss, Bernoulli | GilbertElliott | DistanceLoss):
             raise InvalidInput("Messages", "loss", "must be one of this library in engine='tiles'", type(loss).__name__)

@@ -95,6 +95,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas, heard: HeardSamples | None)
     tail = w.statements(desired, "b_")
     tail += [f"store(U[{k}], base, select(hold, load(U[{k}], base), wanted{k}))" for k in w.axes]
     tile = [f"pull{k} = spread(T(0.0))" for k in w.axes] + ["near = spread(huge)"]
+    tile += [] if heard is None else heard.tile_lines()
     first = ["base = tile * 16", "busy = load(acting, base)", "if highest(busy) == 0:", "    continue"]
     first += ["hold = busy == np.uint32(0)", "i = numbers_from(base)", *own_lines(w, "K")]
     top = uniform_lines(w, [], [], "p") + ([] if heard is None else heard.uniform_lines())

@@ -5,7 +5,8 @@ search begins at the newest sample that may have arrived and goes back. Whether 
 the functions of seed, agents and number that `flocking.model.world` states. The sample found at the time before is kept
 beside each entry of a list, and the search goes back no further: a shortcut that changes nothing, for a message that
 has arrived stays arrived. Where messages are never late by chance, samples that were looked at before are not looked at
-again, for one that was lost stays lost.
+again, for one that was lost stays lost. The state of the channel of Gilbert and Elliott at the newest sample is then
+kept beside the entry too, so that the next sample needs one draw, not a look back.
 """
 
 from __future__ import annotations
@@ -18,6 +19,10 @@ from flocking.model.world.times import NANOSECOND
 
 LOSSES = ("", "Bernoulli", "GilbertElliott", "DistanceLoss")
 """Names of the losses that kernels draw; empty where nothing is lost."""
+
+BEST, KNOWN, BAD = 0x3FFFFFFF, 0x40000000, 0x80000000
+"""Parts of what is kept beside an entry: number of the sample used, whether the state of the channel at the newest
+sample that was looked at is known, and whether it is bad."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,9 @@ class HeardSamples:
         Whether samples are moved on.
     flips
         Whether a channel of Gilbert and Elliott that is not drawn anew changes its state.
+    plain
+        Whether the loss is of the commonest form: all is lost in a bad channel and nothing in a good one, or the
+        distance counts by its square.
     shared
         Graphs whose tiles share one list, by their index: no sample is kept beside its entries, which stand for the
         agents of every tile.
@@ -58,6 +66,7 @@ class HeardSamples:
     expires: bool
     predict: bool
     flips: bool
+    plain: bool
     shared: tuple[int, ...]
 
     @property
@@ -83,7 +92,28 @@ class HeardSamples:
         lines = ["spots = np.empty(16, np.uint32)", "depth, size = np.uint32(news.depth), np.uint32(news.size)"]
         if self.loss == "DistanceLoss":
             lines += ["own_spots = np.empty(16, np.uint32)"]
+        if self.keeps_channels:
+            lines += [
+                "newer = news.tested > 0 and np.int64(news.counts[0]) == news.tested + 1",
+                "same = news.tested > 0 and np.int64(news.counts[0]) == news.tested",
+                f"flags_kept = np.uint32({KNOWN | BAD} if same else 0)",
+            ]
         return lines
+
+    def tile_lines(self) -> list[str]:
+        """Lines before the loops over the neighbours of a tile: where its agents were at their newest sample."""
+        if self.loss != "DistanceLoss":
+            return []
+        mine = ", ".join(f"{x}{k}_mine" for x in "qp" for k in range(self.dimension))
+        return [
+            "store(own_spots, 0, np.uint32(news.slots[0]) * size + i)",
+            f"{mine} = gather_agents(news.truth, own_spots, 0, ALL)",
+        ]
+
+    @property
+    def keeps_channels(self) -> bool:
+        """Whether states of channels are kept beside entries."""
+        return self.loss == "GilbertElliott" and self.looks_once
 
     def search(self, number: int) -> list[str]:
         """Lines that find the sample of each neighbour in a row of a list.
@@ -126,8 +156,12 @@ class HeardSamples:
         lines = [
             "receiver, sender = widen(load(ids, base)), widen(gather(ids, j))",
             "best = count ^ count" if number in self.shared else f"best = load(used{number}, at)",
-            "open_ = other & (best < count)",
         ]
+        keeps = self.keeps_channels and number not in self.shared
+        if keeps:
+            lines += [f"channel, best = best & np.uint32({KNOWN | BAD}), best & np.uint32({BEST})"]
+            lines += ["flags = channel & flags_kept"]
+        lines += ["open_ = other & (best < count)"]
         once = self.looks_once and number not in self.shared
         if once:
             lines += ["tested = np.uint32(news.tested)", "open_ = open_ & (tested < count)"]
@@ -139,7 +173,11 @@ class HeardSamples:
             lines += ["one, two = sender, receiver"]
         body = ["trial = count - np.uint32(back)", "number = widen(trial - np.uint32(1))"]
         if self.loss:
-            body += [*self._chance_lines(), f"arrived = {self._draw('LOSS', 'one', 'two', 'number')} >= chance"]
+            body += self._channel_lines(keeps=keeps) if self.loss == "GilbertElliott" else self._chance_lines()
+        if self.loss == "GilbertElliott" and self.plain:
+            body += ["arrived = bad < np.uint64(1)"]
+        elif self.loss:
+            body += [f"arrived = {self._draw('LOSS', 'one', 'two', 'number')} >= chance"]
         if self.jitter:
             late = f"nearest_of({self._draw('JITTER', 'sender', 'receiver', 'number')} * news.jitter)"
             spare = "ages + periods * np.float64(back) - news.delay"
@@ -155,41 +193,63 @@ class HeardSamples:
             body += ["open_ = open_ & (np.uint32(back) < fresh)"]
         body += ["bits = bits_of(open_)"]
         lines += ["back = 0", "bits = bits_of(open_)", "while bits:", *("    " + x for x in body)]
-        return lines if number in self.shared else [*lines, f"store(used{number}, at, best)"]
+        if number in self.shared:
+            return lines
+        return [*lines, f"store(used{number}, at, {'best | flags' if keeps else 'best'})"]
 
     def _draw(self, purpose: str, one: str, two: str, number: str) -> str:
         word = int(Purpose[purpose]) << PURPOSE_SHIFT
         return f"drawn_unit({number}, np.uint64({word}), {one}, {two}, np.uint64(news.key), np.uint64(news.key2))"
 
     def _chance_lines(self) -> list[str]:
-        """Lines that compute the probability that each message is lost."""
+        """Lines that compute the probability that each message is lost, where it is no matter of channels."""
         if self.loss == "Bernoulli":
             return ["chance = news.loss[0]"]
-        if self.loss == "GilbertElliott":
-            return self._channel_lines()
         own, there = (
             [f"{x}{k}_own" for x in "qp" for k in range(self.dimension)],
             [f"{x}{k}_sent" for x in "qp" for k in range(self.dimension)],
         )
+        mine = [name.replace("own", "mine") for name in own]
         lines = [
             "row = select(np.uint32(back) > slot0, slot0 + depth - np.uint32(back), slot0 - np.uint32(back)) * size",
-            "store(own_spots, 0, row + i)", "store(spots, 0, row + j)",
-            f"{', '.join(own)} = gather_agents(news.truth, own_spots, 0, ALL)",
+            "store(spots, 0, row + j)", *(f"{a} = {b}" for a, b in zip(own, mine, strict=True)),
+            "if back > 0:", "    store(own_spots, 0, row + i)",
+            f"    {', '.join(own)} = gather_agents(news.truth, own_spots, 0, ALL)",
             f"{', '.join(there)} = gather_agents(news.truth, spots, 0, ALL)",
         ]  # fmt: skip
         lines += [f"d{k} = q{k}_sent - q{k}_own" for k in range(self.dimension)]
         lines += [nearest_image_line(k) for k in self.repeats]
         square = " + ".join(f"d{k} * d{k}" for k in range(self.dimension))
+        if self.plain:
+            share = f"fast_exp(-({square}) * T(news.loss[3]))"
+            return [*lines, f"chance = double_of(T(1.0) - T(1.0 - news.loss[0]) * {share})"]
         lines += [f"apart2 = {square}", "apart2 = select(apart2 > T(1e-30), apart2, T(1e-30))"]
         power = "fast_exp(T(0.5 * news.loss[1]) * (fast_log(apart2) - T(news.loss[2])))"
         return [*lines, f"chance = double_of(T(1.0) - T(1.0 - news.loss[0]) * fast_exp(-{power}))"]
 
-    def _channel_lines(self) -> list[str]:
-        """Lines that look back for the last draw of a channel that does not depend on the state before."""
+    def _channel_lines(self, *, keeps: bool) -> list[str]:
+        """Lines that look back for the last draw of a channel that does not depend on the state before.
+
+        Parameters
+        ----------
+        keeps
+            Whether the state at the sample before may be known.
+        """
         draw = self._draw("CHANNEL", "one", "two", "before")
         lines = ["before, odd, bad = number, number & np.uint64(0), number & np.uint64(0)"]
+        lines += ["unsettled = open_"]
+        if keeps:
+            # The next sample after the one whose state is known: drawn anew, kept or flipped.
+            after = [
+                f"draw = {self._draw('CHANNEL', 'one', 'two', 'number')}",
+                f"bad_before = select(channel >= np.uint32({BAD}), odd ^ np.uint64(1), odd)",
+                "bad_drawn = select(draw < news.loss[2] * news.loss[4], odd ^ np.uint64(1), odd)",
+                f"bad = select(draw < news.loss[2], bad_drawn, bad_before{' ^ np.uint64(1)' * self.flips})",
+                f"unsettled = open_ & ((channel & np.uint32({KNOWN})) < np.uint32(1))",
+            ]
+            lines += ["if newer and back == 0:", *("    " + x for x in after)]
         lines += ["if news.loss[2] < 0.0:", "    odd, before = number & np.uint64(1), number & np.uint64(0)"]
-        lines += ["unsettled = open_", "left = bits_of(unsettled)", "while left:"]
+        lines += ["left = bits_of(unsettled)", "while left:"]
         body = [
             f"draw = {draw}",
             "begun = before == np.uint64(0)",
@@ -204,4 +264,9 @@ class HeardSamples:
             "left = bits_of(unsettled)",
         ]
         lines += ["    " + x for x in body]
+        if keeps:
+            known = f"select(bad > np.uint64(0), spread(np.uint32({KNOWN | BAD})), spread(np.uint32({KNOWN})))"
+            lines += ["if back == 0:", f"    flags = select(open_, {known}, channel & np.uint32(0))"]
+        if self.plain:
+            return lines
         return [*lines, "chance = select(bad > np.uint64(0), spread(news.loss[1]), spread(news.loss[0]))"]
