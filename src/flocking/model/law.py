@@ -345,7 +345,7 @@ class Scenario(ScenarioCell):
         return self.law.symmetries if self.space.is_open else self.law.symmetries - {"rotation"}
 
     def with_numbers(self, law: Law, t_end: float) -> Scenario:
-        """The same scenario, under the same law with other numbers, from an instant on: the start is not looked at.
+        """The same scenario, under a law over the same graphs, from an instant on: the start is not looked at.
 
         Parameters
         ----------

@@ -10,7 +10,9 @@ import pytest
 
 import flocking as fk
 from flocking.engine.exact import barriers, session
-from flocking.engine.exact.blocks import block
+from flocking.engine.exact.blocks import block, tried_steps
+from flocking.engine.exact.blocks.arrays import LENGTH, TIME, TRIED
+from flocking.engine.integrator.integration_method import RELATIVE, error_norm
 from flocking.engine.runs.run_errors import accuracy_data
 from flocking.errors import LinkLost, OutOfPrecision
 from tests.engine.exact.groups import flight, spring, zhou
@@ -27,6 +29,19 @@ def obstacles() -> fk.Law:
     balls = tuple(fk.Ball([x, y], 0.4) for x in (4.0, 6.5) for y in (-1.0, 1.0, 3.0, 5.0, 7.0))
     terms = [fk.Gradient(fk.Potential("k/r", k=0.3)), fk.Avoid(balls, range=1.5, gamma_agents=False)]
     return fk.Law(fk.Proximity(2.5), terms)
+
+
+def two_kinds_of_obstacles() -> fk.Law:
+    """Groups of unequally many balls, with ranges and kinks of their own, and a kink between agents before them."""
+    psi = fk.Potential("where(r < 1.5, (r - 1)**2, r - 1.25)")
+    few, many = (tuple(fk.Ball([x, y, 2.5], 0.4) for y in ys) for x, ys in ((2.0, (1.0, 4.0)), (4.0, (0.0, 2.0, 5.0))))
+    terms = [fk.Avoid(few, range=1.5, gamma_agents=False), fk.Avoid(many, range=0.8, onset=0.3, gamma_agents=False)]
+    return fk.Law(fk.Proximity(2.5), [fk.Gradient(psi), *terms])
+
+
+def repelled_by_a_ball() -> fk.Law:
+    ball = fk.Avoid((fk.Ball([2.0, 2.5], 0.3),), range=1.0, gamma_agents=False)
+    return fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("2*(2 - r)**2")), ball])
 
 
 def led() -> fk.Law:
@@ -57,6 +72,10 @@ def cases() -> dict[str, fk.Scenario]:
             start(6, 8, speed=0.0), t_end=2.0, frames=11, agents=fk.Agents(order=1),
         ),
         "balls": fk.Scenario(obstacles(), start(6, 9), t_end=5.0, frames=11),
+        "balls of two kinds": fk.Scenario(two_kinds_of_obstacles(), start(8, 12, 3), t_end=5.0, frames=11),
+        "balls without inertia": fk.Scenario(
+            repelled_by_a_ball(), start(8, 8, speed=0.0), t_end=2.0, frames=11, agents=fk.Agents(order=1)
+        ),
         "a leader": fk.Scenario(led(), start(6, 10), t_end=5.0, frames=11),
         "a near miss": fk.Scenario(
             spring(fk.Proximity(2.0)),
@@ -127,6 +146,21 @@ def test_blocks_give_the_bits_of_single_steps(name: str, monkeypatch: pytest.Mon
     assert max(sizes) > 1
 
 
+@pytest.mark.parametrize("name", [name for name in cases() if "balls" in name])
+def test_contacts_are_applied_by_the_loop(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = cases()[name]
+    by_session, write = [], session.write_switch
+
+    def counting(*given: Any) -> tuple[int, ...]:
+        by_session.append(given[1])
+        return write(*given)
+
+    monkeypatch.setattr(session, "write_switch", counting)
+    kinds = run(scenario).switches["kind"].tolist()
+    assert kinds.count("obstacle") > 2
+    assert len(by_session) <= 0.1 * len(kinds)
+
+
 @pytest.mark.parametrize("bound", ["MOST_STEPS", "MOST_FRAMES", "MOST_CROSSINGS"])
 def test_buffers_that_are_full_lose_nothing(bound: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = cases()["springs that break"]
@@ -167,6 +201,45 @@ def test_positions_that_lose_their_digits_end_a_run_alike(monkeypatch: pytest.Mo
         assert error.value.run is not None
         told.append((str(error.value), error.value.run.q.tobytes()))
     assert told[0] == told[1]
+
+
+def test_a_step_of_too_large_an_error_is_not_taken_however_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No length is left to try: the loop must leave the step to the session, which says why."""
+    given: list[Any] = []
+
+    class GivenError(Exception):
+        pass
+
+    def keep(*arguments: Any) -> None:
+        given.extend(arguments)
+        raise GivenError
+
+    monkeypatch.setattr(block, "step_block", keep)
+    with pytest.raises(GivenError):
+        fk.start(cases()["springs that break"]).advance(1.0)
+    law, method, watches, _, limits, _, solution, *_ = given
+    solution.progress[TIME], solution.progress[LENGTH] = 1e12, 0.0
+    work = tried_steps.new_work(law, watches.pairs, solution)
+    work.new[:] = 0.0
+
+    def tried(scale: float) -> tuple[float, bool]:
+        """Error of the shortest step where errors of this size count as one, and whether the step is fine."""
+        largest = np.maximum(np.abs(solution.y), np.abs(work.new))
+        components = np.full_like(solution.y, scale) - largest * RELATIVE
+        _, fine = tried_steps.try_step(
+            law, method, limits._replace(components=components, bound=np.inf), solution, work
+        )
+        h, (third, fifth) = solution.progress[TRIED], method.tableau[2:4]
+        return float(error_norm(solution.K, h, solution.y, work.new, components, third, fifth)), fine
+
+    tried(1.0)
+    first, fine = tried(1.0)
+    assert fine
+    assert 0.0 < first < 1e-12
+    for wanted in (0.5, 0.9, 1.1, 30.0, 900.0):
+        error, fine = tried(first / wanted)
+        assert error == pytest.approx(wanted, rel=0.1)
+        assert fine == (error < 1.0)
 
 
 def test_a_pair_of_agent_and_obstacle_is_no_pair_of_agents(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.exact import session as exact
+from flocking.engine.exact.crossings import switching
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.tiles.particles import particle_arrays
 
@@ -97,6 +98,27 @@ def test_numbers_that_do_not_fit_are_refused_and_nothing_changes() -> None:
         session.replace(law=uneven)
     assert session.scenario.law is before
     assert session.state.q.tobytes() == state.q.tobytes()
+
+
+def test_the_step_under_way_is_followed_among_nearby_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 300 agents 45,000 pairs would be looked at twice, half of the time that a replacement may take."""
+    start = fk.start.box(300, side=40.0, speed=1.0, seed=1)
+    laws = [fk.Law(fk.Proximity(1.5), [fk.Gradient(SPRING), fk.Consensus(x)]) for x in (0.2, 0.3)]
+    running = fk.start(fk.Scenario(laws[0], start, t_end=1.0, frames=3), engine="exact")
+    running.advance(0.21)
+    assert len(running._links.nearby_on(running._segment).partners) == 300 * 299
+    assert running._links.nearby_on(running._segment).starts[-1] < 0.1 * 300 * 299
+    monkeypatch.setattr(switching, "all_pairs", lambda *_: pytest.fail("all pairs were looked at"))
+    running.replace(law=laws[1])
+
+
+def test_held_control_checks_a_law_without_a_new_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, after = PAIRS["gain"]
+    running = fk.start(fk.Scenario(before, START, t_end=1.0, frames=3, control=fk.Held(0.1)))
+    running.advance(0.21)
+    monkeypatch.setattr(fk.Scenario, "__post_init__", lambda *_: pytest.fail("a scenario was made and checked anew"))
+    running.replace(law=after)
+    assert running.scenario.law is after
 
 
 @pytest.mark.parametrize("name", ["gain", "parameter"])

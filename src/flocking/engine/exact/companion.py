@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flocking.engine.exact.crossings.switch_numbers import largest_difference
+from flocking.engine.exact.crossings.switch_numbers import agent_difference, largest_difference
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.integrator.corrected_companion import FEW_PAIRS as FEW_PAIRS
 from flocking.engine.integrator.corrected_companion import SHORT, correct
@@ -353,7 +353,7 @@ class StateError:
 
     def agent(self, i: int) -> float:
         """Bound on the error of the position of an agent."""
-        return float(np.sqrt((self.q[:, i] ** 2).sum(axis=1)).max()) + self.q_floor
+        return SAFETY * float(agent_difference(self.nodes, i, self.m)) + self.q_floor
 
     def pair(self, i: int, j: int) -> float:
         """Bound on the error of the relative position of two agents."""

@@ -12,7 +12,7 @@ from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import diameter, find_fastest
 from flocking.engine.exact.crossings.guards import find_closest
 from flocking.engine.exact.crossings.images import image_closest
-from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs, all_pairs
+from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs
 from flocking.engine.exact.origin import Origin
 from flocking.engine.integrator.segment import Motion, Segment
 from flocking.engine.kernels.bernstein import FINEST, NEVER
@@ -101,7 +101,9 @@ class Extremes:
         for number, x in enumerate(known):
             self.rows[CLOSEST + number] = x.distance, x.time, x.error, *x.pair, 1.0
 
-    def follow(self, segment: Segment, linked: Links, error: StateError, origin: Origin, space: Space) -> None:
+    def follow(
+        self, segment: Segment, linked: Links, error: StateError, origin: Origin, space: Space, nearby: NearbyPairs
+    ) -> None:
         """Record a step.
 
         Parameters
@@ -116,12 +118,14 @@ class Extremes:
             Origin of its time and coordinates.
         space
             Space of the agents. The diameter is that of unwrapped positions.
+        nearby
+            Pairs that are looked at, linked ones among them.
         """
         motion = segment.motion(self.n, self.m, self._order)
         _, off = origin.rounded(segment.t1, 0.0, error.velocity)
         times, errors = StepTimes(segment.t0, segment.t1, origin.time), StepErrors(error.lost, error.pairs, off)
         closest = self.rows[CLOSEST:].copy()
-        follow_extremes(motion, linked, all_pairs(self.n), self.references(origin), times, errors, self.rows)
+        follow_extremes(motion, linked, nearby, self.references(origin), times, errors, self.rows)
         if not space.is_open and self.n > 1:
             self.rows[CLOSEST:] = closest
             _image_approach(space, motion, linked, times, errors.pairs, self.rows)

@@ -165,9 +165,11 @@ class SolutionError:
     def leave(self, segment: Segment, links: LinkState, origin: Origin) -> None:
         """Record the step ``segment`` followed last, relative to ``origin``, before the crossings at its end."""
         error = self.over(segment)
-        self._recorder.extremes.follow(segment, links.links[0], error, origin, links.space)
+        nearby = links.nearby_on(segment)
+        self._recorder.extremes.follow(segment, links.links[0], error, origin, links.space, nearby)
         self._recorder.extremes.add_to_ledger(segment, self._unexplained(segment), origin.time)
         self._settle(self._doubts.follow(segment, links, error), segment, links)
+        links.leave(segment, segment.motion(*self._sizes, self._dynamics.order))
 
     def _unexplained(self, segment: Segment) -> float:
         """Difference of the ledger residuals of the solution and of the companion on a step.
@@ -319,7 +321,7 @@ class SolutionError:
         rows = list(self._recorder.doubts)
         if part.t1 > part.t0:
             error = self.over(segment)
-            extremes.follow(part, links.links[0], error, origin, links.space)
+            extremes.follow(part, links.links[0], error, origin, links.space, links.nearby_on(part))
             rows += self._in_user_time([settled.row for settled in doubts.follow(part, links, error)])
         return rows + self._in_user_time(doubts.open_rows(t, links)), extremes
 

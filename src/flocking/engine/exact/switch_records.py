@@ -13,7 +13,7 @@ from flocking.model.checks import Array
 
 
 def write_rows(recorder: ExactRecorder, rows: Array, links: LinkState, origin: Origin) -> None:
-    """Record switches of pairs of agents that the native loop has applied.
+    """Record switches that the native loop has applied.
 
     Parameters
     ----------
@@ -26,6 +26,12 @@ def write_rows(recorder: ExactRecorder, rows: Array, links: LinkState, origin: O
     """
     for w, i, j, own, speed, relative, late, drift, inward, *_ in rows.tolist():
         watch = links.watches[int(w)]
+        if watch.kind in ("obstacle", "rim"):
+            if watch.kind == "obstacle":
+                group, at = watch.graph - len(links.graphs), origin.time_at(own)
+                row = links.contacts.row(group, at, int(i), int(j), speed, relative)
+                recorder.switches.append((*row, late, drift))
+            continue
         kind = "kink" if watch.kind == "kink" else "appear" if inward else "break"
         slow = is_tangential(speed, relative)
         recorder.switches.append(

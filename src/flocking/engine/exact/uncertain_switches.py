@@ -133,7 +133,10 @@ class Doubts:
             given = (
                 B, far, links.near[number], active, watch.enter, watch.leave, directed, nodes, most + floor, floor
             )  # fmt: skip
-            rows = within_error(*given) if links.space.is_open else image_doubts(links.space, *given)
+            if links.space.is_open:
+                rows = within_error(*given, links.nearby_on(segment, given[-2]))
+            else:
+                rows = image_doubts(links.space, *given)
             for i, j, x, margin, bound, end in rows.tolist():
                 found[number, int(i), int(j)] = (x, margin, bound, bool(end))
         for key, after in ended.items():

@@ -37,14 +37,17 @@ def fill_part(coefficients: Array, x: float, left: Array) -> None:
     left
         The result, of the same shape.
     """
-    work = np.empty(coefficients.shape[0])
-    for c in range(coefficients.shape[1]):
-        for k in range(work.shape[0]):
-            work[k] = coefficients[k, c]
-        for k in range(work.shape[0]):
-            left[k, c] = work[0]
-            for a in range(work.shape[0] - 1 - k):
-                work[a] += x * (work[a + 1] - work[a])
+    count, size = coefficients.shape[0], coefficients.shape[1]
+    work = np.empty((count, size))
+    for k in range(count):
+        for c in range(size):
+            work[k, c] = coefficients[k, c]
+    for k in range(count):
+        for c in range(size):
+            left[k, c] = work[0, c]
+        for a in range(count - 1 - k):
+            for c in range(size):
+                work[a, c] += x * (work[a + 1, c] - work[a, c])
 
 
 def weights_at(places: Sequence[float]) -> Array:

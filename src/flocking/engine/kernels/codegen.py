@@ -248,7 +248,7 @@ def _control_source(
     alone = source
     for number in range(len(formulas.pairs)):
         loop = _pair_loop(number, formulas, requested, neighbours=neighbours)
-        mutual = mutual_loop(number, formulas, requested) if present else None
+        mutual = mutual_loop(number, formulas, requested, order) if present else None
         source, alone = source + loop, alone + (loop if mutual is None else mutual)
     before = len(source)
     push = [f"u[i, {k}] += force{k}" for k in range(m)]

@@ -13,17 +13,21 @@ Periods = Sequence["sympy.Symbol | None"]
 """Symbol of the length after which each axis repeats; None where it does not."""
 
 
-def displacement_lines(periods: Periods, neighbour: Callable[[int], str] = lambda k: f"q[j, {k}]") -> list[str]:
+def displacement_lines(
+    periods: Periods,
+    neighbour: Callable[[int], str] = lambda k: f"q[j, {k}]",
+    own: Callable[[int], str] = lambda k: f"q[i, {k}]",
+) -> list[str]:
     """Lines that compute ``d0...``, the displacement of agent ``j`` from agent ``i`` in arrays ``q``.
 
     Parameters
     ----------
     periods
         Those of the axes.
-    neighbour
-        Expression of each coordinate of the neighbour.
+    neighbour, own
+        Expressions of each coordinate of the two.
     """
-    lines = [f"d{k} = {neighbour(k)} - q[i, {k}]" for k in range(len(periods))]
+    lines = [f"d{k} = {neighbour(k)} - {own(k)}" for k in range(len(periods))]
     # A tie goes away from zero in both directions, so that d_ji = -d_ij to the last bit; see Periodic.
     return lines + [
         f"d{k} = d{k} - {period} * math.copysign(math.floor(math.fabs(d{k}) / {period} + 0.5), d{k})"

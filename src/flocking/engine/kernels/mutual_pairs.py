@@ -45,7 +45,7 @@ def upper_first(links: Links, directed: bool) -> tuple[Indices, Indices]:
     return np.concatenate([upper[0], lower[0]]), np.concatenate([upper[1], lower[1]])
 
 
-def mutual_loop(number: int, formulas: LawFormulas, requested: Mapping[str, str]) -> str | None:
+def mutual_loop(number: int, formulas: LawFormulas, requested: Mapping[str, str], order: int) -> str | None:
     """Lines that add the forces of both agents of every pair and the sums; None if the forces are not opposite.
 
     Parameters
@@ -54,6 +54,8 @@ def mutual_loop(number: int, formulas: LawFormulas, requested: Mapping[str, str]
         Number of the graph, and the formulas of the law.
     requested
         Formulas of a pair by the names they get: ``along``, ``drag``, ``dissipation``, ``supply``.
+    order
+        Order of the agents, 1 or 2.
     """
     from flocking.formula.printing import statements
 
@@ -72,8 +74,11 @@ def mutual_loop(number: int, formulas: LawFormulas, requested: Mapping[str, str]
     arrays = {name: f"{name}_{number}" for name in [*kept, *spans, *given]}
     first = [f"{arrays[name]} = np.empty({PORTION})" for name in arrays]
     gather = ["i = senders[begin + c]", "j = sensed[begin + c]"]
-    gather += displacement_lines(formulas.periods, lambda k: f"q[j, {k}]")
-    gather += [f"v{k} = p[j, {k}] - p[i, {k}]" for k in axes if moving]
+    # The state vector's places are multiples of a number known when the code is compiled.
+    gather += displacement_lines(formulas.periods, lambda k: f"z[j * {m} + {k}]", lambda k: f"z[i * {m} + {k}]")
+    velocity = "z[(n + {agent}) * {m} + {k}]" if order == 2 else "p[{agent}, {k}]"
+    seen, own = ([velocity.format(agent=agent, m=m, k=k) for k in axes] for agent in "ji")
+    gather += [f"v{k} = {seen[k]} - {own[k]}" for k in axes if moving]
     gather += [f"{arrays[name]}[c] = {name}" for name in kept]
     if split:
         gather += ["row = pieces[begin + c]"]
@@ -97,7 +102,11 @@ def mutual_loop(number: int, formulas: LawFormulas, requested: Mapping[str, str]
     compute += [f"{arrays[name]}[c] = {name}" for name in sums if name in chosen]
     scatter = ["i = senders[begin + c]", "j = sensed[begin + c]"]
     scatter += [f"force{k} = {arrays[f'f{k}']}[c]" for k in axes]
-    scatter += [f"u[i, {k}] += force{k}" for k in axes] + [f"u[j, {k}] -= force{k}" for k in axes]
+    # Pairs come row by row: the force on the agent of a row is added up in registers. No agent is its own partner.
+    store = [f"u[held, {k}] = own{k}" for k in axes]
+    scatter += ["if i != held:", "    if held >= 0:", *(f"        {line}" for line in store), "    held = i"]
+    scatter += [f"    own{k} = u[i, {k}]" for k in axes]
+    scatter += [f"own{k} += force{k}" for k in axes] + [f"u[j, {k}] -= force{k}" for k in axes]
     scatter += [f"{total} += {arrays[name]}[c]" for name, total in sums.items() if name in chosen]
     loop = "for c in range(count):"
     return (
@@ -110,6 +119,7 @@ def mutual_loop(number: int, formulas: LawFormulas, requested: Mapping[str, str]
         + indented(gather, 3)
         + indented(["for c in range(padded):"], 2)
         + indented(compute, 3)
-        + indented([loop], 2)
+        + indented(["held = -1", *(f"own{k} = 0.0" for k in axes), loop], 2)
         + indented(scatter, 3)
+        + indented(["if held >= 0:", *(f"    {line}" for line in store)], 2)
     )

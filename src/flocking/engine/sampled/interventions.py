@@ -72,7 +72,7 @@ def check_law_change(scenario: Scenario, law: Law) -> Scenario:
             "engine='sampled' keeps the graphs of a law while a run goes on: links depend on earlier samples. "
             "Start another run from run.state(-1)."
         )
-    return scenario.with_(law=law)
+    return scenario.with_numbers(law, scenario.t_end)
 
 
 def _alike(one: Messages, other: Messages) -> bool:

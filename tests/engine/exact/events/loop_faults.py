@@ -4,14 +4,15 @@
     python -m tests.engine.exact.events.loop_faults [--only 3,17] [TESTS ...]
 
 Each fault is applied to a copy of the library with a cache of its own, whose native functions are compiled anew, and the
-tests run until one fails. It takes minutes a fault: it is no part of the default tests, which only see that every fault
-still applies.
+tests run until one fails, or does not end or takes all of the memory that it may use: that is noticed, too. It takes
+minutes a fault: it is no part of the default tests, which only see that every fault still applies.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -22,6 +23,12 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[4]
 ENGINE = Path("src/flocking/engine/exact")
 TESTS = ("tests/engine/exact",)
+
+LONGEST = 1200.0
+"""Seconds after which a test counts as one that does not end; all of them take a third of that."""
+
+MEMORY = 4 << 30
+"""Most bytes of address space of the tests."""
 
 
 class Fault(NamedTuple):
@@ -234,7 +241,7 @@ FAULTS = (
     ),
     Fault(
         "sliding pairs not counted",
-        "blocks/switches.py",
+        "blocks/slides.py",
         "return sliding[k, SLIDES] + 1.0 if still else 0.0",
         "return 0.0",
     ),
@@ -243,6 +250,30 @@ FAULTS = (
         "blocks/switches.py",
         "for place in range(nearby.starts[i], nearby.starts[i + 1]):",
         "for place in range(nearby.starts[i], max(nearby.starts[i], nearby.starts[i + 1] - 1)):",
+    ),
+    Fault(
+        "contact with an obstacle: the kink inside is not watched",
+        "blocks/contacts.py",
+        "balls.active[inner, i, o] = balls.inside[level, i, o]",
+        "balls.active[inner, i, o] = balls.active[inner, i, o]",
+    ),
+    Fault(
+        "contact with an obstacle: the error of the agent is left out",
+        "blocks/contacts.py",
+        "bound = SAFETY * agent_difference(work.e, i, m) + q_floor",
+        "bound = q_floor",
+    ),
+    Fault(
+        "list of nearby pairs: kept over a step that the session took",
+        "crossings/switching.py",
+        "        else:\n            self.forget_nearby()",
+        "        else:\n            pass",
+    ),
+    Fault(
+        "list of nearby pairs: the last step of a call is not noted",
+        "crossings/switching.py",
+        "            note_displacements(self.nearby, motion.far)",
+        "            pass",
     ),
     Fault(
         "step length forgotten after a bound",
@@ -276,12 +307,24 @@ def noticed_by(fault: Fault, tests: list[str]) -> str | None:
         shutil.copy(ROOT / "pyproject.toml", root)
         (root / ENGINE / fault.file).write_text(changed(fault))
         environment = {**os.environ, "PYTHONPATH": str(root / "src"), "FLOCKING_CACHE": str(root / "cache")}
-        done = subprocess.run(
-            [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", *tests],
-            cwd=root, env=environment, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return None if done.returncode == 0 else (failed or [done.stdout[-300:]])[0]
+        command = [sys.executable, "-m", "pytest", "-v", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", *tests]
+        # Where a fault has been applied it cannot be applied again.
+        command += ["--ignore", "tests/engine/exact/events/test_loop_faults.py"]
+        with open(root / "output", "w+") as output:
+            try:
+                done = subprocess.run(
+                    command, cwd=root, env=environment, stdout=output, stderr=output, check=False, timeout=LONGEST,
+                    preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
+                ).returncode  # fmt: skip
+            except subprocess.TimeoutExpired:
+                done = None
+            output.seek(0)
+            lines = output.read().splitlines()
+    if done == 0:
+        return None
+    failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
+    last = [line for line in lines if "::" in line] or lines or ["no output"]
+    return f"does not end: {last[-1]}" if done is None else (failed or [f"ended by {done}: {last[-1]}"])[0]
 
 
 def main() -> int:

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs, all_pairs, require_pairs, unknown_pairs
+from flocking.engine.exact import session
+from flocking.engine.exact.blocks import block
+from flocking.engine.exact.crossings.nearby_pairs import (
+    NearbyPairs,
+    all_pairs,
+    note_displacements,
+    require_pairs,
+    unknown_pairs,
+)
 from flocking.engine.exact.crossings.watch_tables import PairWatches
 from flocking.engine.integrator.segment import Motion, split_motion
 from tests.engine.exact.groups import spring
@@ -69,6 +77,27 @@ def test_linked_pairs_and_those_within_a_distance_are_listed_however_far() -> No
     watched.near[0, 0, 1], linked[0, 1, 2], linked[0, 2, 1] = True, True, True
     require_pairs(nearby, motion(q, 0.0 * q), watched, linked, 100.0)
     assert listed(nearby) == {(0, 1), (1, 0), (1, 2), (2, 1)}
+
+
+def test_displacements_of_steps_add_up() -> None:
+    nearby = unknown_pairs(watches(2, 1.0), 2)
+    for far in ([0.25, 1.0], [0.5, 0.0]):
+        note_displacements(nearby, np.array(far))
+    assert nearby.moved.tolist() == [0.75, 1.0]
+
+
+def test_lists_are_kept_from_call_to_call_and_forgotten_after_other_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Calls of three steps: a new list for the first, and for those that follow a step that the session took."""
+    start = fk.start.box(40, side=16, speed=2.0, seed=4)
+    scenario = fk.Scenario(spring(fk.Proximity(2.0)), start, t_end=4.0, frames=11)
+    expected, made, by_session = one_by_one(monkeypatch, scenario), [], []
+    make, step = block.unknown_pairs, session.found_step
+    monkeypatch.setattr(block, "MOST_STEPS", 3)
+    monkeypatch.setattr(block, "unknown_pairs", lambda *given: made.append(given) or make(*given))
+    monkeypatch.setattr(session, "found_step", lambda *given: by_session.append(given) or step(*given))
+    assert_same(run(scenario), expected)
+    assert 1 <= len(made) <= 1 + len(by_session)
+    assert expected.provenance["steps"] > 3 * (10 + len(by_session))
 
 
 def test_a_sparse_group_has_the_bits_of_single_steps(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,6 @@ from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs
 from flocking.engine.exact.crossings.watch_tables import BallWatches, PairWatches
 from flocking.engine.integrator.integration_method import Tableau
 from flocking.engine.integrator.segment import Motion
-from flocking.engine.kernels.law_kernels import Pairs
 
 TIME, LENGTH, ENERGY, KINETIC, RATE, GAP, BEGIN, TRIED, STOP, PROPOSED = range(10)
 """What ``progress`` holds: time, length proposed for the next step, energy and kinetic energy, rate of the companion,
@@ -150,13 +149,13 @@ class Switching(NamedTuple):
     directed
         Whether pairs of each graph are ordered, shape (graphs,).
     owners, kinks
-        Graph of each watch, and whether it watches a kink, shape (watches,).
-    jumping, walls
-        Whether the energy may change there, and whether links appear where their potential is infinite.
+        Graph of each watch of pairs of agents, and whether it watches a kink, shape (watches,).
+    walls
+        Whether links appear there where their potential is infinite.
+    jumping
+        Whether the energy may change at a watch; those of balls follow, shape (watches + levels,).
     each
         Energy of a pair without a link.
-    others
-        Pairs of agents and obstacles, which the law has after its linked pairs; ``offsets`` count from the first.
     """
 
     allowed: bool
@@ -167,7 +166,6 @@ class Switching(NamedTuple):
     jumping: Mask
     walls: Mask
     each: float
-    others: Pairs
 
 
 class Switched(NamedTuple):

@@ -98,7 +98,8 @@ class StepBlock:
     fresh, sliding
         Pairs that have switched and are not beyond the error yet, and the last crossings of pairs, as rows.
     links, pairs
-        Pairs within each watched distance, links of each graph, and the pairs of the law; None where nothing switched.
+        Pairs within each watched distance, links of each graph, agents within the distances from balls, and the pairs
+        of the law; None where nothing switched.
     memory, difference, extremes
         What the stepper, the estimate of the error and the largest values are after them.
     segment, pending
@@ -117,7 +118,7 @@ class StepBlock:
     switches: Array
     fresh: Array
     sliding: Array
-    links: tuple[Links, Links] | None
+    links: tuple[Links, Links, Links] | None
     pairs: Pairs | None
     memory: StepperMemory
     difference: Difference
@@ -144,7 +145,7 @@ def take_block(
 ) -> StepBlock | None:
     """Take steps, up to the first that leaves something to decide; None if that is impossible.
 
-    Arguments are not changed, except for the stepper's data on the step tried last.
+    Arguments are not changed, except for the stepper's data on the step tried last and the list of nearby pairs.
 
     Parameters
     ----------
@@ -182,11 +183,11 @@ def take_block(
     room = 1 if seconds < SHORT_SLICE else max(1, most)
     solution = _solution(memory, known, stepper.slopes, energies)
     switching = switching_tables(dynamics, links)
-    law = law._replace(pairs=with_room(law.pairs, len(links.graphs), n))
+    law = law._replace(pairs=with_room(law.pairs, len(links.graphs), n, watched[1]))
     switched = _switched(error.fresh, links.sliding_rows(), energies[2])
     looked_at = Watches(
         *watched,
-        unknown_pairs(watched[0], n),
+        links.nearby or unknown_pairs(watched[0], n),
         dynamics.zones,
         dynamics.zone_graphs,
         len(links.graphs),
@@ -228,12 +229,14 @@ def take_block(
     pending = [
         Crossing(w, crossed[crossed[:, 0] == w, 2:4].astype(np.int64)) for w in sorted({int(w) for w in crossed[:, 0]})
     ]
+    links.keep_nearby(looked_at.nearby, segment)
     fresh, sliding, switches = switched.counts.tolist()
     return StepBlock(
         records.steps[:rows], records.states[:rows], (t - begin, float(progress[ENERGY]), float(progress[KINETIC])),
         taken, (records.frames[:frames], records.frame_errors[:frames], records.frame_links[:frames]),
         switched.switches[:switches], switched.fresh[:fresh], switched.sliding[:sliding],
-        (watched[0].near, switching.linked) if switches else None, without_room(law.pairs) if switches else None,
+        (watched[0].near, switching.linked, watched[1].inside) if switches else None,
+        without_room(law.pairs) if switches else None,
         memory, known, records.extremes, segment,
         solution.errors, pending, tried,
     )  # fmt: skip

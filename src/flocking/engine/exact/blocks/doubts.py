@@ -137,6 +137,8 @@ def settle_fresh(switched: Switched) -> None:
 def begin_doubts(watches: Watches, switched: Switched, crossed: Array, first: int, count: int, begin: float) -> None:
     """Note pairs that switch at the end of a step, for native functions: the errors leave open whether they come back.
 
+    Those of agents and obstacles are not noted, as `flocking.engine.exact.solution_error.SolutionError` does it.
+
     Parameters
     ----------
     watches, switched
@@ -152,6 +154,8 @@ def begin_doubts(watches: Watches, switched: Switched, crossed: Array, first: in
     for c in range(count):
         s, f = first + c, switched.counts[FRESH_ROWS]
         w, i = int(rows[s, WATCH]), int(rows[s, FIRST])
+        if w >= pairs.enter.shape[0]:
+            continue
         outward = rows[s, INWARD] == 0.0
         fresh[f, WATCH], fresh[f, FIRST], fresh[f, SECOND] = rows[s, WATCH], rows[s, FIRST], rows[s, SECOND]
         fresh[f, AT] = rows[s, SWITCHED_AT]

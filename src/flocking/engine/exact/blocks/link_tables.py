@@ -6,6 +6,7 @@ import numpy as np
 
 from flocking.engine.exact.blocks.arrays import Switching
 from flocking.engine.exact.crossings.switching import LinkState
+from flocking.engine.exact.crossings.watch_tables import BallWatches
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.kernels.law_kernels import Pairs
 
@@ -21,24 +22,19 @@ def switching_tables(dynamics: Dynamics, links: LinkState) -> Switching:
     watches = [watch for _, watch, _, _ in links.watched()]
     owners = np.array([watch.graph for watch in watches], dtype=np.int64)
     kinks = np.array([watch.kind == "kink" for watch in watches], dtype=bool)
-    jumping = np.array([bool(watch.rise) or not watch.inner for watch in watches], dtype=bool)
+    # Pairs of agents and obstacles follow those of agents.
+    jumping = np.array([bool(watch.rise) or not watch.inner for watch in links.watches], dtype=bool)
     barred = [watch.kind == "link" and dynamics.barriers[watch.graph] for watch in watches]
     walls = [bar and bool((w.enter >= w.leave).any()) for bar, w in zip(barred, watches, strict=True)]
-    pairs, graphs = dynamics.pairs, len(links.graphs)
-    first = pairs.offsets[graphs]
-    others = Pairs(
-        pairs.senders[first:].copy(), pairs.sensed[first:].copy(), pairs.offsets[graphs:] - first,
-        pairs.pieces[first:].copy(), pairs.spans,
-    )  # fmt: skip
     directed = np.array([graph.directed for graph in links.graphs], dtype=bool)
     return Switching(
         not links.averages, np.array(links.links), directed, owners, kinks, jumping, np.array(walls, dtype=bool),
-        float(dynamics.scenario.energy.unlinked), others,
+        float(dynamics.scenario.energy.unlinked),
     )  # fmt: skip
 
 
-def with_room(pairs: Pairs, graphs: int, n: int) -> Pairs:
-    """The pairs in arrays that have room for all pairs of all graphs.
+def with_room(pairs: Pairs, graphs: int, n: int, balls: BallWatches) -> Pairs:
+    """The pairs in arrays that have room for all pairs of all graphs, and of all agents and balls.
 
     Parameters
     ----------
@@ -46,9 +42,11 @@ def with_room(pairs: Pairs, graphs: int, n: int) -> Pairs:
         Those now.
     graphs, n
         Numbers of graphs and of agents.
+    balls
+        What agents meet.
     """
     count = len(pairs.senders)
-    room = count + graphs * n * (n - 1)
+    room = count + graphs * n * (n - 1) + n * int(balls.counts.sum())
     senders, sensed = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     pieces = np.empty(room, dtype=np.int32)
     senders[:count], sensed[:count], pieces[:count] = pairs.senders, pairs.sensed, pairs.pieces

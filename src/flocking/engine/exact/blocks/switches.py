@@ -34,11 +34,12 @@ from flocking.engine.exact.blocks.arrays import (
     Watches,
     Work,
 )
+from flocking.engine.exact.blocks.contacts import judge_contact, pair_up_balls, toggle_ball
 from flocking.engine.exact.blocks.doubts import begin_doubts, row_of
+from flocking.engine.exact.blocks.slides import slides, slides_now
 from flocking.engine.exact.blocks.tried_steps import LAST, energy_at
 from flocking.engine.exact.companion import SAFETY
 from flocking.engine.exact.crossings.switch_numbers import largest_difference, pair_speed, radial_motion, switch_errors
-from flocking.engine.exact.crossings.switching import MOST_SLIDES, SLIDE
 from flocking.engine.exact.crossings.watch_tables import slack_at
 from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import ROUNDING, fill_part
@@ -55,7 +56,7 @@ def copy_links(source: Mask, target: Mask) -> None:
 
 @native_apart
 def relink(law: CompiledLaw, watches: Watches, switching: Switching) -> int:
-    """Put the linked pairs of all graphs, and then those of obstacles, among the pairs of a law; how many are linked.
+    """Put the linked pairs of all graphs, and then agents near balls, among the pairs of a law; how many are linked.
 
     The pairs are those of `flocking.engine.exact.crossings.switching.LinkState.pairs`. Linked are those of the graph of
     the law.
@@ -67,7 +68,7 @@ def relink(law: CompiledLaw, watches: Watches, switching: Switching) -> int:
     watches, switching
         The watches, and the links.
     """
-    pairs, near, others, linked = law.pairs, watches.pairs.near, switching.others, switching.linked
+    pairs, near, linked = law.pairs, watches.pairs.near, switching.linked
     nearby = watches.nearby
     n, e, first, own = law.n, 0, 1, 0
     for g in range(linked.shape[0]):
@@ -92,11 +93,7 @@ def relink(law: CompiledLaw, watches: Watches, switching: Switching) -> int:
         first += inner + 1
         if g == 0:
             own = e
-    for k in range(others.offsets.shape[0]):
-        pairs.offsets[linked.shape[0] + k] = e + others.offsets[k]
-    for k in range(others.senders.shape[0]):
-        pairs.senders[e + k], pairs.sensed[e + k] = others.senders[k], others.sensed[k]
-        pairs.pieces[e + k] = others.pieces[k]
+    pair_up_balls(pairs, watches.balls, linked.shape[0], e, first)
     return own
 
 
@@ -144,6 +141,8 @@ def keep_sides(watches: Watches, crossed: Array, count: int, sides: Mask, back: 
     near, active = watches.pairs.near, watches.pairs.active
     for c in range(count):
         i, j = int(crossed[c, 2]), int(crossed[c, 3])
+        if crossed[c, 0] >= near.shape[0]:
+            continue
         for w in range(near.shape[0]):
             if back:
                 near[w, i, j], near[w, j, i] = sides[c, w, 0], sides[c, w, 1]
@@ -184,8 +183,8 @@ def judge_switches(
 ) -> bool:  # fmt: skip
     """Compute what is recorded of the pairs that switch at the end of a step; whether all of them are ordinary.
 
-    Those that are not: pairs of agents and obstacles, pairs back within the error, pairs that slide or cross two
-    distances at once, switches whose time nothing bounds. Rows are written behind those in use, which do not change.
+    Those that are not: pairs back within the error, pairs that slide or cross two distances at once, switches whose
+    time nothing bounds. Rows are written behind those in use, which do not change.
 
     Parameters
     ----------
@@ -207,11 +206,17 @@ def judge_switches(
     late_by = math.nextafter(abs(stop + limits.base), np.inf) - abs(stop + limits.base)
     for c in range(count):
         s, w = counts[SWITCH_ROWS] + c, int(crossed[c, 0])
-        if w >= pairs.enter.shape[0] or switching.walls[w]:
-            return False
         i, j = int(crossed[c, 2]), int(crossed[c, 3])
-        known = row_of(switched.fresh, counts[FRESH_ROWS], crossed[c, 0], crossed[c, 2], crossed[c, 3])
-        if known >= 0 or again(crossed, c):
+        if w >= pairs.enter.shape[0]:
+            if again(crossed, c) or not judge_contact(
+                law, watches, stop, late_by, q_floor, c, s, solution, switched, work
+            ):
+                return False
+            continue
+        if switching.walls[w]:
+            return False
+        fresh = row_of(switched.fresh, counts[FRESH_ROWS], crossed[c, 0], crossed[c, 2], crossed[c, 3])
+        if fresh >= 0 or again(crossed, c):
             return False
         for k in range(m):
             work.d[k] = y[j * m + k] - y[i * m + k]
@@ -252,42 +257,6 @@ def again(crossed: Array, c: int) -> bool:
     return found
 
 
-def slides(switched: Switched, smooth: bool, leave: float, crossing: Array, time: float, speed: float) -> bool:
-    """Whether a pair has crossed so often without moving that it slides, for native functions; nothing is recorded.
-
-    Parameters
-    ----------
-    switched
-        The last crossings.
-    smooth, leave
-        Whether the force is continuous at the distance, and the distance.
-    crossing
-        A row of ``crossed``.
-    time, speed
-        When and how fast it crosses.
-    """
-    if smooth:
-        return False
-    k = row_of(switched.sliding, switched.counts[SLIDING_ROWS], crossing[0], crossing[2], crossing[3])
-    return slides_now(switched.sliding, k, time, speed, leave) >= MOST_SLIDES
-
-
-def slides_now(sliding: Array, k: int, time: float, speed: float, leave: float) -> float:
-    """Number of crossings in a row without moving, with one at ``time``; ``k`` is the row of the pair, or -1.
-
-    Parameters
-    ----------
-    sliding
-        Last crossings of pairs.
-    speed, leave
-        How fast the pair crosses, and the distance.
-    """
-    if k < 0:
-        return 0.0
-    still = (time - sliding[k, SLID_AT]) * max(sliding[k, SLID_SPEED], abs(speed)) <= SLIDE * leave
-    return sliding[k, SLIDES] + 1.0 if still else 0.0
-
-
 @native_apart
 def apply_switches(
     law: CompiledLaw, watches: Watches, switching: Switching, limits: Limits, stop: float, count: int,
@@ -310,7 +279,10 @@ def apply_switches(
     keep_sides(watches, crossed, count, work.sides, False)
     for c in range(count):
         w = int(crossed[c, 0])
-        toggle(watches, switching, w, int(crossed[c, 2]), int(crossed[c, 3]))
+        if w < switching.owners.shape[0]:
+            toggle(watches, switching, w, int(crossed[c, 2]), int(crossed[c, 3]))
+        else:
+            toggle_ball(watches.balls, w - switching.owners.shape[0], int(crossed[c, 2]), int(crossed[c, 3]))
         jumping = jumping or switching.jumping[w]
     linked = relink(law, watches, switching)
     limits.unlinked[0] = 0.5 * (n * (n - 1) - linked) * switching.each
@@ -318,6 +290,9 @@ def apply_switches(
         keep_sides(watches, crossed, count, work.sides, True)
         for c in range(count):
             i, j = int(crossed[c, 2]), int(crossed[c, 3])
+            if crossed[c, 0] >= switching.owners.shape[0]:
+                toggle_ball(watches.balls, int(crossed[c, 0]) - switching.owners.shape[0], i, j)
+                continue
             for w in range(switching.owners.shape[0]):
                 if not switching.kinks[w]:
                     g = switching.owners[w]
@@ -352,9 +327,10 @@ def restart(
         if c == 0 or abs(rows[s, DELAY]) > abs(delay):
             delay = rows[s, DELAY]
         w = int(rows[s, WATCH])
-        if not watches.pairs.smooth[w]:
+        ball = w - watches.pairs.enter.shape[0]
+        if ball >= 0 or not watches.pairs.smooth[w]:
             k = row_of(switched.sliding, counts[SLIDING_ROWS], rows[s, WATCH], rows[s, FIRST], rows[s, SECOND])
-            leave = watches.pairs.leave[w, int(rows[s, FIRST])]
+            leave = watches.balls.levels[ball] if ball >= 0 else watches.pairs.leave[w, int(rows[s, FIRST])]
             number = slides_now(switched.sliding, k, stop, rows[s, SPEED], leave)
             if k < 0:
                 k = counts[SLIDING_ROWS]

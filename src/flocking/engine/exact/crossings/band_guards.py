@@ -36,7 +36,7 @@ def pair_error(nodes: Array, floor: float, i: int, j: int) -> float:
 
 def within_error(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool,
-    nodes: Array, most: float, floor: float,
+    nodes: Array, most: float, floor: float, nearby: NearbyPairs | None = None,
 ) -> Array:  # fmt: skip
     """Pairs that come within the error of the distance at which they would switch.
 
@@ -54,6 +54,8 @@ def within_error(
         Bound on the error of any distance.
     floor
         Error of a distance that is there in any case.
+    nearby
+        Pairs that are looked at; all when absent.
 
     Returns
     -------
@@ -61,7 +63,7 @@ def within_error(
         Rows: the pair, where on the segment it comes closest to switching, how close, its error, and 1 where it
         is within the error at the end; shape (k, 6).
     """
-    given = B, far, near, active, enter, leave, directed, nodes, most, floor, all_pairs(B.shape[1])
+    given = B, far, near, active, enter, leave, directed, nodes, most, floor, nearby or all_pairs(B.shape[1])
     return all_rows(lambda found: int(find_within_error(*given, found)), 6)
 
 

@@ -41,8 +41,6 @@ def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
                 dot += (B[a, j, k] - B[a, i, k]) * (B[b, j, k] - B[b, i, k])
             out[a + b] += _PRODUCT[a, b] * dot
 
-    # Row top was overwritten from the front: its final values are the right half's coefficients.
-
 
 def _first_above_from(g: Array, x: float) -> float:
     """First place in [x, 1] at which the polynomial with Bernstein coefficients ``g`` exceeds zero, or `NEVER`."""
@@ -189,7 +187,7 @@ def find_closest(
     for row in range(2):
         found[row, 0] = best_free**2 if row else best_linked**2
         found[row, 1], found[row, 2], found[row, 3] = NEVER, -1.0, -1.0
-    square = np.empty(15)
+    square, reach = np.empty(15), np.sqrt(max(found[0, 0], found[1, 0]))
     # Linked pairs are all in the list.
     every_pair = best_free > nearby.bounds[BASE]
     for i in range(n):
@@ -198,16 +196,19 @@ def find_closest(
             j = e if every_pair else nearby.partners[e]
             if j < i:
                 continue
-            row = 0 if (linked[i, j] or linked[j, i]) else 1
             d2 = 0.0
             for k in range(B.shape[2]):
                 d2 += (B[0, j, k] - B[0, i, k]) ** 2
+            if d2 > (reach + far[i] + far[j]) ** 2:
+                continue
+            row = 0 if (linked[i, j] or linked[j, i]) else 1
             if d2 > (np.sqrt(found[row, 0]) + far[i] + far[j]) ** 2:
                 continue
             squared_distance(B, i, j, square)
             value, x = smallest_value(square, found[row, 0])
             if x <= 1.0:
                 found[row, 0], found[row, 1], found[row, 2], found[row, 3] = max(value, 0.0), x, i, j
+                reach = np.sqrt(max(found[0, 0], found[1, 0]))
 
 
 def deepest_dip(B: Array, far: Array, senders: Indices, sensed: Indices) -> float:

@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.exact.crossings.ball_guards import ball_crossings, ball_slack, centre_paths, uniform_balls
+from flocking.engine.exact.crossings.ball_guards import _place, ball_crossings, ball_slack, centre_paths, uniform_balls
+from flocking.engine.exact.crossings.switch_numbers import pair_speed
 from flocking.engine.exact.crossings.watch_tables import BallWatches
 from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import Segment
@@ -47,9 +48,18 @@ class ObstacleContacts(ObstacleDistances):
             Number of the group of obstacles.
         """
         i, o = (int(k) for k in pair)
-        speed = self.speed(group, t, q[i], p[i], o)
-        slow = is_tangential(speed, float(np.linalg.norm(p[i])))
-        return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, slow)
+        obstacle = self.groups[group].obstacles[o]
+        if self._balls[group] and _rest([obstacle]):
+            speed, size = pair_speed(q[i] - _place(obstacle.centre, t), p[i])  # type: ignore[attr-defined]
+        else:
+            speed, size = self.speed(group, t, q[i], p[i], o), float(np.linalg.norm(p[i]))
+        return self.row(group, t, i, o, speed, size)
+
+    def row(
+        self, group: int, t: float, i: int, o: int, speed: float, size: float
+    ) -> tuple[float, int, int, str, int, float, bool]:
+        """As `record`, for a known ``speed`` of the distance and ``size`` of the velocity of the agent."""
+        return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, is_tangential(speed, size))
 
     def next_crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
@@ -132,7 +142,13 @@ class ObstacleContacts(ObstacleDistances):
             radii[number, balls] = self._rows[level.group][list(self.groups[level.group].rows).index("radius")]
             inside[number, :, balls] = near[number]
             watched[number, :, balls] = active[level.group] if level.kind == "rim" else True
-        return BallWatches(centres, radii, inside, watched, np.array([level.distance for level in self.levels]))
+        ranges = [number for number, level in enumerate(self.levels) if level.kind == "obstacle"]
+        return BallWatches(
+            centres, radii, inside, watched, np.array([level.distance for level in self.levels]),
+            np.array([level.group for level in self.levels], dtype=np.int64),
+            np.array([level.kind == "rim" for level in self.levels], dtype=bool),
+            np.array(ranges, dtype=np.int64), np.array([p.shape[1] for p in paths], dtype=np.int64),
+        )  # fmt: skip
 
     def _ball_crossings(
         self, g: int, segment: Segment, B: Array, near: list[Links], active: list[Links], slack: float

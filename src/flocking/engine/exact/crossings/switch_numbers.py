@@ -52,6 +52,18 @@ def largest_difference(rows: Array, first: int, i: int, j: int, m: int) -> float
     return float(np.sqrt(most))
 
 
+@native
+def agent_difference(rows: Array, i: int, m: int) -> float:
+    """Largest of the numbers of an agent over some ``rows``, as `largest_difference` of two."""
+    most = 0.0
+    for k in range(rows.shape[0]):
+        square = 0.0
+        for c in range(m):
+            square += rows[k, i * m + c] ** 2
+        most = max(most, square)
+    return float(np.sqrt(most))
+
+
 @native_apart
 def radial_motion(apart: Array, begin: float, end: float, e: Array) -> tuple[float, float, float]:
     """Of two agents at the end of a step: difference of their distance, their tangential speed over the distance, and

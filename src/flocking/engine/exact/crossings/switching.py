@@ -13,11 +13,12 @@ from flocking.arrays import Indices, Mask
 from flocking.engine.exact.crossings.guards import crossings
 from flocking.engine.exact.crossings.images import image_crossings
 from flocking.engine.exact.crossings.last_crossings import LastCrossings
+from flocking.engine.exact.crossings.nearby_pairs import BASE, TOP, NearbyPairs, all_pairs, note_displacements
 from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.crossings.watch_tables import NO_BALLS, BallWatches, PairWatches, slack_at
 from flocking.engine.exact.crossings.watches import Watch, watches_of
-from flocking.engine.integrator.segment import Segment
+from flocking.engine.integrator.segment import Motion, Segment
 from flocking.engine.kernels.mutual_pairs import upper_first
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
@@ -110,6 +111,7 @@ class LinkState:
             self.watches.append(Watch(len(self.graphs) + level.group, level.kind, distance, distance))
             self.near.append(self.contacts.within(level, q, t + base))
         self._sliding = LastCrossings()
+        self.forget_nearby()
         everyone = np.ones((len(q), len(q)), dtype=bool)
         allowed = [g.allowed(headings) for g in self.graphs]
         self._allowed = [everyone if x is None else x for x in allowed]
@@ -134,6 +136,7 @@ class LinkState:
         found.watches = [*watches, *self.watches[self._first_level :]]
         found.recall((self.links, self.near))
         found._sliding, found._numbers = LastCrossings(), None
+        found.forget_nearby()
         return found
 
     def _near_at(self, q: Array, watch: Watch) -> Links:
@@ -227,7 +230,7 @@ class LinkState:
         barred = [w.kind == "link" and barriers[w.graph] for w in self.watches[: self._first_level]]
         return PairWatches(near, active, *self._numbers, np.array(barred, dtype=bool)), balls
 
-    def take(self, near: Mask, links: Mask) -> None:
+    def take(self, near: Mask, links: Mask, inside: Mask) -> None:
         """Take links and sides of kinks that native functions have changed, see `tables`.
 
         Parameters
@@ -236,10 +239,39 @@ class LinkState:
             Pairs within the distance of each watch of pairs of agents, shape (watches, N, N).
         links
             Links of each graph, shape (graphs, N, N).
+        inside
+            Agents within the distances from balls, shape (levels, N, K).
         """
         self.links = list(links)
+        for level, here in enumerate(inside):
+            known = self.near[self._first_level + level]
+            self.near[self._first_level + level] = here[:, : known.shape[1]].copy()
         for number, watch in enumerate(self.watches[: self._first_level]):
             self.near[number] = self.links[watch.graph] if watch.kind == "link" else near[number]
+
+    def forget_nearby(self) -> None:
+        """Know no list of nearby pairs: the next one is to be made."""
+        self.nearby: NearbyPairs | None = None
+        self._listed_on: Segment | None = None
+
+    def keep_nearby(self, nearby: NearbyPairs, segment: Segment | None) -> None:
+        """Keep the list ``nearby`` of the native loop, which holds on a ``segment`` that is still to be left."""
+        self.nearby, self._listed_on = nearby, segment
+
+    def leave(self, segment: Segment, motion: Motion) -> None:
+        """Take in the motion on a ``segment`` that is left; of other than the native loop's the list is forgotten."""
+        if self.nearby is not None and self._listed_on is segment:
+            note_displacements(self.nearby, motion.far)
+        else:
+            self.forget_nearby()
+
+    def nearby_on(self, segment: Segment, most: float = 0.0) -> NearbyPairs:
+        """Pairs to look at on a segment: all that may come within an error ``most`` of a watched distance."""
+        known, listed = self.nearby, self._listed_on
+        inside = listed is not None and listed.t0 == segment.t0 and segment.t1 <= listed.t1
+        if known is None or not inside or not known.bounds[TOP] + most <= known.bounds[BASE]:
+            return all_pairs(len(self._allowed[0]))
+        return known
 
     @property
     def averages(self) -> bool:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flocking.arrays import Array, Mask
+from flocking.arrays import Array, Indices, Mask
 from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.integrator.segment import ROUNDING
 
@@ -51,6 +51,10 @@ class BallWatches(NamedTuple):
         Which agents are within the distance, and which pairs are watched; shape (levels, N, K).
     levels
         The distances, shape (levels,).
+    groups, rims
+        Group of obstacles of each level, and whether it is a kink of the force inside the range, shape (levels,).
+    ranges, counts
+        Level of the range of each group, and how many balls it has, shape (groups,).
     """
 
     centres: Array
@@ -58,11 +62,16 @@ class BallWatches(NamedTuple):
     inside: Mask
     active: Mask
     levels: Array
+    groups: Indices
+    rims: Mask
+    ranges: Indices
+    counts: Indices
 
 
 NO_BALLS = BallWatches(
     np.zeros((0, DEGREE + 1, 0, 1)), np.zeros((0, 0)), np.zeros((0, 1, 0), dtype=bool),
-    np.zeros((0, 1, 0), dtype=bool), np.zeros(0),
+    np.zeros((0, 1, 0), dtype=bool), np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=bool),
+    np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64),
 )  # fmt: skip
 """Those of a law without obstacles."""
 
