@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from flocking.engine.fixed_step.step_counts import steps_between
 from flocking.engine.lammps.bodies import AXES
 from flocking.engine.lammps.deck import make_deck
-from flocking.engine.lammps.steps import chosen_step, steps_between
+from flocking.engine.lammps.steps import chosen_step
 from flocking.engine.storage.atomic_files import put, storage_errors
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.checks import number

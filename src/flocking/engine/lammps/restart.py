@@ -12,6 +12,7 @@ from typing import TypedDict, cast
 from flocking.arrays import Array
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import And, Flag, Integer, Maybe, Names, Nothing, Real, Row, Table, Text
+from flocking.engine.fixed_step.step_counts import time_slack
 from flocking.engine.lammps.options import PAIR_STYLES, LammpsOptions
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -112,7 +113,7 @@ def stored_options(data: object) -> LammpsOptions:
 
 
 def _form(scenario: Scenario) -> Names:
-    slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
+    slack = time_slack(scenario)
     time = Real(scenario.start.t - slack, scenario.t_end + slack)
     plan = And(
         Row([time, time, Integer(1), Integer()]), "advance in time", lambda x: bool(x[0] <= x[1] and x[3] <= x[2])

@@ -13,6 +13,7 @@ from flocking.arrays import Array, Forces
 from flocking.engine import interruption
 from flocking.engine.fixed_step.passing_pairs import check_passing, singular_reach
 from flocking.engine.fixed_step.step_checks import RESIDUAL
+from flocking.engine.fixed_step.step_counts import STEP_ROUNDING, is_reached, steps_between
 from flocking.engine.lammps import library
 from flocking.engine.lammps.atoms import Atoms, LammpsError
 from flocking.engine.lammps.deck import Deck, make_deck
@@ -22,7 +23,7 @@ from flocking.engine.lammps.options import PAIR_STYLES, LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.records import LammpsRecorder
 from flocking.engine.lammps.restart import Restart, packed_restart, unpacked
-from flocking.engine.lammps.steps import check_ledger_rows, check_strides, chosen_step, step_too_large, steps_between
+from flocking.engine.lammps.steps import check_ledger_rows, check_strides, chosen_step, step_too_large
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.plants import check_plant
@@ -130,7 +131,7 @@ class LammpsSession(Session):
 
     def reached(self, to: float) -> bool:
         """Whether time ``to`` is reached, up to the rounding of a step."""
-        return self.time >= to - 1e-9 * self.step
+        return is_reached(self.time, to, self.step)
 
     @property
     def step(self) -> float:
@@ -243,7 +244,7 @@ class LammpsSession(Session):
         h = (end - start) / count
         rows = self.rows or count
         row_end = min(count, (index // rows + 1) * rows)
-        steps_left = int(np.ceil((to - self.time) / h - 1e-9))
+        steps_left = math.ceil((to - self.time) / h - STEP_ROUNDING)
         todo = max(1, min(row_end - index, steps_left, self._bout))
         if h != self._step:
             self._step = h

@@ -35,17 +35,6 @@ def chosen_step(scenario: Scenario, state: State) -> float:
     return largest_step(scenario, sampled_pairs(scenario.law, state.q, moving), "euler", moving)
 
 
-def steps_between(start: float, end: float, step: float) -> int:
-    """Number of steps of at most ``step`` from one time to another.
-
-    Parameters
-    ----------
-    start, end
-        The two times.
-    """
-    return max(1, int(np.ceil((end - start) / step - 1e-9)))
-
-
 def step_too_large(
     scenario: Scenario, last: State, step: float, why: str, time: float, agents: tuple[int, ...] = ()
 ) -> StepTooLarge:

@@ -25,6 +25,7 @@ from flocking.engine.archives.data_checks import (
     squarable,
 )
 from flocking.engine.fixed_step.law_gaps import LawGaps
+from flocking.engine.fixed_step.step_counts import time_slack
 from flocking.engine.fixed_step.supported_bodies import is_point
 from flocking.engine.runs.run import FIRST_QUANTITIES, TRACE_FIELDS, Closest
 from flocking.engine.tiles.instability import SAMPLE, Instability
@@ -123,7 +124,7 @@ def check_session(data: object, ledger_sums: type[object], memory: type[object],
         If an entry is invalid; the message names it.
     """
     n, m = scenario.start.q.shape
-    slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
+    slack = time_slack(scenario)
     time = Real(scenario.start.t - slack, scenario.t_end + slack)
     plan = And(
         Row([time, time, Integer(1), Integer()]), "advance in time",

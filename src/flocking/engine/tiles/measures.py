@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Numbers, Numbers32, Reals
+from flocking.engine.fixed_step.step_counts import LARGEST_SQUARE
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.formula.native.functions import native
 from flocking.model.graphs.distance_graphs import Fixed, Graph
@@ -34,7 +35,7 @@ def squared_displacements(first, last, agents, reference, shift, n, out):  # typ
             for k in range(reference.shape[1]):
                 d = np.float64(agents[i, k]) - np.float64(reference[i, k]) - shift[k]
                 square += d * d
-            most = max(most, square) if square < 1e300 else np.float64(np.inf)
+            most = max(most, square) if square < LARGEST_SQUARE else np.float64(np.inf)
         out[tile] = most
 
 

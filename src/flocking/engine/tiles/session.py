@@ -16,6 +16,7 @@ from flocking.engine.fixed_step.certain_pairs import too_crowded
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import RESIDUAL, step_too_large
+from flocking.engine.fixed_step.step_counts import is_reached, steps_between
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.session import Packed, Session, Stored
@@ -216,7 +217,7 @@ class TilesSession(Session):
 
     def reached(self, to: float) -> bool:
         """Whether time ``to`` is reached, up to the rounding of a step."""
-        return self.time >= to - 1e-9 * self.step
+        return is_reached(self.time, to, self.step)
 
     def advance(self, to: float, seconds: float = np.inf) -> None:
         """Take steps until the session's time is at or just beyond ``to``, or for ``seconds`` of wall time."""
@@ -239,7 +240,7 @@ class TilesSession(Session):
         if index >= count:
             start, end = self.time, self._next_stop()
             self._particles.pass_switch_time(self.scenario, start)
-            count, index = max(1, int(np.ceil((end - start) / self.step - 1e-9))), 0
+            count, index = steps_between(start, end, self.step), 0
         h = (end - start) / count
         particles, last = self._particles, self._integrator.last
         self._plan, moment = (start, end, count, index), Moment(self.time, start, self.steps)

@@ -21,6 +21,7 @@ from flocking.engine.archives.data_checks import (
     Row,
     Table,
 )
+from flocking.engine.fixed_step.step_counts import time_slack
 from flocking.engine.lammps.domains.checkpoint import LinkRows
 from flocking.engine.protocol.session import Packed
 from flocking.engine.tiles.checkpoint import flattened, restored
@@ -106,7 +107,7 @@ def unpacked(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario, 
         If it is of no session of this scenario.
     """
     n, m = scenario.start.q.shape
-    slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
+    slack = time_slack(scenario)
     span = scenario.t_end - scenario.start.t
     powers = Table("f8", (len(POWERS),), finite=False)
     links = Row([Table("i8", (n + 1,), least=0), Table("i4", (None,), least=0, most=n - 1)])

@@ -23,6 +23,7 @@ from flocking.engine.archives.data_checks import (
     Row,
     Table,
 )
+from flocking.engine.fixed_step.step_counts import time_slack
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.tiles.checkpoint import flattened, restored
 from flocking.engine.tiles.checkpoint_form import check_lists, check_records, stored_options
@@ -200,7 +201,7 @@ def _actuation(particles: HeldParticles) -> dict[str, Form[dict[str, object]]]:
 def _check(data: object, scenario: Scenario, particles: HeldParticles) -> None:
     """Check the stored state; its particle arrays are checked where they are put back."""
     n, m, kind = particles.n, particles.m, particles.dtype
-    slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
+    slack = time_slack(scenario)
     span = scenario.t_end - scenario.start.t
     lists = Part(
         TileLists,

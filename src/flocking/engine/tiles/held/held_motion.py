@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array, Numbers32, Reals
+from flocking.engine.fixed_step.step_counts import LARGEST_SQUARE
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
 from flocking.formula.native.functions import native
 from flocking.model.bodies.body import Body
@@ -87,7 +88,7 @@ def coast(first, last, agents, target, force, constants, frame, n, fastest):  # 
                 c = np.float64(speed) - np.float64(frame[k])
                 square += c * c
             if i < n:
-                most = max(most, square) if square < 1e300 else np.float64(np.inf)
+                most = max(most, square) if square < LARGEST_SQUARE else np.float64(np.inf)
         fastest[tile] = most
 
 

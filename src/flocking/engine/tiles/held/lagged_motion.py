@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array, Numbers32, Reals
+from flocking.engine.fixed_step.step_counts import LARGEST_SQUARE
 from flocking.engine.tiles.held.held_motion import coefficients
 from flocking.formula.native.functions import native
 from flocking.model.bodies.body import Body
@@ -190,7 +191,7 @@ def coast_lagged(first, last, agents, target, forces, constants, frame, n, secon
             if i < n:
                 # A comparison with a NaN is false: such a speed counts as infinite.
                 square = max(before, after)
-                fastest_of = max(fastest_of, square) if before + after < 1e300 else np.float64(np.inf)
+                fastest_of = max(fastest_of, square) if before + after < LARGEST_SQUARE else np.float64(np.inf)
                 swift_of, push_of, rate_of = max(swift_of, swift), max(push_of, push), max(rate_of, np.float64(rate))
         if second:
             # A function leaves the chord between its ends by at most h^2/8 times its largest second derivative.
