@@ -307,7 +307,7 @@ def noticed_by(fault: Fault, tests: list[str]) -> str | None:
         shutil.copy(ROOT / "pyproject.toml", root)
         (root / ENGINE / fault.file).write_text(changed(fault))
         environment = {**os.environ, "PYTHONPATH": str(root / "src"), "FLOCKING_CACHE": str(root / "cache")}
-        command = [sys.executable, "-m", "pytest", "-v", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", *tests]
+        command = [sys.executable, "-m", "pytest", "-vv", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", *tests]
         # Where a fault has been applied it cannot be applied again.
         command += ["--ignore", "tests/engine/exact/events/test_loop_faults.py"]
         with open(root / "output", "w+") as output:
