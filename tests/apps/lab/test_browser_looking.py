@@ -47,9 +47,21 @@ def play_until(page, tab, t):
 
 
 def measured(page, tab):
-    """Wait until the charts have reached the present."""
-    now = float(f"{page.experiment.time:.6g}")
-    tab.wait(lambda: points(tab, "energy")[-1:, 0].tolist() == [now], "the charts reach the present")
+    """Wait until the charts have reached the present, to which the slower of two that are compared still comes."""
+
+    def reached():
+        return points(tab, "energy")[-1:, 0].tolist() == [float(f"{page.experiment.time:.6g}")]
+
+    tab.wait(reached, "the charts reach the present")
+
+
+def judged(page, tab):
+    """Pause, and wait until the page shows the claims as they are judged for the moment at which the run stands."""
+    tab.press("Pause")
+    tab.wait(lambda: not page.clock.running, "it stands still")
+    page.clock.do(lambda: None)
+    shown = "() => [lab.timeline.record.running, lab.timeline.record.record.judged]"
+    tab.wait(lambda: tab.ask(shown) == [False, page.experiment.time], "it is judged once more, and shown")
 
 
 def begun(tab):
@@ -164,8 +176,7 @@ def test_a_flock_is_fragmented_and_its_strip_turns_at_its_time(page, tab):
     tab.press("Play")
     broken = "() => lab.timeline.record.claims.some((c) => c.key === 'connected' && c.word === 'fails')"
     tab.wait(lambda: tab.ask(broken), "it falls apart")
-    tab.press("Pause")
-    tab.wait(lambda: page.measuring.timeline.judged == page.experiment.time, "it is judged")
+    judged(page, tab)
     claim = next(v for v in page.measuring.verdicts if v.claim.key == "connected")
     tab.wait(lambda: len(tab.ask("() => lab.timeline.record.record.strips.connected")) > 1, "the strip has turned")
     segments = tab.ask("() => lab.timeline.record.record.strips.connected")

@@ -149,6 +149,8 @@ def test_verdicts_from_before_an_intervention_say_so_while_the_run_stands_still(
     tab.press("Play")
     tab.wait(lambda: page.experiment.time > 2 and tab.ask("() => lab.timeline.record.claims.length") > 0, "judged")
     tab.press("Pause")
+    tab.wait(lambda: not page.clock.running, "it stands still")
+    page.clock.do(lambda: None)
     tab.wait(lambda: page.measuring.timeline.judged == page.experiment.time, "it is judged once more")
     tab.reads("by the motion since the last intervention")
     page.send({"kind": "kick", "agents": [1], "speed": 1.0, "seed": 5})
@@ -224,6 +226,7 @@ def faults_of(tab):
 @pytest.mark.parametrize("size", [(1200, 800), (390, 844)], ids=["wide", "phone"])
 def test_an_accessibility_check_is_clean_in_every_dialog_and_on_a_phone(page, tab, size):
     claims = "() => lab.timeline.record.claims.length"
+    tab.wait(lambda: page.measuring.reads > 0, "the start is measured")
     page.clock.step(0.5)
     # A step that takes long is measured on its way.
     tab.wait(lambda: FEW in tab.ask(STRIPS) or tab.ask(claims) > 0, "the page says that moments are few, or judges")

@@ -1,11 +1,14 @@
-"""Which frame of several a page gets."""
+"""Which frame of several a page gets, and which record."""
 
 from __future__ import annotations
 
+import threading
 from types import SimpleNamespace
 
 from flocking.apps.lab.live import hub as hubs
-from flocking.apps.lab.live.hub import Hub
+from flocking.apps.lab.live.hub import Hub, Tab
+from flocking.apps.lab.live.lab import Lab
+from flocking.apps.lab.live.past import Past
 
 
 def test_a_page_that_connects_while_a_frame_comes_gets_that_frame(monkeypatch):
@@ -22,3 +25,57 @@ def test_a_page_that_connects_while_a_frame_comes_gets_that_frame(monkeypatch):
     monkeypatch.setattr(hubs, "packed", packed)
     Hub(SimpleNamespace(), clock, lambda tab: None).repaint(SimpleNamespace(show=shown.append))
     assert shown == [b"new", b"former", b"new"]
+
+
+def test_a_frame_of_the_present_does_not_replace_the_record_that_a_page_looks_at_by_then():
+    """It was packed while the page still looked at the present."""
+    tab = Tab(SimpleNamespace(call_soon_threadsafe=lambda act: act()))
+    tab.looking = 1.0
+    tab.show(b"record", present=False)
+    tab.show(b"present")
+    assert tab.frame == b"record"
+    tab.looking = None
+    tab.show(b"present")
+    assert tab.frame == b"present"
+
+
+def test_a_page_that_leaves_the_record_is_shown_the_present():
+    """Its frame may have come while the page looked at the record, and a run that stands still has no other."""
+    shown: list[object] = []
+    tabs = [SimpleNamespace(looking=1.0), SimpleNamespace(looking=None)]
+    Past(SimpleNamespace(tabs=tabs, repaint=shown.append), None, None, None).leave()
+    assert shown == tabs[:1]
+    assert tabs[0].looking is None
+
+
+def test_the_record_that_was_looked_up_last_is_told_last():
+    """Else a page would say for ever that a run goes on that was paused meanwhile."""
+    looked: list[int] = []
+    told: list[int] = []
+    first, second = threading.Event(), threading.Event()
+
+    def content() -> int:
+        looked.append(len(looked))
+        if len(looked) == 1:
+            first.set()
+            second.wait(0.5)
+            return 0
+        second.set()
+        return 1
+
+    def tell(number: int) -> None:
+        if number == 0 and second.is_set():
+            pausing.join(0.5)
+        told.append(number)
+
+    lab = SimpleNamespace(
+        _telling=threading.Lock(), past=SimpleNamespace(stored=None), hub=SimpleNamespace(tell=tell),
+        measuring=SimpleNamespace(content=content),
+    )  # fmt: skip
+    measuring, pausing = (threading.Thread(target=Lab.tell_record, args=(lab,)) for _ in range(2))
+    measuring.start()
+    first.wait()
+    pausing.start()
+    measuring.join()
+    pausing.join()
+    assert told == [0, 1]

@@ -98,6 +98,7 @@ def test_the_keyboard_reaches_all_and_enlarges_pictures(chromium, report):
     box = page.locator("#enlarged")
     assert box.evaluate("box => box.open")
     shown = box.locator("img")
+    shown.evaluate("image => image.decode()")
     small, large = picture.locator("img").bounding_box(), shown.bounding_box()
     assert large["height"] > 1.5 * small["height"] or large["width"] > 1.5 * small["width"]
     assert shown.get_attribute("src") == picture.locator("img").get_attribute("src")
@@ -120,7 +121,7 @@ def test_a_phone_shows_folded_sections_that_links_unfold(chromium, report):
     link = page.locator("nav a", has_text="random connected graph").first
     link.click()
     name = link.get_attribute("href")[1:]
-    assert page.evaluate("name => document.getElementById(name).open", name)
+    page.wait_for_function("name => document.getElementById(name).open", arg=name)  # the page is told of it later
     page.evaluate("for (const part of document.querySelectorAll('details')) part.open = true")
     unnamed = page.evaluate(UNNAMED)
     assert unnamed == [], "numbers that do not say what they are"

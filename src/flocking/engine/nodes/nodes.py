@@ -138,7 +138,8 @@ class PythonNode(Node):
         self._filter: ForceFilter | None = None
         if isinstance(scenario.control, SafetyFilter):
             masses = np.asarray(scenario.agents.masses)
-            self._filter = ForceFilter(scenario.control, masses, scenario.start.q, scenario.space)
+            start = scenario.start
+            self._filter = ForceFilter(scenario.control, masses, start.q, scenario.space, start.t)
         self._filtered = False, False
 
     def link(self) -> None:

@@ -40,6 +40,11 @@ def nearest(desired: Array, normals: Array, bounds: Array, most: float) -> tuple
         Unit vectors n_k, shape (K, m), and b_k, shape (K,).
     most
         a.
+
+    Raises
+    ------
+    FloatingPointError
+        When numbers are so far apart that rounding hides the smaller ones.
     """
     desired = shortened(desired, FARTHEST * most)
     found = _within_ball(desired, normals, bounds, most)
@@ -52,7 +57,8 @@ def nearest(desired: Array, normals: Array, bounds: Array, most: float) -> tuple
         found = _within_ball(desired, normals, bounds - middle, most)
         low, high = (low, middle) if found is not None else (middle, high)
     found = _within_ball(desired, normals, bounds - high, most)
-    assert found is not None
+    if found is None:
+        raise FloatingPointError("a condition is so large that rounding hides the largest acceleration")
     return found, high <= ROUNDED * most
 
 
@@ -128,6 +134,8 @@ def _by_active_sets(desired: Array, normals: Array, missing: Array) -> Array | N
 
     scale = max(float(np.abs(missing).max()), 1.0)
     system = np.vstack([normals.T, missing[None] / scale])
+    if not np.isfinite(system).all():
+        raise FloatingPointError("a condition is infinite or not a number")
     target = np.zeros(len(desired) + 1)
     target[-1] = 1.0
     weights, _ = nnls(system, target)

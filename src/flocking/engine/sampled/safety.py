@@ -10,12 +10,15 @@ from flocking.arrays import Array, Links
 from flocking.engine.sampled.knowledge import Known
 from flocking.engine.sampled.nearest_force import nearest
 from flocking.engine.sampled.stopping import Planes, beside_balls, between, stopping_acceleration, stopping_paths
-from flocking.errors import UnsupportedLaw
+from flocking.errors import NotFinite, UnsupportedLaw
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
 from flocking.model.space import Space
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND
+
+TOO_LONG = 1e-9
+"""Share of the largest acceleration by which one may be longer: what rounding adds to its length."""
 
 ASKED = 1e6
 """Largest acceleration that a condition requires, in those with which both agents can brake: for two that are too close
@@ -62,7 +65,7 @@ def sampled_bound(r: Array, closing: Array, braking: Array, distance: Array, per
     going_on = (closing - last) / period
     # They turn round within the period.
     room = np.maximum(r - distance, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         turning = np.where(closing > 0.0, closing**2 / (2.0 * room), -np.inf)
     bound = np.where(gap >= 0.0, going_on, turning)
     return np.clip(np.where(np.isnan(bound), braking, bound), -ASKED * braking, ASKED * braking)
@@ -83,7 +86,7 @@ def continuous_bound(dp: Array, dv: Array, braking: Array, distance: float, gain
         Gain of the condition.
     """
     r = np.linalg.norm(dp, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         opening = (dp * dv).sum(axis=1) / r
         root = np.sqrt(2.0 * braking * (r - distance))
         across = ((dv**2).sum(axis=1) - opening**2) / r
@@ -122,10 +125,12 @@ class ForceFilter:
         Positions at the start, shape (N, m).
     space
         Where the agents live.
+    start
+        The scenario's time at the start.
     """
 
-    def __init__(self, control: SafetyFilter, masses: Array, q: Array, space: Space) -> None:
-        self.control, self.space = control, space
+    def __init__(self, control: SafetyFilter, masses: Array, q: Array, space: Space, start: float = 0.0) -> None:
+        self.control, self.space, self._start = control, space, start
         n, m = q.shape
         self.masses = np.broadcast_to(np.asarray(masses, dtype=np.float64), n)
         self.most = control.accelerations(n)
@@ -144,33 +149,57 @@ class ForceFilter:
             What they know.
         force
             Forces of the law on them, shape (agents, m).
+
+        Raises
+        ------
+        NotFinite
+            When numbers are too large to compute a force with: none is let through unfiltered.
         """
         m = force.shape[1]
         found = np.empty_like(force)
-        positions = known.positions(m)
+        with np.errstate(over="ignore", invalid="ignore"):
+            positions = known.positions(m)
         for row, i in enumerate(known.agents.tolist()):
-            others = known.there[row].copy()
-            others[i] = False
-            mass, most = self.masses[i], self.most[i]
-            desired = force[row] / mass
-            dp = -self.space.displacement(positions[row] - known.own[row, :m])[others]
-            dv = known.own[row, m:] - known.rows[row, others, m:]
-            if self.control.form == "stopping":
-                planes = self._planes(i, others, dp, known.rows[row, others, m:], known.own[row])
-                period = float(self.period[i])
-                own = np.asarray(known.own[row, m:])
-                used, fits = stopping_acceleration(desired, own, planes, float(most), period, self.control.distance)
-            else:
-                normals, bounds = self._conditions(i, others, dp, dv)
-                used, fits = nearest(desired, normals, bounds, float(most))
+            mass, most = float(self.masses[i]), float(self.most[i])
+            try:
+                # An infinite number on the way can end as a finite one that means nothing.
+                with np.errstate(over="raise", invalid="raise"):
+                    desired = force[row] / mass
+                    used, fits = self._accelerated(row, i, known, positions[row], desired)
+                    size = float(np.linalg.norm(used))
+                    changed = bool((used != desired).any())
+                    found[row] = mass * used if changed else force[row]
+                fault = not (np.isfinite(found[row]).all() and size <= most * (1.0 + TOO_LONG))
+            except (FloatingPointError, OverflowError):
+                fault = True
+            if fault:
+                raise NotFinite(
+                    "The safety filter cannot compute a force: a position, a velocity or a force is too large or NaN.",
+                    time=self._start + time * NANOSECOND, agents=(i,),
+                )  # fmt: skip
             if not fits:
                 self.memory.relaxed += 1
                 if self.memory.first_relaxed < 0:
                     self.memory.first_relaxed = time
-            changed = bool((used != desired).any())
             self.memory.changed += changed
-            found[row] = mass * used if changed else force[row]
         return found
+
+    def _accelerated(self, row: int, i: int, known: Known, place: Array, desired: Array) -> tuple[Array, bool]:
+        """The acceleration of agent i instead of the wanted one, and whether no condition was relaxed."""
+        m, most = len(desired), float(self.most[i])
+        others = known.there[row].copy()
+        others[i] = False
+        dp = -self.space.displacement(place - known.own[row, :m])[others]
+        dv = known.own[row, m:] - known.rows[row, others, m:]
+        if not (np.isfinite(desired).all() and np.isfinite(dp).all() and np.isfinite(dv).all()):
+            raise FloatingPointError
+        if self.control.form == "stopping":
+            planes = self._planes(i, others, dp, known.rows[row, others, m:], known.own[row])
+            own = np.asarray(known.own[row, m:])
+            period = float(self.period[i])
+            return stopping_acceleration(desired, own, planes, most, period, self.control.distance)
+        normals, bounds = self._conditions(i, others, dp, dv)
+        return nearest(desired, normals, bounds, most)
 
     def _planes(self, i: int, others: Links, dp: Array, v: Array, own: Array) -> Planes:
         """Planes that agent i keeps, relative to its position: one for each other agent and for each obstacle."""

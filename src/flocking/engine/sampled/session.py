@@ -98,7 +98,8 @@ class SampledSession(ImperfectSession):
         control = scenario.control
         self.filter: ForceFilter | None = None
         if isinstance(control, SafetyFilter):
-            self.filter = ForceFilter(control, np.asarray(scenario.agents.masses), start.q, scenario.space)
+            masses = np.asarray(scenario.agents.masses)
+            self.filter = ForceFilter(control, masses, start.q, scenario.space, start.t)
         self._instant, self._meets = 0, False
         self._ticking = self._sampling = self._next_tick()
         """When each agent acts and measures next, as `_next_change` found it."""

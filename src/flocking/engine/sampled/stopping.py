@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Array, Mask
-from flocking.engine.sampled.nearest_force import nearest
+from flocking.engine.sampled.nearest_force import FARTHEST, nearest, shortened
 
 SHARES = 32
 """Parts into which the way from braking to the wanted acceleration is divided, and the last part again."""
@@ -95,7 +95,7 @@ def nearest_points(d: Array, q: Array, e: Array) -> tuple[Array, Array]:
     dq, eq = q @ d, (e * q).sum(axis=1)
 
     def share(over: Array, under: Array | float) -> Array:
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):
             found = np.where(np.asarray(under) > 0.0, over / under, 0.0)
         return np.asarray(np.clip(np.nan_to_num(found), 0.0, 1.0))
 
@@ -199,6 +199,7 @@ def stopping_acceleration(
     distance
         The distance, by which relaxations are measured.
     """
+    desired = shortened(desired, FARTHEST * most)
     brake = braking(v, most, period)
     path = stopping_paths(v[None], most, period)[0]
     reached = np.minimum(0.0, planes.normals @ path) - ROUNDING * (float(np.linalg.norm(path)) + distance)

@@ -27,6 +27,9 @@ FORMS = ("sampled", "continuous", "stopping")
 """Conditions of the filter: of pairs, for forces that are held for a period and for forces that change at every moment;
 and of stopping paths, for held forces and groups of any size."""
 
+SMALLEST, LARGEST = 1e-60, 1e60
+"""Bounds of distances, accelerations and the gain: products of four of them are still floating-point numbers."""
+
 SAMPLED = FORMS[0]
 """The form for forces that are held for a period."""
 
@@ -61,7 +64,7 @@ class SafetyFilter(Held):
     period, phase, latency
         As for `Held`.
     distance
-        The distance D; positive.
+        The distance D; positive, as all that follow between 1e-60 and 1e60.
     acceleration
         Largest acceleration a, one for all agents or one for each; positive.
     form
@@ -109,6 +112,14 @@ class SafetyFilter(Held):
         object.__setattr__(self, "gain", number("SafetyFilter", "gain", self.gain, above=0.0))
         if self.clearance is not None:
             object.__setattr__(self, "clearance", number("SafetyFilter", "clearance", self.clearance, above=0.0))
+        for name in ("distance", "acceleration", "gain", "clearance"):
+            given = getattr(self, name)
+            found = np.atleast_1d(np.asarray(1.0 if given is None else given, dtype=np.float64))
+            if outside := found[(found < SMALLEST) | (found > LARGEST)].tolist():
+                raise InvalidInput(
+                    "SafetyFilter", name, f"must lie between {SMALLEST:g} and {LARGEST:g}", outside[0],
+                    "Products of other numbers are too small or too large to compute with.",
+                )  # fmt: skip
         obstacles = listed("SafetyFilter", "obstacles", self.obstacles, "must be a sequence of balls and walls")
         object.__setattr__(self, "obstacles", tuple(obstacles))
         for each in self.obstacles:

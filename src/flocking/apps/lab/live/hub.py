@@ -56,11 +56,20 @@ class Tab:
         data = message if isinstance(message, bytes) else json.dumps(message, allow_nan=False, separators=(",", ":"))
         self._soon(lambda: self.messages.append(data))
 
-    def show(self, frame: bytes) -> None:
-        """Send a frame when the page is ready for it; of those that wait only the last is sent. From any thread."""
+    def show(self, frame: bytes, *, present: bool = True) -> None:
+        """Send a frame when the page is ready for it; of those that wait only the last is sent. From any thread.
+
+        Parameters
+        ----------
+        frame
+            The frame.
+        present
+            Whether it is one of the present, which a page that looks at the record by then is not sent.
+        """
 
         def put() -> None:
-            self.frame = frame
+            if not present or self.looking is None:
+                self.frame = frame
 
         self._soon(put)
 

@@ -65,6 +65,7 @@ class Lab:
         self.folder = Folder(Path.cwd() if folder is None else folder)
         self._requests = RateLimit(REQUESTS_PER_SECOND, BURST_OF_REQUESTS)
         self._busy = threading.Lock()
+        self._telling = threading.Lock()
         self._loads = 0
         self._openings = Openings(scenario, self.folder)
         self.name = self._openings.first_name
@@ -138,7 +139,8 @@ class Lab:
         # The frame, not the session, which may be in the middle of a step in another thread.
         frame = self.clock.frame
         tab.tell(law_content(frame.scenarios[0], frame.states[0]))
-        tab.tell(self.measuring.content())
+        with self._telling:
+            tab.tell(self.measuring.content())
         if self._opening:
             tab.tell({"kind": "opening", "name": self._opening})
         if self.past.stored is not None:
@@ -158,8 +160,10 @@ class Lab:
     def tell_record(self) -> None:
         """Send all pages the record of the run."""
         self._reported = time.monotonic()
-        if self.past.stored is None:
-            self.hub.tell(self.measuring.content())
+        # Of two threads the one that looked first tells first, else pages would keep what held before.
+        with self._telling:
+            if self.past.stored is None:
+                self.hub.tell(self.measuring.content())
 
     def tell_catalogue(self, tab: Tab) -> None:
         """Send the page of a ``tab`` all scenarios and stored runs."""

@@ -36,9 +36,12 @@ class Past:
         """The stored run that is shown."""
 
     def leave(self) -> None:
-        """Let all pages look at the present."""
+        """Let all pages look at the present, which they are shown."""
         for tab in tuple(self._hub.tabs):
-            tab.looking = None
+            if tab.looking is not None:
+                tab.looking = None
+                # The frame of the present may have come while they looked at the record.
+                self._hub.repaint(tab)
 
     def look(self, tab: Tab, t: float | None) -> None:
         """Show a page the record at a time, or the present again.
@@ -64,7 +67,7 @@ class Past:
                 return
             state, scenario = found
         shown = replace(self._clock.frame, time=float(state.t), states=(state,), scenarios=(scenario,))
-        tab.show(packed(shown, tab.requested, live=False))
+        tab.show(packed(shown, tab.requested, live=False), present=False)
 
     def open_run(self, name: str) -> None:
         """Show a stored run on the timeline.
