@@ -167,8 +167,10 @@ def _extrema(formula: Callable[[Jet], Jet], low: float, high: float) -> list[tup
         value, slope, curvature = ((low[:count], high[:count]) for low, high in both)
         at_middle = both[1][0][count:], both[1][1][count:]
         bend = half * np.maximum(np.abs(curvature[0]), np.abs(curvature[1]))
-        lowest, highest = np.fmax(slope[0], at_middle[0] - bend), np.fmin(slope[1], at_middle[1] + bend)
-        undecided = (lowest <= 0) & (highest >= 0) & ~((value[1] - value[0]) * (b - a) <= NEGLIGIBLE)
+        # Infinite ends leave no number, which counts as unbounded and undecided.
+        with np.errstate(over="ignore", invalid="ignore"):
+            lowest, highest = np.fmax(slope[0], at_middle[0] - bend), np.fmin(slope[1], at_middle[1] + bend)
+            undecided = (lowest <= 0) & (highest >= 0) & ~((value[1] - value[0]) * (b - a) <= NEGLIGIBLE)
         single = undecided & ((curvature[0] > 0) | (curvature[1] < 0))
         begins.append(a[single])
         ends.append(b[single])
