@@ -18,7 +18,7 @@ from flocking.model.graphs.coincident_starts import coincident_groups, linked_pa
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.mutual_links import check_mutual
 from flocking.model.leaders_and_obstacles.leaders import Leader
-from flocking.model.parts import values
+from flocking.model.parts import seeds, values
 from flocking.model.parts.description import Group, Nested, Unwritten, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.scenario_numbers import checked_end, checked_frames, checked_tolerance
@@ -234,7 +234,7 @@ class Scenario(ScenarioCell):
     name
         What to call it.
     seed
-        Seed that drew the start, for the record.
+        Seed that drew the start, for the record; ``rng`` is another name, and takes a `numpy.random.SeedSequence` too.
     space
         Where the agents live; `Open` when absent.
     information
@@ -268,8 +268,8 @@ class Scenario(ScenarioCell):
 
         def __init__(
             self, law: Law, start: State, t_end: float, agents: Body = ..., frames: int | Sequence[float] = ...,
-            energy: Energy = ..., tolerance: float = ..., name: str = ..., seed: int | None = ...,
-            space: Space = ..., information: Information = ..., control: Control = ..., *, bodies: Body = ...,
+            energy: Energy = ..., tolerance: float = ..., name: str = ..., seed: int | None = ..., space: Space = ...,
+            information: Information = ..., control: Control = ..., *, bodies: Body = ..., rng: seeds.SeedNumber = ...,
         ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:

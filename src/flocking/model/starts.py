@@ -14,6 +14,7 @@ from flocking.model.graphs.connectivity import is_connected
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
+from flocking.model.parts.seeds import Rng, generator_from
 from flocking.model.parts.values import MOST_PAIRWISE
 from flocking.model.state import State
 
@@ -45,7 +46,8 @@ def box(
     *,
     side: Annotated[float | Sequence[float], values.NUMBER_OR_NUMBERS],
     speed: float = 0.0,
-    seed: Annotated[int | np.random.Generator, values.SEED],
+    seed: Annotated[int | np.random.Generator | None, values.SEED] = None,
+    rng: Rng | None = None,
     corner: Annotated[Sequence[float] | None, values.POINT] = None,
     dimension: Annotated[int, values.DIMENSION] = 2,
     velocities: Annotated[str, values.choice(*VELOCITIES)] = "disc",
@@ -62,6 +64,9 @@ def box(
         Largest speed (``"disc"``), largest component (``"box"``) or speed (``"sphere"``).
     seed
         Seed of the random generator, the same one gives the same state; or a generator of NumPy, which is drawn from.
+        One of ``seed`` and ``rng`` is given.
+    rng
+        The same by the name of SPEC 7; a `numpy.random.SeedSequence` too.
     corner
         Lowest corner of the box; the origin by default.
     dimension
@@ -91,7 +96,7 @@ def box(
         raise InvalidInput("start.box", "corner", f"must have {len(sides)} coordinates", corner)
     return _draw(
         "start.box", n, len(sides), lambda rng: low + sides * rng.random((n, len(sides))),
-        speed, velocities, seed, connected_under,
+        speed, velocities, (seed, rng), connected_under,
     )  # fmt: skip
 
 
@@ -101,7 +106,8 @@ def ball(
     *,
     radius: float,
     speed: float = 0.0,
-    seed: Annotated[int | np.random.Generator, values.SEED],
+    seed: Annotated[int | np.random.Generator | None, values.SEED] = None,
+    rng: Rng | None = None,
     dimension: Annotated[int, values.DIMENSION] = 2,
     velocities: Annotated[str, values.choice(*VELOCITIES)] = "disc",
     connected_under: Graph | None = None,
@@ -115,6 +121,9 @@ def ball(
         Largest speed (``"disc"``), largest component (``"box"``) or speed (``"sphere"``).
     seed
         Seed of the random generator, the same one gives the same state; or a generator of NumPy, which is drawn from.
+        One of ``seed`` and ``rng`` is given.
+    rng
+        The same by the name of SPEC 7; a `numpy.random.SeedSequence` too.
     velocities
         ``"disc"``: any direction and a magnitude uniform in [0, speed). ``"box"``: each component uniform in
         [0, speed). ``"sphere"``: any direction and the magnitude ``speed``.
@@ -136,7 +145,7 @@ def ball(
     def positions(rng: np.random.Generator) -> Array:
         return _directions(rng, n, dimension) * (outer * rng.random((n, 1)) ** (1.0 / dimension))
 
-    return _draw("start.ball", n, dimension, positions, speed, velocities, seed, connected_under)
+    return _draw("start.ball", n, dimension, positions, speed, velocities, (seed, rng), connected_under)
 
 
 @register_part("hexagonal")
@@ -146,7 +155,8 @@ def hexagonal(
     spacing: float,
     noise: float = 0.0,
     speed: float = 0.0,
-    seed: Annotated[int | np.random.Generator, values.SEED],
+    seed: Annotated[int | np.random.Generator | None, values.SEED] = None,
+    rng: Rng | None = None,
     most_agents: int = MOST_AGENTS,
 ) -> State:
     """The n points of a planar triangular lattice nearest its centre, with Gaussian noise.
@@ -161,6 +171,9 @@ def hexagonal(
         Standard deviation of each velocity component.
     seed
         Seed of the random generator, the same one gives the same state; or a generator of NumPy, which is drawn from.
+        One of ``seed`` and ``rng`` is given.
+    rng
+        The same by the name of SPEC 7; a `numpy.random.SeedSequence` too.
     most_agents
         Limit on ``n``, which protects the memory from mistakes.
 
@@ -173,15 +186,14 @@ def hexagonal(
     spacing = number("start.hexagonal", "spacing", spacing, above=0.0)
     noise = number("start.hexagonal", "noise", noise, least=0.0)
     speed = number("start.hexagonal", "speed", speed, least=0.0)
-    _check_seed("start.hexagonal", seed)
+    generator = generator_from("start.hexagonal", seed, rng)
     stop_if_refused()
-    rng = np.random.default_rng(seed)
     half = int(np.ceil(np.sqrt(n))) + 2
     column, row = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))
     points = np.stack([column + 0.5 * (row % 2), row * np.sqrt(3) / 2], axis=-1).reshape(-1, 2)
     nearest = np.argsort(np.linalg.norm(points, axis=1), kind="stable")[:n]
-    q = points[np.sort(nearest)] * spacing + noise * rng.normal(size=(n, 2))
-    return State(q, speed * rng.normal(size=(n, 2)))
+    q = points[np.sort(nearest)] * spacing + noise * generator.normal(size=(n, 2))
+    return State(q, speed * generator.normal(size=(n, 2)))
 
 
 def _given_state(state: object) -> dict[str, object]:
@@ -259,11 +271,6 @@ def _check_graph(owner: str, n: int, graph: object) -> None:
     graph.check_count(n)
 
 
-def _check_seed(owner: str, seed: int | np.random.Generator) -> None:
-    if not isinstance(seed, np.random.Generator):
-        integer(owner, "seed", seed, least=0)
-
-
 def _draw(
     owner: str,
     n: int,
@@ -271,15 +278,14 @@ def _draw(
     positions: Callable[[np.random.Generator], Array],
     speed: float,
     velocities: str,
-    seed: int | np.random.Generator,
+    seeds: tuple[int | np.random.Generator | None, Rng | None],
     graph: Graph | None,
 ) -> State:
     speed = number(owner, "speed", speed, least=0.0)
-    _check_seed(owner, seed)
+    rng = generator_from(owner, *seeds)
     one_of(owner, "velocities", velocities, VELOCITIES, "must be 'disc', 'box' or 'sphere'")
     _check_graph(owner, n, graph)
     stop_if_refused()
-    rng = np.random.default_rng(seed)
     allowed = MOST_DRAWS if graph is None else max(1, min(MOST_DRAWS, MOST_PAIRS // max(1, n * n)))
     for _ in range(allowed):
         q = positions(rng)

@@ -17,6 +17,7 @@ from flocking.model.graphs.weights import PairWeights
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
+from flocking.model.parts.seeds import Rng, generator_from
 from flocking.model.space import OPEN, Space
 
 if TYPE_CHECKING:
@@ -253,21 +254,23 @@ class Fixed(Graph):
         return cls(n, tuple((i, j) for i in range(n) for j in range(i + 1, n)))
 
     @classmethod
-    def random_connected(cls, n: int, probability: float, seed: int) -> Fixed:
-        """G(n, probability), redrawn until it is connected.
+    def random_connected(
+        cls, n: int, probability: float, seed: int | np.random.Generator | None = None, *, rng: Rng | None = None
+    ) -> Fixed:
+        """G(n, probability), redrawn until it is connected; ``seed`` and ``rng`` as in `flocking.start.box`.
 
         Raises
         ------
         InvalidInput
-            If 100,000 draws gave no connected graph.
+            If a value is out of range, or 100,000 draws gave no connected graph.
         """
         integer("Fixed.random_connected", "n", n, least=1)
         chance = number("Fixed.random_connected", "probability", probability, above=0.0)
-        rng = np.random.default_rng(seed)
+        generator = generator_from("Fixed.random_connected", seed, rng)
         upper = np.triu_indices(n, 1)
         for _ in range(MOST_DRAWS):
             matrix = np.zeros((n, n), dtype=bool)
-            matrix[upper] = rng.random(len(upper[0])) < chance
+            matrix[upper] = generator.random(len(upper[0])) < chance
             if is_connected(matrix):
                 return cls(n, tuple((int(i), int(j)) for i, j in np.argwhere(matrix)))
         raise InvalidInput(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.model.parts.seeds import take_rng
 from flocking.model.parts.values import nearest
 
 MOST_SHOWN = 8
@@ -20,6 +21,8 @@ LONGEST = 400
 
 def check_names(part: type) -> None:
     """Let the constructor of a dataclass refuse names that are none of its fields, with the nearest one that is.
+
+    That of one with a field ``seed`` takes ``rng`` in its place.
 
     Parameters
     ----------
@@ -34,8 +37,13 @@ def check_names(part: type) -> None:
     if code is None or set(code.co_varnames[1 : code.co_argcount + code.co_kwonlyargcount]) != known:
         return
 
+    seeded = "seed" in known and "rng" not in known
+    order = tuple(f.name for f in fields(part) if f.init and not f.kw_only)
+
     @wraps(made)
     def checked(self: object, *values: Any, **named: Any) -> None:
+        if seeded:
+            take_rng(part.__name__, order, values, named)
         for name in named.keys() - known:
             raise InvalidInput(part.__name__, name, "is no parameter", named[name], nearest(name, known))
         made(self, *values, **named)

@@ -159,11 +159,16 @@ def _function(part: Callable[..., object], name: str, word: str | None, hints: M
     if not isinstance(builds, type):
         raise InvalidInput("register_part", name, "must be annotated with the part it returns", builds)
     arguments = inspect.signature(part).parameters
+    # Files say seed; what a call may name rng instead is none of their keys, and then the seed has no default.
+    seeded = {"seed", "rng"} <= arguments.keys()
     found = {
-        a.name: _field(a.name, hints.get(a.name, object), a.default is inspect.Parameter.empty)
+        a.name: _field(
+            a.name, hints.get(a.name, object),
+            a.default is inspect.Parameter.empty or (seeded and a.name == "seed" and a.default is None),
+        )
         for a in arguments.values()
-        if a.name not in BY_READER
-    }
+        if a.name not in BY_READER and not (seeded and a.name == "rng")
+    }  # fmt: skip
     found = {f.name: f for f in found.values()}
     group = group_of(builds)
     if group is not None and group.name == "start" and DRAW_TIME not in found:

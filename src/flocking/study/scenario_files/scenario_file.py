@@ -8,6 +8,7 @@ from pathlib import Path
 from flocking.engine.storage.atomic_files import write_through
 from flocking.errors import InvalidInput
 from flocking.model.law import Law, Scenario
+from flocking.model.parts.seeds import SeedNumber, given_seed
 from flocking.model.state import State
 from flocking.study.scenario_files.problems import problem_of
 from flocking.study.scenario_files.scenario_misfits import misfits
@@ -56,6 +57,7 @@ def read_scenario(
     most_agents: int = MOST_AGENTS,
     largest_file: int = LARGEST_FILE,
     start: State | None = None,
+    rng: SeedNumber | None = None,
 ) -> Scenario:
     """Read a scenario from a TOML file.
 
@@ -72,14 +74,17 @@ def read_scenario(
     start
         The start of a file that has none, for laws that are held against samples; its ``t_end`` may then be missing
         too.
+    rng
+        The same as ``seed`` by the name of SPEC 7: an integer, or a `numpy.random.SeedSequence`.
 
     Raises
     ------
     ScenarioFileError
         When the file has faults; the message lists every one with its place.
     InvalidInput
-        When the file cannot be read.
+        When the file cannot be read, or ``rng`` is given beside ``seed`` or is a generator.
     """
+    seed = given_seed("read_scenario", seed, rng)
     fix = "Describe large starts by a draw, or pass largest_file."
     try:
         text = read_text_file("read_scenario", path, largest_file, fix)

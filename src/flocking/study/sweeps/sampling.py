@@ -9,10 +9,12 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, listed, number, one_of
+from flocking.model.parts.seeds import takes_rng
 
 METHODS = ("random", "latin", "sobol")
 
 
+@takes_rng
 @dataclass(frozen=True)
 class Sample:
     """Points drawn from ranges of parameters.
@@ -29,7 +31,8 @@ class Sample:
     log
         Names of parameters whose logarithm is drawn evenly.
     seed
-        Seed of the draw; the same seed gives the same points.
+        Seed of the draw; the same seed gives the same points. ``rng`` is another name, see
+        `flocking.model.parts.seeds.seed_from`.
 
     Raises
     ------

@@ -12,6 +12,7 @@ from flocking.engine.interruption import answered
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
+from flocking.model.parts.seeds import SeedNumber, given_seed
 from flocking.study.claims.claim import Claim
 from flocking.study.sweeps.measures import Measuring, code_of, find_measures
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
@@ -38,7 +39,8 @@ def sweep(
     out: str | Path | None = None,
     workers: int | None = None,
     cluster: str | None = None,
-    seed: int = 0,
+    seed: int | None = None,
+    rng: SeedNumber | None = None,
     engine: str = "auto",
     options: Mapping[str, object] | None = None,
     most_runs: int = MOST_RUNS,
@@ -75,7 +77,9 @@ def sweep(
     cluster
         Address of a Dask scheduler whose workers are used instead.
     seed
-        Root of the seeds of the runs when ``seeds`` is a number.
+        Root of the seeds of the runs when ``seeds`` is a number; 0 when neither it nor ``rng`` is given.
+    rng
+        The same by the name of SPEC 7: an integer, or a `numpy.random.SeedSequence`.
     engine, options
         Engine and its options, see `flocking.engine.driver.simulate.simulate`.
     most_runs
@@ -107,7 +111,8 @@ def sweep(
     """
     if not callable(make):
         raise InvalidInput("sweep", "make", "must be a function that gives a Scenario", make)
-    plan = make_plan(grid, sample, seeds, seed, most_runs)
+    root = given_seed("sweep", seed, rng)
+    plan = make_plan(grid, sample, seeds, 0 if root is None else root, most_runs)
     _check_call(make, plan)
     found = find_measures(measures, more_measures)
     choices = {"engine": engine, **(options or {})}
