@@ -156,7 +156,7 @@ def test_an_audit_that_finds_a_wrong_run_exits_with_1(
     fk.write_run(fk.simulate(scenario, plant=mutant, progress=False), tmp_path / "mutant")
     code, text, _ = call(capsys, "audit", tmp_path / "mutant")
     assert code == 1
-    assert "do not have the expected" in text
+    assert "Some decided claims have another verdict than expected." in text
 
 
 def test_nothing_is_guaranteed_of_a_run_that_breaks_a_promise(
@@ -306,6 +306,26 @@ def test_reproduce_says_why_claims_are_untested_and_what_to_open(
     assert code == 1
     assert "2 are untested: fewer than five seeds met" in out
     assert f"Open {tmp_path / 'report.html'}" in out
+
+
+def test_observations_are_not_counted_among_the_claims_with_an_expected_verdict(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from flocking.papers import paper
+    from flocking.study.claims.claim import Basis, Result, Verdict
+    from flocking.study.claims.judgement import Judgement
+
+    claims = {basis: next(c for c in paper("reynolds-1987").claims("reynolds-1987") if c.basis is basis)
+              for basis in (Basis.PROOF, Basis.OBSERVATION)}  # fmt: skip
+    held, seen = (Judgement(c, (Result(c, Verdict.HOLDS, 1.0, 0.0),) * 5) for c in claims.values())
+    wrong = Judgement(claims[Basis.PROOF], (Result(claims[Basis.PROOF], Verdict.FAILS, -1.0, 0.0),) * 5)
+    for judged, said, code in (([held, seen, seen], "1 of 1", 0), ([held, wrong, seen, seen], "1 of 2", 1)):
+        found = Reproduction({"reynolds-1987": judged}, seconds=1.0)
+        monkeypatch.setattr(reproduction, "reproduce", lambda *_, found=found, **__: found)
+        answer, out, _ = call(capsys, "reproduce", "--out", tmp_path)
+        assert answer == code
+        assert f"{said} claims with an expected verdict have it" in out
+        assert "2 further claims are observations" in out
 
 
 def test_reproduce_passes_its_arguments_and_exits_with_0_when_all_is_as_expected(

@@ -281,10 +281,13 @@ def reproduce(
                 ("", "claim", "verdict", "expected", "held/met/seeds", "rate, 95 %", "worst margin"), rows, title=name
             )
             print()
-        total = sum(len(judgements) for judgements in found.judgements.values())
-        unexpected = sum(not j.as_expected for judgements in found.judgements.values() for j in judgements)
         where = f", {len(found.figures)} figure files in {out}" if out else ""
-        print(f"{total - unexpected} of {total} claims have the expected verdict in {found.seconds:.0f} s{where}.")
+        print(
+            f"{found.expected - found.unexpected} of {found.expected} claims with an expected verdict have it, in "
+            f"{found.seconds:.0f} s{where}."
+        )
+        if found.observed:
+            print(f"{found.observed} further claims are observations: they have rates and no expected verdict.")
         if found.untested:
             print(f"{found.untested} are untested: fewer than five seeds met their hypothesis. Use at least five.")
         if found.waiting:

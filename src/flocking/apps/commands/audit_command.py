@@ -103,8 +103,8 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
         print_promises(promised)
         if broken:
             print("What is guaranteed of the scenario is broken: the run has another law, or was changed on its way.")
-        outcome = "All decided claims have" if report.as_expected else "Some claims do not have"
-        print(f"{outcome} the expected verdict.")
+        outcome = "No decided claim has" if report.as_expected else "Some decided claims have"
+        print(f"{outcome} another verdict than expected.")
         if again is not None:
             print(again)
         _tell_page(html)

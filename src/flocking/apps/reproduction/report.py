@@ -174,7 +174,7 @@ def _paper_row(key: str, article: Paper, found: Reproduction) -> str:
     shown = (Verdict.HOLDS, Verdict.FAILS, Verdict.OBSERVED)
     holds, fails, seen = (sum(j.verdict == v for j in judged) for v in shown)
     undecided = len(judged) - holds - fails - seen
-    counted = (len(judged), holds, fails, seen, undecided, sum(j.as_expected for j in judged))
+    counted = (len(judged), holds, fails, seen, undecided, sum(j.has_expected and j.as_expected for j in judged))
     faults = Counter(row["verdict"] for row in found.errata.get(key, []))
     own = faults[Fault.OWN] + sum(j.claim.origin is Origin.OWN for j in judged)
     cells = (*counted, faults[Fault.FALSE], faults[Fault.MISPRINT], faults[Fault.READING], own)

@@ -41,8 +41,23 @@ class Reproduction:
 
     @property
     def as_expected(self) -> bool:
-        """Whether every claim has the verdict that follows from its proof or counter-example."""
-        return all(j.as_expected for found in self.judgements.values() for j in found)
+        """Whether every claim with an expected verdict has it; observations have none."""
+        return not self.unexpected
+
+    @property
+    def expected(self) -> int:
+        """Number of claims with an expected verdict: all but observations."""
+        return sum(j.has_expected for found in self.judgements.values() for j in found)
+
+    @property
+    def unexpected(self) -> int:
+        """Number of those whose verdict is another."""
+        return sum(not j.as_expected for found in self.judgements.values() for j in found)
+
+    @property
+    def observed(self) -> int:
+        """Number of claims without an expected verdict: observations, whose rates are found."""
+        return sum(not j.has_expected for found in self.judgements.values() for j in found)
 
     @property
     def untested(self) -> int:

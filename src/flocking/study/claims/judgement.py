@@ -105,9 +105,14 @@ class Judgement:
         return min(met, key=lambda r: r.margin) if met else self.results[0]
 
     @property
+    def has_expected(self) -> bool:
+        """Whether there is an expected verdict: not for observations, whose `rate` is found instead."""
+        return self.claim.basis is not Basis.OBSERVATION
+
+    @property
     def as_expected(self) -> bool:
-        """Whether the verdict follows from the proof or counter-example; true for observations."""
-        return self.claim.basis is Basis.OBSERVATION or self.verdict == self.claim.expected
+        """Whether the verdict is not another than the expected; true where none is (`has_expected`)."""
+        return not self.has_expected or self.verdict == self.claim.expected
 
     def as_dict(self, paper: str, scenario: str) -> dict[str, object]:
         """Plain data for ``claims.json``.
