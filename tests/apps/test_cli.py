@@ -116,11 +116,12 @@ def test_list_shows_every_scenario_of_every_paper(capsys: pytest.CaptureFixture[
 
 def test_run_audit_and_resume_of_a_file(quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "run"
+    # Before the command, whose error output tells of progress when it has to compile first.
+    expected = fk.simulate(fk.read_scenario(quick), progress=False)
     code, text, err = call(capsys, "run", quick, "--out", out)
     assert (code, err) == (0, "")
     assert "finished" in text
     assert "closest pair" in text
-    expected = fk.simulate(fk.read_scenario(quick), progress=False)
     assert fk.read_run(out).q.tobytes() == expected.q.tobytes()
     code, text, _ = call(capsys, "audit", out, "--json")
     report = json.loads(text)
