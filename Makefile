@@ -6,6 +6,8 @@ OUT ?= out/reproduce
 SEEDS ?= 10
 DOCS_OUT ?= docs/_build/html
 PYTEST_ARGS ?=
+WHEEL_PYTHON ?=
+WHEEL_TESTS ?=
 # One process more than there are processors: some tests wait, for a signal or another process, and leave theirs idle.
 WORKERS ?= $(shell echo $$(( $$(getconf _NPROCESSORS_ONLN) + 1 )))
 
@@ -20,7 +22,7 @@ LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs clean
+.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-wheel test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs clean
 
 setup: $(READY)
 
@@ -61,6 +63,11 @@ test-pythons:
 		echo "Python $$version: $$python"; \
 		$(MAKE) test-quick PYTHON=$$python VENV=.venv-$$version || exit 1; \
 	done
+
+# The wheel is built, installed into a new environment of every Python that this machine has, and passes the quick tests there,
+# beside no source tree; WHEEL_PYTHON=3.12 takes one version of Python alone, WHEEL_TESTS=tests/formula these tests alone.
+test-wheel: $(READY)
+	FLOCKING_WHEEL_PYTHON=$(WHEEL_PYTHON) FLOCKING_WHEEL_TESTS="$(WHEEL_TESTS)" $(BIN)/python -m pytest -m slow -p no:xdist tests/packaging/test_setup.py -k wheel $(PYTEST_ARGS)
 
 # The engine for clusters on 1, 2 and 4 ranks of this machine. Its packages bring MPI along: nothing else is needed.
 test-mpi: $(MPI_READY)

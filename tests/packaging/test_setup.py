@@ -91,6 +91,19 @@ def pythons() -> list[str]:
     return subprocess.run([ROOT / ".ci" / "pythons"], capture_output=True, text=True, check=True).stdout.split()
 
 
+def wanted_pythons() -> list[str]:
+    """Those of `make test-wheel`: all, or the one version that it names."""
+    wanted = os.environ.get("FLOCKING_WHEEL_PYTHON")
+    found = [python for python in pythons() if not wanted or version_of(python) == wanted]
+    assert found, f"there is no Python {wanted} here"
+    return found
+
+
+def version_of(python: str) -> str:
+    words = [python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+
+
 def call(folder: Path, *words: object, seconds: float = 900, **more: str) -> str:
     environment = {**os.environ, **more}
     shown = subprocess.run(
@@ -130,7 +143,7 @@ def test_wheel_and_source_distribution_hold_the_same_package_and_install_anew(bu
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("python", pythons())
+@pytest.mark.parametrize("python", wanted_pythons())
 def test_the_wheel_is_installed_on_each_python_and_passes_the_quick_tests(
     built: Path, tmp_path: Path, python: str
 ) -> None:
@@ -146,7 +159,12 @@ def test_the_wheel_is_installed_on_each_python_and_passes_the_quick_tests(
     shutil.copytree(built / "source", tree, ignore=shutil.ignore_patterns("src"))
     place = call(tree, bin / "python", "-c", "import flocking; print(flocking.__file__)").strip()
     assert place.startswith(str(folder / "clean"))
-    call(tree, bin / "python", "-m", "pytest", "-q", "-p", "no:xdist", *installed_tests(), seconds=3600)
+    call(tree, bin / "python", "-m", "pytest", "-q", "-p", "no:xdist", *wanted_tests(), seconds=3600)
+
+
+def wanted_tests() -> list[str]:
+    """Those of `make test-wheel`: the quick tests, or the files that it names."""
+    return os.environ.get("FLOCKING_WHEEL_TESTS", "").split() or installed_tests()
 
 
 def installed_tests() -> list[str]:
