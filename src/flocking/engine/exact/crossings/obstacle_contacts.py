@@ -58,7 +58,13 @@ class ObstacleContacts(ObstacleDistances):
     def row(
         self, group: int, t: float, i: int, o: int, speed: float, size: float
     ) -> tuple[float, int, int, str, int, float, bool]:
-        """As `record`, for a known ``speed`` of the distance and ``size`` of the velocity of the agent."""
+        """As `record`, of agent ``i`` and obstacle ``o`` of a ``group``, for a known ``speed`` of the distance.
+
+        Parameters
+        ----------
+        size
+            Size of the velocity of the agent.
+        """
         return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, is_tangential(speed, size))
 
     def next_crossings(
