@@ -45,6 +45,9 @@ def _even(dimension):
     return fk.State(2.15 * places + rng.uniform(-0.03, 0.03, places.shape), 0.3 * rng.normal(size=places.shape))
 
 
+BOTH = np.arange(2 * N)
+
+
 def _crossing(graph, dimension=2):
     """Two streams through each other, whose links appear and break with a gap."""
     state = start(dimension, 2 * N, speed=4.0)
@@ -66,6 +69,18 @@ def _repeating(lengths, graph, n=2 * N, share=1.0):
     p = 4.0 * rng.normal(size=q.shape) + way * np.array([150.0, 70.0, 40.0][: len(lengths)])
     found = fk.Law(graph, [fk.Gradient(fk.Potential("(r - 7)**2/2")), fk.Consensus(0.3)])
     return found, fk.State(q, p), {"space": fk.Periodic(lengths)}
+
+
+def _bodied(bodies, made):
+    """A case whose agents are more than points."""
+    found, state, more = made
+    return found, state, {**more, "agents": bodies}
+
+
+def _chain():
+    """Unicycles whose limited force lags and who are blown about before and behind the lag."""
+    blown = fk.Disturbed(fk.Unicycle(8.0 + 0.01 * BOTH, damping=0.1), 5.0, 0.04, seed=5)
+    return fk.Limited(fk.Disturbed(fk.Lagged(blown, 0.1 + 0.001 * BOTH), 2.0, 0.05), force=20.0)
 
 
 def _every_part():
@@ -155,6 +170,20 @@ CASES = {
                                                {**_flow("tracked in the centre of mass")[2], "scheme": "euler"}),
     "order 1, obstacles": lambda: _flow("obstacles and pulls"),
     "order 1, directed": lambda: _flow("directed"),
+    "streams, lagged": lambda: _bodied(
+        fk.Lagged(fk.PointMass(1.0 + 0.01 * BOTH, 0.3), 0.05 + 0.001 * BOTH), _crossing(fk.Hysteresis(8.4, 1.0))
+    ),
+    "streams, a chain of bodies": lambda: _bodied(_chain(), _crossing(fk.Hysteresis(8.4, 1.0))),
+    "streams, limited, periodic": lambda: _bodied(
+        fk.Limited(fk.PointMass(), force=5.0 + 0.01 * BOTH), _repeating([90.0, None], fk.Proximity(8.4))
+    ),
+    "streams, limited force and rate, in space": lambda: _bodied(
+        fk.Limited(fk.Lagged(fk.PointMass(), 0.2), force=8.0, rate=200.0), _crossing(fk.Proximity(8.4), 3)
+    ),
+    "order 1, lagged in gusts and limited": lambda: _bodied(
+        fk.Limited(fk.Lagged(fk.Disturbed(fk.SingleIntegrator(), 0.3, 0.05), 0.1), speed=2.0),
+        _flow("gradient and consensus"),
+    ),
 }  # fmt: skip
 
 

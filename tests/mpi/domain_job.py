@@ -21,7 +21,8 @@ def computed(name, **more):
     links, owned = session.state.links, session.ranks.comm.gather(session._particles.n)
     run = session.run()
     session.close()
-    return {
+    columns = {f"column {name}": values for name, values in run.columns.items()}
+    return columns | {
         "begin": begin, "t": run.t, "q": run.q, "p": run.p, "links": run.links, "trace": run.trace,
         "closest": [run.closest_linked.distance, *run.closest_linked.pair], "migrated": migrated, "last_links": links,
         "owned": owned, "gap": session.law_gaps.gap, "checks": session.law_gaps.checks,

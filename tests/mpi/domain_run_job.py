@@ -24,8 +24,8 @@ def opened(scenario, **options):
     return open_session(ENGINE, scenario, LammpsOptions(threads=1, **options))
 
 
-def streams(**changes):
-    scenario, options = case("streams with hysteresis")
+def streams(name="streams with hysteresis", **changes):
+    scenario, options = case(name)
     return scenario.with_(**changes), options
 
 
@@ -94,8 +94,8 @@ def lost():
     return {**whole(), "lost": len(calls) // 3}
 
 
-def whole(save=None, die_at=None, t_end=0.4, frames=6, out=None, **_):
-    scenario, options = streams(frames=frames, t_end=t_end)
+def whole(save=None, die_at=None, t_end=0.4, frames=6, out=None, name="streams with hysteresis", **_):
+    scenario, options = streams(name, frames=frames, t_end=t_end)
     session = opened(scenario, **options)
     take, doomed = session._take_step, session.ranks.size - 1
 
@@ -109,7 +109,8 @@ def whole(save=None, die_at=None, t_end=0.4, frames=6, out=None, **_):
 
     session._take_step = dying
     run = run_session(session, save=save, progress=False, every=0.0)
-    return {"q": run.q, "links": run.links, "energy": run.trace["energy"]}
+    columns = {f"column {name}": values for name, values in run.columns.items()}
+    return {"q": run.q, "links": run.links, "energy": run.trace["energy"], **columns}
 
 
 def too_large():

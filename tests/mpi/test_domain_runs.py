@@ -134,6 +134,25 @@ def test_a_killed_rank_ends_the_job_and_other_numbers_of_ranks_and_threads_go_on
         assert run.provenance["forces"] == "kernels"
 
 
+def test_bodies_go_on_after_a_killed_rank_on_another_number_of_ranks(tmp_path):
+    folder, asked = tmp_path / "run", {"name": "streams, a chain of bodies", "t_end": 0.3}
+    _, done = job(3, tmp_path, "killed", save=str(folder), **asked)
+    assert done.returncode != 0
+    left = fk.read_run(folder)
+    assert left.status == "unfinished"
+    assert set(left.columns) == {"applied", "heading"}
+    again = launch(2, sys.executable, "-m", "flocking", "resume", str(folder))
+    assert again.returncode == 0, again.stderr[-3000:]
+    expected, done = job(1, tmp_path, "whole", **asked)
+    assert done.returncode == 0, done.stderr[-3000:]
+    run = fk.read_run(folder)
+    assert run.finished
+    np.testing.assert_allclose(run.q, expected["q"], rtol=0, atol=1e-9)
+    for name, values in run.columns.items():
+        np.testing.assert_allclose(values, expected[f"column {name}"], rtol=0, atol=1e-9, err_msg=name)
+    np.testing.assert_allclose(run.trace["energy"][-1], expected["energy"][-1], rtol=1e-9)
+
+
 def test_ctrl_c_on_two_ranks_saves_the_run(tmp_path):
     folder = tmp_path / "run"
     words = json.dumps(

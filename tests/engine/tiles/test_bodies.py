@@ -198,7 +198,9 @@ def test_other_schemes_and_plants_are_refused():
         fk.simulate(held, engine="tiles", plant=fk.Law(fk.Proximity(50.0), [fk.Consensus(1.0)]), progress=False)
 
 
-def test_lammps_refuses_bodies_by_name():
+def test_lammps_refuses_bodies_under_held_control_by_name():
     held = scenario(fk.Limited(fk.PointMass(), force=1.0))
-    assert "Limited agents" in engine_named("lammps").why_not(held)
-    assert "Limited agents" in engine_named("lammps").why_not(held.with_(control=fk.Held(0.1)))
+    assert engine_named("lammps").why_not(held) == ""
+    why = engine_named("lammps").why_not(held.with_(control=fk.Held(0.1)))
+    assert "cannot run Limited agents" in why
+    assert "under held control. Use engine='tiles'." in why

@@ -86,8 +86,9 @@ class LammpsEngine(Engine):
 def _check_kernels(scenario: Scenario) -> None:
     """Check that the kernels can run a scenario."""
     try:
-        if body := refused_body(scenario.agents):
-            raise UnsupportedLaw(f"On many ranks it cannot run {body}. Use engine='tiles'.")
+        body = refused_body(scenario.agents)
+        if body and not scenario.control.ideal:
+            raise UnsupportedLaw(f"On many ranks it cannot run {body}, under held control. Use engine='tiles'.")
         check_supported(scenario)
         check_messages(scenario)
     except UnsupportedLaw as error:

@@ -253,10 +253,9 @@ def test_wrong_values_are_refused(make, says):
         make()
 
 
-@pytest.mark.parametrize("engine", ["lammps"])
-def test_other_engines_refuse_them_by_name(engine):
+def test_pair_styles_of_lammps_refuse_them_by_name():
     with pytest.raises(fk.FlockingError, match="Limited agents, only point masses"):
-        fk.simulate(fk.Scenario(FORCES, START, 1.0, bodies=CHAIN), engine=engine)
+        fk.simulate(fk.Scenario(FORCES, START, 1.0, bodies=CHAIN), engine="lammps", forces="pair styles")
 
 
 def test_verdicts_say_that_the_agents_are_not_ideal():

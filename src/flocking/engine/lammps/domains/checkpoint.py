@@ -56,6 +56,23 @@ def link_tables(rows: LinkRows) -> Numbers32:
     return table
 
 
+def columns_of(scenario: Scenario, rows: Array) -> dict[str, Array]:
+    """Further columns of all agents by name, shape (N, width) each.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    rows
+        Positions, velocities and further columns of all agents, shape (N, 2m + widths).
+    """
+    found, first = {}, 2 * scenario.start.dimension
+    for name, width in scenario.agents.widths(scenario.start.dimension).items():
+        found[name] = np.ascontiguousarray(rows[:, first : first + width])
+        first += width
+    return found
+
+
 def stored_options(data: object) -> DomainOptions:
     """The options of a run on disk, without the log file: its path comes from the file and is not trusted.
 
@@ -93,9 +110,9 @@ def unpacked(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario, 
     memory = cast(SessionMemory, found)
     n, m = scenario.start.q.shape
     links = Row([Table("i8", (n + 1,), least=0), Table("i4", (None,), least=0, most=n - 1)])
-    Names({"q": Table("f8", (n, m)), "p": Table("f8", (n, m)), "links": Maybe(Row([links] * moving))}).check(
-        memory["crowd"].fields, "crowd"
-    )
+    form = {"q": Table("f8", (n, m)), "p": Table("f8", (n, m)), "links": Maybe(Row([links] * moving))}
+    width = sum(scenario.agents.widths(m).values())
+    Names(form | ({"columns": Table("f8", (n, width))} if width else {})).check(memory["crowd"].fields, "crowd")
     for offsets, partners in cast(list[LinkRows], memory["crowd"].fields["links"] or []):
         if offsets[0] != 0 or offsets[-1] != len(partners) or (np.diff(offsets) < 0).any():
             raise MalformedError("crowd: links must have ascending offsets that end with them")

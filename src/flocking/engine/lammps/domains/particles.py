@@ -10,7 +10,7 @@ from flocking.engine.lammps.domains.copies import Copies
 from flocking.engine.lammps.domains.decomposition import Decomposition, Residents
 from flocking.engine.lammps.domains.fixed_links import complete_beside, fixed_partners
 from flocking.engine.lammps.domains.link_tables import link_table, mark_links, most_links
-from flocking.engine.lammps.domains.messages import among, newcomers
+from flocking.engine.lammps.domains.messages import among, fetched, newcomers
 from flocking.engine.lammps.domains.shared_particles import SharedParticles
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.tiles.kernels.spec import GraphKind, KernelSpec
@@ -133,9 +133,12 @@ class RankParticles(SharedParticles):
         width = float(given if given is not None else self._next_skin or FIRST_SKIN * cutoff)
         reach = cutoff + self.margin + width
         came = self._exchanged(reach)
+        before, further = self.ids[: self.n].copy(), np.ascontiguousarray(self.further[:, : self.n].T)
         self._take(came)
         if self.moving:
             self._sort_all(reach)
+        if further.shape[1]:
+            self.further = np.ascontiguousarray(fetched(self.ranks.comm, before, further, self.ids[: self.size]).T)
         self._resize()
         self._list_all(width, came.tables)
         self.rebuilds += 1
@@ -383,7 +386,9 @@ class RankParticles(SharedParticles):
 def _rows_of(state: State, rows: slice) -> State:
     """Some agents of a state, or none, which `State` does not allow."""
     found = object.__new__(State)
-    for name, value in (("q", state.q[rows]), ("p", state.p[rows]), ("t", state.t), ("links", None), ("columns", {})):
+    columns = {name: values[rows] for name, values in state.columns.items()}
+    parts = {"q": state.q[rows], "p": state.p[rows], "t": state.t, "links": None, "columns": columns}
+    for name, value in parts.items():
         object.__setattr__(found, name, value)
     return found
 

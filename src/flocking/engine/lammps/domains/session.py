@@ -9,11 +9,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from flocking.arrays import Array, Links, Numbers, Positions, Velocities
+from flocking.arrays import Array, Links, Numbers, Positions, Reals, Velocities
 from flocking.engine import interruption
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps import library
-from flocking.engine.lammps.domains.checkpoint import LinkRows, link_rows, link_tables, stored_options, unpacked
+from flocking.engine.lammps.domains.checkpoint import (
+    LinkRows,
+    columns_of,
+    link_rows,
+    link_tables,
+    stored_options,
+    unpacked,
+)
 from flocking.engine.lammps.domains.instability import RankInstability
 from flocking.engine.lammps.domains.options import DomainOptions
 from flocking.engine.lammps.domains.particles import RankParticles
@@ -155,12 +162,21 @@ class DomainSession(TilesSession):
         self._update_ledger()
         rows: Array | None = None
         if options.keep_frames or options.observe:
-            n, m = particles.n, particles.m
-            rows = particles.gathered(np.concatenate([particles.agents[:n, :m], velocities[:, :n].T], axis=1))
+            rows = self._gathered(velocities)
         pairs = self._linked_pairs() if options.observe or self._keeps_links else None
         self.ranks.alone(lambda: self._write_frame(self.time, rows, pairs))
         if not self.ranks.first:
             self.records.skip()
+
+    def _gathered(self, velocities: Reals) -> Array | None:
+        """Positions, velocities and further columns of all agents in order, on the first rank; None elsewhere.
+
+        Velocities are those of the agents here, shape (m, size).
+        """
+        particles = self._particles
+        n, m = particles.n, particles.m
+        parts = [particles.agents[:n, :m], velocities[:, :n].T, particles.further[:, :n].T]
+        return particles.gathered(np.concatenate(parts, axis=1))
 
     @property
     def _keeps_links(self) -> bool:
@@ -172,7 +188,7 @@ class DomainSession(TilesSession):
             self.records.skip()
             return
         m = self._particles.m
-        q, p = np.ascontiguousarray(rows[:, :m]), np.ascontiguousarray(rows[:, m:])
+        q, p = np.ascontiguousarray(rows[:, :m]), np.ascontiguousarray(rows[:, m : 2 * m])
         if not np.isfinite(rows).all():
             raise NotFinite("The state became infinite or NaN.", time=t)
         checks.resolution(self._particles, q, t)
@@ -180,7 +196,7 @@ class DomainSession(TilesSession):
         if self.options.observe and pairs is not None:
             observed = observed_state(State(q, p, t), (pairs[:, 0], pairs[:, 1]), self.scenario.space)
         links = self._link_matrix(pairs) if self._keeps_links and pairs is not None else None
-        self.records.frame(t, q, p, links, observed=observed)
+        self.records.frame(t, q, p, links, observed=observed, columns=columns_of(self.scenario, rows))
 
     def _linked_pairs(self) -> Numbers | None:
         """Numbers of the linked ordered pairs under the law's graph, shape (K, 2), on the first rank."""
@@ -217,19 +233,19 @@ class DomainSession(TilesSession):
     def gathered_state(self) -> State | None:
         """The state on the first rank, None elsewhere."""
         particles = self._particles
-        n, m = particles.n, particles.m
         velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
-        rows = particles.gathered(np.concatenate([particles.agents[:n, :m], velocities[:, :n].T], axis=1))
+        rows = self._gathered(velocities)
         pairs = self._linked_pairs() if self.scenario.start.n <= MOST_LINKED else None
         if rows is None:
             return None
-        return State(rows[:, :m], rows[:, m:], self.time, None if pairs is None else self._link_matrix(pairs))
+        m, links = particles.m, None if pairs is None else self._link_matrix(pairs)
+        return State(rows[:, :m], rows[:, m : 2 * m], self.time, links, columns_of(self.scenario, rows))
 
     @property
     def state(self) -> State:
         """State at the session's time, on every rank."""
         found = self.ranks.comm.bcast(self.gathered_state())
-        return State(found.q, found.p, found.t, found.links)
+        return State(found.q, found.p, found.t, found.links, found.columns)
 
     def _look(self) -> tuple[Positions, Velocities]:
         state = self.state
@@ -263,12 +279,16 @@ class DomainSession(TilesSession):
         """The packed state on the first rank; empty elsewhere. Collective."""
         with self.ranks.bound():
             particles = self._particles
-            rows = particles.gathered(particles.agents[: particles.n])
+            n, m = particles.n, particles.m
+            rows = particles.gathered(np.concatenate([particles.agents[:n], particles.further[:, :n].T], axis=1))
             links = self._packed_links()
         if rows is None:
             return {}, {}
-        m = particles.m
-        fields = {"q": np.ascontiguousarray(rows[:, :m]), "p": np.ascontiguousarray(rows[:, m:]), "links": links}
+        fields: dict[str, object] = {
+            "q": np.ascontiguousarray(rows[:, :m]), "p": np.ascontiguousarray(rows[:, m : 2 * m]), "links": links,
+        }  # fmt: skip
+        if rows.shape[1] > 2 * m:
+            fields["columns"] = np.ascontiguousarray(rows[:, 2 * m :])
         return pack_tiles(
             TilesSnapshot(
                 self.scenario, self.options, self.step, self.time, self._plan, ParticleMemory(fields),
@@ -305,9 +325,10 @@ class DomainSession(TilesSession):
         assert isinstance(q, np.ndarray)
         assert isinstance(p, np.ndarray)
         session._tables = None if links is None else [link_tables(rows) for rows in links]  # type: ignore[attr-defined]
-        start = stored.scenario.start
+        start, more = stored.scenario.start, stored_agents.get("columns", np.zeros((len(q), 0)))
+        columns = columns_of(stored.scenario, np.concatenate([q, p, more], axis=1))
         with session.ranks.bound():
-            state = State(q, p, memory["time"], start.links if links is None else None)
+            state = State(q, p, memory["time"], start.links if links is None else None, columns)
             session._particles = session._new_particles(stored.scenario, state)  # type: ignore[assignment]
         session._tables = None
         session.time, session.steps, session.step = memory["time"], memory["steps"], memory["step"]

@@ -63,9 +63,8 @@ class AgentArrays:
         self.dtype: type[np.float32] | type[np.float64] = PRECISIONS[spec.precision]
         self._room: Room | None = None
         # For agents of order 1 the second half is the velocity of the last step, which no formula reads.
-        bodies = spec.layout.bodies
-        self._columns = {**state.columns, **bodies.missing_columns(state.columns, state.q, state.p)}
         self._hold(np.arange(state.n, dtype=np.int32), state.q, state.p if spec.order == 2 else np.zeros_like(state.p))
+        self._hold_columns(state)
 
     def _hold(self, ids: Numbers32, q: AnyArray, p: AnyArray, copies: int = 0) -> None:
         """Allocate the arrays for some agents, with rows for ``copies`` of agents of other processes behind them."""
@@ -82,12 +81,21 @@ class AgentArrays:
         self._ids_buffer: Numbers32 = self._room.ids_buffer[:rows]
         self.agents[:n, :m], self.agents[:n, m:] = q, p
         self.ids[:n] = ids
-        widths = self.spec.layout.bodies.widths(m)
-        self.further: Reals = np.zeros((sum(widths.values()), self.size), self.dtype)
-        if len(self.further):
-            self.further[:, :n] = np.concatenate([self._columns[name] for name in widths], axis=1).T
+        width = sum(self.spec.layout.bodies.widths(m).values())
+        self.further: Reals = np.zeros((width, self.size), self.dtype)
         self.slopes: Reals = np.zeros_like(self.further)
         self.controls: Reals = np.zeros((m if self.spec.bodied else 0, self.size), self.dtype)
+        self._fill_pads()
+
+    def _hold_columns(self, state: State) -> None:
+        """Take the further columns of a state, whose agents are those here, in order."""
+        bodies = self.spec.layout.bodies
+        widths, columns = bodies.widths(self.m), dict(state.columns)
+        if not widths:
+            return
+        if any(name not in columns for name in widths):
+            columns |= bodies.missing_columns(columns, state.q, state.p)
+        self.further[:, : self.n] = np.concatenate([columns[name] for name in widths], axis=1).T
         self._fill_pads()
 
     @property
