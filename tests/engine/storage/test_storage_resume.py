@@ -55,6 +55,27 @@ def test_an_interrupted_run_goes_on_bit_for_bit(
     assert_same(fk.resume(tmp_path / "run", progress=False), finished())
 
 
+@pytest.mark.parametrize(("engine", "options"), [("exact", {}), ("tiles", {"step": 0.01})])
+def test_an_interrupted_run_of_agents_with_further_columns_goes_on(
+    tmp_path: Path, stop_after: Callable[[int], None], monkeypatch: pytest.MonkeyPatch, engine: str,
+    options: dict[str, float],
+) -> None:  # fmt: skip
+    law = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("(r - 2)**2/20"))])
+    start = fk.start.box(6, side=5, speed=1, seed=3)
+    made = fk.Scenario(law, start, t_end=1.0, frames=101, bodies=fk.Lagged(fk.PointMass(), 0.2))
+    whole = fk.simulate(made, engine=engine, progress=False, **options)
+    stop_after(8)
+    fk.simulate(made, engine=engine, save=tmp_path / "run", progress=False, **options)
+    left = read_run(tmp_path / "run")
+    assert left.status.startswith("interrupted at t = ")
+    assert 1 < len(left.t) < len(whole.t)
+    monkeypatch.setattr(saving.SessionWriter, "commit_if_due", lambda self: None)
+    found = fk.resume(tmp_path / "run", progress=False)
+    assert np.array_equal(found.q, whole.q)
+    assert np.array_equal(found.columns["applied"], whole.columns["applied"])
+    assert np.array_equal(read_run(tmp_path / "run").columns["applied"], whole.columns["applied"])
+
+
 def test_an_option_that_the_engine_lacks_is_refused_by_name(tmp_path: Path) -> None:
     fk.simulate(scenario(), save=tmp_path / "run", progress=False)
     with pytest.raises(InvalidInput, match=r"resume: threads is not an option of engine='exact'.*Leave it out"):

@@ -140,9 +140,11 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     for name, values in tables.items():
         if len(values) and zlib.crc32(values.tobytes()) != record["checksums"].get(name):
             raise StorageError(f"{folder}: the table {name!r} does not match its checksum; the file was damaged.")
+    if COLUMN in tables:
+        tables[COLUMN] = tables[COLUMN][first:count]
     check_records(folder, scenario, record, parts, tables)
     errors = tables.get(FRAME_ERROR)
-    columns = separate_columns(scenario, tables[COLUMN][first:count]) if COLUMN in tables else {}
+    columns = separate_columns(scenario, tables[COLUMN]) if COLUMN in tables else {}
     provenance = dict(group.attrs["provenance"])
     linked, unlinked = (_closest_of(c) for c in record["closest"])
     return Run(
