@@ -78,7 +78,7 @@ def test_the_page_says_the_nodes_and_processors_that_the_script_asks_for():
 @pytest.mark.mpi
 def test_what_it_starts_runs(tmp_path):
     law = fk.Law(fk.Proximity(8.4), [fk.Gradient(fk.Potential("(r - 7)**2"))])
-    start = fk.start.hexagonal(7, spacing=6.5, seed=1)
+    start = fk.start.hexagonal(7, spacing=6.5, rng=1)
     fk.write_scenario(fk.Scenario(law, start, t_end=0.1, frames=2), tmp_path / "flock.toml")
     program = Path(sys.executable).with_name("flocking")
     done, words = started(tmp_path, RECORD + ONE_RANK, program)

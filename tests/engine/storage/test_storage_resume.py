@@ -61,7 +61,7 @@ def test_an_interrupted_run_of_agents_with_further_columns_goes_on(
     options: dict[str, float],
 ) -> None:  # fmt: skip
     law = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("(r - 2)**2/20"))])
-    start = fk.start.box(6, side=5, speed=1, seed=3)
+    start = fk.start.box(6, side=5, speed=1, rng=3)
     made = fk.Scenario(law, start, t_end=1.0, frames=101, bodies=fk.Lagged(fk.PointMass(), 0.2))
     whole = fk.simulate(made, engine=engine, progress=False, **options)
     stop_after(8)
