@@ -11,7 +11,7 @@ from flocking.engine.driver.registry import engine_named
 from flocking.engine.tiles.engine import ENGINE
 from flocking.engine.tiles.law_check import LawCheck
 from flocking.engine.tiles.options import TilesOptions
-from flocking.errors import InvalidInput, LawNotObeyed, UnsupportedLaw
+from flocking.errors import InvalidInput, LawNotObeyed, NotFinite, UnsupportedLaw
 from tests.engine.storage.stored_runs import unpack
 
 N = 60
@@ -196,6 +196,14 @@ def test_other_schemes_and_plants_are_refused():
         fk.simulate(held, engine="tiles", scheme="verlet", progress=False)
     with pytest.raises(UnsupportedLaw, match="plants of points alone"):
         fk.simulate(held, engine="tiles", plant=fk.Law(fk.Proximity(50.0), [fk.Consensus(1.0)]), progress=False)
+
+
+@pytest.mark.parametrize("ledger", [True, False])
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_headings_that_a_step_is_too_long_for_end_the_run(ledger):
+    fast = scenario(fk.Unicycle(0.05), fk.State(START.q, 100 * START.p), t_end=0.3)
+    with pytest.raises(NotFinite, match=r"Further columns became infinite or NaN\. Lower the step"):
+        fk.simulate(fast, engine="tiles", step=0.01, ledger=ledger, progress=False)
 
 
 def test_lammps_refuses_bodies_under_held_control_by_name():

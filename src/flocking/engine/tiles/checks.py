@@ -80,10 +80,14 @@ def _no_infinite_agent(particles: ParticleArrays, time: float) -> None:
     if np.isfinite(particles.tile_extremes[:, 0]).all():
         return
     bad = np.flatnonzero(~np.isfinite(particles.X[:, : particles.n]).all(axis=0))
+    what = "Velocities or positions"
+    if not len(bad) and len(particles.further):
+        bad = np.flatnonzero(~np.isfinite(particles.further[:, : particles.n]).all(axis=0))
+        what = "Further columns" if len(bad) else what
     if not len(bad):
         bad = np.array([int(np.argmax(np.abs(particles.X[particles.m :, : particles.n]).max(axis=0)))])
     raise NotFinite(
-        "Velocities or positions became infinite or NaN. Lower the step, or check the potential there.",
+        f"{what} became infinite or NaN. Lower the step, or check the potential there.",
         time=time, agents=tuple(sorted(int(i) for i in particles.ids[bad[:10]])),
     )  # fmt: skip
 

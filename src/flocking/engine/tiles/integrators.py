@@ -295,7 +295,9 @@ class RungeKutta(Integrator):
         if particles.tiles:
             top = square.sum(axis=0).max()
             particles.tile_extremes[:, 0] = 0.0
-            particles.tile_extremes[0, 0] = top if np.isfinite(top) else np.inf
+            # Columns that are no numbers end the run as velocities do that are none.
+            finite = np.isfinite(top) and np.isfinite(particles.further[:, : particles.n]).all()
+            particles.tile_extremes[0, 0] = top if finite else np.inf
         particles.read_tile_extremes()
         particles.top_speed = float(np.sqrt(particles.extremes[0]))
         particles.displacement.elapsed += h
