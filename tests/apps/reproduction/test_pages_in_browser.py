@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
-
 import pytest
 
 from flocking.apps.reproduction.reproduce import reproduce
+from tests.browsers import chromium
+
+__all__ = ["chromium"]
 
 WIDE, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
@@ -23,18 +24,6 @@ def report(tmp_path_factory):
     out = tmp_path_factory.mktemp("report")
     reproduce(["tanner-2003-fixed"], seeds=5, out=out, workers=1, progress=False)
     return out / "report.html"
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    from playwright.sync_api import sync_playwright
-
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    assert found, "no Chromium here: install it (make test-browser does) or put it on PATH"
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 def opened(chromium, report, size, scheme="light"):

@@ -88,7 +88,7 @@ def _check_kernels(scenario: Scenario) -> None:
     try:
         body = refused_body(scenario.agents)
         if body and not scenario.control.ideal:
-            raise UnsupportedLaw(f"On many ranks it cannot run {body}, under held control. Use engine='tiles'.")
+            raise UnsupportedLaw(f"Under held control on many ranks it cannot run {body}. Use engine='tiles'.")
         check_supported(scenario)
         check_messages(scenario)
     except UnsupportedLaw as error:
