@@ -7,7 +7,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -30,6 +30,31 @@ POLL_SECONDS = 0.01
 """Time in seconds between two looks at whether other ranks failed too; short beside the end of a job."""
 
 
+@cache
+def _largest_and_sum() -> Op:
+    """The reduction of rows whose first entry says how many of the next are largest values; the rest are sums.
+
+    One for the process: MPI has room for few, and a process may hold many sessions one after the other.
+    """
+    from mpi4py import MPI
+
+    def reduce(one: Any, other: Any, _: MPI.Datatype) -> None:
+        a, b = np.frombuffer(one), np.frombuffer(other)
+        cut = 1 + int(a[0])
+        np.maximum(a[1:cut], b[1:cut], out=b[1:cut])
+        b[cut:] += a[cut:]
+
+    return MPI.Op.Create(reduce, commute=True)
+
+
+@cache
+def _row_of(length: int) -> Datatype:
+    """The type of a row of so many numbers: it is one element, so that a reduction never sees a part of it."""
+    from mpi4py import MPI
+
+    return MPI.DOUBLE.Create_contiguous(length).Commit()
+
+
 class Ranks(Team):
     """All ranks of a communicator.
 
@@ -42,7 +67,6 @@ class Ranks(Team):
     def __init__(self, comm: Comm) -> None:
         self.comm = comm
         self.rank, self.size = int(comm.rank), int(comm.size)
-        self._rows: dict[int, Datatype] = {}
         self._meeting = _meeting_of(comm)
 
     @cached_property
@@ -95,28 +119,6 @@ class Ranks(Team):
 
         return MPI.MAX
 
-    @cached_property
-    def _largest_and_sum(self) -> Op:
-        """The reduction of rows whose first entry says how many of the next are largest values; the rest are sums."""
-        from mpi4py import MPI
-
-        def reduce(one: Any, other: Any, _: MPI.Datatype) -> None:
-            a, b = np.frombuffer(one), np.frombuffer(other)
-            cut = 1 + int(a[0])
-            np.maximum(a[1:cut], b[1:cut], out=b[1:cut])
-            b[cut:] += a[cut:]
-
-        return MPI.Op.Create(reduce, commute=True)
-
-    def _row_of(self, length: int) -> Datatype:
-        """The type of a row of so many numbers: it is one element, so that a reduction never sees a part of it."""
-        from mpi4py import MPI
-
-        found = self._rows.get(length)
-        if found is None:
-            found = self._rows[length] = MPI.DOUBLE.Create_contiguous(length).Commit()
-        return found
-
     def reduced(self, largest: Array, sums: Array) -> tuple[Array, Array]:
         """Largest values and sums over the ranks, in one message. All ranks get the same bits.
 
@@ -135,8 +137,8 @@ class Ranks(Team):
             self.comm.Allreduce(largest, received, self._largest)
             return received, sums
         row = np.concatenate([[float(len(largest))], largest, sums])
-        found, kind = np.empty_like(row), self._row_of(len(row))
-        self.comm.Allreduce([row, 1, kind], [found, 1, kind], self._largest_and_sum)
+        found, kind = np.empty_like(row), _row_of(len(row))
+        self.comm.Allreduce([row, 1, kind], [found, 1, kind], _largest_and_sum())
         return found[1 : 1 + len(largest)], found[1 + len(largest) :]
 
     def agree(self, check: Callable[[], None]) -> None:
