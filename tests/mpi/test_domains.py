@@ -95,7 +95,11 @@ def test_agents_cross_the_borders_of_ranks_hundreds_of_times(found):
 
 def test_momentum_stays_in_periodic_space(found):
     """Forces of a pair are opposite, also where each rank computes the one on its own agent, and through images."""
-    for name in (name for name in CASES if "periodic" in name):
+    periodic = [name for name in CASES if "periodic" in name]
+    # The actuators of further bodies do not exert all of a force, and gusts are no forces of pairs.
+    points = [name for name in periodic if is_point(case(name)[0].agents)]
+    assert len(points) >= 4
+    for name in points:
         state = case(name)[0].start
         for ranks in ranks_of(name):
             total = found[ranks, name]["p"].sum(axis=1)
