@@ -167,19 +167,34 @@ export class LawPanel {
       if (value <= Number(range.min) && Number(range.min) < 0) range.min = -2 * Math.abs(value);
       if (value < Number(range.min)) range.min = value;
     };
-    range.oninput = () => {
-      field.value = short(Number(range.value));
-      send(Number(range.value));
-    };
-    range.onchange = () => widen(Number(range.value));
-    field.onchange = () => Number.isFinite(Number(field.value)) && field.value !== "" && send(Number(field.value));
-    row.append(range, field);
-    return (value) => {
-      if (range.matches(":active")) return;
+    // A value that comes back while the slider is moved, by keys too, is that of an earlier move: it is shown only after.
+    let held = null, moving = 0;
+    const show = (value) => {
+      held = value;
+      if (moving || range.matches(":active")) return;
       if (value > Number(range.max) || value < Number(range.min)) widen(value);
       range.value = value;
       field.value = Number(value.toPrecision(6));
     };
+    const moved = () => {
+      clearTimeout(moving);
+      moving = setTimeout(() => {
+        moving = 0;
+        if (held !== null) show(held);
+      }, 1000);
+    };
+    range.oninput = () => {
+      field.value = short(Number(range.value));
+      send(Number(range.value));
+      moved();
+    };
+    range.onchange = () => {
+      widen(Number(range.value));
+      moved();
+    };
+    field.onchange = () => Number.isFinite(Number(field.value)) && field.value !== "" && send(Number(field.value));
+    row.append(range, field);
+    return show;
   }
 
   adding() {
