@@ -22,7 +22,7 @@ LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-wheel test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs docs-check clean
+.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-wheel test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs clean
 
 setup: $(READY)
 
@@ -157,10 +157,6 @@ validate: $(READY)
 docs: $(DOCS_READY)
 	$(BIN)/python -m sphinx -W --keep-going -b html docs $(DOCS_OUT)
 	@echo "Open $(DOCS_OUT)/index.html"
-
-# Every page of it in Chromium, wide and as on a phone, light and dark: accessible, no picture missing, nothing cut off.
-docs-check: docs $(BROWSER_READY)
-	DOCS_OUT=$(DOCS_OUT) $(BIN)/python -m pytest -m built_docs -p no:xdist tests/docs/test_built_pages.py $(PYTEST_ARGS)
 
 $(DOCS_READY): $(READY) docs/requirements.txt
 	$(BIN)/python -m pip install --quiet --requirement docs/requirements.txt
