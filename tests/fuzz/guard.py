@@ -34,7 +34,7 @@ SLOW = {
     "files": 2400, "formulas": 1600, "constructors": 3000, "calls": 1000, "commands": 1200, "stored runs": 800,
     "sweep files": 1200, "stored sweeps": 1200, "sampled audits": 300, "damaged audits": 500,
 }  # fmt: skip
-"""Cases of each kind in the slow tests."""
+"""Cases of each kind in `make fuzz` and `make robustness TIER=slow`."""
 
 
 @contextlib.contextmanager
@@ -87,10 +87,10 @@ def interrupted_after(seconds: float, work: Callable[[], Any]) -> Any:
 
 
 def fuzz(kind: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Make a function of ``data`` a test with the kind's share of cases, and a slow one with many more."""
+    """Make a function of ``data`` a test with the kind's share of cases, and a repetition with many more."""
 
     def make(function: Callable[..., None]) -> Callable[..., None]:
-        @pytest.mark.parametrize("cases", [DEFAULT[kind], pytest.param(SLOW[kind], marks=pytest.mark.slow)])
+        @pytest.mark.parametrize("cases", [DEFAULT[kind], pytest.param(SLOW[kind], marks=pytest.mark.repeated)])
         def test(cases: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             monkeypatch.chdir(tmp_path)
             before = counted[f"fuzz: {kind}"]
