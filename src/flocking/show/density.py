@@ -22,6 +22,12 @@ if TYPE_CHECKING:
     from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure, SubFigure
 
+ROUNDED = 1e-9
+"""Relative difference by which a tick may lie below the scale and still be drawn."""
+
+LEAST_EXTENT = 1e-12
+"""Extent of a group along an axis that counts as the least, so that a group on a line has an area."""
+
 COLORS = "inferno"
 GROUND = "#000004"
 """The lowest colour of the map, for cells without agents."""
@@ -151,7 +157,7 @@ def scale(
     from matplotlib.ticker import NullFormatter
 
     drawn = figure.colorbar(shades, ax=axes, label=label, shrink=0.85, pad=0.015, aspect=28)
-    ticks = [x for x in (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0) if low <= x * (1 + 1e-9) <= high * 1.001]
+    ticks = [x for x in (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0) if low <= x * (1 + ROUNDED) <= high * 1.001]
     drawn.set_ticks(ticks, labels=[f"{x:g}" for x in ticks])
     drawn.ax.yaxis.set_minor_formatter(NullFormatter())
     return drawn
@@ -185,7 +191,7 @@ def _mapped(
         low, high = low - margin, high + margin
     size = float((high - low).max()) / CELLS if cell is None else cell
     # A few agents per spot: a smaller blur shows single agents, a larger one hides narrow structures.
-    area = float(np.prod(np.maximum(np.ptp(state.q, axis=0), 1e-12)))
+    area = float(np.prod(np.maximum(np.ptp(state.q, axis=0), LEAST_EXTENT)))
     width = max(size, float(np.sqrt(area / state.n))) if blur is None else blur
     return density_map(state.q, low=low, high=high, cell=size, blur=width), state, f"$t = {state.t:.6g}$"
 

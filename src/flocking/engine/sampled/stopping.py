@@ -19,6 +19,9 @@ import numpy as np
 from flocking.arrays import Array, Mask
 from flocking.engine.sampled.nearest_force import FARTHEST, nearest, shortened
 
+ROUNDED = 1.0 + 1e-12
+"""Factor by which the norm of an acceleration may exceed its bound by rounding."""
+
 SHARES = 32
 """Parts into which the way from braking to the wanted acceleration is divided, and the last part again."""
 
@@ -236,7 +239,7 @@ def _towards(target: Array, brake: Array, v: Array, planes: Planes, most: float,
 
 def _kept(u: Array, v: Array, planes: Planes, most: float, period: float) -> Mask:
     """Which accelerations, shape (C, m), keep all planes and are not larger than the largest."""
-    small = np.linalg.norm(u, axis=1) <= most * (1.0 + 1e-12)
+    small = np.linalg.norm(u, axis=1) <= most * ROUNDED
     return np.asarray(_sides(u, v, planes, most, period).all(axis=1) & small)
 
 

@@ -10,6 +10,9 @@ from flocking.study.claims.audit import Report
 from flocking.study.claims.claim import Basis, Claim, Result, Verdict, finite
 from flocking.study.confidence_intervals import share_interval
 
+LEVEL = 0.95
+"""Level of the intervals of rates, by convention; the default of `flocking.study.confidence_intervals`."""
+
 FEWEST_SEEDS = 5
 """Fewer seeds that meet a claim's hypothesis leave it untested."""
 
@@ -148,7 +151,7 @@ class Judgement:
                 "not_resolved": self.unresolved,
                 "not_yet": self.waiting,
             },
-            "rate": {"held": finite(share), "low": finite(low), "high": finite(high), "level": 0.95},
+            "rate": {"held": finite(share), "low": finite(low), "high": finite(high), "level": LEVEL},
         }
 
 

@@ -27,6 +27,9 @@ from flocking.errors import FlockingError, InvalidInput
 from flocking.model.law import Scenario
 from flocking.model.parts.structure import Step, value_at
 
+SHORTEST_RUN = 1e-9
+"""Length that a scenario counts as at least, so that the speed of one that ends at its start is not zero."""
+
 SECONDS_A_RUN = 40.0
 """Wall seconds of a scenario at the initial speed."""
 
@@ -285,7 +288,7 @@ class Lab:
     def _settle(self) -> None:
         """Fit speed and controls to the opened scenario."""
         scenario = self.experiment.scenario
-        self.run_at(max(scenario.t_end - scenario.start.t, 1e-9) / SECONDS_A_RUN)
+        self.run_at(max(scenario.t_end - scenario.start.t, SHORTEST_RUN) / SECONDS_A_RUN)
         self.tell_law()
         self.hub.tell({"kind": "aim"})
         self.tell_record()
