@@ -25,7 +25,7 @@ from flocking.papers.named_scenarios import scenario_by_name
 
 KEY = "olfati-saber-2006"
 FRAGMENTS, SPACE, GENTLE, PRESSED = (f"{KEY}-{name}" for name in ("fragments", "space", "gentle", "pressed"))
-SPLIT, SQUEEZE = f"{KEY}-split", f"{KEY}-squeeze"
+SPLIT, SQUEEZE, AGAINST = f"{KEY}-split", f"{KEY}-squeeze", f"{KEY}-against"
 NETWORK, HELD = f"{KEY}-network", f"{KEY}-network-held"
 
 DISTANCE = 7.0
@@ -34,6 +34,8 @@ RADIUS = 1.2 * DISTANCE
 """r, the range of interaction."""
 OBSTACLE_DISTANCE = 0.6 * DISTANCE
 """d', from which on an obstacle repels."""
+OBSTACLE_RADIUS = 1.2 * OBSTACLE_DISTANCE
+"""r', within which an agent has a beta-agent at an obstacle; its force and damping end at d' already, with rho_h."""
 EPSILON = 0.1
 """eps of the sigma-norm."""
 ATTRACTION = REPULSION = 5.0
@@ -56,6 +58,13 @@ GOAL_VELOCITY = 5.0
 """Speed of the gamma-agent along the first axis; not among the collected settings."""
 DURATION = 30.0
 """Duration of the simulations; not among the collected settings."""
+
+AGAINST_PLACES = ((80.0, 20.5), (74.0, 24.0), (74.0, 16.0))
+"""Where three agents start that the gamma-agent leads straight at the first obstacle of the split; chosen here."""
+AGAINST_DURATION = 6.0
+"""Duration of their run: they reach the obstacle after two."""
+AGAINST_DRIFT = 0.3
+"""Largest distance by which their places differ between seeds."""
 
 PASSAGE_DURATION = 150.0
 """Duration of the passage of obstacles: long after the last of them."""
@@ -288,6 +297,22 @@ def among_obstacles(seed: int = 0, *, rows: Sequence[Sequence[float]] = SPLIT_OB
     return _scenario(name, algorithm, begin, seed, PASSAGE_DURATION)
 
 
+def against(seed: int = 0) -> Scenario:
+    """Three agents under Algorithm 3 that the gamma-agent leads straight at an obstacle.
+
+    Parameters
+    ----------
+    seed
+        Seed of small shifts of the start; 0 for none.
+    """
+    q, p = np.array(AGAINST_PLACES), np.tile([GOAL_VELOCITY, 0.0], (len(AGAINST_PLACES), 1))
+    if seed:
+        q = q + np.random.default_rng(seed).uniform(-AGAINST_DRIFT, AGAINST_DRIFT, q.shape)
+    x, y, _ = SPLIT_OBSTACLES[0]
+    algorithm = Algorithm(3, obstacles=balls(SPLIT_OBSTACLES[:1]), goal=goal(place=[x - 20.0, y]))
+    return _scenario(AGAINST, algorithm, State(q, p), seed, AGAINST_DURATION)
+
+
 def network(seed: int = 0) -> Scenario:
     """The setting of a published network simulator, with ideal information and continuous control.
 
@@ -326,6 +351,7 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         PRESSED: lambda seed: group(seed, dimension=3, agents=SPACE_AGENTS, gain=GAINS[2], name=PRESSED),
         SPLIT: among_obstacles,
         SQUEEZE: lambda seed: among_obstacles(seed, rows=SQUEEZE_OBSTACLES, name=SQUEEZE),
+        AGAINST: against,
         NETWORK: network,
         HELD: held_network,
     }
