@@ -227,9 +227,9 @@ SETTINGS = {
     "-small": (40, 3.1, 1.0, 0.03, 1000), "-noiseless": (40, 3.1, 0.0, 0.03, 400),
     "-random": (40, 3.1, 2 * math.pi, 0.03, 4000), "-vectorial": (300, math.sqrt(150), 0.4, 0.5, 400),
     "-middle": (400, 10.0, 3.5, 0.03, 8000), "-phases": (800, 20.0, 0.618, 0.5, 40000),
-    "-bands": (2048, 32.0, 0.6, 0.5, 3000), "-crowds": (2048, 32.0, 0.4, 0.5, 3000),
+    "-bands": (2048, 32.0, 0.6, 0.5, 3000), "-fluctuations": (2048, 32.0, 0.4, 0.5, 3000),
 }  # fmt: skip
-SPARSE = {"-middle": 401, "-phases": 2001, "-bands": 151, "-crowds": 151}
+SPARSE = {"-middle": 401, "-phases": 2001, "-bands": 151, "-fluctuations": 151}
 
 
 def scenarios():
@@ -301,7 +301,7 @@ STATED = {
         ("bands", LATER, "OWN", "HOLDS", True, "bands", "granted"),
         ("bands-across", LATER, "OWN", "HOLDS", True, "bands_move_across", "granted"),
     ],
-    "-crowds": [SPEED, ("giant-fluctuations", LATER, "OWN", "HOLDS", True, "giant_fluctuations", "granted")],
+    "-fluctuations": [SPEED, ("giant-fluctuations", LATER, "OWN", "HOLDS", True, "giant_fluctuations", "granted")],
 }  # fmt: skip
 
 

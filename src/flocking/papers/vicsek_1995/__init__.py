@@ -35,7 +35,7 @@ PAPER = Paper(
         "vicsek-1995-middle": "Fig. 2: four hundred agents half way down the curve",
         "vicsek-1995-phases": "Later work: order and disorder take turns",
         "vicsek-1995-bands": "Later work: bands beside the transition",
-        "vicsek-1995-crowds": "Later work: giant fluctuations in an ordered group",
+        "vicsek-1995-fluctuations": "Later work: giant fluctuations in an ordered group",
     },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year

@@ -20,7 +20,7 @@ from flocking.papers.named_scenarios import scenario_by_name
 KEY = "vicsek-1995"
 GATHERING, ORDERED, SMALL = f"{KEY}-gathering", f"{KEY}-ordered", f"{KEY}-small"
 NOISELESS, RANDOM, VECTORIAL = f"{KEY}-noiseless", f"{KEY}-random", f"{KEY}-vectorial"
-MIDDLE, PHASES, BANDS, CROWDS = (f"{KEY}-{name}" for name in ("middle", "phases", "bands", "crowds"))
+MIDDLE, PHASES, BANDS, FLUCTUATIONS = (f"{KEY}-{name}" for name in ("middle", "phases", "bands", "fluctuations"))
 
 FIGURES = {1: KEY, 2: SMALL, 3: VECTORIAL}
 """Scenario of each figure; the first of those that it shows."""
@@ -50,7 +50,7 @@ MIDDLE_NOISE, MIDDLE_DURATION = 3.5, 8000
 PHASES_SIDE, PHASES_NOISE, PHASES_DURATION = 20.0, 0.618, 40000
 """Side, vectorial noise and updates of a run of later work that passes between order and disorder; the noise is that of
 the stored study's lowest cumulant."""
-LATER_SIDE, BANDS_NOISE, CROWDS_NOISE, LATER_DURATION = 32.0, 0.6, 0.4, 3000
+LATER_SIDE, BANDS_NOISE, FLUCTUATIONS_NOISE, LATER_DURATION = 32.0, 0.6, 0.4, 3000
 """Side of ordered groups of later work, their vectorial noise beside the transition and far from it, and updates."""
 SPARSE = 20
 """Updates from one frame to the next where many are run."""
@@ -150,7 +150,7 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         ).with_(frames=MIDDLE_DURATION // SPARSE + 1),
         PHASES: lambda seed: later(PHASES_SIDE, PHASES_NOISE, PHASES_DURATION, seed=seed, name=PHASES),
         BANDS: lambda seed: later(LATER_SIDE, BANDS_NOISE, LATER_DURATION, seed=seed, name=BANDS),
-        CROWDS: lambda seed: later(LATER_SIDE, CROWDS_NOISE, LATER_DURATION, seed=seed, name=CROWDS),
+        FLUCTUATIONS: lambda seed: later(LATER_SIDE, FLUCTUATIONS_NOISE, LATER_DURATION, seed=seed, name=FLUCTUATIONS),
     }  # fmt: skip
 
 

@@ -235,7 +235,7 @@ def _of_transition(name: str) -> Sequence[Claim]:
             Claim("bands-across", later, "Its fronts move along their normal.", transition.bands_move_across,
                   origin=own),
         ),
-        system.CROWDS: (
+        system.FLUCTUATIONS: (
             Claim("giant-fluctuations", later, "In an ordered group numbers in boxes deviate as N^0.8, within 0.1 of "
                   "the exponent.", transition.giant_fluctuations, origin=own),
         ),
@@ -245,7 +245,7 @@ def _of_transition(name: str) -> Sequence[Claim]:
 def _stated(name: str) -> Sequence[Claim]:
     own, rule = Origin.OWN, "the rule, as commonly cited"
     speed = Claim("speed", rule, "All speeds are v at all times.", speeds_kept, dynamic=False)
-    if name in (system.MIDDLE, system.PHASES, system.BANDS, system.CROWDS):
+    if name in (system.MIDDLE, system.PHASES, system.BANDS, system.FLUCTUATIONS):
         return (speed, *_of_transition(name))
     if name == system.VECTORIAL:
         return (

@@ -110,7 +110,7 @@ def bands_move_across(e: Evidence) -> Measure:
     return above(across, ACROSS, f"|cos| between the mean velocity and the normal of the fronts is {across:.3f}")
 
 
-def crowd_exponent(e: Evidence) -> float:
+def fluctuation_exponent(e: Evidence) -> float:
     """Exponent of the standard deviation of the number in a box in its mean, by least squares of logarithms.
 
     Parameters
@@ -133,5 +133,5 @@ def crowd_exponent(e: Evidence) -> float:
 @about(Subject.SPREAD)
 def giant_fluctuations(e: Evidence) -> Measure:
     """The exponent of fluctuations of numbers in boxes, against the published one."""
-    found = crowd_exponent(e)
+    found = fluctuation_exponent(e)
     return below(abs(found - PUBLISHED), APART, f"numbers in boxes deviate as N^{found:.3f}, independent ones as N^0.5")

@@ -51,13 +51,13 @@ def test_both_verdicts_on_the_transition():
     assert verdicts(simulated(system.MIDDLE), system.MIDDLE) == {"one-phase": "holds"}
     assert verdicts(simulated(system.PHASES), system.PHASES) == {"two-phases": "holds", "cumulant-dips": "holds"}
     assert verdicts(simulated(system.BANDS), system.BANDS) == {"bands": "holds", "bands-across": "holds"}
-    assert verdicts(simulated(system.CROWDS), system.CROWDS) == {"giant-fluctuations": "holds"}
+    assert verdicts(simulated(system.FLUCTUATIONS), system.FLUCTUATIONS) == {"giant-fluctuations": "holds"}
     # The other way round none of it holds.
     assert verdicts(simulated(system.PHASES), system.MIDDLE) == {"one-phase": "fails"}
     assert verdicts(simulated(system.MIDDLE), system.PHASES) == {"two-phases": "fails", "cumulant-dips": "fails"}
-    assert verdicts(simulated(system.CROWDS), system.BANDS)["bands"] == "fails"
-    (claim,) = (c for c in theorems.claims(system.CROWDS) if c.key != "speed")
-    assert str(fk.audit(simulated(system.CROWDS), [claim]).results[0].verdict) == "holds"
+    assert verdicts(simulated(system.FLUCTUATIONS), system.BANDS)["bands"] == "fails"
+    (claim,) = (c for c in theorems.claims(system.FLUCTUATIONS) if c.key != "speed")
+    assert str(fk.audit(simulated(system.FLUCTUATIONS), [claim]).results[0].verdict) == "holds"
 
 
 @pytest.mark.parametrize("noise", [0.55, 0.7])
@@ -84,7 +84,7 @@ def test_the_measures_of_phases_by_hand():
 def test_the_exponent_by_loops_over_boxes():
     side, q = 8.0, places(11, 128, 8.0)
     q[:, :60] *= 0.5
-    run = made_up(system.CROWDS, side, q, spread([0.5] * 11, 128))
+    run = made_up(system.FLUCTUATIONS, side, q, spread([0.5] * 11, 128))
     x, y = [], []
     for size in (1, 2, 3, 4):
         along, numbers = int(side // size), []
@@ -96,7 +96,7 @@ def test_the_exponent_by_loops_over_boxes():
         x.append(math.log(np.mean(numbers)))
         y.append(math.log(np.std(numbers)))
     slope = np.polyfit(x, y, 1)[0]
-    assert transition_claims.crowd_exponent(Evidence(run)) == pytest.approx(slope, rel=1e-9)
+    assert transition_claims.fluctuation_exponent(Evidence(run)) == pytest.approx(slope, rel=1e-9)
     margin = transition_claims.giant_fluctuations(Evidence(run)).margin
     assert margin == pytest.approx(0.1 - abs(slope - 0.8), rel=1e-9)
 
@@ -105,8 +105,8 @@ def test_independent_places_have_neither_bands_nor_giant_fluctuations():
     q = places(11, 2048, 32.0)
     run = made_up(system.BANDS, 32.0, q, spread([0.6] * 11, 2048))
     assert verdicts(run, system.BANDS)["bands"] == "fails"
-    assert verdicts(run, system.CROWDS) == {"giant-fluctuations": "fails"}
-    assert transition_claims.crowd_exponent(Evidence(run)) == pytest.approx(0.5, abs=0.05)
+    assert verdicts(run, system.FLUCTUATIONS) == {"giant-fluctuations": "fails"}
+    assert transition_claims.fluctuation_exponent(Evidence(run)) == pytest.approx(0.5, abs=0.05)
 
 
 def test_bands_that_move_along_their_fronts_are_told_from_those_that_move_across():
@@ -124,9 +124,9 @@ def test_what_the_measures_do_not_apply_to():
         run.scenario.with_(law=law, start=start, space=fk.Periodic([32.0, 33.0]), t_end=40.0, frames=3), progress=False
     )
     assert set(verdicts(other, system.BANDS).values()) == {"not applicable"}
-    assert verdicts(other, system.CROWDS) == {"giant-fluctuations": "not applicable"}
+    assert verdicts(other, system.FLUCTUATIONS) == {"giant-fluctuations": "not applicable"}
     short = fk.simulate(run.scenario.with_(t_end=20.0, frames=2), progress=False)
-    for name in (system.MIDDLE, system.PHASES, system.BANDS, system.CROWDS):
+    for name in (system.MIDDLE, system.PHASES, system.BANDS, system.FLUCTUATIONS):
         assert set(verdicts(short, name).values()) == {"not applicable"}, name
-    narrow = made_up(system.CROWDS, 3.0, places(11, 18, 3.0), spread([0.5] * 11, 18))
-    assert verdicts(narrow, system.CROWDS) == {"giant-fluctuations": "not applicable"}
+    narrow = made_up(system.FLUCTUATIONS, 3.0, places(11, 18, 3.0), spread([0.5] * 11, 18))
+    assert verdicts(narrow, system.FLUCTUATIONS) == {"giant-fluctuations": "not applicable"}

@@ -44,7 +44,7 @@ def test_vicsek_1995():
     assert list(x.FIGURE_1.values()) == [(7.0, 2.0), (25.0, 0.1), (5.0, 0.1)]
     assert x.FIGURE_2 == ((40, 3.1), (100, 5.0), (400, 10.0), (4000, 31.6), (10000, 50.0))
     assert (x.LATER_SPEED, x.LATER_DENSITY) == (0.5, 2.0)
-    noises = {name: x.scenario(name=name).agents.noise for name in (x.MIDDLE, x.PHASES, x.BANDS, x.CROWDS)}
+    noises = {name: x.scenario(name=name).agents.noise for name in (x.MIDDLE, x.PHASES, x.BANDS, x.FLUCTUATIONS)}
     assert list(noises.values()) == [3.5, 0.618, 0.6, 0.4]
 
 
