@@ -225,7 +225,7 @@ def test_pieces_threads_and_resuming_give_the_same_bits(precision):
     assert (cut.q == whole.q).all()
     assert (cut.p == whole.p).all()
     assert (cut.trace == whole.trace).all()
-    assert again._particles.rebuilds > 2
+    assert again._particles.search.rebuilds > 2
     if precision == "float32":
         fine = fk.simulate(world, engine="tiles", step=STEP, progress=False)
         assert np.abs(fine.q[1] - whole.q[1]).max() < 1e-3

@@ -91,8 +91,8 @@ class DomainSession(TilesSession):
         )  # fmt: skip
         self.instability: Instability = RankInstability()
         if self.plant is not None:
-            particles.planted = Planted(scenario, self.plant, spec)
-            particles.planted.pass_switch_time(state.t)
+            particles.kernels.planted = Planted(scenario, self.plant, spec)
+            particles.kernels.planted.pass_switch_time(state.t)
         return particles
 
     @property
@@ -175,7 +175,7 @@ class DomainSession(TilesSession):
         """
         particles = self._particles
         n, m = particles.n, particles.m
-        parts = [particles.agents[:n, :m], velocities[:, :n].T, particles.further[:, :n].T]
+        parts = [particles.agents[:n, :m], velocities[:, :n].T, particles.body_rows.further[:, :n].T]
         return particles.gathered(np.concatenate(parts, axis=1))
 
     @property
@@ -280,7 +280,9 @@ class DomainSession(TilesSession):
         with self.ranks.bound():
             particles = self._particles
             n, m = particles.n, particles.m
-            rows = particles.gathered(np.concatenate([particles.agents[:n], particles.further[:, :n].T], axis=1))
+            rows = particles.gathered(
+                np.concatenate([particles.agents[:n], particles.body_rows.further[:, :n].T], axis=1)
+            )
             links = self._packed_links()
         if rows is None:
             return {}, {}

@@ -76,7 +76,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
             As for `RankParticles.rebuild`.
         """
         if self.store is not None:
-            self.margin = SPARE * self.store.deviation(None)
+            self.search.margin = SPARE * self.store.deviation(None)
         before, columns = self.ids[: self.n].copy(), self.columns()
         super().rebuild(step, skin)
         self.hold_columns(fetched(self.ranks.comm, before, columns, self.ids))
@@ -144,7 +144,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
     def _list_moving(self, skin: float, tables: list[Numbers32]) -> tuple[int, int] | None:
         known = len(self._known_with_memory)
         lost = super()._list_moving(skin, tables[: len(tables) - known])
-        self._list_known(skin + self.margin, tables[len(tables) - known :])
+        self._list_known(skin + self.search.margin, tables[len(tables) - known :])
         return lost
 
     def _list_known(self, beyond: float, tables: list[Numbers32]) -> None:

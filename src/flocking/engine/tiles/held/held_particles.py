@@ -72,7 +72,7 @@ class HeldParticles(ParticleArrays):
         self._tested = 0
         self.used: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
         self.known: list[TileLists | None] = [None] * len(spec.graphs)
-        self.known_builders = [ListBuilder(self.n, memory_limit, workers, self.box) for _ in scenario.law.graphs]
+        self.known_builders = [ListBuilder(self.n, memory_limit, workers, self.search.box) for _ in scenario.law.graphs]
         self._first_known_links = state.links
         self._fastest = np.zeros(self.tiles)
 
@@ -83,29 +83,29 @@ class HeldParticles(ParticleArrays):
         """Sort the agents with their forces, and rebuild all lists."""
         super().rebuild(step, skin)
         if self.moving:
-            self.force[:, : self.n] = self.force[:, self.sorter.order]
+            self.force[:, : self.n] = self.force[:, self.search.sorter.order]
             self.force[:, self.n :] = self.force[:, self.n - 1 : self.n]
             if self.actuation is not None:
-                self.actuation.reorder(self.sorter.order)
+                self.actuation.reorder(self.search.sorter.order)
             if self.store is not None:
-                self.store.reorder(self.sorter.order)
+                self.store.reorder(self.search.sorter.order)
         self.motion.reorder()
         self._build_known()
 
     def _sort(self, step: float, skin: float | None) -> None:
         """Sort the agents into cells for lists of who may be known to be near."""
         if self.store is not None:
-            self.margin = SPARE * self.store.deviation(None)
+            self.search.margin = SPARE * self.store.deviation(None)
         super()._sort(step, skin)
 
     def known_in_reach(self, now: int) -> bool:
         """Whether the lists hold everybody who may be known to be within a radius at the nanosecond ``now``."""
-        return self.store is None or not self.moving or self.store.deviation(now) <= self.margin
+        return self.store is None or not self.moving or self.store.deviation(now) <= self.search.margin
 
     def _build_known(self) -> None:
         """Build the lists of the graphs whose links by what agents know are not those of the truth."""
-        sorter, radii = self.sorter, self.radii
-        beyond = self.displacement.skin + self.margin
+        sorter, radii = self.search.sorter, self.radii
+        beyond = self.displacement.skin + self.search.margin
         for number, kind in enumerate(self.control_spec.graphs):
             if kind.fixed or not (kind.memory or self.store is not None):
                 continue
@@ -177,7 +177,7 @@ class HeldParticles(ParticleArrays):
         parameters = self.parameters
         self.workers.each(
             self.control, self.tiles, float(t), self.acting, own, self.agents, self.n, *lists, parameters.P,
-            parameters.A, self.ids, parameters.seeds, parameters.matrices, self.M, self.wanted,
+            parameters.A, self.ids, parameters.seeds, parameters.matrices, self.results.means, self.wanted,
         )  # fmt: skip
 
     @property
@@ -279,10 +279,10 @@ class HeldParticles(ParticleArrays):
         """
         self.force = force.copy()
         self.known = [None if each is None else each.copy() for each in known]
-        if self.rebuilds:
+        if self.search.rebuilds:
             self._first_known_links = None
         for builder, room in zip(self.known_builders, rooms, strict=True):
             builder.capacity, builder.spare = room.copy(), None
         self.motion.reorder()
-        if self.rebuilds or not self.moving:
+        if self.search.rebuilds or not self.moving:
             self.forget_used()

@@ -192,7 +192,8 @@ class HeldTruth(TilesSession):
         """Entries of the run's provenance."""
         o, base = self.options, super(TilesSession, self).about
         found = base | {
-            "step": self.step, "scheme": self.scheme, "precision": o.precision, "rebuilds": self._particles.rebuilds,
+            "step": self.step, "scheme": self.scheme, "precision": o.precision,
+            "rebuilds": self._particles.search.rebuilds,
             "switches": "not recorded", "farthest": self._memory.farthest, "world": self.scenario.imperfections,
         }  # fmt: skip
         if self.options.ledger:
