@@ -68,7 +68,7 @@ HOMES = {
     "change how the error of a motion is estimated by repetitions": "def repetitions_of",
     "change how groups of several bodies are made": "class Mixture(",
     "change what bodies make of held forces": "class Actuation",
-    "change when agents meet obstacles under held control": "class Meetings",
+    "change when agents meet obstacles under held control": "class ObstacleRanges",
     "add a field to the checkpoint of the exact engine": "def pack_exact(",
     "add a column to the ledger of a run": "TRACE_FIELDS =",
     "change how the controller of one agent is called": "class Controller:",
