@@ -49,7 +49,7 @@ def _largest_and_sum() -> Op:
 
 @cache
 def _row_of(length: int) -> Datatype:
-    """The type of a row of so many numbers: it is one element, so that a reduction never sees a part of it."""
+    """The type of a row of so many numbers: it is one element, so that a reduction never gets a part of it."""
     from mpi4py import MPI
 
     return MPI.DOUBLE.Create_contiguous(length).Commit()
@@ -243,7 +243,7 @@ _MEETINGS: dict[int, tuple[Comm, Comm]] = {}
 
 
 def _meeting_of(comm: Comm) -> Comm:
-    """The communicator of the same ranks on which they tell each other that they failed. Collective."""
+    """The communicator of the same ranks on which they report failures to each other. Collective."""
     if comm.size == 1:
         return comm
     if id(comm) not in _MEETINGS:

@@ -45,7 +45,7 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 GO_ON, TIME_IS_OVER, INTERRUPTED = 0.0, 1.0, 2.0
-"""What the first rank tells all others with a step: the largest counts."""
+"""What the first rank sends all others with a step: the largest counts."""
 
 
 class DomainSession(TilesSession):

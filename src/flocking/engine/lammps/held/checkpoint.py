@@ -44,7 +44,7 @@ class Carried:
     rows
         Position, velocity and `flocking.engine.lammps.held.particles.HeldRankParticles.columns`.
     links
-        True links under each graph with memory, then those by what agents know; None before there are lists.
+        True links under each graph with memory, then those by the information of agents; None before there are lists.
     """
 
     rows: Array

@@ -1,4 +1,4 @@
-"""Particle arrays of one rank under held control: forces, samples and links by what agents know go with the agents."""
+"""Particle arrays of one rank under held control: forces, samples and believed links are sent with the agents."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ Waiting = list[tuple[int, Indices, Reals]]
 
 
 class HeldRankParticles(RankParticles, HeldParticles):
-    """The agents of this rank with the forces that act on them, and copies with what was heard of those.
+    """The agents of this rank with the forces that act on them, and copies with what was received of those.
 
-    Links by what agents know are sent with the agents as those of the truth are. All other numbers of an agent are
-    asked from the rank that had it, also for copies.
+    Links by the information of agents are sent with them as true links are. All other numbers of an agent are
+    requested from the rank that had it, also for copies.
 
     Parameters
     ----------
     scenario, state, spec, workers, memory_limit, skin, ranks, log
         As for `RankParticles`.
     tables
-        As there; those of links by what agents know follow those of true links.
+        As there; those of links by the information of agents follow those of true links.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
 
     @property
     def _known_with_memory(self) -> list[int]:
-        """Graphs whose links by what agents know go with the agents."""
+        """Graphs whose links by the information of agents are sent with the agents."""
         return [k for k, kind in enumerate(self.control_spec.graphs) if kind.memory and not kind.fixed]
 
     def _list_moving(self, skin: float, tables: list[Numbers32]) -> tuple[int, int] | None:
@@ -148,7 +148,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
         return lost
 
     def _list_known(self, beyond: float, tables: list[Numbers32]) -> None:
-        """Build the lists of the graphs whose links by what agents know are not those of the truth."""
+        """Build the lists of the graphs whose links by the information of agents differ from the true ones."""
         radii, left = self.radii, iter(tables)
         for number, kind in enumerate(self.control_spec.graphs):
             if kind.fixed or not (kind.memory or self.store is not None):
@@ -173,7 +173,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
     def coast(self, h: float, target: Reals | None = None) -> float:
         """Move all agents by ``h``, see `HeldParticles.coast`; copies of a ``target`` are set. Collective."""
         if self._begin is not None and target is None:
-            # Agents are divided among the ranks by where all ranks know them to be, which is at the start only.
+            # Agents are divided by positions that are known on all ranks, which they are at the start only.
             self.rebuild(h)
         top = super().coast(h, target)
         if target is not None:
