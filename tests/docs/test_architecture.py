@@ -134,6 +134,7 @@ HOMES = {
     "change how obstacles are drawn in the lab": "def solids(",
     "change the port on which the lab listens": "PORT =",
     "change the exit codes of commands": "BAD_INPUT",
+    "add a column to `flocking equations`": "def equations(",
     "change what happens on Ctrl-C": "def check(",
     "refuse a damaged checkpoint by another rule": "class Form(",
     "change how the past of delayed agents is kept": "class History:",
