@@ -10,6 +10,7 @@ import numpy as np
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import number
+from flocking.model.space import OPEN
 from flocking.model.state import State
 from flocking.show.frames import frame_at
 from flocking.show.plane import Outlined, own_outlines
@@ -76,7 +77,8 @@ def density(
     span
         Lowest and highest density shown, relative to the reference.
     limits
-        Lowest and highest corner of the picture; everything by default.
+        Lowest and highest corner of the picture; by default everything, and of a run in periodic space the box
+        from 0 to its lengths. Beyond it the picture repeats.
     cell, blur
         Side of a cell of the map, and standard deviation of its smoothing; by default chosen from the picture's size.
     obstacles
@@ -94,15 +96,10 @@ def density(
     Raises
     ------
     InvalidInput
-        If the frame does not exist, agents do not live in the plane, space is not open, or a number is out of range.
+        If the frame does not exist, agents do not live in the plane, or a number is out of range.
     """
     from matplotlib.colors import LogNorm
 
-    if isinstance(what, Run) and not what.scenario.space.is_open:
-        raise InvalidInput(
-            "density", "what", "must be a run in open space: density maps do not support periodic space",
-            type(what.scenario.space).__name__, "Draw the net of a frame instead.",
-        )  # fmt: skip
     unit = number("density", "unit", unit, above=0.0)
     made, stated, name = _mapped(what, time, frame, limits, cell, blur)
     level = _typical(made) if reference is None else number("density", "reference", reference, above=0.0)
@@ -185,15 +182,22 @@ def _mapped(
         raise InvalidInput("density", "what", "must be a Run, a State or a DensityMap", what)
     if state.dimension != 2:
         raise InvalidInput("density", "what", "must be in the plane", state.dimension, "Draw a projection of it.")
-    low, high = (state.q.min(axis=0), state.q.max(axis=0)) if limits is None else map(np.asarray, limits)
+    space = what.scenario.space if isinstance(what, Run) else OPEN
+    lengths = np.array([*space.lengths, np.inf, np.inf][:2])
+    repeats = np.isfinite(lengths)
+    sides = np.where(repeats, lengths, np.ptp(state.q, axis=0))
     if limits is None:
-        margin = MARGIN * float((high - low).max()) or 1.0
-        low, high = low - margin, high + margin
+        low = np.where(repeats, 0.0, state.q.min(axis=0))
+        margin = np.where(repeats, 0.0, MARGIN * float(sides.max()) or 1.0)
+        low, high = low - margin, low + sides + margin
+    else:
+        low, high = map(np.asarray, limits)
     size = float((high - low).max()) / CELLS if cell is None else cell
     # A few agents per spot: a smaller blur shows single agents, a larger one hides narrow structures.
-    area = float(np.prod(np.maximum(np.ptp(state.q, axis=0), LEAST_EXTENT)))
+    area = float(np.prod(np.maximum(sides, LEAST_EXTENT)))
     width = max(size, float(np.sqrt(area / state.n))) if blur is None else blur
-    return density_map(state.q, low=low, high=high, cell=size, blur=width), state, f"$t = {state.t:.6g}$"
+    made = density_map(state.q, low=low, high=high, cell=size, blur=width, space=space)
+    return made, state, f"$t = {state.t:.6g}$"
 
 
 def _typical(made: DensityMap) -> float:

@@ -9,6 +9,7 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.headings import turned
 from flocking.engine.protocol.body_chains import chain_of
 from flocking.engine.tiles.held.lagged_motion import LagConstants
+from flocking.engine.tiles.simd.vectors import double_of, load, narrow, root, select, spread, store
 from flocking.formula.native.functions import native
 from flocking.model.bodies.actuators import APPLIED, Lagged, Limited
 from flocking.model.bodies.body import Body
@@ -43,25 +44,31 @@ def exert(first, last, wanted, kinds, numbers, gusts, target):  # type: ignore[n
         What each stage adds, shape (stages, m, size); rows of stages that limit are not read.
     """
     m = wanted.shape[0]
-    for i in range(first * 16, last * 16):
+    for tile in range(first, last):
+        base = tile * 16
         for k in range(m):
-            target[k, i] = wanted[k, i]
+            store(target[k], base, load(wanted[k], base))
         for stage in range(kinds.shape[0]):
-            most = numbers[stage, i if numbers.shape[1] > 1 else 0]
+            most = load(numbers[stage], base) if numbers.shape[1] > 1 else spread(numbers[stage, 0])
             if kinds[stage] == 2:
                 for k in range(m):
-                    target[k, i] = target[k, i] + gusts[stage, k, i]
+                    u = double_of(load(target[k], base)) + load(gusts[stage, k], base)
+                    store(target[k], base, narrow(u, wanted[0, 0]))
             elif kinds[stage] == 1:
                 for k in range(m):
-                    target[k, i] = min(max(np.float64(target[k, i]), -most), most)
+                    u = double_of(load(target[k], base))
+                    u = select(u > most, most, select(u < -most, -most, u))
+                    store(target[k], base, narrow(u, wanted[0, 0]))
             else:
-                square = np.float64(0.0)
+                square = spread(0.0)
                 for k in range(m):
-                    square += np.float64(target[k, i]) ** 2
-                length = np.sqrt(square)
-                if length > most:
-                    for k in range(m):
-                        target[k, i] = np.float64(target[k, i]) * (most / length)
+                    u = double_of(load(target[k], base))
+                    square = square + u * u
+                length = root(square)
+                share = select(length > most, most / length, spread(1.0))
+                for k in range(m):
+                    u = double_of(load(target[k], base))
+                    store(target[k], base, narrow(u * share, wanted[0, 0]))
 
 
 class _Source:

@@ -68,7 +68,6 @@ class HeldParticles(ParticleArrays):
             heard = self.store.heard(self.m, repeats, self._shared)
         self.control = control_kernel(self.control_spec, heard).control
         self._draws = heard is not None and heard.draws
-        self._looks_once = heard is not None and heard.looks_once
         self._tested = 0
         self.used: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
         self.known: list[TileLists | None] = [None] * len(spec.graphs)
@@ -173,7 +172,7 @@ class HeldParticles(ParticleArrays):
             news = self.store.news(now, self.ids, self._tested)
             lists += [self.store.rows, news, *self.used]
             # Where everybody acts, all entries have been looked at until now.
-            self._tested = int(news.counts[0]) if self._looks_once and self.all_act else 0
+            self._tested = self.store.settled(now) if self.store.alike and self.all_act else 0
         parameters = self.parameters
         self.workers.each(
             self.control, self.tiles, float(t), self.acting, own, self.agents, self.n, *lists, parameters.P,
