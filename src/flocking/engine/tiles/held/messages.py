@@ -145,7 +145,7 @@ class SampleStore:
         InvalidInput
             When there are.
         """
-        needs = (self.depth + 1.0) * self.size * self._agent_bytes
+        needs = (self.depth + 2.0) * self.size * self._agent_bytes
         if needs > self._memory_limit or (self.depth + 1) * self.size >= MOST_ROWS:
             raise InvalidInput(
                 "Messages", "expires", f"must leave few enough samples: {self.depth} of each agent take "
@@ -229,6 +229,7 @@ class SampleStore:
         speeds
             Rows of `Speeds`.
         """
+        self._rooms.clear()
         self.rows, self.errors, self.off = rows.copy(), errors.copy(), off.copy()
         self.truth = self.rows if truth is None else truth.copy()
         self.speeds.rows = speeds.tolist()
