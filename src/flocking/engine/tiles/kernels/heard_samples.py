@@ -179,7 +179,7 @@ class HeardSamples:
             return []
         lines = [f"for step in range(count{number}[tile]):"]
         lines += ["    " + x for x in [*loaded, *self._news(timed=self.jitter), *self._searched(number)]]
-        # Older samples are read here and there: without a word ahead each is waited for.
+        # Older samples lie in no order: the processor does not load them ahead by itself.
         kept = f" & np.uint32({BEST})" * self.keeps_channels
         ahead = [f"best = best{kept}", "behind = count - best", *_SPOT_LINES, "fetch_ahead(S, spots, 0)"]
         lines += ["    " + x for x in ahead]
