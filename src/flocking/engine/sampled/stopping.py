@@ -23,7 +23,7 @@ ROUNDED = 1.0 + 1e-12
 """Factor by which the norm of an acceleration may exceed its bound by rounding."""
 
 SHARES = 32
-"""Parts into which the way from braking to the wanted acceleration is divided, and the last part again."""
+"""Parts into which the way from braking to the desired acceleration is divided, and the last part again."""
 
 ROUNDING = 64 * float(np.finfo(np.float64).eps)
 """Rounding, by the length of a stopping path and the distance, within which braking keeps the planes that it reaches:
@@ -189,7 +189,7 @@ def beside_balls(d: Array, centres: Array, radii: Array, distance: float) -> Pla
 def stopping_acceleration(
     desired: Array, v: Array, planes: Planes, most: float, period: float, distance: float
 ) -> tuple[Array, bool]:
-    """An acceleration near the wanted one that keeps an agent at 0 on its side of planes, and whether none was relaxed.
+    """An acceleration near the desired one that keeps an agent at 0 on its side of planes, and whether none is relaxed.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def stopping_acceleration(
     if kept.all():
         return first, fits
     found = [_towards(first, brake, v, held, most, period)]
-    # No nearer to the planes that the wanted one crosses than braking brings it: the agent slides along them.
+    # No nearer to the planes that the desired one crosses than braking brings it: the agent slides along them.
     crossed = ~_sides(first[None], v, held, most, period)[0]
     along, _ = nearest(first, held.normals[crossed], held.normals[crossed] @ brake, most)
     found.append(_towards(along, brake, v, held, most, period))

@@ -93,7 +93,7 @@ class LawCheck:
         mass = self._inertia(particles, places)
         force = mass[:, None] * particles.Y[particles.m :, places].T.astype(np.float64)
         if particles.spec.bodied:
-            # The kernel says what the law wants beside what bodies make of it, which is judged by itself.
+            # The kernel states the control of the law beside the rates of bodies, which are judged by themselves.
             self.bodies.check(particles, places, moment.time, moment.gains_since)
             damping = np.broadcast_to(self.scenario.agents.damping, particles.everyone)[particles.ids[places]]
             force = particles.body_rows.controls[:, places].T.astype(np.float64)

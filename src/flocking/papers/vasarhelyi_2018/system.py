@@ -124,7 +124,7 @@ def law(
     parameters: FlockParameters = FILE, *, half_width: float | None = HALF_WIDTH,
     circles: tuple[tuple[float, float, float], ...] = (),
 ) -> Law:  # fmt: skip
-    """The wanted velocity: self-propulsion, repulsion, alignment, walls and obstacles.
+    """The desired velocity: self-propulsion, repulsion, alignment, walls and obstacles.
 
     Links, which nothing uses, are those of clusters: agents close enough to have to brake for each other.
 
@@ -165,12 +165,12 @@ def cluster_radius(parameters: FlockParameters = FILE) -> float:
 
 
 def unit(*, scaled: bool = False, noise: float = PROCESS_NOISE, seed: int = 0) -> VelocityUnit:
-    """A vehicle: lag, largest acceleration, process noise, and what becomes of the wanted velocity.
+    """A vehicle: lag, largest acceleration, process noise, and what becomes of the desired velocity.
 
     Parameters
     ----------
     scaled
-        Whether every wanted velocity is scaled to v_flock, as in the released program; else it is cut at v_max.
+        Whether every desired velocity is scaled to v_flock, as in the released program; else it is cut at v_max.
     noise
         sigma_outer.
     seed
@@ -231,7 +231,7 @@ def program(
     agents: int = AGENTS, *, seed: int = 0, duration: float = DURATION, parameters: FlockParameters = FILE,
     name: str = "",
 ) -> Scenario:  # fmt: skip
-    """A flock as the released program runs it: from rest, all over the arena, wanted velocities scaled to v_flock.
+    """A flock as the released program runs it: from rest, all over the arena, desired velocities scaled to v_flock.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ def directions_of(scale: float) -> Array:
 
 
 def averages_of(scale: float) -> Array:
-    """What the law wants in the example state, the gain scaled."""
+    """The control of the law in the example state, the gain scaled."""
     law = Law(Proximity(2.0), (VelocityAverage(scale),))
     return control(law, examples.example_state())
 

@@ -122,7 +122,7 @@ def force_powers(first, last, agents, force, frame, n, found):  # type: ignore[n
 
 @native
 def law_powers(first, last, agents, rates, masses, damping, frame, n, found):  # type: ignore[no-untyped-def]
-    """By tile: power in a frame of the forces that the law wants.
+    """By tile: power in a frame of the desired forces of the law.
 
     Parameters
     ----------
