@@ -24,7 +24,7 @@ SHAPES: dict[str, str] = {
     Verdict.HYPOTHESIS_NOT_MET: "△",
     Verdict.NOT_APPLICABLE: "–",
 }
-"""Sign of each verdict, so that colour is not all that tells them apart."""
+"""Sign of each verdict, so that they differ in more than colour."""
 
 Judged = Judgement | Result
 """A claim judged over many seeds, or about one run."""

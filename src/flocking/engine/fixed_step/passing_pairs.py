@@ -69,7 +69,7 @@ def check_passing(
     middle = q + 0.5 * moved
     sides = [length if np.isfinite(length) else 0.0 for length in space.lengths]
     middle = space.wrapped(middle)
-    tree = cKDTree(middle, boxsize=sides or None)  # type: ignore[arg-type]  # its stub knows no box
+    tree = cKDTree(middle, boxsize=sides or None)  # type: ignore[arg-type]  # its stub lacks the box
     for i in fast[np.argsort(-length[fast], kind="stable")]:
         # Pairs with a faster agent have already been checked.
         others = np.array(tree.query_ball_point(middle[i], reach + length[i]), dtype=np.int64)

@@ -115,12 +115,12 @@ class Session(ABC):
         """
 
     def replace_information(self, information: Information) -> None:
-        """Let agents be told of each other in another way from the session's time on; by default not possible.
+        """Let agents get their information in another way from the session's time on; by default not possible.
 
         Parameters
         ----------
         information
-            How they are told.
+            How they get it.
 
         Raises
         ------

@@ -66,7 +66,7 @@ class SampledSession(ImperfectSession):
     engine = "sampled"
     keeps_log = True
     in_blocks: ClassVar[bool] = True
-    """Whether the native loop takes the events that it knows; it gives the same bits."""
+    """Whether the native loop takes the events that it supports; it gives the same bits."""
 
     def __init_subclass__(cls) -> None:
         """Leave the native loop off in a subclass, whose events may be others, unless it declares `in_blocks`."""

@@ -31,7 +31,7 @@ ACTING = 0.5
 @register_part("lagged")
 @dataclass(frozen=True, eq=False)
 class Lagged(WrappedBody):
-    """A first-order actuator: what a body exerts follows what is wanted, tau_i df_i/dt = u_i - f_i.
+    """A first-order actuator: the force of a body follows the desired one, tau_i df_i/dt = u_i - f_i.
 
     The column ``applied`` holds f, a force for bodies of order 2 and a velocity for those of order 1. It begins at zero
     where a start does not give it.

@@ -32,7 +32,7 @@ def generator_from(owner: str, seed: int | np.random.Generator | None, rng: Rng 
     Parameters
     ----------
     owner
-        Who asks, for messages.
+        The owner, for messages.
     seed, rng
         One of them: an integer or a generator, which is drawn from; ``rng`` may be a sequence of seeds too.
 
@@ -53,7 +53,7 @@ def seed_from(owner: str, rng: object) -> int:
     Parameters
     ----------
     owner
-        Who asks, for messages.
+        The owner, for messages.
     rng
         An integer, which is the seed; or a `numpy.random.SeedSequence`: that of an integer gives this integer, any
         other one 63 bits of its state. A sequence stays as it is, so that it gives the same seed each time.
@@ -81,7 +81,7 @@ def given_seed(owner: str, seed: int | None, rng: object) -> int | None:
     Parameters
     ----------
     owner
-        Who asks, for messages.
+        The owner, for messages.
     seed, rng
         None, or one of them.
 
@@ -103,7 +103,7 @@ def take_rng(owner: str, order: Sequence[str], values: tuple[object, ...], named
     Parameters
     ----------
     owner
-        Who asks, for messages.
+        The owner, for messages.
     order
         Names of the arguments that may be given by place.
     values

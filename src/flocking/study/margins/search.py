@@ -26,7 +26,7 @@ ROUNDED = 1.0 - 1e-3
 """Factor for the rounding of levels, which are powers of STEP_TO_IDEAL apart."""
 
 MOST_RUNS = 4000
-"""Most runs of a table, unless another number is asked for."""
+"""Most runs of a table, unless another number is given."""
 
 MOST_ROUNDS = 12
 """Rounds of bisection at most: the width of a bracket falls by a factor of a thousand in ten."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mpmath import mpf as Number  # noqa: N812
 
 DISTANCES = (1e-6, 1e6)
-"""Nearest and farthest distance at which the formula is asked for a real value."""
+"""Nearest and farthest distance at which the formula must have a real value."""
 
 SAME_ROOT = 1e-14
 """Relative difference of two roots that count as one: they have more digits, their brackets may share an end."""
@@ -42,7 +42,7 @@ ROOT_ERROR = 1e-15
 NEAREST, FARTHEST = 1e-9, 1e9
 """Range of distances that is searched for breaks and minima."""
 SAMPLES = 97
-"""Distances from 1e-6 to 1e6, eight a decade, at which the formula is asked for a real value."""
+"""Distances from 1e-6 to 1e6, eight a decade, at which the formula must have a real value."""
 SHRINKING = 0.75
 """Differences each at most this share of the one before it belong to a finite limit, by extrapolation."""
 CONVERGED = 1e-6

@@ -142,7 +142,7 @@ class EventBlocks:
 
     @staticmethod
     def can(memory: SampledMemory) -> bool:
-        """Whether the native loop knows all of a session: no lag, gusts, headings, obstacles, filters or changes.
+        """Whether the native loop supports all of a session: no lag, gusts, headings, obstacles, filters or changes.
 
         Parameters
         ----------

@@ -54,7 +54,7 @@ class SampleFields(TypedDict):
 
 
 class ActuationFields(TypedDict):
-    """Fields of what stands between the wanted and the acting forces, with the names of `HeldActuation`."""
+    """Fields of what stands between the desired and the acting forces, with the names of `HeldActuation`."""
 
     wanted: Reals
     lag: Reals | None
@@ -188,7 +188,7 @@ def _samples(particles: HeldParticles) -> Form[dict[str, object]] | Form[None]:
 
 
 def _actuation(particles: HeldParticles) -> dict[str, Form[dict[str, object]]]:
-    """Form of what stands between the wanted and the acting forces, by name; nothing for points."""
+    """Form of what stands between the desired and the acting forces, by name; nothing for points."""
     found = particles.actuation
     if found is None:
         return {}

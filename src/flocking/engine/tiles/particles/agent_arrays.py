@@ -59,7 +59,7 @@ class BodyRows:
     further, slopes
         The numbers and their rates in the last pass, shape (width, size).
     controls
-        What the law wanted in the last pass, shape (axes, size).
+        Controls of the law in the last pass, shape (axes, size).
     """
 
     def __init__(self, width: int, size: int, axes: int, dtype: type[np.float32] | type[np.float64]) -> None:

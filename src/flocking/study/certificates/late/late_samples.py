@@ -41,7 +41,7 @@ ABOVE = 1.0 + 1e-15
 """Factor by which the largest angle is raised above pi/2, whose rounded value lies 6e-17 below it."""
 
 HALVINGS = 80
-"""Bisections of an angle, more than double precision tells apart."""
+"""Bisections of an angle, more than double precision resolves."""
 
 WIDTHS = (1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 """Relative distances from a computed angle at which the sign of its equation is looked at."""
@@ -165,7 +165,7 @@ class NeighboursLate:
 
     @property
     def _couplings(self) -> list[Interval | int]:
-        """The numbers k - mu of all modes, merged where they are not told apart; 1 and -1 for exactly k and -k."""
+        """The numbers k - mu of all modes, merged where they are not distinguished; 1 and -1 for exactly k and -k."""
         k = Interval.of(float(self.neighbours))
         found: list[Interval | int] = [1]
         modes = self.modes

@@ -150,7 +150,7 @@ class NearEquilibrium:
 
     @cached_property
     def name(self) -> str:
-        """The equilibrium in words, by which it is told from others."""
+        """The equilibrium in words, which distinguish it from others."""
         r, at = self.equilibrium.distances, self.equilibrium
         moved = float(np.linalg.norm(at.q - self.scenario.start.q, axis=1).max())
         return (
