@@ -7,6 +7,7 @@ SEEDS ?= 10
 DOCS_OUT ?= docs/_build/html
 PYTEST_ARGS ?=
 WHEEL_PYTHON ?=
+WHEEL_FORM ?=
 WHEEL_TESTS ?=
 # One process more than there are processors: some tests wait, for a signal or another process, and leave theirs idle.
 WORKERS ?= $(shell echo $$(( $$(getconf _NPROCESSORS_ONLN) + 1 )))
@@ -22,7 +23,7 @@ LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-wheel test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs clean
+.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-wheel test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs docs-check clean
 
 setup: $(READY)
 
@@ -64,10 +65,12 @@ test-pythons:
 		$(MAKE) test-quick PYTHON=$$python VENV=.venv-$$version || exit 1; \
 	done
 
-# The wheel is built, installed into a new environment of every Python that this machine has, and passes the quick tests there,
-# beside no source tree; WHEEL_PYTHON=3.12 takes one version of Python alone, WHEEL_TESTS=tests/formula these tests alone.
+# Wheel and source distribution are built and installed into new environments, the wheel on every Python that this machine has,
+# the source distribution on the newest; the quick tests pass there, beside no source tree. WHEEL_PYTHON=3.12 takes one version
+# of Python alone, WHEEL_FORM=sdist one of wheel and sdist, WHEEL_TESTS=tests/formula these tests alone.
 test-wheel: $(READY)
-	FLOCKING_WHEEL_PYTHON=$(WHEEL_PYTHON) FLOCKING_WHEEL_TESTS="$(WHEEL_TESTS)" $(BIN)/python -m pytest -m slow -p no:xdist tests/packaging/test_setup.py -k wheel $(PYTEST_ARGS)
+	FLOCKING_WHEEL_PYTHON=$(WHEEL_PYTHON) FLOCKING_WHEEL_FORM=$(WHEEL_FORM) FLOCKING_WHEEL_TESTS="$(WHEEL_TESTS)" \
+		$(BIN)/python -m pytest -s -m slow -p no:xdist tests/packaging/test_setup.py -k quick_tests $(PYTEST_ARGS)
 
 # The engine for clusters on 1, 2 and 4 ranks of this machine. Its packages bring MPI along: nothing else is needed.
 test-mpi: $(MPI_READY)
@@ -160,6 +163,11 @@ validate: $(READY)
 docs: $(DOCS_READY)
 	$(BIN)/python -m sphinx -W --keep-going -b html docs $(DOCS_OUT)
 	@echo "Open $(DOCS_OUT)/index.html"
+
+# Every page of it in Chromium, wide and as on a phone, light and dark: accessible, no picture missing, nothing cut off. Of the
+# pages of the library by name a sample.
+docs-check: docs $(BROWSER_READY)
+	DOCS_OUT=$(DOCS_OUT) $(BIN)/python -m pytest -m built_docs -p no:xdist tests/docs/test_built_pages.py $(PYTEST_ARGS)
 
 $(DOCS_READY): $(READY) docs/requirements.txt
 	$(BIN)/python -m pip install --quiet --requirement docs/requirements.txt

@@ -14,6 +14,7 @@ from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle
+from flocking.model.parts.seeds import seeded
 from flocking.model.potentials.potential import Potential
 from flocking.model.potentials.sigma_norm import SigmaNorm
 from flocking.model.state import State
@@ -203,6 +204,7 @@ def balls(rows: Sequence[Sequence[float]]) -> tuple[Ball, ...]:
     return tuple(Ball(Sink([x, y]), radius) for x, y, radius in rows)
 
 
+@seeded
 def gaussian(agents: int, dimension: int, seed: int) -> State:
     """The start of the simulations: positions of variance 2500, velocity components in [-2, -1].
 
@@ -247,6 +249,7 @@ def _scenario(name: str, algorithm: Algorithm, start: State, seed: int, duration
     )  # fmt: skip
 
 
+@seeded
 def group(
     seed: int = 0, *, dimension: int = 2, agents: int = AGENTS, gain: float = GROUP_GAIN, name: str = KEY
 ) -> Scenario:
@@ -267,11 +270,13 @@ def group(
     return _scenario(name, algorithm, gaussian(agents, dimension, seed), seed, 4.0 * DURATION)
 
 
+@seeded
 def fragments(seed: int = 0) -> Scenario:
     """A group under Algorithm 1, which holds only neighbours together."""
     return _scenario(FRAGMENTS, Algorithm(1), gaussian(FRAGMENT_AGENTS, 2, seed), seed, 2.0 * DURATION)
 
 
+@seeded
 def gentle(seed: int = 0) -> Scenario:
     """Ten agents near a lattice under Algorithm 1, with less energy than one collision needs."""
     rng = np.random.default_rng(seed)
@@ -279,6 +284,7 @@ def gentle(seed: int = 0) -> Scenario:
     return _scenario(GENTLE, Algorithm(1), State(q, rng.uniform(-0.5, 0.5, q.shape)), seed, 2.0 * DURATION)
 
 
+@seeded
 def among_obstacles(seed: int = 0, *, rows: Sequence[Sequence[float]] = SPLIT_OBSTACLES, name: str = SPLIT) -> Scenario:
     """Forty agents under Algorithm 3 that pass obstacles.
 
@@ -297,6 +303,7 @@ def among_obstacles(seed: int = 0, *, rows: Sequence[Sequence[float]] = SPLIT_OB
     return _scenario(name, algorithm, begin, seed, PASSAGE_DURATION)
 
 
+@seeded
 def against(seed: int = 0) -> Scenario:
     """Three agents under Algorithm 3 that the gamma-agent leads straight at an obstacle.
 
@@ -313,6 +320,7 @@ def against(seed: int = 0) -> Scenario:
     return _scenario(AGAINST, algorithm, State(q, p), seed, AGAINST_DURATION)
 
 
+@seeded
 def network(seed: int = 0) -> Scenario:
     """The setting of a published network simulator, with ideal information and continuous control.
 
@@ -328,6 +336,7 @@ def network(seed: int = 0) -> Scenario:
     return _scenario(NETWORK, algorithm, begin, seed, NETWORK_DURATION)
 
 
+@seeded
 def held_network(seed: int = 0) -> Scenario:
     """The same with control that is held for 0.2, as the simulator runs it; every update is a frame.
 

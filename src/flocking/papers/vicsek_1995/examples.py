@@ -35,7 +35,7 @@ def few(noise: float = NOISE, **changes: object) -> Scenario:
     changes
         Further arguments of `flocking.papers.vicsek_1995.system.group`.
     """
-    return system.group(FEW, SIDE, noise, duration=2, **changes)  # type: ignore[arg-type]
+    return system.group(FEW, SIDE, noise, duration=2, **changes)  # type: ignore[call-overload, no-any-return]
 
 
 def positions_of(scale: float) -> Array:

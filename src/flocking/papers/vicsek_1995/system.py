@@ -11,6 +11,7 @@ from flocking.model.bodies.discrete_bodies import Heading
 from flocking.model.checks import integer, number
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
+from flocking.model.parts.seeds import seeded
 from flocking.model.space import Periodic
 from flocking.model.state import State
 from flocking.model.terms.alignment import VelocityAverage
@@ -61,6 +62,7 @@ def law() -> Law:
     return Law(Proximity(RADIUS), (VelocityAverage(1.0 / STEP),))
 
 
+@seeded
 def group(
     agents: int, side: float, noise: float, *, seed: int = 0, duration: int = DURATION, speed: float = SPEED,
     noise_kind: str = "angular", update: str = "backward", name: str = "",
@@ -97,6 +99,7 @@ def _of(begin: State, side: float, body: Heading, duration: int, name: str, seed
     )  # fmt: skip
 
 
+@seeded
 def later(side: float, noise: float, duration: int, *, seed: int = 0, name: str = "") -> Scenario:
     """A group of later work: vectorial noise, forward update, speed 0.5, density 2; each `SPARSE`-th update is a frame.
 
@@ -113,6 +116,7 @@ def later(side: float, noise: float, duration: int, *, seed: int = 0, name: str 
     return made.with_(frames=duration // SPARSE + 1)
 
 
+@seeded
 def within_half_a_turn(agents: int, side: float, *, seed: int = 0, name: str = "") -> Scenario:
     """A group without noise whose headings lie within less than half a turn at the start.
 

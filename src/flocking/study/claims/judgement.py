@@ -117,6 +117,14 @@ class Judgement:
         """Whether the verdict is not another than the expected; true where none is (`has_expected`)."""
         return not self.has_expected or self.verdict == self.claim.expected
 
+    @property
+    def is_contrary(self) -> bool:
+        """Whether what was found speaks against the expected verdict; what is left open does not."""
+        if self.as_expected:
+            return False
+        refuted = self.claim.expected == Verdict.HOLDS and any(r.verdict == Verdict.FAILS for r in self.results)
+        return refuted or self.verdict in (*DECIDED, Verdict.NOT_RESOLVED)
+
     def as_dict(self, paper: str, scenario: str) -> dict[str, object]:
         """Plain data for ``claims.json``.
 
