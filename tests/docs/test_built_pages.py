@@ -86,5 +86,10 @@ def test_what_scrolls_is_reached_by_the_keyboard(opened):
     scrolls = "[...document.querySelectorAll('pre')].filter(e => e.scrollWidth > e.clientWidth)"
     assert page.evaluate(f"{scrolls}.length") > 0
     assert page.evaluate(f"{scrolls}.every(e => e.tabIndex === 0)")
-    page.set_viewport_size({"width": 3000, "height": 900})
-    page.wait_for_function("![...document.querySelectorAll('pre')].some(e => e.tabIndex === 0)")
+    fits = scrolls.replace(
+        "e.scrollWidth > e.clientWidth", "e.scrollWidth <= e.clientWidth && e.scrollHeight <= e.clientHeight"
+    )
+    assert page.evaluate(f"{fits}.length") > 0
+    assert page.evaluate(f"!{fits}.some(e => e.hasAttribute('tabindex'))"), (
+        "what does not scroll is no stop of the keyboard"
+    )
