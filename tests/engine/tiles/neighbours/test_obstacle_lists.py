@@ -85,6 +85,14 @@ def test_lists_are_those_of_a_look_at_every_obstacle(field, m, where):
             assert some < 0.3 * tiles * 40
 
 
+def test_a_rank_without_agents_has_empty_lists():
+    lists = ObstacleLists(law_with(balls(np.random.default_rng(0), 2, 5), 2), [RANGE])
+    lists.require(np.zeros((2, 0)), 0, 0.0, 0.1)
+    ((begin, who),) = lists.lists
+    assert begin.tolist() == [0]
+    assert len(who) == 0
+
+
 def test_few_distances_are_computed(monkeypatch):
     rng = np.random.default_rng(0)
     lists, counted = ObstacleLists(law_with(balls(rng, 2, 60), 2), [RANGE]), []

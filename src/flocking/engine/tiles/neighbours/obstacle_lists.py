@@ -123,6 +123,9 @@ class ObstacleLists:
     def _near(self, group: int, centre: Array, radius: Array, t: float) -> tuple[Numbers, Numbers32]:
         """The obstacles of a group within range of each tile, given their centres, shape (tiles, m), and radii."""
         tiles, count = len(centre), len(self.obstacle_distances.groups[group].obstacles)
+        # A rank of many may have no agents.
+        if not tiles:
+            return np.zeros(1, np.int64), np.zeros(0, np.int32)
         if np.isinf(self.speed):
             return np.arange(tiles + 1) * count, np.tile(np.arange(count, dtype=np.int32), tiles)
         reach = self.ranges[group] + self.margin
