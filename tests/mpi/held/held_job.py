@@ -26,12 +26,14 @@ def computed(name):
     session = opened(name)
     session.advance(session.scenario.t_end)
     migrated, state = session.ranks.comm.allreduce(session._particles.migrated), session.state
+    columns = {f"column {name}": values for name, values in session.state.columns.items()}
     owned, rates = session.ranks.comm.gather(session._particles.n), session.accelerations()
     run = session.run()
     session.close()
     return {
         "t": run.t, "q": run.q, "p": run.p, "links": run.links, "trace": run.trace, "owned": owned, "rates": rates,
         "migrated": migrated, "last": state.q, "closest": run.closest_linked.distance,
+        **columns, **{f"columns {name}": values for name, values in run.columns.items()},
     }, session.ranks  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 import traceback
@@ -119,6 +120,13 @@ class Ranks(Team):
 
         return MPI.MAX
 
+    @cached_property
+    def _sum(self) -> Op:
+        """The reduction of sums."""
+        from mpi4py import MPI
+
+        return MPI.SUM
+
     def reduced(self, largest: Array, sums: Array) -> tuple[Array, Array]:
         """Largest values and sums over the ranks, in one message. All ranks get the same bits.
 
@@ -131,7 +139,13 @@ class Ranks(Team):
         """
         if self.size == 1:
             return largest, sums
-        largest = np.where(np.isnan(largest), np.inf, largest)
+        if not len(largest):
+            total = np.empty(len(sums))
+            self.comm.Allreduce(np.ascontiguousarray(sums, dtype=np.float64), total, self._sum)
+            return largest, total
+        # A sum shows at once whether there may be a number that is none.
+        if not math.isfinite(largest.sum()):
+            largest = np.where(np.isnan(largest), np.inf, largest)
         if not len(sums):
             received = np.empty(len(largest))
             self.comm.Allreduce(largest, received, self._largest)

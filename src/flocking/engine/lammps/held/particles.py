@@ -9,6 +9,7 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps.domains.link_tables import link_table, mark_links, most_links
 from flocking.engine.lammps.domains.messages import fetched
 from flocking.engine.lammps.domains.particles import RankParticles
+from flocking.engine.lammps.held.actuation import RankActuation
 from flocking.engine.lammps.held.samples import RankSampleStore
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.tiles.held.held_particles import SPARE, HeldParticles
@@ -16,6 +17,7 @@ from flocking.engine.tiles.held.messages import SampleStore
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.listed_pairs import remember_links
 from flocking.engine.tiles.neighbours.neighbour_lists import NOBODY
+from flocking.model.bodies.body import Body
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -43,6 +45,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
     """
 
     store: RankSampleStore | None
+    actuation: RankActuation | None
 
     def __init__(
         self, scenario: Scenario, state: State, spec: KernelSpec, workers: Workers, memory_limit: float,
@@ -57,6 +60,10 @@ class HeldRankParticles(RankParticles, HeldParticles):
         return RankSampleStore(
             scenario, self.agents, self.n, self.dtype, memory_limit, self.workers, self.ranks
         )  # fmt: skip
+
+    def new_actuation(self, body: Body, start: State) -> RankActuation:
+        """See `HeldParticles.new_actuation`."""
+        return RankActuation(body, start, self.dtype, self.ids[: self.size], self.workers)
 
     def _resize(self) -> None:
         super()._resize()
@@ -83,10 +90,14 @@ class HeldRankParticles(RankParticles, HeldParticles):
         self.forget_used()
 
     def columns(self) -> AnyArray:
-        """The force of each agent of this rank, its samples, and its forces that act later, shape (n, `width`)."""
+        """Of each agent of this rank: its force, samples, what its body goes on from, and its forces that act later.
+
+        Shape (n, `width`).
+        """
         n = self.n
         parts = [self.force[:, :n].T.astype(np.float64)]
         parts += [self.store.columns()] if self.store is not None else []
+        parts += [self.actuation.columns_here(n)] if self.actuation is not None else []
         for _, agents, force in self.waiting:
             later, places = np.zeros((n, 1 + self.m)), self.places_of(agents)
             later[places, 0], later[places, 1:] = 1.0, force
@@ -96,7 +107,20 @@ class HeldRankParticles(RankParticles, HeldParticles):
     @property
     def width(self) -> int:
         """Number of columns of `columns`."""
-        return self.m + (0 if self.store is None else self.store.width) + len(self.waiting) * (1 + self.m)
+        own = [each.width for each in (self.store, self.actuation) if each is not None]
+        return self.m + sum(own) + len(self.waiting) * (1 + self.m)
+
+    def well_formed(self, columns: AnyArray) -> bool:
+        """Whether all that `columns` of anybody hold is finite, but for forces that act or are wanted now.
+
+        Parameters
+        ----------
+        columns
+            Shape (N, `width`).
+        """
+        m, wanted = self.m, self.m + (0 if self.store is None else self.store.width)
+        own = columns[:, wanted:] if self.actuation is None else columns[:, wanted + m :]
+        return bool(np.isfinite(columns[:, m:wanted]).all() and np.isfinite(own).all())
 
     def hold_columns(self, columns: AnyArray) -> None:
         """Hold what belongs to the agents that are here now.
@@ -112,6 +136,10 @@ class HeldRankParticles(RankParticles, HeldParticles):
         if self.store is not None:
             end += self.store.width
             self.store.hold(columns[:, m:end], n, size)
+        if self.actuation is not None:
+            width = self.actuation.width
+            self.actuation.hold(columns[:size, end : end + width], self.ids[:size])
+            end += width
         order = np.argsort(self.ids[:n], kind="stable")
         numbers = self.ids[:n][order].astype(np.int64)
         for k, (when, _, _) in enumerate(self.waiting):

@@ -16,6 +16,7 @@ from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.model.law import Scenario
+from flocking.model.bodies.body import Body
 from flocking.model.state import State
 from flocking.model.world.information import Messages
 
@@ -77,6 +78,18 @@ class HeldParticles(ParticleArrays):
 
     def _new_store(self, scenario: Scenario, memory_limit: float) -> SampleStore:
         return SampleStore(scenario, self.agents, self.n, self.dtype, memory_limit, self.workers)
+
+    def new_actuation(self, body: Body, start: State) -> HeldActuation:
+        """What stands between the forces that agents compute and those that act, at the start.
+
+        Parameters
+        ----------
+        body
+            What the agents are.
+        start
+            The start of all agents.
+        """
+        return HeldActuation(body, start, self.dtype, self.ids[: self.size], self.workers)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents with their forces, and rebuild all lists."""
@@ -195,13 +208,23 @@ class HeldParticles(ParticleArrays):
         if self.actuation is None:
             return
         if gusts:
-            self.actuation.take_gusts(now)
-        self.actuation.act(self.ids, self.force)
+            self.actuation.take_gusts(now, self.ids[: self.size])
+        self.actuation.act(self.ids[: self.size], self.force)
 
     @property
     def acting_force(self) -> Reals:
         """The force that acts now, shape (m, size); of agents of order 1 their velocity."""
         return self.force if self.actuation is None else self.actuation.acting(self.force)
+
+    @property
+    def seen_force(self) -> Reals:
+        """The force that acts at the time that is looked at, shape (m, size); of agents of order 1 their velocity."""
+        actuation = self.actuation
+        if actuation is None or actuation.lag is None:
+            return self.force
+        lag = actuation.lag if actuation.seen is None else actuation.seen[0]
+        assert lag is not None
+        return lag + actuation.beside
 
     def coast(self, h: float, target: Reals | None = None) -> float:
         """Move all agents by ``h`` under the forces that act; returns the largest speed in the frame of the lists.
@@ -212,10 +235,10 @@ class HeldParticles(ParticleArrays):
             Takes the state; None to change that of the agents. Columns go to `HeldActuation.seen`.
         """
         into = self.agents if target is None else target
-        actuation, frame = self.actuation, self.displacement.velocity
+        actuation, frame, size = self.actuation, self.displacement.velocity, self.size
         heading = lag = None
         if actuation is not None:
-            heading = actuation.turned(self.agents, self.force, h, self.motion.body, self.ids)
+            heading = actuation.turned(self.agents[:size], self.force, h, self.motion.body, self.ids[:size])
         if actuation is None or actuation.lag is None or actuation.constants is None:
             constants = self.motion.over(h, self.ids)
             self.workers.each(coast, self.tiles, self.agents, into, self.force, constants, frame, self.n, self._fastest)

@@ -172,9 +172,7 @@ class ParticleArrays(ListedAgents):
         """
         T = self.dtype
         self.refresh_copies(self.agents)
-        if self.spec.layout.law.beyond_neighbours or (
-            self.spec.ledger and self.spec.layout.energy.frame == "centre of mass"
-        ):
+        if self.spec.reads_means:
             self._fill_means(self.X, self.results.means)
         lists: list[object] = []
         radii, parameters, velocity = self.radii, self.parameters, self.displacement.velocity
