@@ -14,6 +14,8 @@ ROWS = dict(re.findall(r"^\| (.+?) \| `([^`]+)` \|$", PAGE, re.MULTILINE))
 
 HOMES = {
     "change what goes with an agent that changes ranks under held control": "class HeldRankParticles(",
+    "change what goes with a body that changes ranks under held control": "def columns_here(self",
+    "change which rank writes which agents of a frame": "class FrameShares",
     "allow another function in text formulas": "FUNCTIONS: dict[str, int] = {",
     "change the size limit of the cache of generated code": "MOST_BYTES =",
     "add a term that acts between pairs": "class PairTerm(",

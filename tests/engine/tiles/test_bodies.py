@@ -210,4 +210,4 @@ def test_lammps_refuses_by_name_what_tiles_refuse():
     held = scenario(fk.Limited(fk.PointMass(), force=1.0)).with_(control=fk.Held(0.1))
     assert engine_named("lammps").why_not(held) == ""
     why = engine_named("lammps").why_not(held.with_(bodies=fk.Lagged(held.agents, 0.2)))
-    assert why.startswith("engine='lammps' runs the kernels of the tiled engine. The tiled engine cannot run Lagged agents")
+    assert why.startswith("engine='lammps' runs the kernels of the tiled engine. The tiled engine cannot run Lagged")

@@ -41,7 +41,6 @@ PERIODS = STEP * (3 + EACH % 5)
 PHASES = STEP * (EACH % 4)
 
 
-
 def _chain():
     """Unicycles whose limited force lags and who are blown about before and behind the lag."""
     blown = fk.Disturbed(fk.Unicycle(2.0 + 0.01 * EACH, damping=0.1), 2.0, 0.04, seed=5)

@@ -13,10 +13,11 @@ from flocking.engine.driver.simulate import open_session, run_session
 from flocking.engine.lammps.engine import ENGINE
 from flocking.engine.lammps.options import LammpsOptions
 from tests.mpi.held.held_cases import case
+from tests.mpi.held.random_worlds import world
 
 
 def opened(name, **more):
-    scenario, options = case(name)
+    scenario, options = world(int(name)) if name.isdigit() else case(name)
     options |= {"ledger": int(options.get("ledger", True))}
     return open_session(ENGINE, scenario, LammpsOptions(threads=1, **{**options, **more}))
 

@@ -113,6 +113,17 @@ class Ranks(Team):
         found: T = self.comm.bcast(self.alone(action))
         return found
 
+    def collected(self, value: T) -> list[T] | None:
+        """The values of all ranks in their order, on the first one; None elsewhere.
+
+        Parameters
+        ----------
+        value
+            That of this rank, which can be pickled.
+        """
+        found: list[T] | None = self.comm.gather(value)
+        return found
+
     @cached_property
     def _largest(self) -> Op:
         """The reduction of largest values."""

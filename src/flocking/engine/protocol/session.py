@@ -176,6 +176,21 @@ class Session(ABC):
         """The processes that run it together."""
         return ONE_PROCESS
 
+    def share_frames(self, agents: int) -> bool:
+        """Keep from now on parts of frames in the processes that are to write them, if this session does so.
+
+        Parameters
+        ----------
+        agents
+            Each process has the agents of whole chunks of so many, in the order of their numbers.
+
+        Returns
+        -------
+        bool
+            Whether it does: the same in all processes.
+        """
+        return False
+
     @property
     def shrunk(self) -> object | None:
         """Why the run hardly advances, to be shown as text; None if it does advance."""

@@ -255,13 +255,25 @@ def resolution(particles: ParticleArrays, q: Reals, time: float) -> None:
         return
     out = float(np.median(np.abs(q).max(axis=1)))
     spacing = float(np.finfo(particles.dtype).eps) * out
-    if spacing > COARSEST * max(particles.radii.cutoffs):
+    if not resolved(particles, out):
         wider = "use precision='float64', or s" if particles.dtype == np.float32 else "S"
         raise OutOfPrecision(
             f"Most agents are so far from the origin ({out:.3g}) that {particles.spec.precision} resolves positions "
             f"only to {spacing:.2g}, of a radius of {max(particles.radii.cutoffs):.3g}: {wider}tart near the origin.",
             time=time,
         )
+
+
+def resolved(particles: ParticleArrays, out: float) -> bool:
+    """Whether floating-point numbers resolve a position so far from the origin.
+
+    Parameters
+    ----------
+    out
+        Its largest coordinate.
+    """
+    spacing = float(np.finfo(particles.dtype).eps) * out
+    return not particles.moving or spacing <= COARSEST * max(particles.radii.cutoffs)
 
 
 def ledger(records: TilesRecorder, scheme: Integrator, eps: float, step: float, time: float) -> None:

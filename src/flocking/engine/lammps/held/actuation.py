@@ -16,8 +16,8 @@ from flocking.model.state import State
 class RankActuation(HeldActuation):
     """The way from the forces that agents computed to what acts, for the agents of one rank.
 
-    Numbers of the bodies are looked up by the numbers of agents, and gusts drawn by them, on any rank. Wanted forces, lagged
-    ones and headings are asked from the rank that had the agent.
+    Numbers of the bodies are looked up by the numbers of agents, and gusts drawn by them, on any rank. Wanted forces,
+    lagged ones and headings are asked from the rank that had the agent.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class RankActuation(HeldActuation):
     @property
     def width(self) -> int:
         """Number of columns of `columns_here`."""
-        return self.m * (1 if self.lag is None else 2) + (0 if self.heading is None else 2)
+        return int(self.m * (1 if self.lag is None else 2) + (0 if self.heading is None else 2))
 
     def hold(self, columns: AnyArray, ids: Numbers32) -> None:
         """Hold what belongs to other agents, under the gusts in force.
@@ -69,7 +69,7 @@ class RankActuation(HeldActuation):
         self._blow()
 
     def further(self, n: int) -> Array:
-        """Further columns of the ``n`` agents of this rank at the time that is looked at, in the order of the body's."""
+        """Further columns of the ``n`` agents of this rank at the time that is looked at, in the body's order."""
         lag, heading = (self.lag, self.heading) if self.seen is None else self.seen
         found = {APPLIED: None if lag is None else lag[:, :n].T, HEADING: None if heading is None else heading[:n]}
         parts = [found[name] for name in self._widths]

@@ -121,8 +121,8 @@ def unpacked(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario, 
                 "integrals": powers, "powers": powers, "jumped": ANY, "wanted": ANY,
                 "sums": Names({}, dict.fromkeys(SUMS, ANY)),
             }),
-            "rows": Table("f8", (n, None), finite=False), "links": Maybe(Row([links] * moving)), "waiting": Many(Integer(0)),
-            "samples": Maybe(samples), "records": check_records(scenario),
+            "rows": Table("f8", (n, None), finite=False), "links": Maybe(Row([links] * moving)),
+            "waiting": Many(Integer(0)), "samples": Maybe(samples), "records": check_records(scenario),
         }
     ).check(restored(numbers["session"], arrays), "session")  # fmt: skip
     checked = cast(HeldRankFields, found)

@@ -120,6 +120,11 @@ class HeldDomainSession(DomainSession, HeldTilesSession):
         options = self.options
         rows: Array | None = None
         pairs = None
+        if self._shares is not None:
+            with self._moved_by(offset):
+                own = self._own_rows()
+            self._keep_part(self._shares, t, own)
+            return
         if options.keep_frames or options.observe:
             with self._moved_by(offset):
                 rows = self._gathered_rows()
@@ -133,11 +138,15 @@ class HeldDomainSession(DomainSession, HeldTilesSession):
 
         Agents of order 1 have no velocities.
         """
+        return self._particles.gathered(self._own_rows())
+
+    def _own_rows(self) -> AnyArray:
+        """The same of the agents here."""
         particles = self._particles
         n, m, actuation = particles.n, particles.m, particles.actuation
-        own: AnyArray = particles.agents[:n]
-        rows = particles.gathered(own if actuation is None else np.concatenate([own, actuation.further(n)], axis=1))
-        if rows is not None and self.scenario.agents.order == 1:
+        further = np.zeros((n, 0)) if actuation is None else actuation.further(n)
+        rows = np.concatenate([particles.agents[:n], further], axis=1)
+        if self.scenario.agents.order == 1:
             rows[:, m : 2 * m] = 0.0
         return rows
 

@@ -15,8 +15,8 @@ from flocking.engine.tiles.kernels.control_kernel import control_kernel, control
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
-from flocking.model.law import Scenario
 from flocking.model.bodies.body import Body
+from flocking.model.law import Scenario
 from flocking.model.state import State
 from flocking.model.world.information import Messages
 
