@@ -185,7 +185,9 @@ class DomainSession(TilesSession):
         """Positions, velocities and further columns of the agents here."""
         particles = self._particles
         n, m = particles.n, particles.m
-        return np.concatenate([particles.agents[:n, :m], velocities[:, :n].T, particles.body_rows.further[:, :n].T], axis=1)
+        return np.concatenate(
+            [particles.agents[:n, :m], velocities[:, :n].T, particles.body_rows.further[:, :n].T], axis=1
+        )
 
     def share_frames(self, agents: int) -> bool:
         """Send frames to the ranks that write them, unless something reads them as a whole. See `Session`."""
