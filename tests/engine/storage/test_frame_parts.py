@@ -124,6 +124,14 @@ def test_small_groups_and_those_with_links_are_written_whole(tmp_path, monkeypat
     assert linked.shared_agents == 0
 
 
+def test_chunks_of_several_frames_are_written_by_one_process(tmp_path, monkeypatch):
+    """Else the next commit would have to read what other processes wrote."""
+    monkeypatch.setattr(columns, "CHUNK_BYTES", 2**20)
+    whole, _ = opened(tmp_path / "run", fk.PointMass())
+    whole.close()
+    assert whole.shared_agents == 0
+
+
 def test_a_folder_that_is_not_seen_is_told(tmp_path):
     assert not sees(tmp_path / "elsewhere", 1)
 
