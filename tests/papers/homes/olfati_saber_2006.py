@@ -199,6 +199,7 @@ PASSING = [
 BEHIND = [
     ("one-flock-behind", THIRD, "PAPER", "HOLDS", True, "one_flock", "granted"),
     ("aligned-behind", THIRD, "PAPER", "HOLDS", True, "aligned_at_end", "granted"),
+    ("lattice-behind", THIRD, "PAPER", "HOLDS", True, "quasi_lattice", "granted"),
 ]
 APART = ("on fragmentation, as commonly cited", "OWN", "FAILS", True, "one_flock", "granted")
 STATED = {
@@ -213,6 +214,7 @@ STATED = {
     "-pressed": [*TOGETHER, ("merge", "not stated", "OWN", "FAILS", True, "never_merge", "granted")],
     "-split": [*PASSING, *BEHIND],
     "-squeeze": [*PASSING, *BEHIND],
+    "-firm": [*PASSING, *BEHIND],
     "-against": [ENERGY, ("entry", "not stated", "OWN", "FAILS", True, "never_inside", "granted")],
     "-network": PASSING,
     "-network-held": [

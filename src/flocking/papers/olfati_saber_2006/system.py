@@ -25,7 +25,7 @@ from flocking.papers.named_scenarios import scenario_by_name
 
 KEY = "olfati-saber-2006"
 FRAGMENTS, SPACE, GENTLE, PRESSED = (f"{KEY}-{name}" for name in ("fragments", "space", "gentle", "pressed"))
-SPLIT, SQUEEZE, AGAINST = f"{KEY}-split", f"{KEY}-squeeze", f"{KEY}-against"
+SPLIT, SQUEEZE, FIRM, AGAINST = f"{KEY}-split", f"{KEY}-squeeze", f"{KEY}-firm", f"{KEY}-against"
 NETWORK, HELD = f"{KEY}-network", f"{KEY}-network-held"
 
 DISTANCE = 7.0
@@ -45,6 +45,8 @@ ALPHA_ONSET, BETA_ONSET = 0.2, 0.9
 
 GAINS = (1.0, 4.5, 1.2)
 """c1 for alpha-, beta- and gamma-agents: of a public simulator, since the collected settings have none."""
+FIRM_GAINS = (1.0, 300.0, 1.2)
+"""The same with the gain for beta-agents of another public program, with which agents stay out of obstacles."""
 GROUP_GAIN = 0.05
 """c1 of Algorithm 2 for 150 agents: the pull at the edge of their lattice stays below the largest repulsion of two
 agents, 5/sqrt(eps)."""
@@ -279,7 +281,10 @@ def gentle(seed: int = 0) -> Scenario:
     return _scenario(GENTLE, Algorithm(1), State(q, rng.uniform(-0.5, 0.5, q.shape)), seed, 2.0 * DURATION)
 
 
-def among_obstacles(seed: int = 0, *, rows: Sequence[Sequence[float]] = SPLIT_OBSTACLES, name: str = SPLIT) -> Scenario:
+def among_obstacles(
+    seed: int = 0, *, rows: Sequence[Sequence[float]] = SPLIT_OBSTACLES, gains: tuple[float, float, float] = GAINS,
+    name: str = SPLIT,
+) -> Scenario:  # fmt: skip
     """Forty agents under Algorithm 3 that pass obstacles.
 
     Parameters
@@ -288,12 +293,14 @@ def among_obstacles(seed: int = 0, *, rows: Sequence[Sequence[float]] = SPLIT_OB
         Seed of the start, in a square of side 60 before the obstacles.
     rows
         Centres and radii of the obstacles.
+    gains
+        c1 for alpha-, beta- and gamma-agents.
     name
         Name of the scenario.
     """
     height = float(np.mean([row[1] for row in rows]))
     begin = starts.box(FRAGMENT_AGENTS, side=(60.0, 60.0), corner=(0.0, height - 30.0), seed=seed)
-    algorithm = Algorithm(3, obstacles=balls(rows), goal=goal(place=[40.0, height]))
+    algorithm = Algorithm(3, gains, balls(rows), goal(place=[40.0, height]))
     return _scenario(name, algorithm, begin, seed, PASSAGE_DURATION)
 
 
@@ -351,6 +358,7 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         PRESSED: lambda seed: group(seed, dimension=3, agents=SPACE_AGENTS, gain=GAINS[2], name=PRESSED),
         SPLIT: among_obstacles,
         SQUEEZE: lambda seed: among_obstacles(seed, rows=SQUEEZE_OBSTACLES, name=SQUEEZE),
+        FIRM: lambda seed: among_obstacles(seed, rows=SQUEEZE_OBSTACLES, gains=FIRM_GAINS, name=FIRM),
         AGAINST: against,
         NETWORK: network,
         HELD: held_network,

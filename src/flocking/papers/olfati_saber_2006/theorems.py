@@ -200,6 +200,7 @@ def grounds() -> Mapping[str, Ground]:
         "one-flock": OBSERVED,
         "one-flock-behind": OBSERVED,
         "aligned-behind": OBSERVED,
+        "lattice-behind": OBSERVED,
         "one-flock-alone": refuted(lambda: system.scenarios()[system.FRAGMENTS](0)),
         "lattice": OBSERVED,
         "held": proved("by the definition of the system"),
@@ -247,7 +248,7 @@ def _stated(name: str) -> Sequence[Claim]:
                   expected=Verdict.FAILS,
                   reason="The force of an obstacle vanishes at its boundary, with n_ij, and points inwards behind it."),
         )  # fmt: skip
-    if name in (system.SPLIT, system.SQUEEZE, system.NETWORK, system.HELD):
+    if name in (system.SPLIT, system.SQUEEZE, system.FIRM, system.NETWORK, system.HELD):
         passage = (
             Claim("split", THIRD, "Obstacles split the flock.", splits),
             Claim("rejoin", THIRD, "The parts of the flock rejoin.", rejoins),
@@ -263,6 +264,7 @@ def _stated(name: str) -> Sequence[Claim]:
             energy, entry, *passage,
             Claim("one-flock-behind", THIRD, "All agents end in one flock behind the obstacles.", one_flock),
             Claim("aligned-behind", THIRD, "At the end all velocities are nearly the same.", aligned_at_end),
+            Claim("lattice-behind", THIRD, "The agents end as quasi alpha-lattices.", quasi_lattice),
         )  # fmt: skip
     merging = (
         Claim("merge", "not stated", "No two agents merge, whatever the gains.", never_merge, origin=own,

@@ -18,6 +18,7 @@ def test_olfati_saber_2006():
     split = zip([100, 110, 120, 130, 150, 160], [20, 60, 40, -20, 40, 0], [10, 4, 2, 5, 5, 3], strict=True)
     assert tuple(split) == x.SPLIT_OBSTACLES
     assert x.SQUEEZE_OBSTACLES == ((150, 30, 25), (150, 100, 25))
+    assert x.FIRM_GAINS == (1.0, 300.0, 1.2)
     assert (x.GAINS, x.NETWORK_OBSTACLES) == ((1.0, 4.5, 1.2), ((75, 10, 10), (75, 50, 10)))
     assert (x.NETWORK_GOAL, x.NETWORK_VELOCITY) == ((60, 25), (4, 0))
     assert (x.NETWORK_STEP, x.NETWORK_DURATION) == (0.2, 50.0)

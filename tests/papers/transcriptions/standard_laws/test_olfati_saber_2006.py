@@ -76,6 +76,22 @@ def test_straight_paths_beside_and_through_an_obstacle(name, closest, verdict):
     assert no_entry(run, name)[0] == "not resolved"
 
 
+def test_with_a_larger_gain_at_obstacles_the_flock_passes_the_gap_as_one():
+    """The start and the obstacles of the squeeze, where agents enter them; with c1 = 300 for beta-agents none does."""
+    made, squeeze = system.scenario(name=system.FIRM), system.scenario(name=system.SQUEEZE)
+    assert (made.start.q == squeeze.start.q).all()
+    assert made.law.terms[-1].repulsion_gain == 300.0
+    assert made.law.terms[-1].damping_gain == pytest.approx(2.0 * np.sqrt(300.0))
+    assert repr(made.law.terms[-1].obstacles) == repr(squeeze.law.terms[-1].obstacles)
+    assert repr(made.law.terms[:-1]) == repr(squeeze.law.terms[:-1])
+    found = audit(fk.simulate(made, progress=False), theorems.claims(system.FIRM))
+    keys = ("energy", "no-entry", "one-flock-behind", "aligned-behind", "lattice-behind")
+    assert {key: str(found[key].verdict) for key in keys} == dict.fromkeys(keys, "holds")
+    found = audit(fk.simulate(squeeze, progress=False), theorems.claims(system.SQUEEZE))
+    keys = ("no-entry", "one-flock-behind", "aligned-behind")
+    assert {key: str(found[key].verdict) for key in keys} == dict.fromkeys(keys, "fails")
+
+
 def test_velocities_at_the_end_are_judged_by_their_mismatch():
     """Of two agents (v, 0) + (0, +-w): w^2/2, allowed up to 0.01 v^2."""
     made = system.scenario(name=system.SPLIT)
@@ -90,7 +106,9 @@ def test_velocities_at_the_end_are_judged_by_their_mismatch():
 
 def test_the_claim_is_expected_to_hold_wherever_it_is_stated():
     stated = {name: [c.expected for c in theorems.claims(name) if c.key == "no-entry"] for name in system.scenarios()}
-    assert {name for name, found in stated.items() if found} == {system.SPLIT, system.SQUEEZE, system.NETWORK}
+    assert {name for name, found in stated.items() if found} == {
+        system.SPLIT, system.SQUEEZE, system.FIRM, system.NETWORK
+    }  # fmt: skip
     assert all(found in ([], [Verdict.HOLDS]) for found in stated.values())
 
 
