@@ -123,9 +123,6 @@ class ObstacleLists:
     def _near(self, group: int, centre: Array, radius: Array, t: float) -> tuple[Numbers, Numbers32]:
         """The obstacles of a group within range of each tile, given their centres, shape (tiles, m), and radii."""
         tiles, count = len(centre), len(self.obstacle_distances.groups[group].obstacles)
-        # A rank of many may have no agents.
-        if not tiles:
-            return np.zeros(1, np.int64), np.zeros(0, np.int32)
         if np.isinf(self.speed):
             return np.arange(tiles + 1) * count, np.tile(np.arange(count, dtype=np.int32), tiles)
         reach = self.ranges[group] + self.margin
@@ -172,12 +169,15 @@ class ObstacleLists:
 def _cells(centre: Array) -> Iterator[Numbers]:
     """Number of the cell that each tile's centre lies in, shape (tiles,), of finer and finer grids."""
     tiles, m = centre.shape
-    low = centre.min(axis=0)
-    extent = float((centre.max(axis=0) - low).max())
     depth = 0
     while TILES_IN_CELL * FINER ** (m * (depth + 1)) <= tiles:
         depth += 1
-    if not depth or not extent > 0.0:
+    # Few tiles need no grid, and a rank of many may have none.
+    if not depth:
+        return
+    low = centre.min(axis=0)
+    extent = float((centre.max(axis=0) - low).max())
+    if not extent > 0.0:
         return
     finest = np.minimum((centre - low) / extent * FINER**depth, FINER**depth - 1).astype(np.int64)
     for level in range(1, depth + 1):
