@@ -7,6 +7,7 @@ SEEDS ?= 10
 DOCS_OUT ?= docs/_build/html
 PYTEST_ARGS ?=
 WHEEL_PYTHON ?=
+WHEEL_FORM ?=
 WHEEL_TESTS ?=
 # One process more than there are processors: some tests wait, for a signal or another process, and leave theirs idle.
 WORKERS ?= $(shell echo $$(( $$(getconf _NPROCESSORS_ONLN) + 1 )))
@@ -22,7 +23,7 @@ LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-wheel test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs clean
+.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-wheel test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs docs-check clean
 
 setup: $(READY)
 
@@ -64,10 +65,12 @@ test-pythons:
 		$(MAKE) test-quick PYTHON=$$python VENV=.venv-$$version || exit 1; \
 	done
 
-# The wheel is built, installed into a new environment of every Python that this machine has, and passes the quick tests there,
-# beside no source tree; WHEEL_PYTHON=3.12 takes one version of Python alone, WHEEL_TESTS=tests/formula these tests alone.
+# Wheel and source distribution are built and installed into new environments, the wheel on every Python that this machine has,
+# the source distribution on the newest; the quick tests pass there, beside no source tree. WHEEL_PYTHON=3.12 takes one version
+# of Python alone, WHEEL_FORM=sdist one of wheel and sdist, WHEEL_TESTS=tests/formula these tests alone.
 test-wheel: $(READY)
-	FLOCKING_WHEEL_PYTHON=$(WHEEL_PYTHON) FLOCKING_WHEEL_TESTS="$(WHEEL_TESTS)" $(BIN)/python -m pytest -m slow -p no:xdist tests/packaging/test_setup.py -k wheel $(PYTEST_ARGS)
+	FLOCKING_WHEEL_PYTHON=$(WHEEL_PYTHON) FLOCKING_WHEEL_FORM=$(WHEEL_FORM) FLOCKING_WHEEL_TESTS="$(WHEEL_TESTS)" \
+		$(BIN)/python -m pytest -s -m slow -p no:xdist tests/packaging/test_setup.py -k quick_tests $(PYTEST_ARGS)
 
 # The engine for clusters on 1, 2 and 4 ranks of this machine. Its packages bring MPI along: nothing else is needed.
 test-mpi: $(MPI_READY)
@@ -145,18 +148,26 @@ bench-check: $(READY)
 bench-mpi: $(MPI_READY)
 	$(BIN)/python benchmarks/mpi.py
 
-# The slow tests: many seeds, long runs, the package built and installed anew. Random runs are compared with a Taylor
-# integration in C: Debian's gcc, installed where it is missing.
+# The slow tests: many seeds, long runs, the package built and installed anew; at most an hour on two processors. Random
+# runs are compared with a Taylor integration in C: Debian's gcc, installed where it is missing. Repetitions of kills,
+# signals, full disks, damage and random cases are marked `repeated`: make robustness TIER=slow runs them. Slow tests of an
+# extra are run by the target of that extra.
+VALIDATION := slow and not repeated and not mpi and not cluster and not browser and not server and not emulator and not nodes and not peers
 validate: $(READY)
 	@command -v cc >/dev/null || command -v gcc >/dev/null || \
 		{ apt-get update -qq && apt-get install -y -qq gcc libc6-dev; } || \
 		{ echo "make validate needs a C compiler: install gcc and run this again."; exit 1; }
-	$(BIN)/python -m pytest -m slow $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "$(VALIDATION)" -n $(WORKERS) --dist worksteal $(PYTEST_ARGS)
 
 # These pages need no network to be read; the packages that make them are fetched once.
 docs: $(DOCS_READY)
 	$(BIN)/python -m sphinx -W --keep-going -b html docs $(DOCS_OUT)
 	@echo "Open $(DOCS_OUT)/index.html"
+
+# Every page of it in Chromium, wide and as on a phone, light and dark: accessible, no picture missing, nothing cut off. Of the
+# pages of the library by name a sample.
+docs-check: docs $(BROWSER_READY)
+	DOCS_OUT=$(DOCS_OUT) $(BIN)/python -m pytest -m built_docs -p no:xdist tests/docs/test_built_pages.py $(PYTEST_ARGS)
 
 $(DOCS_READY): $(READY) docs/requirements.txt
 	$(BIN)/python -m pip install --quiet --requirement docs/requirements.txt
@@ -164,21 +175,25 @@ $(DOCS_READY): $(READY) docs/requirements.txt
 
 # Random cases against files, formulas, stored runs, the command line and the interface; prints their numbers.
 fuzz: $(READY)
-	$(BIN)/python -m pytest tests/fuzz -m "slow or not slow" -n $(WORKERS) $(PYTEST_ARGS)
+	$(BIN)/python -m pytest tests/fuzz -m "repeated or not repeated" -n $(WORKERS) $(PYTEST_ARGS)
 
 # Kills, damages, strangers, odd machines and fuzzes: writers and workers killed, stored runs and sweeps damaged, the lab asked by
-# pages of others, full disks, random cases; a table at the end counts them. make robustness TIER=slow: 200 kills, 200 signals to
-# every long command, and over ten thousand random cases.
+# pages of others, full disks, random cases; a table at the end counts them. make robustness TIER=slow adds the tests marked
+# `repeated`, which make validate leaves out: 200 kills, 200 signals to every long command, and over ten thousand random cases.
+# tests/packaging/test_tiers.py checks that their files are all here, and those that docs/safety.md counts.
 TIER ?= quick
-TIER_quick := not slow
+TIER_quick := not slow and not repeated
 TIER_slow := slow or not slow
-robustness: $(CLUSTER_READY) $(LAB_READY)
+robustness: $(CLUSTER_READY) $(LAB_READY) $(NODES_READY)
 	$(BIN)/python -m pytest -m "($(TIER_$(TIER))) and not mpi and not browser" -n $(WORKERS) --dist loadfile \
 		tests/engine/storage/test_storage.py tests/engine/storage/test_storage_kill.py tests/engine/storage/test_crafted_checkpoints.py \
 		tests/engine/storage/test_foreign_runs.py tests/engine/storage/test_formats.py tests/engine/tiles/test_saving.py \
 		tests/engine/storage/test_storage_creation.py tests/apps/test_process.py tests/machines \
 		tests/engine/storage/test_storage_resume.py tests/apps/lab/test_access.py tests/apps/lab/test_server.py \
-		tests/formula/test_cache.py tests/study/sweeps/test_sweep_kills.py tests/study/sweeps/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
+		tests/engine/storage/test_zarr_thread.py tests/engine/nodes/test_signals.py tests/engine/nodes/test_odd_machines.py \
+		tests/engine/sampled/test_safety_of_extreme_numbers.py tests/apps/lab/test_collapse_of_many_laws.py \
+		tests/formula/test_cache.py tests/study/sweeps/test_sweep_kills.py tests/study/sweeps/test_sweep_store.py \
+		tests/study/sweeps/test_pool_locks.py tests/study/sample_files/test_hostile_files.py tests/fuzz tests/cluster $(PYTEST_ARGS)
 
 # Tests that start processes or threads, send signals, wait, or have a limit of time, TIMES times over, LOAD repetitions side by
 # side: they are each other's load, and busy processes take the places of those that are through. What fails once waits for a

@@ -23,6 +23,7 @@ extensions = [
     "api_pages",
     "plain_docstrings",
     "mathml",
+    "accessible_pages",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "myst_parser",
@@ -63,6 +64,7 @@ html_title = "flocking"
 MATH_FONT = Path(ziamath.__file__).parent / "fonts" / "STIXTwoMath-Regular.ttf"
 html_static_path = ["_static", str(MATH_FONT)]
 html_css_files = ["pages.css"]
+html_js_files = ["scrolled.js"]
 html_math_renderer = "mathml"
 html_copy_source = False
 html_show_sphinx = False

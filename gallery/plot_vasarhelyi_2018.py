@@ -16,7 +16,7 @@ article = paper("vasarhelyi-2018")
 
 # %%
 # Two minutes of the main scenario, whose parameters are those of the released file; of the flock as the released
-# program runs it, from rest and with wanted velocities of one length; of one with the parameters that the authors'
+# program runs it, from rest and with desired velocities of one length; of one with the parameters that the authors'
 # optimisation found, as commonly cited; and of that one among obstacles.
 
 names = [f"vasarhelyi-2018{name}" for name in ("", "-program", "-optimized", "-obstacles")]

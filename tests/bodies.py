@@ -9,7 +9,7 @@ import flocking as fk
 
 @dataclass(frozen=True, eq=False)
 class Actuated(fk.Body):
-    """A point mass whose force follows the wanted one with a time constant."""
+    """A point mass whose force follows the desired one with a time constant."""
 
     masses: object = 1.0
     damping: object = 0.0

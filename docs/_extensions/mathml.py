@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from typing import Any
 
 from latex2mathml.converter import convert
 from sphinx.util import logging
+
+from flocking.errors import InvalidInput
+from flocking.formula.markup.mathml import to_mathml as own_mathml
 
 logger = logging.getLogger(__name__)
 
 
 def to_mathml(latex: str, display: str, place: object = None) -> str:
     """MathML of a formula; a command the converter does not know is a warning, which fails the build."""
+    # What the converter sets badly, as aligned rows on one line, the library's own typesetting of laws sets well.
+    if re.search(r"\\begin\{aligned\}|\\[lr]vert\b", latex):
+        with suppress(InvalidInput):
+            return own_mathml(latex, block=display == "block")
     found = convert(latex, display=display)
     if unknown := re.search(r">\s*(\\[A-Za-z]+)", found):
         logger.warning("formula uses unknown %s: %s", unknown.group(1), latex, location=place)

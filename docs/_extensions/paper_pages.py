@@ -1,4 +1,4 @@
-"""Pages of the papers: numbers, laws, claims, readings, counter-examples and equation table."""
+"""Pages of the papers: laws, claims, numbers, readings, counter-examples and equation table."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from types import ModuleType
 from typing import Any
 
 import sympy
-from text_tables import code, number, plain, table
+from text_tables import code, number, plain, table, typeset
 
 from flocking.model.law import Scenario
-from flocking.model.terms.pair_terms import Gradient
+from flocking.model.typesetting.documentation import summary_of
+from flocking.model.typesetting.law_formulas import law_latex, motion_latex
+from flocking.model.typesetting.law_html import potentials_of
 from flocking.papers import ALL_KEYS, paper
 from flocking.papers.description import Paper
 from flocking.papers.equation_table import Demonstration, Fault, Row
@@ -52,7 +54,7 @@ def parts(scenario: Scenario) -> list[str]:
     lines = [f"- agents: {scenario.start.n} in {scenario.start.dimension} dimensions, until t = {scenario.t_end:g}"]
     lines.append(f"- graph: {code(type(law.graph).__name__)}{plain(graph_values(law.graph))}")
     lines += [f"- term: {code(type(term).__name__)}{plain(term_values(term))}" for term in law.terms]
-    lines.append(f"- energy: {plain(scenario.energy.name)} in the frame of the {plain(scenario.energy.frame)}")
+    lines.append(f"- energy: {typeset(scenario.energy.name)} in the frame of the {plain(scenario.energy.frame)}")
     knows = "nothing beyond its neighbours" if law.distributed else ", ".join(law.beyond_neighbours)
     lines.append(f"- an agent must know: {plain(knows)}")
     return lines
@@ -70,26 +72,40 @@ def term_values(term: Any) -> str:
     return "".join(f", {name} {value:.5g}" for name, value in values.items())
 
 
-def potentials(scenario: Scenario) -> str:
-    """The potential of a scenario and the slope derived from it, as formulas."""
-    found = [t.potential for t in scenario.law.terms if isinstance(t, Gradient)]
-    if not found:
-        return ""
-    psi = found[0]
-    r, formula = psi.symbolic()
-    shape = sympy.latex(sympy.piecewise_fold(formula))
-    slope = sympy.latex(sympy.piecewise_fold(sympy.diff(formula, r)))
-    values = ", ".join(f"{name} = {value:.5g}" for name, value in psi.parameters.items())
-    where = f"with {plain(values)}, and its slope as the library derives it\n\n" if values else "and its slope\n\n"
-    return f"The potential\n\n$$\\psi(r) = {shape}$$\n\n{where}$$\\psi'(r) = {slope}$$\n\n"
+def formulas(scenario: Scenario) -> str:
+    """The law of a scenario, its potentials and the slopes derived from them."""
+    dimension = scenario.start.dimension
+    parts = [f"$$\n{law_latex(scenario.law, dimension)}\n$$\n\n"]
+    for name, psi in potentials_of(scenario.law, dimension).values():
+        r, formula = psi.symbolic()
+        shape = sympy.latex(sympy.piecewise_fold(formula))
+        slope = sympy.latex(sympy.piecewise_fold(sympy.diff(formula, r)))
+        values = ", ".join(f"${sympy.latex(sympy.Symbol(k))} = {value:.5g}$" for k, value in psi.parameters.items())
+        where = f"with {values}, and its slope as the library derives it" if values else "and its slope"
+        parts.append(f"The potential\n\n$$\n{name}(r) = {shape}\n$$\n\n{where}\n\n$$\n{name}'(r) = {slope}\n$$\n\n")
+    return "".join(parts)
+
+
+SYMBOLS = (
+    "$q_i$ and $p_i$ are position and velocity of agent $i$, $N_i$ its neighbours, $r_{ij}$ is the distance of $i$ and "
+    "$j$, $\\mathbf{n}_{ij}$ the unit vector from $i$ to $j$."
+)
+
+
+def law_section(scenario: Scenario) -> str:
+    """The law in symbols and in words."""
+    law = scenario.law
+    words = [f"- {code(type(part).__name__)}: {typeset(summary_of(part))}" for part in (law.graph, *law.terms)]
+    moving = [f"$$\n{latex}\n$$\n\n" for latex in motion_latex(scenario.agents)]
+    return "".join([formulas(scenario), f"{SYMBOLS}\n\n", "\n".join(words), "\n\n", *moving])
 
 
 def claim_rows(article: Paper, name: str) -> list[tuple[str, ...]]:
     """One row for each claim about a scenario."""
     return [
         (
-            code(c.key), plain(c.source), plain(c.statement),
-            plain(c.expected) + (f": {plain(c.reason)}" if c.reason else ""),
+            code(c.key), typeset(c.source, letters=False), typeset(c.statement),
+            plain(c.expected) + (f": {typeset(c.reason)}" if c.reason else ""),
         )
         for c in article.claims(name)
     ]  # fmt: skip
@@ -115,8 +131,8 @@ def errata_sections(rows: list[Row], level: int) -> str:
 
 def erratum_row(row: Row, shown: Demonstration | None) -> tuple[str, ...]:
     """One row of a table of errata."""
-    example = ("", "", "") if shown is None else (plain(shown.example), number(shown.printed), number(shown.true))
-    return (plain(row.number), plain(row.title), plain(row.reading or row.note), *example)
+    example = ("", "", "") if shown is None else (typeset(shown.example), number(shown.printed), number(shown.true))
+    return (typeset(row.number, letters=False), typeset(row.title), typeset(row.reading or row.note), *example)
 
 
 ERRATUM_HEAD = ("number", "statement", "reading", "example", "as printed", "computed")
@@ -131,26 +147,31 @@ def paper_page(key: str) -> str:
     lines = [f"# {plain(article.title)}\n\n{plain(about)}. Key: {code(key)}.\n\n"]
     folder = article.package.rsplit(".", 1)[1]
     lines.append(f"A run and its picture: {{ref}}`sphx_glr_gallery_plot_{folder}.py`.\n\n")
-    lines.append("## Numbers\n\n" + table(("name", "value", "note"), [tuple(map(plain, r)) for r in constants(system)]))
-    lines.append("## Scenarios and claims\n\n")
-    shown = ""
+    first = next(iter(article.scenarios().values()))(0)
+    lines.append(f"## The law\n\n{law_section(first)}## Scenarios and claims\n\n")
+    shown = formulas(first)
     for name, make in article.scenarios().items():
         scenario = make(0)
-        lines.append(f"### {plain(name)}\n\n" + "\n".join(parts(scenario)) + "\n\n")
-        formulas = potentials(scenario)
-        if formulas != shown:
-            lines.append(formulas)
-            shown = formulas
+        title = article.title_of(name)
+        lines.append(f"### {typeset(title)}\n\n" + (f"Key: {code(name)}.\n\n" if title != name else ""))
+        lines.append("\n".join(parts(scenario)) + "\n\n")
+        if formulas(scenario) != shown:
+            shown = formulas(scenario)
+            lines.append(shown)
         lines.append(table(("claim", "source", "statement", "expected"), claim_rows(article, name)))
+    known = [(plain(n), plain(value), typeset(note)) for n, value, note in constants(system)]
+    lines.append("## Numbers\n\n" + table(("name", "value", "note"), known))
     lines.append("## How it is read\n\n" + errata_sections(rows, 3))
-    listed = [
-        (plain(r.number), plain(r.kind), plain(" ".join(filter(None, (f"{r.title}.", r.note)))), code(r.home),
-         plain(r.verdict()[0]))
-        for r in rows
-    ]  # fmt: skip
+    listed = []
+    for row in rows:
+        statement = " ".join(filter(None, (f"{row.title}.", row.note)))
+        place = typeset(row.number, letters=False)
+        listed.append((place, plain(row.kind), typeset(statement), code(row.home), plain(row.verdict()[0])))
     lines.append("## Equation table\n\n" + table(("number", "kind", "statement", "home", "verdict"), listed))
     if key in NUMBERED:
-        numbered = [(plain(n), plain(", ".join(r.number for r in found))) for n, found in index(key).items()]
+        numbered = [
+            (plain(n), typeset(", ".join(r.number for r in found), letters=False)) for n, found in index(key).items()
+        ]
         lines.append("## Numbered statements of the text\n\n" + table(("number", "rows of the table"), numbered))
     return "".join(lines)
 

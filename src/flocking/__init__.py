@@ -84,7 +84,7 @@ _HOMES = {
     "unregister_engine": "engine.driver.registry", "write_run": "engine.storage.stored_runs",
     "write_scenario": "study.scenario_files.scenario_file",
 }  # fmt: skip
-"""Modules of all names but those of `flocking.model.library`, each imported when it is asked for."""
+"""Modules of all names but those of `flocking.model.library`, each imported at its first use."""
 
 
 def __getattr__(name: str) -> Any:

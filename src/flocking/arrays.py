@@ -1,6 +1,6 @@
 """Types of arrays: what an array holds, and its shape in words.
 
-The type checker knows the number type, not the shape; the name states it for the reader. N is the number of agents, m
+The type checker checks the number type, not the shape; the name states it for the reader. N is the number of agents, m
 the number of space dimensions, T the number of frames.
 """
 

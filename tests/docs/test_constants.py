@@ -1,10 +1,12 @@
-"""Every numeric constant of a module has a sentence under it: what it is, and why it has this value."""
+"""Every numeric constant of a module has a sentence under it, and functions hold no numbers that need one."""
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
 from pathlib import Path
+
+import numpy as np
 
 import flocking
 
@@ -50,3 +52,52 @@ def test_constants_without_a_sentence_are_found() -> None:
     text = 'A = 4096\n_B, C = -1.0, 2 * A\n"""Two numbers, for a reason."""\nD: float = float("inf")\nNAME = "word"\n'
     assert list(unexplained(text)) == ["A", "D"]
     assert list(unexplained('A = range(3)\n"""No sentence"""\n')) == ["A"]
+
+
+PLAIN = frozenset({0.75, 1.5, *(k / 4 for k in range(4)), *map(float, range(17)), 20.0, 64.0, 100.0})
+"""Numbers in formulas that speak for themselves: quarters, whole numbers, percents."""
+
+DRAWN = 1e-3
+"""Least measure of a picture, in inches, points or shares of its axes: in `show` smaller numbers are tolerances."""
+
+
+def unnamed(text: str, least: float = np.inf) -> Iterator[str]:
+    """Numbers with a point or an exponent inside functions, but for plain ones and those of at least ``least``.
+
+    Values of parameters, of class fields and of constants are apart: they have a name.
+    """
+    for function in ast.walk(ast.parse(text)):
+        if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+            continue
+        for statement in function.body:
+            for node in numbers_of(statement):
+                if abs(node.value) not in PLAIN and not abs(node.value) >= least:
+                    yield f"line {node.lineno}: {node.value}"
+
+
+def numbers_of(node: ast.AST) -> Iterator[ast.Constant]:
+    """Real numbers in a statement, those of functions inside it apart."""
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        return
+    if isinstance(node, ast.Constant) and isinstance(node.value, float):
+        yield node
+    for child in ast.iter_child_nodes(node):
+        yield from numbers_of(child)
+
+
+def test_numbers_in_functions_have_names() -> None:
+    """Papers apart, whose numbers stand beside their equations and figures."""
+    root = Path(flocking.__file__).parent
+    checked = [path for path in SOURCES if path.relative_to(root).parts[0] != "papers"]
+    assert len(checked) > 500
+    found = {
+        str(path): list(unnamed(path.read_text(), DRAWN if path.relative_to(root).parts[0] == "show" else np.inf))
+        for path in checked
+    }
+    assert {path: numbers for path, numbers in found.items() if numbers} == {}
+
+
+def test_numbers_without_a_name_are_found() -> None:
+    text = "A = 1e-12\ndef f(x, y=1e-5):\n    def g():\n        return 0.9 * x\n    return g() + 2.0 * max(x, 1e-12)\n"
+    assert sorted(unnamed(text)) == ["line 4: 0.9", "line 5: 1e-12"]
+    assert list(unnamed(text, DRAWN)) == ["line 5: 1e-12"]

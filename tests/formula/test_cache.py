@@ -114,7 +114,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("step", [400, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [400, pytest.param(20, marks=pytest.mark.repeated)])
 def test_machine_code_cut_anywhere_is_made_anew(folder: Path, step: int, made: list[str]) -> None:
     text = NUMBERS.format(5)
     assert module(text).more(1) == 6
@@ -263,7 +263,7 @@ for k in range(10**6):
 """
 
 
-@pytest.mark.parametrize("kills", [4, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [4, pytest.param(50, marks=pytest.mark.repeated)])
 def test_a_kill_leaves_whole_files(folder: Path, kills: int) -> None:
     folder.mkdir(mode=0o700)
     for k in range(kills):
@@ -279,7 +279,7 @@ def test_a_kill_leaves_whole_files(folder: Path, kills: int) -> None:
         count("cache: writers killed")
 
 
-@pytest.mark.slow
+@pytest.mark.repeated
 def test_8_processes_meet_in_an_empty_cache(folder: Path) -> None:
     ask = "import flocking as fk; print(fk.Potential('1/r + 17*r')(2.0))"
     for _ in range(3):

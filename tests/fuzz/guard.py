@@ -19,7 +19,10 @@ from flocking.errors import FlockingError
 from tests.counting import count, counted
 
 DEADLINE = 20.0
-"""Seconds a case may take on a busy machine."""
+"""Seconds of processor time that a case may take."""
+
+WAITING = 300.0
+"""Seconds that a case may take in all: on a busy machine it gets little of the processor."""
 
 ROOM = 2 * 2**30
 """Address space in bytes that a case may ask for beyond what the process has."""
@@ -34,7 +37,7 @@ SLOW = {
     "files": 2400, "formulas": 1600, "constructors": 3000, "calls": 1000, "commands": 1200, "stored runs": 800,
     "sweep files": 1200, "stored sweeps": 1200, "sampled audits": 300, "damaged audits": 500,
 }  # fmt: skip
-"""Cases of each kind in the slow tests."""
+"""Cases of each kind in `make fuzz` and `make robustness TIER=slow`."""
 
 
 @contextlib.contextmanager
@@ -43,12 +46,15 @@ def guarded(kind: str) -> Iterator[None]:
     count(f"fuzz: {kind}")
 
     def ring(*_: object) -> None:
-        pytest.fail(f"longer than {DEADLINE} s")  # no `except Exception` catches it
+        pytest.fail(
+            f"longer than {DEADLINE} s of processor time, or {WAITING} s in all"
+        )  # no `except Exception` catches it
 
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     pages = int(Path("/proc/self/statm").read_text().split()[0]) if os.path.exists("/proc/self/statm") else 0
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, DEADLINE)
+    before = [(number, signal.signal(number, ring)) for number in (signal.SIGPROF, signal.SIGALRM)]
+    signal.setitimer(signal.ITIMER_PROF, DEADLINE)
+    signal.setitimer(signal.ITIMER_REAL, WAITING)
     if pages:
         resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + ROOM, hard))
     try:
@@ -57,8 +63,10 @@ def guarded(kind: str) -> Iterator[None]:
         assert str(error).strip(), type(error)
         assert len(str(error)) < 20_000, type(error)
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        for number, handler in before:
+            signal.signal(number, handler)
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
@@ -87,10 +95,10 @@ def interrupted_after(seconds: float, work: Callable[[], Any]) -> Any:
 
 
 def fuzz(kind: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Make a function of ``data`` a test with the kind's share of cases, and a slow one with many more."""
+    """Make a function of ``data`` a test with the kind's share of cases, and a repetition with many more."""
 
     def make(function: Callable[..., None]) -> Callable[..., None]:
-        @pytest.mark.parametrize("cases", [DEFAULT[kind], pytest.param(SLOW[kind], marks=pytest.mark.slow)])
+        @pytest.mark.parametrize("cases", [DEFAULT[kind], pytest.param(SLOW[kind], marks=pytest.mark.repeated)])
         def test(cases: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             monkeypatch.chdir(tmp_path)
             before = counted[f"fuzz: {kind}"]

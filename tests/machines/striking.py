@@ -51,8 +51,8 @@ Seen = Callable[[], Any]
 
 def moments(number: int = 200, default: int = 1) -> pytest.MarkDecorator:
     """So many drawn moments, a few of them in the default tests; each is a test of its own."""
-    slow = [pytest.param(k, marks=pytest.mark.slow) for k in range(default, number)]
-    return pytest.mark.parametrize("moment", [*range(default), *slow])
+    rest = [pytest.param(k, marks=pytest.mark.repeated) for k in range(default, number)]
+    return pytest.mark.parametrize("moment", [*range(default), *rest])
 
 
 @dataclass(frozen=True)

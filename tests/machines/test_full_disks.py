@@ -21,7 +21,7 @@ LARGE = 2**26
 
 def sizes(*few: int) -> pytest.MarkDecorator:
     """From 1 to 64 blocks, a few of them in the default tests."""
-    rest = [pytest.param(k, marks=pytest.mark.slow) for k in range(1, 65) if k not in few]
+    rest = [pytest.param(k, marks=pytest.mark.repeated) for k in range(1, 65) if k not in few]
     return pytest.mark.parametrize("blocks", [*few, *rest])
 
 
@@ -173,7 +173,7 @@ def reproduced(machines: Machines) -> tuple[str, ...]:
     return words
 
 
-@pytest.mark.slow
+@pytest.mark.repeated
 @pytest.mark.parametrize("blocks", range(1, 65))
 def test_a_reproduction(machines: Machines, reproduced: tuple[str, ...], tmp_path: Path, blocks: int) -> None:
     with disk(machines, tmp_path / "disk", blocks) as full:

@@ -69,7 +69,7 @@ def test_some_more_than_a_command_begins_with(machines: Machines, file: Path, me
     check(ended, memory / "run")
 
 
-@pytest.mark.slow
+@pytest.mark.repeated
 @pytest.mark.parametrize("share", np.geomspace(1.0, 6.0, 20))
 def test_from_the_smallest_upwards(file: Path, tmp_path: Path, share: float) -> None:
     folder = tmp_path / "run"
@@ -79,7 +79,7 @@ def test_from_the_smallest_upwards(file: Path, tmp_path: Path, share: float) -> 
     assert ended.code == 2 or mib * MIB >= LEAST_ADDRESS_SPACE
 
 
-@pytest.mark.slow
+@pytest.mark.repeated
 @pytest.mark.parametrize("more", np.geomspace(1, 600, 20).astype(int))
 def test_going_on_with_a_little_more(machines: Machines, begun: Path, memory: Path, more: int) -> None:
     machines.ask("copy", source=str(begun), target=str(memory / "run"))

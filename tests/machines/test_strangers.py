@@ -32,7 +32,7 @@ MARGINS = (
     "--workers", "1",
 )  # fmt: skip
 
-HOW = pytest.mark.parametrize("fresh", [False, pytest.param(True, marks=pytest.mark.slow)])
+HOW = pytest.mark.parametrize("fresh", [False, pytest.param(True, marks=pytest.mark.repeated)])
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +166,7 @@ def test_a_narrow_terminal(machines: Machines, commons: Path, tmp_path: Path, fr
 
 
 @pytest.mark.parametrize(
-    "closed", [(0, 1, 2), *(pytest.param(x, marks=pytest.mark.slow) for x in ((0,), (1,), (2,), (1, 2)))]
+    "closed", [(0, 1, 2), *(pytest.param(x, marks=pytest.mark.repeated) for x in ((0,), (1,), (2,), (1, 2)))]
 )
 @HOW
 def test_closed_streams(

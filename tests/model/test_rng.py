@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -10,6 +12,7 @@ import flocking as fk
 from flocking.model.parts.description import DESCRIPTIONS, registered_names
 from flocking.model.parts.seeds import seed_from
 from flocking.model.parts.values import LARGEST_SEED
+from flocking.papers import ALL_KEYS, paper
 from flocking.study.scenario_files.scenario_file import ScenarioFileError
 
 STARTS = {
@@ -169,3 +172,48 @@ def test_files_say_seed_and_must_say_it() -> None:
     for fields in drawn.values():
         assert fields["seed"].required
         assert "rng" not in fields
+
+
+def seeded_functions():
+    """Functions of the papers with a seed that people call: what packages name, and the systems."""
+    import inspect
+    from importlib import import_module
+
+    for key in ALL_KEYS:
+        package = import_module(f"flocking.papers.{key.replace('-', '_')}")
+        system = vars(import_module(f"{package.__name__}.system"))
+        own = {name: f for name, f in system.items() if getattr(f, "__module__", "") == system["__name__"]}
+        for name, f in {**own, **{name: getattr(package, name) for name in package.__all__}}.items():
+            if inspect.isfunction(f) and not name.startswith("_") and "seed" in inspect.signature(f).parameters:
+                yield f"{key} {name}", f
+
+
+def test_all_functions_of_papers_with_a_seed_take_rng_and_say_so() -> None:
+    import inspect
+
+    found = dict(seeded_functions())
+    assert len(found) > 30
+    # This one is the rule that draws a single number.
+    assert [k for k, f in found.items() if "rng" not in inspect.signature(f).parameters] == ["cucker-smale-2007 drawn"]
+
+
+@pytest.mark.parametrize("key", ALL_KEYS)
+def test_scenarios_of_papers_take_rng_in_the_place_of_seed(key: str) -> None:
+    make = paper(key).scenario
+    assert pickle.loads(pickle.dumps(make)) is make
+    for given in (3, np.random.SeedSequence(3)):
+        assert same(make(rng=given).start, make(seed=3).start)
+        assert make(rng=given).seed == 3
+    with pytest.raises(fk.InvalidInput, match="scenario: rng must not be given beside seed"):
+        make(seed=3, rng=3)
+    with pytest.raises(fk.InvalidInput, match="scenario: rng must not be a generator"):
+        make(rng=np.random.default_rng(3))
+
+
+def test_showcases_take_rng() -> None:
+    from flocking.papers.showcases.shipped import SHOWCASES
+
+    show = next(iter(SHOWCASES.values())) if isinstance(SHOWCASES, dict) else SHOWCASES[0]
+    assert same(show.scenario(rng=5, agents=20).start, show.scenario(seed=5, agents=20).start)
+    with pytest.raises(fk.InvalidInput, match="scenario: rng must not be given beside seed"):
+        show.scenario(seed=5, rng=5, agents=20)

@@ -91,14 +91,6 @@ def pythons() -> list[str]:
     return subprocess.run([ROOT / ".ci" / "pythons"], capture_output=True, text=True, check=True).stdout.split()
 
 
-def wanted_pythons() -> list[str]:
-    """Those of `make test-wheel`: all, or the one version that it names."""
-    wanted = os.environ.get("FLOCKING_WHEEL_PYTHON")
-    found = [python for python in pythons() if not wanted or version_of(python) == wanted]
-    assert found, f"there is no Python {wanted} here"
-    return found
-
-
 def version_of(python: str) -> str:
     words = [python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
     return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
@@ -142,34 +134,54 @@ def test_wheel_and_source_distribution_hold_the_same_package_and_install_anew(bu
     assert files <= set(zipfile.ZipFile(again).namelist())
 
 
+def installations() -> list[tuple[str, str]]:
+    """What is installed on which Python: the wheel on each, the source distribution on the newest.
+
+    ``FLOCKING_WHEEL_PYTHON`` names one version of Python, ``FLOCKING_WHEEL_FORM`` one of "wheel" and "sdist".
+    """
+    version, form = os.environ.get("FLOCKING_WHEEL_PYTHON"), os.environ.get("FLOCKING_WHEEL_FORM")
+    found = [python for python in pythons() if not version or version_of(python) == version]
+    every = [*(("wheel", python) for python in found), *(("sdist", python) for python in found[-1:])]
+    assert every, f"there is no Python {version} here"
+    return [(kind, python) for kind, python in every if not form or kind == form]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("python", wanted_pythons())
-def test_the_wheel_is_installed_on_each_python_and_passes_the_quick_tests(
-    built: Path, tmp_path: Path, python: str
+@pytest.mark.parametrize(("form", "python"), installations())
+def test_the_wheel_and_the_source_distribution_are_installed_and_pass_the_quick_tests(
+    built: Path, tmp_path: Path, form: str, python: str
 ) -> None:
-    (wheel,) = (built / "dist").glob("*.whl")
-    folder = tmp_path
-    call(folder, python, "-m", "venv", "clean")
-    bin = folder / "clean" / "bin"
-    call(folder, bin / "python", "-m", "pip", "install", "-q", "-c", ROOT / "requirements.txt", f"{wheel}[test]")
-    assert call(folder, bin / "flocking", "--version").strip() == PROJECT["version"]
-    assert "zhou-2015" in call(folder, bin / "flocking", "list")
-    # The tests lie where the tree's own package is not on the path: they try what was installed.
-    tree = folder / "tree"
-    shutil.copytree(built / "source", tree, ignore=shutil.ignore_patterns("src"))
+    (package,) = (built / "dist").glob("*.whl" if form == "wheel" else "*.tar.gz")
+    call(tmp_path, python, "-m", "venv", "clean")
+    bin = tmp_path / "clean" / "bin"
+    call(tmp_path, bin / "python", "-m", "pip", "install", "-q", "-c", ROOT / "requirements.txt", f"{package}[test]")
+    assert call(tmp_path, bin / "flocking", "--version").strip() == PROJECT["version"]
+    assert "zhou-2015" in call(tmp_path, bin / "flocking", "list")
+    # The tests lie where the tree's own package is not on the path: they try what was installed. Those of the source
+    # distribution are its own.
+    tree = tmp_path / "tree"
+    if form == "wheel":
+        shutil.copytree(built / "source", tree, ignore=shutil.ignore_patterns("src"))
+    else:
+        with tarfile.open(package) as packed:
+            packed.extractall(tmp_path / "unpacked", filter="data")
+        (tmp_path / "unpacked" / package.name.removesuffix(".tar.gz")).rename(tree)
+        shutil.rmtree(tree / "src")
     place = call(tree, bin / "python", "-c", "import flocking; print(flocking.__file__)").strip()
-    assert place.startswith(str(folder / "clean"))
-    call(tree, bin / "python", "-m", "pytest", "-q", "-p", "no:xdist", *wanted_tests(), seconds=3600)
+    assert place.startswith(str(tmp_path / "clean"))
+    wanted = os.environ.get("FLOCKING_WHEEL_TESTS", "").split() or quick_tests()
+    shown = call(tree, bin / "python", "-m", "pytest", "-v", "-p", "no:xdist", *wanted, *APART, seconds=7200)
+    counted = re.search(r"=+ (.*\bpassed\b.*) =+$", shown.rstrip())
+    assert counted is not None
+    print(f"\n{form} on Python {version_of(python)}: {counted.group(1)}")
 
 
-def wanted_tests() -> list[str]:
-    """Those of `make test-wheel`: the quick tests, or the files that it names."""
-    return os.environ.get("FLOCKING_WHEEL_TESTS", "").split() or installed_tests()
+APART = ("--deselect", "tests/test_floors.py::test_style_holds")
+"""Style is that of lines of the source tree, which is not there; how imports are sorted depends on its place."""
 
 
-def installed_tests() -> list[str]:
-    """Files of the quick tests that need the package, but not its source tree."""
+def quick_tests() -> list[str]:
+    """Files of `make test-quick`."""
     line = re.search(r"^QUICK := ((?:.*\\\n)*.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
     assert line is not None
-    words = line.group(1).replace("\\\n", " ").split()
-    return [word for word in words if word != "tests/test_floors.py"]
+    return line.group(1).replace("\\\n", " ").split()

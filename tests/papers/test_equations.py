@@ -8,7 +8,7 @@ import pytest
 
 from flocking.papers import KEYS, STANDARD_KEYS, paper
 from flocking.papers.equation_table import KINDS, Demonstration, Fault, Row
-from tests.papers.transcriptions.rows import ROWS, examine, identity, statement
+from tests.papers.transcriptions.rows import ROWS, examine, goes_red, identity
 
 
 @pytest.mark.parametrize("row", ROWS, ids=identity)
@@ -20,7 +20,7 @@ def test_row(row: Row) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("row", ROWS, ids=identity)
 def test_rows_that_judge_whole_runs_go_red(row: Row) -> None:
-    statement(row, thorough=True)
+    goes_red(row)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=identity)

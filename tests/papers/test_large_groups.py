@@ -152,20 +152,40 @@ def test_the_interval_of_a_cumulant_holds_what_differs_between_runs():
         assert several.low <= 1 - fourth / (3 * second**2) <= several.high
 
 
-def test_averages_of_an_independent_program():
-    """The paper's rule at its sizes: those at 4 of loops over all pairs, others of a program that was not ours."""
-    for agents, side, noise, known, off in (
-        (40, 3.1, 1.0, 0.957, 0.01), (40, 3.1, 2.0, 0.835, 0.01), (40, 3.1, 3.0, 0.651, 0.015),
-        (40, 3.1, 4.0, 0.425, 0.03), (40, 3.1, 5.0, 0.203, 0.02), (100, 5.0, 1.0, 0.953, 0.01),
-        (100, 5.0, 2.0, 0.820, 0.015), (100, 5.0, 3.0, 0.619, 0.02), (100, 5.0, 4.0, 0.367, 0.03),
-    ):  # fmt: skip
-        found = HeadingGroup(system.group(agents, side, noise, duration=1), threads=1)
+@pytest.mark.parametrize(
+    ("agents", "side", "known"),
+    [(40, 3.1, (0.957, 0.835, 0.651, 0.427, 0.203)), (100, 5.0, (0.953, 0.820, 0.619, 0.354))],
+)
+def test_averages_of_an_independent_program(agents, side, known):
+    """Those of loops over all pairs, at the noise 1, 2, ...: all within 0.01, after 500 updates, over 1,000.
+
+    Single runs at the noise 4 differ by 0.018 with a hundred agents: sixteen starts are averaged there, else eight.
+    """
+    for noise, expected in enumerate(known, 1):
+        means = []
+        for seed in range(8 if noise < 4 else 16):
+            found = HeadingGroup(system.group(agents, side, float(noise), seed=seed, duration=1), threads=1)
+            found.update(500)
+            total = 0.0
+            for _ in range(1000):
+                found.update()
+                total += found.order
+            means.append(total / 1000)
+        assert np.mean(means) == pytest.approx(expected, abs=0.01), (agents, noise)
+
+
+def test_forward_updates_are_told_from_those_of_the_paper_by_their_averages():
+    """At the noise 4, a hundred agents: 0.33 with the velocity after an update, by loops over all pairs too."""
+    means = []
+    for seed in range(16):
+        found = HeadingGroup(system.group(100, 5.0, 4.0, seed=seed, duration=1, update="forward"), threads=1)
         found.update(500)
         total = 0.0
-        for _ in range(3000):
+        for _ in range(1000):
             found.update()
             total += found.order
-        assert total / 3000 == pytest.approx(known, abs=off), (agents, noise)
+        means.append(total / 1000)
+    assert np.mean(means) == pytest.approx(0.334, abs=0.012)
 
 
 @pytest.mark.parametrize("wave", [(1, 0), (0, 1), (2, 1), (1, -3)])

@@ -129,6 +129,17 @@ def test_headings_from_a_file_and_in_fifteen_lines(tmp_path) -> None:
         assert fk.first_difference(fk.simulate(scenario, progress=False), written) is None
 
 
+def test_algorithm_1_from_a_file(tmp_path) -> None:
+    head, tail = SECOND_ALGORITHM.index('[[terms]]\nkind = "track"'), SECOND_ALGORITHM.index("[start]")
+    path = tmp_path / "first.toml"
+    path.write_text(SECOND_ALGORITHM[:head] + SECOND_ALGORITHM[tail:])
+    found = fk.read_scenario(path)
+    system = fk.papers.olfati_saber_2006.system
+    law = system.law(system.Algorithm(1))
+    assert len(found.law.terms) == 2
+    assert_allclose(fk.control(found.law, found.start), fk.control(law, found.start), rtol=1e-9, atol=1e-11)
+
+
 def test_algorithm_2_from_a_file(tmp_path) -> None:
     path = tmp_path / "second.toml"
     path.write_text(SECOND_ALGORITHM)
@@ -308,6 +319,40 @@ def test_boids_from_a_file_and_in_fifteen_lines(tmp_path) -> None:
     packaged = fk.papers.reynolds_1987.system.boids(seed=3, duration=2.0).with_(frames=3)
     for scenario in (fk.read_scenario(path), packaged):
         assert fk.first_difference(fk.simulate(scenario, progress=False), written) is None
+
+
+BIRDS = """
+format = 1
+t_end = 10.0
+frames = 11
+graph = { kind = "proximity", radius = 5.0 }
+agents = { kind = "heading", speed = 1.0, update = "shuffled", seed = 4 }
+control = { kind = "held", period = 1.0 }
+space = { kind = "periodic", lengths = [20.0, 20.0] }
+terms = [
+    { kind = "cohesion", weight = 0.03, radius = 5.0, total = "mean" },
+    { kind = "separation", weight = 0.015, radius = 1.0, total = "mean", exponent = 0.0, among = 5.0 },
+    { kind = "alignment", weight = 0.05, radius = 5.0, total = "mean", compared = "velocities", relative = false },
+]
+start = { draw = "box", n = 30, side = 20.0, speed = 1.0, velocities = "sphere", seed = 4 }
+"""
+
+
+def test_birds_from_a_file_and_in_fifteen_lines(tmp_path) -> None:
+    path = tmp_path / "birds.toml"
+    path.write_text(BIRDS)
+    mean = {"total": "mean"}
+    law = fk.Law(fk.Proximity(5.0), [
+        fk.Cohesion(0.03, 5.0, **mean), fk.Separation(0.015, 1.0, exponent=0.0, among=5.0, **mean),
+        fk.Alignment(0.05, 5.0, compared="velocities", relative=False, **mean),
+    ])  # fmt: skip
+    start = fk.start.box(30, side=20.0, speed=1.0, velocities="sphere", seed=4)
+    world = {"agents": fk.Heading(1.0, update="shuffled", seed=4), "control": fk.Held(1.0)}
+    scenario = fk.Scenario(law, start, t_end=10.0, frames=11, space=fk.Periodic([20.0, 20.0]), **world)
+    written = fk.simulate(scenario, progress=False)
+    packaged = fk.papers.reynolds_1987.system.birds(30, 20.0, 5.0, seed=4, updates=10)
+    for made in (fk.read_scenario(path), packaged):
+        assert fk.first_difference(fk.simulate(made, progress=False), written) is None
 
 
 def test_drones_from_a_file_and_in_fifteen_lines(tmp_path) -> None:

@@ -99,3 +99,17 @@ def test_hues_turn_with_the_lattice_and_fade_with_its_quality():
     assert lattice_colors(np.array([0j])).max() == 0
     faint, full = lattice_colors(np.array([0.4, 1.0])).sum(axis=1)
     assert faint < 0.6 * full
+
+
+def test_a_run_in_periodic_space_shows_its_box_with_images():
+    """Agents that have left the box are drawn in it, and nobody is thinned out at its border."""
+    x = np.arange(0.25, 12.0, 0.5)
+    q = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+    p = np.broadcast_to([7.0, -3.0], q.shape)
+    law = fk.Law(fk.Proximity(0.4), [fk.Consensus(1.0)])
+    scenario = fk.Scenario(law, fk.State(q, p), t_end=3.0, frames=2, space=fk.Periodic([12.0, 12.0]))
+    run = fk.simulate(scenario, engine="exact", progress=False)
+    assert run.q[-1, :, 0].min() > 20
+    values, extent = shades(density(run, cell=1.0, blur=1.0, reference=4.0, span=(0.1, 10.0)))
+    assert extent == [0, 12, 0, 12]
+    assert values == pytest.approx(np.ones((12, 12)), rel=1e-6)

@@ -174,3 +174,25 @@ def test_a_crowd_is_one_faint_hue(synthetic, part):
     assert len(collection.get_segments()) == 200
     assert len(np.unique(collection.get_edgecolor(), axis=0)) == 1
     assert collection.get_alpha() < 0.5
+
+
+@pytest.mark.parametrize("n", [12, 150])
+def test_pictures_of_periodic_space_take_nearest_images(part, n):
+    """Lengths of links and closest pairs against explicit images, for few agents and for many; all leave the box."""
+    rng = np.random.default_rng(3)
+    side = 1.2 * np.sqrt(n)
+    law = fk.Law(fk.Proximity(1.5), [fk.Consensus(0.2)])
+    q, p = rng.random((n, 2)) * side, rng.normal(size=(n, 2)) + [side, 0.0]
+    # The closest pair at the start meets across the border.
+    q[:2], p[:2] = [[1e-3, 0.5], [side - 1e-3, 0.5]], [side, 0.0]
+    start = fk.State(q, p)
+    made = fk.simulate(fk.Scenario(law, start, t_end=2.0, frames=5, space=fk.Periodic([side, side])), progress=False)
+    shifts = side * np.array([[a, b] for a in range(-5, 6) for b in range(-5, 6)])
+    nearest, deviation = [], []
+    for k, q in enumerate(made.q):
+        apart = np.linalg.norm((q[:, None] - q[None])[:, :, None] + shifts, axis=3).min(axis=2)
+        nearest.append(apart[np.triu_indices(n, 1)].min())
+        lengths = apart[np.triu(made.links_at(k))]
+        deviation.append(np.sqrt(np.mean((lengths / lengths.mean() - 1) ** 2)))
+    assert part(group_series.closest(made), "frames").get_ydata() == pytest.approx(nearest)
+    assert part(group_series.lattice(made), "link length deviation").get_ydata() == pytest.approx(deviation)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import flocking as fk
 from flocking.errors import InvalidInput
 from flocking.study.density_maps import density_map
 
@@ -52,3 +53,22 @@ def test_what_stands_outside_is_smoothed_in():
 def test_senseless_maps_are_refused(q, change):
     with pytest.raises(InvalidInput):
         density_map(q, **({"low": (0, 0), "high": (1, 1), "cell": 0.1} | change))
+
+
+@pytest.mark.parametrize("lengths", [(3.0, 4.0), (3.0, None)], ids=["both", "one"])
+@pytest.mark.parametrize("blur", [0.0, 0.4])
+def test_where_space_repeats_every_image_counts(lengths, blur):
+    """The same as an open map of agents and all their images, written out; agents have left the box."""
+    rng = np.random.default_rng(1)
+    sides = np.array([3.0, 4.0])
+    q = rng.random((300, 2)) * sides
+    repeats = np.array([x is not None for x in lengths])
+    moved = q + rng.integers(-3, 4, q.shape) * sides * repeats
+    shifts = [np.array([a, b]) * sides * repeats for a in range(-4, 5) for b in range(-4, 5)]
+    images = np.unique(np.concatenate([q + x for x in shifts]).round(12), axis=0)
+    window = {"low": (-1.0, 0.5), "high": (4.0, 6.5), "cell": 0.25, "blur": blur}
+    made = density_map(moved, space=fk.Periodic(lengths), **window)
+    assert made.values == pytest.approx(density_map(images, **window).values, abs=1e-9)
+    assert made.agents > 300
+    box = density_map(moved, low=(0, 0), high=sides, cell=0.25, blur=blur, space=fk.Periodic(sides.tolist()))
+    assert box.agents == pytest.approx(300)

@@ -63,3 +63,44 @@ def test_flocks_are_the_components_of_the_net():
 def test_space_is_refused():
     with pytest.raises(InvalidInput):
         hexatic(np.zeros((4, 3)), 1.0)
+
+
+@pytest.mark.parametrize("lengths", [(10.0, 9.0), (10.0, None)], ids=["both", "one"])
+def test_where_space_repeats_neighbours_are_nearest_images(lengths):
+    """Sums over all images, written out; agents have left the box."""
+    rng = np.random.default_rng(4)
+    sides = np.array([10.0, 9.0])
+    repeats = np.array([x is not None for x in lengths])
+    q = rng.random((60, 2)) * sides
+    moved = q + rng.integers(-2, 3, q.shape) * sides * repeats
+    order, count = hexatic(moved, 2.0, fk.Periodic(lengths))
+    shifts = [np.array([a, b]) * sides * repeats for a in (-1, 0, 1) for b in (-1, 0, 1)]
+    images = np.unique(np.concatenate([q + x for x in shifts]).round(9), axis=0)
+    net = nx.Graph()
+    net.add_nodes_from(range(len(q)))
+    for i in range(len(q)):
+        offset = images - q[i]
+        distance = np.linalg.norm(offset, axis=1)
+        near = (distance < 2.0) & (distance > 1e-6)
+        z = (offset[near, 0] + 1j * offset[near, 1]) / distance[near]
+        assert count[i] == near.sum()
+        assert order[i] == pytest.approx((z**6).mean() if near.any() else 0.0, abs=1e-6)
+        for x in images[near]:
+            rest = (x - q + sides / 2) % sides - sides / 2 if repeats.all() else np.stack(
+                [(x - q)[:, 0] - 10.0 * np.rint((x - q)[:, 0] / 10.0), (x - q)[:, 1]], axis=1)  # fmt: skip
+            net.add_edge(i, int(np.argmin(np.linalg.norm(rest, axis=1))))
+    flocks = sorted(map(len, nx.connected_components(net)))
+    assert largest_share(moved, 2.0, fk.Periodic(lengths)) == (len(flocks), flocks[-1] / 60)
+
+
+def test_a_lattice_that_fills_a_box_is_perfect_everywhere():
+    rows = np.arange(8)
+    q = np.stack([np.add.outer(0.5 * (rows % 2), rows).ravel(), np.repeat(rows * np.sqrt(0.75), 8)], axis=1)
+    order, count = hexatic(q + 100.0, 1.2, fk.Periodic([8.0, 8 * np.sqrt(0.75)]))
+    assert (count == 6).all()
+    assert order == pytest.approx(np.ones(64), abs=1e-9)
+
+
+def test_a_reach_over_half_a_box_is_refused():
+    with pytest.raises(InvalidInput, match="less than half of 4"):
+        hexatic(np.zeros((2, 2)), 2.0, fk.Periodic([9.0, 4.0]))

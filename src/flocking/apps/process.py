@@ -82,7 +82,7 @@ def discard_output() -> None:
 
 
 def quiet_warnings() -> None:
-    """Keep warnings of other libraries off the terminal, unless Python was asked for them with ``-W``.
+    """Keep warnings of other libraries off the terminal, unless they were requested with ``-W``.
 
     Suspect input is reported in a line of its own. The setting stays, since destructors may warn at exit too. Logged
     warnings are suppressed as well.

@@ -158,7 +158,7 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[SignalHandlers]:
 
 
 def _imports(frame: FrameType | None) -> tuple[bool, FrameType | None]:
-    """Whether a module is being imported, and the frame that asked for the outermost import."""
+    """Whether a module is being imported, and the frame of the outermost import."""
     found, outside = False, None
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):

@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike
 
 from flocking.arrays import Array, Mask
 
+ANGLE_ERROR = 1e-15
+"""Error of (angle / pi - place) / period relative to 1 + its size: some nine units of rounding, of three operations."""
+
 WIDENED = 16
 """Units in the last place by which values of functions of NumPy are widened: four times their known largest error."""
 
@@ -179,7 +182,7 @@ class Interval:
         """Whether an interval may hold one of the angles (place + k period) pi."""
         with np.errstate(all="ignore"):
             a, b = ((x / np.pi - place) / period for x in (self.lo, self.hi))
-            slack = 1e-15 * (1.0 + np.maximum(np.abs(a), np.abs(b)))
+            slack = ANGLE_ERROR * (1.0 + np.maximum(np.abs(a), np.abs(b)))
             found = np.floor(b + slack) >= np.ceil(a - slack)
         far = ~(np.maximum(np.abs(self.lo), np.abs(self.hi)) <= LARGEST_ANGLE)
         return np.asarray(found | far)

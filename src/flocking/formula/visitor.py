@@ -36,7 +36,7 @@ def _kind_of(node: sympy.Basic, folds_numbers: bool) -> str:
 
 
 class ExpressionVisitor(ABC, Generic[Result]):
-    """Computes a result from an expression; a subclass states one method for each kind of node that it knows.
+    """Computes a result from an expression; a subclass states one method for each kind of node that it supports.
 
     The methods are ``symbol``, ``number``, ``truth`` (true or false), ``piecewise``, ``condition``, ``sum``,
     ``product``, ``power`` and ``function``. A node of a kind without a method is refused by the name of its class.

@@ -21,7 +21,7 @@ class Space(ABC):
     """Where agents live.
 
     Positions are kept as they come from the motion, never moved to another image; a space says which vector leads
-    from one agent to another. Everything that needs q_j - q_i asks `displacement`, or `lengths` where it prints code.
+    from one agent to another. Everything that needs q_j - q_i uses `displacement`, or `lengths` where it prints code.
     """
 
     lengths: tuple[float, ...] = ()

@@ -188,9 +188,12 @@ def hexagonal(
     speed = number("start.hexagonal", "speed", speed, least=0.0)
     generator = generator_from("start.hexagonal", seed, rng)
     stop_if_refused()
-    half = int(np.ceil(np.sqrt(n))) + 2
-    column, row = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))
+    # All points of a disc that holds n: one of each lies in a cell of area sqrt(3)/2, which reaches 1/sqrt(3) from it.
+    reach = np.sqrt(n * np.sqrt(3) / (2 * np.pi)) + 1.0
+    columns, rows = (int(np.ceil(x)) + 1 for x in (reach, reach * 2 / np.sqrt(3)))
+    column, row = np.meshgrid(np.arange(-columns, columns + 1), np.arange(-rows, rows + 1))
     points = np.stack([column + 0.5 * (row % 2), row * np.sqrt(3) / 2], axis=-1).reshape(-1, 2)
+    del column, row
     nearest = np.argsort(np.linalg.norm(points, axis=1), kind="stable")[:n]
     q = points[np.sort(nearest)] * spacing + noise * generator.normal(size=(n, 2))
     return State(q, speed * generator.normal(size=(n, 2)))

@@ -1,4 +1,4 @@
-"""Margins of the conclusions about a scenario: those of its paper, or the ones that any law can be asked."""
+"""Margins of the conclusions about a scenario: those of its paper, or those for any law."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ CASES: dict[str, tuple[str, str, float]] = {
     "late switch, smooth net": ("olfati-saber-2006-gentle", "olfati-saber-2006", 10.0),
     "plain distances": ("olfati-saber-2006-gentle", "olfati-saber-2006", 10.0),
 }
-"""For each mutant the scenario, its paper and the duration. A word after a comma tells uses of one mutation apart."""
+"""For each mutant the scenario, its paper and the duration. A word after a comma distinguishes uses of one mutation."""
 
 
 def catch(mutant: str) -> Caught:

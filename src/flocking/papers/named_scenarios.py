@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import Protocol, overload
 
 from flocking.model.checks import one_of
 from flocking.model.law import Scenario
+from flocking.model.parts.seeds import SeedNumber, seeded
 
 
 class ScenarioByName(Protocol):
-    """Makes a scenario of a paper."""
+    """Makes the scenario of a figure, or that of a name, by default the first."""
 
-    def __call__(self, figure: int | str | None = ..., seed: int = ..., *, name: str = ...) -> Scenario:
-        """The scenario of a figure, or that of a name, by default the first."""
+    @overload
+    def __call__(self, figure: int | str | None = ..., seed: int = ..., *, name: str = ...) -> Scenario: ...
+
+    @overload
+    def __call__(self, *values: object, rng: SeedNumber, **named: object) -> Scenario: ...
 
 
 def scenario_by_name(
@@ -32,6 +36,7 @@ def scenario_by_name(
     """
     shown: Mapping[object, str] = dict(figures.items())
 
+    @seeded
     def scenario(figure: int | str | None = None, seed: int = 0, *, name: str | None = None) -> Scenario:
         """A scenario by its name, or that of a figure.
 
@@ -40,7 +45,7 @@ def scenario_by_name(
         figure
             A figure of the paper.
         seed
-            Seed of all that is random.
+            Seed of all that is random; ``rng`` is another name, and takes a `numpy.random.SeedSequence` too.
         name
             Name of the scenario, if no figure is given; the first by default.
 
@@ -58,5 +63,5 @@ def scenario_by_name(
         return known[name](seed)
 
     # Other processes find it in the module of the paper.
-    scenario.__module__, scenario.__qualname__ = scenarios.__module__, "scenario"
+    scenario.__module__, scenario.__qualname__ = scenarios.__module__, "scenario"  # type: ignore[attr-defined]
     return scenario

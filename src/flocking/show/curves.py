@@ -16,6 +16,27 @@ from flocking.show.style import BLUE, GREEN, VERMILION, axes_or_new, in_style, t
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+INSIDE = 1e-9
+"""Share of an interval by which a curve is drawn inside its ends, where the formula may have poles."""
+
+FARTHEST = 1e3
+"""Distance up to which the minimum of a potential without a radius is looked for."""
+
+NEAREST = 1e-6
+"""Least distance at which the minimum is looked for, relative to the farthest; six decades show any."""
+
+MINIMUM_ERROR = 1e-10
+"""Relative error of the located minimum: far below the width of a line."""
+
+BEFORE = 1e-12
+"""Relative distance from a radius at which the value before a jump is read."""
+
+JUMP = 1e-6
+"""Relative change of a potential that is drawn as a jump: smaller ones are below the width of a line."""
+
+FLAT = 1e-12
+"""Height that a curve counts as having at least when its limits are chosen."""
+
 SAMPLES = 1200
 """Number of points of a curve: more than the pixels of its width."""
 
@@ -67,7 +88,7 @@ def curve(
     ends = [lower, *sorted(b for b in breaks if lower < b < upper), upper]
     drawn = []
     for begin, end in pairwise(ends):
-        inner = (end - begin) * 1e-9
+        inner = (end - begin) * INSIDE
         x = np.linspace(begin + inner, end - inner, SAMPLES)
         with np.errstate(all="ignore"):
             y = np.asarray(function(x), dtype=np.float64) + np.zeros_like(x)
@@ -192,8 +213,8 @@ def minimum(psi: Potential, lower: float, upper: float) -> float | None:
     """
     from scipy.optimize import minimize_scalar
 
-    top = upper if np.isfinite(upper) else 1e3
-    floor = max(lower, 1e-6 * top)
+    top = upper if np.isfinite(upper) else FARTHEST
+    floor = max(lower, NEAREST * top)
     r = np.unique(np.concatenate([np.geomspace(floor, top, 4000), np.linspace(floor, top, 4000)]))[:-1]
     values = psi(r)
     dips = np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])) + 1
@@ -201,19 +222,19 @@ def minimum(psi: Potential, lower: float, upper: float) -> float | None:
         return None
     k = int(dips[np.argmin(values[dips])])
     found = minimize_scalar(lambda x: float(psi(x)), bounds=(r[k - 1], r[k + 1]), method="bounded",
-                            options={"xatol": 1e-10 * float(r[k])})  # fmt: skip
+                            options={"xatol": MINIMUM_ERROR * float(r[k])})  # fmt: skip
     return float(found.x)
 
 
 def _mark_outside(axes: Axes, psi: Potential, inside: float, end: float, outside: float) -> None:
     axes.plot([inside, end], [outside, outside], color=BLUE, gid="outside")
-    before = float(psi(inside * (1 - 1e-12)))
+    before = float(psi(inside * (1 - BEFORE)))
     if not np.isfinite(before):
         return
     low, high = axes.get_ylim()
     margin = 0.05 * (high - low)
     axes.set_ylim(min(low, outside - margin), max(high, outside + margin))
-    if abs(before - outside) > 1e-6 * max(1.0, abs(before)):
+    if abs(before - outside) > JUMP * max(1.0, abs(before)):
         axes.plot([inside, inside], [before, outside], color=GREEN, lw=1.4, gid="jump", zorder=4)
         axes.plot([inside], [before], "o", color=BLUE, mfc=theme().ground, ms=4, zorder=5)
         axes.plot([inside], [outside], "o", color=BLUE, ms=4, zorder=5)
@@ -237,7 +258,7 @@ def _window(values: Array) -> tuple[float, float]:
     finite = values[np.isfinite(values)]
     low, high = (float(x) for x in np.quantile(finite, [0.0, 1.0]))
     inner_low, inner_high = (float(x) for x in np.quantile(finite, [0.06, 0.94]))
-    reach = max(inner_high - inner_low, 1e-12)
+    reach = max(inner_high - inner_low, FLAT)
     low, high = max(low, inner_low - 0.6 * reach), min(high, inner_high + 0.6 * reach)
     margin = 0.06 * (high - low) or 0.5
     return low - margin, high + margin

@@ -10,6 +10,7 @@ import numpy as np
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import number
+from flocking.model.space import OPEN
 from flocking.model.state import State
 from flocking.show.frames import frame_at
 from flocking.show.plane import Outlined, own_outlines
@@ -21,6 +22,12 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure, SubFigure
+
+ROUNDED = 1e-9
+"""Relative difference by which a tick may lie below the scale and still be drawn."""
+
+LEAST_EXTENT = 1e-12
+"""Extent of a group along an axis that counts as the least, so that a group on a line has an area."""
 
 COLORS = "inferno"
 GROUND = "#000004"
@@ -70,7 +77,8 @@ def density(
     span
         Lowest and highest density shown, relative to the reference.
     limits
-        Lowest and highest corner of the picture; everything by default.
+        Lowest and highest corner of the picture; by default everything, and of a run in periodic space the box
+        from 0 to its lengths. Beyond it the picture repeats.
     cell, blur
         Side of a cell of the map, and standard deviation of its smoothing; by default chosen from the picture's size.
     obstacles
@@ -88,15 +96,10 @@ def density(
     Raises
     ------
     InvalidInput
-        If the frame does not exist, agents do not live in the plane, space is not open, or a number is out of range.
+        If the frame does not exist, agents do not live in the plane, or a number is out of range.
     """
     from matplotlib.colors import LogNorm
 
-    if isinstance(what, Run) and not what.scenario.space.is_open:
-        raise InvalidInput(
-            "density", "what", "must be a run in open space: density maps do not support periodic space",
-            type(what.scenario.space).__name__, "Draw the net of a frame instead.",
-        )  # fmt: skip
     unit = number("density", "unit", unit, above=0.0)
     made, stated, name = _mapped(what, time, frame, limits, cell, blur)
     level = _typical(made) if reference is None else number("density", "reference", reference, above=0.0)
@@ -151,7 +154,7 @@ def scale(
     from matplotlib.ticker import NullFormatter
 
     drawn = figure.colorbar(shades, ax=axes, label=label, shrink=0.85, pad=0.015, aspect=28)
-    ticks = [x for x in (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0) if low <= x * (1 + 1e-9) <= high * 1.001]
+    ticks = [x for x in (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0) if low <= x * (1 + ROUNDED) <= high * 1.001]
     drawn.set_ticks(ticks, labels=[f"{x:g}" for x in ticks])
     drawn.ax.yaxis.set_minor_formatter(NullFormatter())
     return drawn
@@ -179,15 +182,22 @@ def _mapped(
         raise InvalidInput("density", "what", "must be a Run, a State or a DensityMap", what)
     if state.dimension != 2:
         raise InvalidInput("density", "what", "must be in the plane", state.dimension, "Draw a projection of it.")
-    low, high = (state.q.min(axis=0), state.q.max(axis=0)) if limits is None else map(np.asarray, limits)
+    space = what.scenario.space if isinstance(what, Run) else OPEN
+    lengths = np.array([*space.lengths, np.inf, np.inf][:2])
+    repeats = np.isfinite(lengths)
+    sides = np.where(repeats, lengths, np.ptp(state.q, axis=0))
     if limits is None:
-        margin = MARGIN * float((high - low).max()) or 1.0
-        low, high = low - margin, high + margin
+        low = np.where(repeats, 0.0, state.q.min(axis=0))
+        margin = np.where(repeats, 0.0, MARGIN * float(sides.max()) or 1.0)
+        low, high = low - margin, low + sides + margin
+    else:
+        low, high = map(np.asarray, limits)
     size = float((high - low).max()) / CELLS if cell is None else cell
     # A few agents per spot: a smaller blur shows single agents, a larger one hides narrow structures.
-    area = float(np.prod(np.maximum(np.ptp(state.q, axis=0), 1e-12)))
+    area = float(np.prod(np.maximum(sides, LEAST_EXTENT)))
     width = max(size, float(np.sqrt(area / state.n))) if blur is None else blur
-    return density_map(state.q, low=low, high=high, cell=size, blur=width), state, f"$t = {state.t:.6g}$"
+    made = density_map(state.q, low=low, high=high, cell=size, blur=width, space=space)
+    return made, state, f"$t = {state.t:.6g}$"
 
 
 def _typical(made: DensityMap) -> float:

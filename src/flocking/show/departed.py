@@ -1,4 +1,4 @@
-"""Departed energy over time: the total, and what it is due to where the log of a run tells."""
+"""Departed energy over time: the total, and what it is due to where the log of a run states it."""
 
 from __future__ import annotations
 

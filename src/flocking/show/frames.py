@@ -9,6 +9,9 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number
 from flocking.model.leaders_and_obstacles.leaders import Leader
 
+SAME_TIME = 1e-9
+"""Relative difference of a requested time from the ends of a run that counts as none."""
+
 
 def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> int:
     """Number of the stored frame nearest to ``time``, or ``frame``, counted from the end if negative.
@@ -32,7 +35,7 @@ def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> i
         raise InvalidInput("show", "frame", "must be absent if a time is given", frame)
     if time is not None:
         time = number("show", "time", time)
-        slack = 1e-9 * max(1.0, abs(time))
+        slack = SAME_TIME * max(1.0, abs(time))
         if not run.t[0] - slack <= time <= run.t[-1] + slack:
             raise InvalidInput("show", "time", f"must be in the run, from {run.t[0]:g} to {run.t[-1]:g}", time)
         return int(np.argmin(np.abs(run.t - time)))

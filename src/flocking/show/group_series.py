@@ -11,7 +11,9 @@ from flocking.arrays import Array, Indices, Links, Reals
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.graphs.connectivity import components
-from flocking.model.observables import link_length_deviation
+from flocking.model.observables import closest_pair, link_length_deviation
+from flocking.model.space import Space
+from flocking.model.state import State
 from flocking.show.motion import motion_of, thinned
 from flocking.show.plane import pairs_of
 from flocking.show.series import time_axis
@@ -89,22 +91,17 @@ def connectivity(run: Run, *, axes: Axes | None = None) -> Axes:
 def lattice(run: Run, *, axes: Axes | None = None) -> Axes:
     """Deviation of the lengths of links from their mean, relative to it, over the frames: zero in a lattice.
 
+    In periodic space links lead to nearest images.
+
     Parameters
     ----------
     run
         The run. Frames without links have no point.
     axes
         Axes to draw on; a new figure by default.
-
-    Raises
-    ------
-    InvalidInput
-        If the agents live in a space that repeats, where the lengths of links are not those of positions.
     """
-    if not run.scenario.space.is_open:
-        raise InvalidInput("lattice", "run", "must be in open space", type(run.scenario.space).__name__)
     axes = axes_or_new(axes)
-    values = [link_length_deviation(run.q[k], run.links_at(k)) for k in range(len(run.t))]
+    values = [link_length_deviation(run.q[k], run.links_at(k), run.scenario.space) for k in range(len(run.t))]
     axes.plot(run.t, values, color=BLUE, gid="link length deviation")
     axes.set_ylim(bottom=0.0)
     axes.set_ylabel("deviation of link lengths")
@@ -132,7 +129,7 @@ def closest(run: Run, *, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     motion = motion_of(run)
     at = "at the frames" if run.fine is None else "of the solution"
-    axes.plot(*thinned(motion.t, _nearest(motion.q)), color=BLUE, label=at, gid="frames")
+    axes.plot(*thinned(motion.t, _nearest(motion.q, run.scenario.space)), color=BLUE, label=at, gid="frames")
     for found, marker, name in ((run.closest_linked, "v", "linked"), (run.closest_unlinked, "^", "not linked")):
         if np.isfinite(found.distance):
             pair = f"{found.pair[0]}–{found.pair[1]}"
@@ -234,16 +231,16 @@ def _switch_times(run: Run, kind: str) -> Array:
     return np.stack([chosen["time"], first, second], axis=1).astype(np.float64)
 
 
-def _nearest(q: Reals) -> Array:
+def _nearest(q: Reals, space: Space) -> Array:
     """Distance of the closest pair in each frame, shape (F,); ``q`` has shape (F, N, m)."""
-    from scipy.spatial import KDTree
-
     frames, n, _ = q.shape
     if n > FEW:
-        return np.array([np.asarray(KDTree(x).query(x, k=2)[0])[:, 1].min() for x in q])
+        return np.array([closest_pair(State(x, np.zeros_like(x)), space)[0] for x in q])
     first, second = np.triu_indices(n, 1)
     parts = np.array_split(q, max(1, frames * len(first) // AT_ONCE))
-    return np.concatenate([np.linalg.norm(x[:, first] - x[:, second], axis=2).min(axis=1) for x in parts])
+    return np.concatenate(
+        [np.linalg.norm(space.displacement(x[:, first] - x[:, second]), axis=2).min(axis=1) for x in parts]
+    )
 
 
 def _fiedler(links: Links) -> float:

@@ -18,6 +18,12 @@ from flocking.show.style import PALETTE, RED, VERMILION, axes_or_new, in_style, 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+ROUNDING = 1e-9
+"""Relative range of values below which they count as constant: their differences are rounding errors."""
+
+LEAST_MARGIN = 1e-12
+"""Margin of a curve that is zero throughout, so that its axis has a height."""
+
 LEADER_LINES = {"solid": "-", "dashed": (0, (5, 2)), "none": None}
 AGENT_LINES: dict[str, object] = {"solid": "-", "dotted": (0, (1.0, 1.2))}
 ABOUT = ("leader", "mean")
@@ -219,8 +225,8 @@ def _cover(axes: Axes, values: Reals) -> None:
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     # The limits must not magnify rounding errors.
-    margin = max(0.05 * (high - low), 1e-9 * max(abs(low), abs(high)), 1e-12)
-    if high - low < 1e-9 * max(1.0, abs(low), abs(high)):
+    margin = max(0.05 * (high - low), ROUNDING * max(abs(low), abs(high)), LEAST_MARGIN)
+    if high - low < ROUNDING * max(1.0, abs(low), abs(high)):
         margin = 0.5
     axes.set_ylim(low - margin, high + margin)
 

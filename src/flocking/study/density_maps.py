@@ -9,6 +9,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, number
+from flocking.model.space import OPEN, Space
 
 MOST_CELLS = 50_000_000
 """Most cells of a map, a bound on memory: 400 MB of counts."""
@@ -43,8 +44,9 @@ class DensityMap:
 
 
 def density_map(
-    q: Array, *, low: Sequence[float] | Array, high: Sequence[float] | Array, cell: float, blur: float = 0.0
-) -> DensityMap:
+    q: Array, *, low: Sequence[float] | Array, high: Sequence[float] | Array, cell: float, blur: float = 0.0,
+    space: Space = OPEN,
+) -> DensityMap:  # fmt: skip
     """Density of agents in the plane.
 
     Parameters
@@ -57,6 +59,9 @@ def density_map(
         Side of a cell.
     blur
         Standard deviation of the Gaussian that smooths the counts; none when 0.
+    space
+        Where the agents live. Where it repeats, every image of an agent that lies on the map counts, and images around
+        the map are smoothed into it.
 
     Raises
     ------
@@ -78,10 +83,22 @@ def density_map(
     upper = corner + size * counts
     # Agents around the map are counted too: smoothing carries some of them over the border.
     rim = int(np.ceil(REACH * blur / size)) if number("density_map", "blur", blur, least=0.0) > 0 else 0
+    shown = _images(q, space, corner - rim * size, upper + rim * size)
     found, _, _ = np.histogram2d(
-        q[:, 1], q[:, 0], bins=(rows + 2 * rim, columns + 2 * rim),
+        shown[:, 1], shown[:, 0], bins=(rows + 2 * rim, columns + 2 * rim),
         range=[(corner[k] - rim * size, upper[k] + rim * size) for k in (1, 0)],
     )  # fmt: skip
     if rim:
         found = gaussian_filter(found, blur / size, mode="constant")[rim:-rim, rim:-rim]
     return DensityMap(found / size**2, corner, upper)
+
+
+def _images(q: Array, space: Space, low: Array, high: Array) -> Array:
+    """Images of agents, among them all between two corners, shape (K, 2)."""
+    found = space.wrapped(q)
+    for k, length in enumerate(space.lengths):
+        if np.isfinite(length):
+            first, last = int(np.floor(low[k] / length)), int(np.ceil(high[k] / length))
+            copies = [found + length * number * np.eye(2)[k] for number in range(first, last)]
+            found = np.concatenate([x[(x[:, k] >= low[k]) & (x[:, k] <= high[k])] for x in copies])
+    return found

@@ -11,17 +11,40 @@ from numpy.typing import NDArray
 from flocking.arrays import AnyArray
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number
+from flocking.model.space import OPEN, Space
 
 
-def neighbour_pairs(q: Array, reach: float) -> NDArray[np.int64]:
-    """Pairs of agents closer than ``reach``, each once, shape (K, 2)."""
+def neighbour_pairs(q: Array, reach: float, space: Space = OPEN) -> NDArray[np.int64]:
+    """Pairs of agents closer than ``reach``, each once, shape (K, 2).
+
+    Parameters
+    ----------
+    q
+        Positions, shape (N, m).
+    reach
+        Largest distance of neighbours.
+    space
+        Where the agents live: distances are those to nearest images.
+
+    Raises
+    ------
+    InvalidInput
+        When an agent may be within reach of several images of another: the reach is half a length of space or more.
+    """
     from scipy.spatial import cKDTree
 
-    found: NDArray[np.int64] = cKDTree(q).query_pairs(reach, output_type="ndarray")
+    if 2.0 * reach >= min(space.lengths, default=np.inf):
+        raise InvalidInput(
+            "neighbour_pairs", "reach", f"must be less than half of {min(space.lengths):g}, after which space repeats",
+            reach, "An agent would have several images of one neighbour: take a larger box.",
+        )  # fmt: skip
+    sides = np.array([length if np.isfinite(length) else 0.0 for length in space.lengths])
+    tree = cKDTree(q) if space.is_open else cKDTree(space.wrapped(q), boxsize=sides)
+    found: NDArray[np.int64] = tree.query_pairs(reach, output_type="ndarray")
     return found
 
 
-def hexatic(q: Array, reach: float) -> tuple[NDArray[np.complex128], NDArray[np.int64]]:
+def hexatic(q: Array, reach: float, space: Space = OPEN) -> tuple[NDArray[np.complex128], NDArray[np.int64]]:
     """Hexatic order of every agent: the mean of exp(6 i angle) over the directions to its neighbours.
 
     Its size is 1 in a perfect triangular lattice and falls at grain boundaries, defects and edges; its angle over 6
@@ -33,6 +56,8 @@ def hexatic(q: Array, reach: float) -> tuple[NDArray[np.complex128], NDArray[np.
         Positions in the plane, shape (N, 2).
     reach
         Largest distance of neighbours; in a lattice of spacing d between d and sqrt(3) d.
+    space
+        As for `neighbour_pairs`.
 
     Returns
     -------
@@ -42,13 +67,13 @@ def hexatic(q: Array, reach: float) -> tuple[NDArray[np.complex128], NDArray[np.
     Raises
     ------
     InvalidInput
-        When agents are not in the plane or the reach is not positive.
+        When agents are not in the plane, or the reach is not positive or too large for `neighbour_pairs`.
     """
     q = np.asarray(q, dtype=np.float64)
     if q.ndim != 2 or q.shape[1] != 2:
         raise InvalidInput("hexatic", "q", "must have shape (N, 2)", q.shape)
-    pairs, n = neighbour_pairs(q, number("hexatic", "reach", reach, above=0.0)), len(q)
-    offset = q[pairs[:, 1]] - q[pairs[:, 0]]
+    pairs, n = neighbour_pairs(q, number("hexatic", "reach", reach, above=0.0), space), len(q)
+    offset = space.displacement(q[pairs[:, 1]] - q[pairs[:, 0]])
     angle = 6.0 * np.arctan2(offset[:, 1], offset[:, 0])
     # Opposite directions have the same sixth power: a pair adds the same to both.
     total = _sum(pairs, np.cos(angle), n) + 1j * _sum(pairs, np.sin(angle), n)
@@ -56,12 +81,18 @@ def hexatic(q: Array, reach: float) -> tuple[NDArray[np.complex128], NDArray[np.
     return total / np.maximum(count, 1), count
 
 
-def largest_share(q: Array, reach: float) -> tuple[int, float]:
-    """Number of flocks of agents linked within ``reach``, and the share of the agents that is in the largest one."""
+def largest_share(q: Array, reach: float, space: Space = OPEN) -> tuple[int, float]:
+    """Number of flocks of agents linked within ``reach``, and the share of the agents that is in the largest one.
+
+    Parameters
+    ----------
+    q, reach, space
+        As for `neighbour_pairs`.
+    """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    pairs = neighbour_pairs(q, reach)
+    pairs = neighbour_pairs(q, reach, space)
     net = coo_matrix((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(q), len(q)))
     count, labels = connected_components(net, directed=False)
     return int(count), float(np.bincount(labels).max()) / len(q)

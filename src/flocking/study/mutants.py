@@ -34,6 +34,18 @@ if TYPE_CHECKING:
 
     import sympy
 
+LARGER = 1.05
+"""Factor of the radius of a wrong law: its links differ from the declared ones for pairs within five per cent of it."""
+
+SMALLER_GAP = 0.2
+"""Share of the gap of a wrong law with hysteresis."""
+
+STEEPER = 0.1
+"""What the exponent of a wrong weight exceeds the declared one by."""
+
+HEAVIER = 1.1
+"""Factor of the masses of a wrong plant."""
+
 Mutation = Callable[[Scenario], Scenario]
 """Makes the simulated system from the declared one."""
 
@@ -131,11 +143,11 @@ def late_switch(scenario: Scenario) -> Scenario:
     """Links break, and appear, at a radius 5 % too large; of `Hysteresis`, appear at a gap of a fifth."""
     graph = scenario.law.graph
     if isinstance(graph, Proximity):
-        return _with_graph(scenario, Proximity(graph.radius * 1.05, graph.closed))
+        return _with_graph(scenario, Proximity(graph.radius * LARGER, graph.closed))
     if isinstance(graph, Hysteresis):
-        return _with_graph(scenario, Hysteresis(graph.radius, graph.gap * 0.2))
+        return _with_graph(scenario, Hysteresis(graph.radius, graph.gap * SMALLER_GAP))
     if isinstance(graph, Smooth):
-        return _with_graph(scenario, replace(graph, radius=graph.radius * 1.05))
+        return _with_graph(scenario, replace(graph, radius=graph.radius * LARGER))
     raise InvalidInput("mutant", "scenario", "must have a Proximity, Hysteresis or Smooth graph", scenario.name)
 
 
@@ -143,7 +155,7 @@ def wrong_exponent(scenario: Scenario) -> Scenario:
     """The weight of alignment falls faster with the distance, by a tenth in the exponent."""
 
     def change(term: Term) -> Term:
-        return replace(term, exponent=term.exponent + 0.1) if isinstance(term, CuckerSmale) else term
+        return replace(term, exponent=term.exponent + STEEPER) if isinstance(term, CuckerSmale) else term
 
     return _with_terms(scenario, change, "a CuckerSmale term")
 
@@ -192,7 +204,7 @@ def _point_masses(scenario: Scenario) -> Body:
 def wrong_mass(scenario: Scenario) -> Scenario:
     """Every agent is 10 % heavier than declared."""
     agents = _point_masses(scenario)
-    heavier = np.multiply(agents.masses, 1.1)
+    heavier = np.multiply(agents.masses, HEAVIER)
     return scenario.with_(agents=Agents(heavier, agents.damping, agents.order, agents.headings))
 
 

@@ -32,10 +32,10 @@ def wait(condition, what):
 
 
 class Wire:
-    """Stands between a browser and a page, and can be cut."""
+    """Stands between a browser and a page, and can be cut; while it is shut nothing passes it."""
 
     def __init__(self, to):
-        self._to, self._ends = to, []
+        self._to, self._ends, self.shut = to, [], False
         self._door = socket.create_server(("127.0.0.1", 0))
         self.port = self._door.getsockname()[1]
 
@@ -58,6 +58,9 @@ class Wire:
         with contextlib.suppress(OSError):  # the door is closed
             while True:
                 here = self._door.accept()[0]
+                if self.shut:
+                    here.close()
+                    continue
                 there = socket.create_connection(("127.0.0.1", self._to))
                 self._ends += [here, there]
                 for pair in ((here, there), (there, here)):

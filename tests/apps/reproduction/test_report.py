@@ -237,6 +237,37 @@ def test_too_few_seeds_are_named_as_the_reason(folder, tmp_path):
     modules = {"tanner-2003-fixed": paper("tanner-2003-fixed")}
     text, _ = read(write_report(replace(found, judgements=few, figures=[]), modules, tmp_path))
     assert "a verdict needs five seeds" in text
+    assert "No claim differs from" in text
+    assert 'unexpected" id=' not in text, "what is left open contradicts nothing"
+
+
+def test_one_seed_that_refutes_a_proved_claim_is_framed_though_one_is_too_few(folder, tmp_path):
+    from dataclasses import replace
+
+    from flocking.apps.reproduction.report import write_report
+    from flocking.study.claims.claim import Verdict
+    from flocking.study.claims.judgement import Judgement
+
+    _, found = folder
+    few = {name: [Judgement(j.claim, j.results[:1]) for j in judged] for name, judged in found.judgements.items()}
+    name, judged = next(iter(few.items()))
+    proved = next(j for j in judged if j.has_expected and j.results[0].verdict == Verdict.HOLDS)
+    refuted = Judgement(proved.claim, (replace(proved.results[0], verdict=Verdict.FAILS),))
+    assert refuted.verdict == Verdict.UNTESTED
+    changed = {**few, name: [refuted if j is proved else j for j in judged]}
+    modules = {"tanner-2003-fixed": paper("tanner-2003-fixed")}
+    text, _ = read(write_report(replace(found, judgements=changed, figures=[]), modules, tmp_path))
+    assert "1 claim differs from" in text
+    assert text.count('unexpected" id=') == 1
+    assert f'unexpected" id="{name}-claim-{proved.claim.key}"' in text
+
+
+def test_what_was_measured_is_typeset(folder):
+    text, _ = read(folder[0] / "report.html")
+    words = re.sub("<math.*?</math>", "", text.split("Contents</h2>")[1].split("Provenance</h2>")[0], flags=re.DOTALL)
+    measured = re.findall(r'<p class="small">(?:held|margin)(.*?)</p>', words)
+    assert len(measured) > 10
+    assert [line for line in measured if re.search(r"[0-9]e[-+]?[0-9]|[A-Za-z]_[A-Za-z]", line)] == []
 
 
 def test_a_counter_example_decides_and_further_seeds_are_drawn(folder):

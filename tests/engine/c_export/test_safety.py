@@ -112,7 +112,7 @@ def test_forces_of_single_precision_keep_the_conditions(m, tmp_path):
 
 
 def test_brute_force_finds_nothing_nearer(tmp_path):
-    """No acceleration of a fine grid that keeps all conditions is nearer to the wanted one than that of C."""
+    """No acceleration of a fine grid that keeps all conditions is nearer to the desired one than that of C."""
     scenario, compiled = made(tmp_path, "sampled", 2)
     grid, judged = np.linspace(-1.0, 1.0, 161), 0
     square = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Agents that know themselves and others by fixes, and follow wanted velocities, beside what equations' checks try."""
+"""Agents that know themselves and others by fixes, and follow desired velocities, beside what equations' checks try."""
 
 import numpy as np
 import pytest
@@ -90,7 +90,7 @@ def test_nobody_beyond_the_range_is_heard():
         made = fk.Scenario(law, begin, t_end=0.2, frames=2, agents=fk.VelocityUnit(1.0, speed=9.0),
                            information=fk.Fixes(0.2, range=100.0), control=fk.Held(0.2))  # fmt: skip
         p = fk.simulate(made, progress=False).p
-        # Without a wanted velocity agents come to rest along their own direction.
+        # Without a desired velocity agents come to rest along their own direction.
         assert (abs(p[1, 0, 1]) > 0.0) == turns
 
 

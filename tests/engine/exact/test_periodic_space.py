@@ -268,9 +268,3 @@ def test_exports_say_the_box(tmp_path):
     fk.export_run(run(periodic(fk.Proximity(2.0), [IDLE], start, 0.1, frames=2)), tmp_path / "run.xyz")
     text = (tmp_path / "run.xyz").read_text()
     assert 'Lattice="6.0 0.0 0.0 0.0 7.0 0.0 0.0 0.0 0.0" pbc="T T F"' in text
-
-
-def test_a_density_map_is_refused_where_space_repeats():
-    made = run(periodic(fk.Proximity(1.5), [fk.Consensus(1.0)], group(), t_end=0.1))
-    with pytest.raises(InvalidInput, match="open space"):
-        fk.plot(made, kind="density")

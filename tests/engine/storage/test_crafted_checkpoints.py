@@ -375,7 +375,7 @@ def test_another_runs_restart_of_lammps() -> None:
 @pytest.mark.parametrize(
     "engine", ["exact", "sampled", "bodies", "delayed", "discrete", "tiles", "held tiles", "lammps"]
 )
-@pytest.mark.parametrize("cases", [24, pytest.param(170, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [24, pytest.param(170, marks=pytest.mark.repeated)])
 def test_crafted_checkpoints(engine: str, cases: int) -> None:
     """Whatever is changed, going on works or is refused in one sentence; nothing else ever happens."""
     said = []

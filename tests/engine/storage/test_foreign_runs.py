@@ -173,7 +173,7 @@ def refused_everywhere(folder: Path, harm: Path) -> None:
     assert sorted(p.name for p in folder.parent.iterdir()) == before
 
 
-@pytest.mark.parametrize("cases", [14, pytest.param(70, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [14, pytest.param(70, marks=pytest.mark.repeated)])
 def test_poisoned_runs(unfinished: Path, tmp_path: Path, calls: list[str], cases: int) -> None:
     pairs = list(itertools.product(ARRAY_NAMES, ATTACKS))
     for array, attack in pairs[:: len(pairs) // cases]:

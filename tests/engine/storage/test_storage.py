@@ -9,6 +9,7 @@ import os
 import resource
 import shutil
 import signal
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
@@ -372,12 +373,17 @@ def test_no_partial_file_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("file", b"old")]
 
 
-def test_whatever_is_damaged_is_noticed(written: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("cases", [40, pytest.param(120, marks=pytest.mark.repeated)])
+def test_whatever_is_damaged_is_noticed(written: Path, tmp_path: Path, cases: int) -> None:
     """A flipped bit, a cut or a lost file is told as such, or does no harm; it never changes a number unseen."""
     rng = np.random.default_rng(8)
     files = sorted(p.relative_to(written) for p in written.rglob("*") if p.is_file() and p.stat().st_size)
+    # One of each array and table in turn, so that few cases meet all.
+    place: Counter[str] = Counter()
+    rank = {file: place.update([file.parts[0]]) or place[file.parts[0]] for file in files}
+    files.sort(key=rank.__getitem__)
     noticed = set()
-    for k in range(120):
+    for k in range(cases):
         file = files[k % len(files)]
         folder = Path(shutil.copytree(written, tmp_path / str(k)))
         data = bytearray((folder / file).read_bytes())

@@ -255,7 +255,7 @@ def test_killed_runs_of_held_control_go_on(start: Start, held: Run, tmp_path: Pa
     assert min(found) < 16
 
 
-@pytest.mark.slow
+@pytest.mark.repeated
 def test_50_killed_runs_of_held_control_go_on(start: Start, held: Run, tmp_path: Path) -> None:
     assert len(set(kill_while_a_session_runs(start, tmp_path, 50, 18, "sampled", held))) > 5
 
@@ -265,7 +265,7 @@ def test_killed_crowds_go_on_at_3_instants(start: Start, whole: Run, tmp_path: P
     assert any(0 < count < 9 for count, _ in found), "some kill came amid the run"
 
 
-@pytest.mark.slow
+@pytest.mark.repeated
 def test_killed_crowds_go_on_at_200_instants(start: Start, whole: Run, tmp_path: Path) -> None:
     found = kill_while_a_crowd_runs(start, whole, tmp_path, 200, seed=16)
     print(f"{len(found)} kills, {sum(t > 0 for _, t in found)} of them while a frame was written")
@@ -273,14 +273,14 @@ def test_killed_crowds_go_on_at_200_instants(start: Start, whole: Run, tmp_path:
     assert len({count for count, _ in found}) > 5
 
 
-@pytest.mark.slow
+@pytest.mark.repeated
 def test_killed_while_writing_at_200_instants(start: Start, tmp_path: Path) -> None:
     found = kill_while_frames_are_written(start, tmp_path, 200, seed=13)
     assert sum(traces > 0 for _, traces in found) > 50
     assert len({count for count, _ in found}) > 5
 
 
-@pytest.mark.slow
+@pytest.mark.repeated
 def test_20_killed_simulations_go_on(start: Start, tmp_path: Path) -> None:
     assert len(set(kill_while_a_session_runs(start, tmp_path, 20, seed=14))) > 5
 
@@ -296,6 +296,6 @@ def test_killed_runs_of_delayed_knowledge_go_on(start: Start, late: Run, tmp_pat
     kill_while_a_session_runs(start, tmp_path, 1, 19, "delayed", late)
 
 
-@pytest.mark.slow
+@pytest.mark.repeated
 def test_50_killed_runs_of_delayed_knowledge_go_on(start: Start, late: Run, tmp_path: Path) -> None:
     assert len(set(kill_while_a_session_runs(start, tmp_path, 50, 20, "delayed", late))) > 5

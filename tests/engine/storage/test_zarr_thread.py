@@ -61,15 +61,16 @@ def test_an_interrupt_that_leaves_a_lock_held_does_not_stop_later_readings(
     assert_readable(stored)
 
 
-def test_interrupts_at_100_moments_of_a_reading(stored: Path) -> None:
+@pytest.mark.parametrize("moments", [25, pytest.param(100, marks=pytest.mark.repeated)])
+def test_interrupts_at_moments_of_a_reading(stored: Path, moments: int) -> None:
     begin = time.perf_counter()
     read_run(stored)
     longest, met = time.perf_counter() - begin, 0
-    rng = random.Random(3)
+    rng = random.Random(moments)
     # A timer's signal, as another thread would get its turn late.
     before = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
     try:
-        while met < 100:
+        while met < moments:
             try:
                 signal.setitimer(signal.ITIMER_REAL, rng.uniform(1e-4, longest))
                 read_run(stored)

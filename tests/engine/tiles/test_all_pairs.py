@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -81,3 +83,25 @@ def test_a_saved_run_is_extended_to_the_same_bits(tmp_path) -> None:
 
 def test_lists_of_ten_thousand_agents_need_memory_for_agents_not_for_pairs() -> None:
     assert complete_lists(10_000).nbytes < 2**21
+
+
+def test_ten_thousand_agents_align_without_a_matrix_of_pairs() -> None:
+    """Forces of Cucker and Smale's law by all 5e7 pairs; a matrix of bytes alone would take 100 MB.
+
+    A step takes 0.3 GB for the comparison of some agents with the law, which is not of all pairs.
+    """
+    n, gain, exponent = 10_000, 4.0, 0.4
+    start = fk.start.ball(n, radius=3.0, speed=3.0, dimension=3, seed=1)
+    scenario = fk.Scenario(fk.Law(fk.Complete(), [fk.CuckerSmale(gain / n, exponent)]), start, t_end=0.01, frames=2)
+    tracemalloc.start()
+    session = TilesSession(scenario, TilesOptions(step=0.01))
+    found = session.accelerations()
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 50e6
+    q, p = start.q, start.p
+    for i in (0, 17, n - 1):
+        weight = gain / n / (1.0 + ((q - q[i]) ** 2).sum(axis=1)) ** exponent
+        assert_allclose(found[i], weight @ (p - p[i]), rtol=1e-9, atol=1e-11)
+    session.advance(0.01)
+    assert_allclose(session.state.p, p + 0.01 * found, atol=0.01 * 0.05 * np.abs(found).max())

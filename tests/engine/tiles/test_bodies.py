@@ -206,10 +206,8 @@ def test_headings_that_a_step_is_too_long_for_end_the_run(ledger):
         fk.simulate(fast, engine="tiles", step=0.01, ledger=ledger, progress=False)
 
 
-def test_lammps_refuses_bodies_under_held_control_by_name():
-    held = scenario(fk.Limited(fk.PointMass(), force=1.0))
+def test_lammps_refuses_by_name_what_tiles_refuse():
+    held = scenario(fk.Limited(fk.PointMass(), force=1.0)).with_(control=fk.Held(0.1))
     assert engine_named("lammps").why_not(held) == ""
-    why = engine_named("lammps").why_not(held.with_(control=fk.Held(0.1)))
-    assert "cannot run Limited agents" in why
-    assert why.startswith("engine='lammps' runs the kernels of the tiled engine. Under held control on many ranks")
-    assert why.endswith("Use engine='tiles'.")
+    why = engine_named("lammps").why_not(held.with_(bodies=fk.Lagged(held.agents, 0.2)))
+    assert why.startswith("engine='lammps' runs the kernels of the tiled engine. The tiled engine cannot run Lagged")

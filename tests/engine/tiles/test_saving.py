@@ -348,7 +348,7 @@ def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     assert one.scheme["books"].sums == two.scheme["books"].sums
     assert pack(restored) == data, "nothing is lost or changed on the way"
     moved = ("reference", "velocity", "elapsed", "bound", "skin", "rounding")
-    for name in ("agents", "ids", "rebuilds", "top_speed", *(f"displacement.{name}" for name in moved)):
+    for name in ("agents", "ids", "search.rebuilds", "top_speed", *(f"displacement.{name}" for name in moved)):
         assert np.array_equal(
             operator.attrgetter(name)(session._particles),
             operator.attrgetter(name)(restored._particles),

@@ -187,7 +187,7 @@ def test_a_straggler_and_flocks_far_apart_cost_little():
     state = states(2000, 2, seed=1)["straggler"]
     session = TilesSession(fk.Scenario(saber(), state, t_end=1, frames=1), TilesOptions(step=0.01))
     session.advance(0.1)
-    assert session._particles.sorter.grid.cells <= 2 * 2000 + 9
+    assert session._particles.search.sorter.grid.cells <= 2 * 2000 + 9
     assert session.memory_in_use < 400 * 2000
 
 
@@ -388,3 +388,13 @@ def test_flight_through_obstacles_against_the_exact_engine():
         scenario.with_(law=fk.Law(law.graph, law.terms[:3])), engine="tiles", step=0.001, ledger=False, progress=False
     )
     assert np.abs(run.q - free.q).max() > 0.3
+
+
+MOST_ATTRIBUTES = 20
+"""Attributes of the arrays of a group: more belong into an object of their own."""
+
+
+def test_the_arrays_of_a_group_are_put_together_from_few_parts():
+    particles = TilesSession(smooth_scenario(), TilesOptions(step=0.01))._particles
+    assert type(particles).__name__ == "ParticleArrays"
+    assert len(vars(particles)) <= MOST_ATTRIBUTES, sorted(vars(particles))

@@ -109,5 +109,14 @@ def test_a_scenario_states_its_values_start_and_world():
     law = fk.Law(fk.Hysteresis(4, 0.3), [fk.Gradient(psi), fk.Consensus(np.array([1.0, 2.0]))])
     scenario = fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=3.0, control=fk.Held(0.5), seed=None)
     text = scenario_html(scenario)
-    for words in ("with a = 2", "(1, 2)", ">0.3<", "2 agents in 2 dimensions", "from t = 0 to 3", "Held", ">0.5<"):
+    for words in (
+        f"with {to_mathml('a = 2')}",
+        "at rest",
+        "(1, 2)",
+        ">0.3<",
+        "2 agents in 2 dimensions",
+        "from t = 0 to 3",
+        "Held",
+        ">0.5<",
+    ):
         assert words in text, words

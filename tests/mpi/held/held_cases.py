@@ -26,9 +26,9 @@ def _law(graph=None, *terms):
     return fk.Law(graph or fk.Hysteresis(8.4, 1.0), [pull, fk.Consensus(0.3), *terms])
 
 
-def _made(law=None, state=None, control=None, **world):
+def _made(law=None, state=None, control=None, frames=5, **world):
     control = control or fk.Held(0.05, latency=0.02)
-    return fk.Scenario(law or _law(), state or _streams(), t_end=T_END, frames=5, control=control, **world)
+    return fk.Scenario(law or _law(), state or _streams(), t_end=T_END, frames=frames, control=control, **world)
 
 
 def _lossy(loss, **more):
@@ -40,7 +40,61 @@ def _lossy(loss, **more):
 PERIODS = STEP * (3 + EACH % 5)
 PHASES = STEP * (EACH % 4)
 
-CASES = {
+
+def _chain():
+    """Unicycles whose limited force lags and who are blown about before and behind the lag."""
+    blown = fk.Disturbed(fk.Unicycle(2.0 + 0.01 * EACH, damping=0.1), 2.0, 0.04, seed=5)
+    return fk.Limited(fk.Disturbed(fk.Lagged(blown, 0.1 + 0.001 * EACH), 1.0, 0.05), force=20.0 + 0.1 * EACH)
+
+
+BODIES = {
+    "limited, in space, frames between steps": lambda: _made(
+        state=_streams(3), bodies=fk.Limited(fk.PointMass(np.linspace(1, 2, N), 0.3), force=3.0 + 0.02 * EACH),
+        frames=8,
+    ),
+    "limited by axis, periodic": lambda: _made(
+        space=fk.Periodic([110.0, 120.0]), bodies=fk.Limited(fk.PointMass(), force=4.0, shape="box")
+    ),
+    "lagged, each by itself": lambda: _made(
+        control=fk.Held(PERIODS, phase=PHASES, latency=0.12), frames=8,
+        bodies=fk.Lagged(fk.PointMass(np.linspace(1, 2, N), 0.3), 0.05 + 0.001 * EACH),
+    ),
+    "lagged in wind, in space, messages lost": lambda: _made(
+        state=_streams(3), information=_lossy(fk.Bernoulli(0.3)), frames=8,
+        bodies=fk.Lagged(fk.Disturbed(fk.PointMass(damping=0.2), 0.3 + 0.01 * EACH, 0.05), 0.2),
+    ),
+    "gusts, periodic channel, noise": lambda: _made(
+        space=fk.Periodic([110.0, None]), bodies=fk.Disturbed(fk.PointMass(), 2.0, 0.03),
+        information=_lossy(fk.DistanceLoss(9.0), noise=fk.WhiteNoise(0.02, 0.05)),
+    ),
+    "a chain of bodies, all that travels": lambda: _made(
+        information=_lossy(
+            fk.GilbertElliott(0.3, 0.5, 0.05, 0.9, paired=True), period=PERIODS, phase=PHASES, predict=True,
+            noise=fk.OrnsteinUhlenbeck(0.05, 0.02, 0.3), velocity_resolution=0.01, self_known="measured",
+        ),
+        control=fk.Held(PERIODS[::-1].copy(), phase=PHASES, latency=0.03), bodies=_chain(), frames=8,
+    ),
+    "unicycles over fixed links": lambda: _made(
+        _law(fk.Fixed.random_connected(N, 0.03, 1)), bodies=fk.Limited(fk.Unicycle(2.0), force=30.0), frames=8,
+        information=_lossy(None, expires=None),
+    ),
+    "order 1, limited": lambda: _made(
+        fk.Law(fk.Proximity(8.4), [fk.Gradient(fk.Potential("(r - 4)**2"))]), _streams(speed=0.0),
+        bodies=fk.Limited(fk.SingleIntegrator(), speed=1.0 + 0.1 * EACH), frames=8,
+    ),
+    "order 1, lagged in gusts, messages": lambda: _made(
+        fk.Law(fk.Hysteresis(8.4, 1.0), [fk.Gradient(fk.Potential("(r - 4)**2"))]), _streams(speed=0.0),
+        bodies=fk.Lagged(fk.Disturbed(fk.SingleIntegrator(), 0.3, 0.05), 0.1), frames=8,
+        information=_lossy(fk.Bernoulli(0.3), noise=fk.WhiteNoise(0.02, 0.0)),
+    ),
+    "fewer agents than ranks, a chain": lambda: _made(
+        _law(fk.Proximity(8.4)), fk.State([[0.0, 0], [5, 1], [3, 7]], [[40.0, 0], [-40, 1], [3, 1]]),
+        bodies=fk.Lagged(fk.Disturbed(fk.Unicycle(2.0, damping=0.1), 1.0, 0.05), [0.1, 0.2, 0.3]), frames=8,
+    ),
+}  # fmt: skip
+"""Agents that are more than points."""
+
+CASES = BODIES | {
     "held": _made,
     "held, in space": lambda: _made(state=_streams(3), control=fk.Held(0.05, phase=0.02)),
     "each by itself, masses and damping": lambda: _made(

@@ -13,10 +13,11 @@ from flocking.engine.driver.simulate import open_session, run_session
 from flocking.engine.lammps.engine import ENGINE
 from flocking.engine.lammps.options import LammpsOptions
 from tests.mpi.held.held_cases import case
+from tests.mpi.held.random_worlds import world
 
 
 def opened(name, **more):
-    scenario, options = case(name)
+    scenario, options = world(int(name)) if name.isdigit() else case(name)
     options |= {"ledger": int(options.get("ledger", True))}
     return open_session(ENGINE, scenario, LammpsOptions(threads=1, **{**options, **more}))
 
@@ -26,12 +27,14 @@ def computed(name):
     session = opened(name)
     session.advance(session.scenario.t_end)
     migrated, state = session.ranks.comm.allreduce(session._particles.migrated), session.state
+    columns = {f"column {name}": values for name, values in session.state.columns.items()}
     owned, rates = session.ranks.comm.gather(session._particles.n), session.accelerations()
     run = session.run()
     session.close()
     return {
         "t": run.t, "q": run.q, "p": run.p, "links": run.links, "trace": run.trace, "owned": owned, "rates": rates,
         "migrated": migrated, "last": state.q, "closest": run.closest_linked.distance,
+        **columns, **{f"columns {name}": values for name, values in run.columns.items()},
     }, session.ranks  # fmt: skip
 
 

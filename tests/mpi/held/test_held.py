@@ -15,14 +15,16 @@ from flocking.engine.lammps.held.session import HeldDomainSession
 from flocking.engine.lammps.options import LammpsOptions
 from flocking.engine.protocol.session import Stored
 from flocking.errors import InvalidInput, UnsupportedLaw
-from tests.mpi.held.held_cases import CASES, N, case
+from tests.mpi.held.held_cases import BODIES, CASES, case
 from tests.mpi.jobs import launch
 
 pytestmark = pytest.mark.mpi
 RANKS = (1, 2, 4)
 LONGEST = 900
 HARDEST = "each sends by itself, noise with memory"
-"""The case with most that travels: links by what agents know, samples, errors, forces that wait."""
+"""The case of points with most that travels: links by what agents know, samples, errors, forces that wait."""
+HARDEST_BODIES = "a chain of bodies, all that travels"
+"""The same with lagged forces, headings and gusts."""
 
 
 def job(ranks, **words):
@@ -56,13 +58,17 @@ def test_motions_links_and_ledger_are_those_of_one_process(found, name):
         np.testing.assert_allclose(got["p"], run.p, rtol=0, atol=1e-9)
         np.testing.assert_allclose(got["rates"], rates, rtol=0, atol=1e-8)
         assert np.array_equal(got["last"], got["q"][-1])
+        assert {name for name in got if name.startswith("columns ")} == {f"columns {name}" for name in run.columns}
+        for column, values in run.columns.items():
+            np.testing.assert_allclose(got[f"columns {column}"], values, rtol=0, atol=1e-9)
+            assert np.array_equal(got[f"column {column}"], got[f"columns {column}"][-1])
         assert np.array_equal(got["links"], run.links)
         assert got["closest"] == pytest.approx(run.closest_linked.distance, rel=1e-9)
         assert len(got["trace"]) == len(run.trace)
         for column in run.trace.dtype.names if len(run.trace) else ():
             size = np.abs(run.trace["energy"]).max() + np.abs(run.trace["dissipated"]).max() + 1.0
             np.testing.assert_allclose(got["trace"][column], run.trace[column], rtol=0, atol=1e-10 * size)
-        assert got["owned"].sum() == N
+        assert got["owned"].sum() == scenario.start.n
 
 
 def test_agents_cross_the_borders_of_ranks(found):
@@ -70,6 +76,8 @@ def test_agents_cross_the_borders_of_ranks(found):
         many = {name: int(found[ranks, name]["migrated"]) for name in CASES}
         assert sum(many.values()) > 500, many
         assert many[HARDEST] > 20, many
+        assert many[HARDEST_BODIES] > 20, many
+        assert sum(many[name] for name in BODIES) > 200, many
         assert many["messages lost with distance, noise, periodic"] > 50, many
 
 
@@ -84,28 +92,32 @@ def test_links_by_what_agents_know_are_not_those_of_the_truth():
     assert session._memory.waiting
 
 
-def test_a_killed_rank_ends_the_job_and_another_number_of_ranks_goes_on(tmp_path):
+@pytest.mark.parametrize("name", [HARDEST, HARDEST_BODIES])
+def test_a_killed_rank_ends_the_job_and_another_number_of_ranks_goes_on(tmp_path, name):
     folder = tmp_path / "run"
-    done = job(2, name=HARDEST, save=str(folder), die_at=0.45)
+    done = job(2, name=name, save=str(folder), die_at=0.45)
     assert done.returncode != 0
     left = fk.read_run(folder)
     assert left.status == "unfinished"
-    assert 2 <= len(left.t) < 5
+    scenario, options = case(name)
+    assert 2 <= len(left.t) < len(scenario.frame_times)
     again = launch(3, sys.executable, "-m", "flocking", "resume", str(folder))
     assert again.returncode == 0, again.stderr[-3000:]
     run = fk.read_run(folder)
-    scenario, options = case(HARDEST)
     expected = fk.simulate(scenario, engine="tiles", threads=1, progress=False, **options)
     assert run.finished
     np.testing.assert_allclose(run.q, expected.q, rtol=0, atol=1e-9)
     assert np.array_equal(run.links, expected.links)
+    for column, values in expected.columns.items():
+        np.testing.assert_allclose(run.columns[column], values, rtol=0, atol=1e-9)
     np.testing.assert_allclose(run.trace["energy"][-1], expected.trace["energy"][-1], rtol=1e-9)
     assert run.provenance["ranks"] == 3
     assert run.provenance["world"] == expected.provenance["world"]
 
 
-def test_a_session_goes_on_in_the_middle_of_a_step_and_bad_checkpoints_are_refused():
-    scenario, options = case(HARDEST)
+@pytest.mark.parametrize("name", [HARDEST, HARDEST_BODIES])
+def test_a_session_goes_on_in_the_middle_of_a_step_and_bad_checkpoints_are_refused(name):
+    scenario, options = case(name)
     session = open_session(ENGINE, scenario, LammpsOptions(threads=1, **options))
     session.advance(0.333)
     numbers, arrays = session.pack()
@@ -113,6 +125,9 @@ def test_a_session_goes_on_in_the_middle_of_a_step_and_bad_checkpoints_are_refus
     again = HeldDomainSession.unpack((numbers, arrays), stored, {"threads": 1})
     assert np.array_equal(again.state.q, session.state.q)
     assert np.array_equal(again.state.links, session.state.links)
+    assert np.array_equal(again.accelerations(), session.accelerations())
+    for column, values in session.state.columns.items():
+        assert np.array_equal(again.state.columns[column], values)
     for each in (session, again):
         each.advance(0.6)
     np.testing.assert_allclose(again.state.q, session.state.q, rtol=0, atol=1e-11)
@@ -123,6 +138,8 @@ def test_a_session_goes_on_in_the_middle_of_a_step_and_bad_checkpoints_are_refus
     for name, array in (
         (rows, arrays[rows][:-1]),
         (rows, arrays[rows][:, :-1].copy()),
+        (rows, np.where(np.arange(arrays[rows].shape[1]) == 1, np.nan, arrays[rows])),
+        (rows, np.where(np.arange(arrays[rows].shape[1]) == 7, np.inf, arrays[rows])),
         (off, arrays[off][:-1]),
         (partners, np.full_like(arrays[partners], 10**6)),
         (partners, arrays[partners][:-1]),

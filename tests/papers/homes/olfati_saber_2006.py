@@ -196,6 +196,11 @@ PASSING = [
     ("split", THIRD, "PAPER", "HOLDS", True, "splits", "granted"),
     ("rejoin", THIRD, "PAPER", "HOLDS", True, "rejoins", "granted"),
 ]
+BEHIND = [
+    ("one-flock-behind", THIRD, "PAPER", "HOLDS", True, "one_flock", "granted"),
+    ("aligned-behind", THIRD, "PAPER", "HOLDS", True, "aligned_at_end", "granted"),
+    ("lattice-behind", THIRD, "PAPER", "HOLDS", True, "quasi_lattice", "granted"),
+]
 APART = ("on fragmentation, as commonly cited", "OWN", "FAILS", True, "one_flock", "granted")
 STATED = {
     "": SETTLED,
@@ -207,8 +212,10 @@ STATED = {
         ("apart-by", "not stated", "OWN", "HOLDS", True, "apart_by_energy", "too_little_energy"),
     ],
     "-pressed": [*TOGETHER, ("merge", "not stated", "OWN", "FAILS", True, "never_merge", "granted")],
-    "-split": PASSING,
-    "-squeeze": PASSING,
+    "-split": [*PASSING, *BEHIND],
+    "-squeeze": [*PASSING, *BEHIND],
+    "-firm": [*PASSING, *BEHIND],
+    "-against": [ENERGY, ("entry", "not stated", "OWN", "FAILS", True, "never_inside", "granted")],
     "-network": PASSING,
     "-network-held": [
         ENERGY,

@@ -123,7 +123,7 @@ def turn_back():
         assert_allclose(found[i], (wanted - (wanted @ ahead) * ahead) if i in outside else 0.0 * P[i], atol=1e-12)
     assert fk.TurnBack(4.0, speed=9.0).sees_places
     assert (fk.TurnBack(4.0, speed=9.0).reach, fk.TurnBack(4.0, 9.0).symmetries) == (0.0, {"relabelling", "locality"})
-    # Where the way home is shorter than the speed, the wanted velocity has its length.
+    # Where the way home is shorter than the speed, the desired velocity has its length.
     slow = forces(fk.TurnBack(1.0, speed=50.0), np.array([[3.0, 4.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]))
     assert_allclose(slow[0], [-3.0, -4.0, 0.0], atol=1e-12)
     refused(fk.TurnBack, {"radius": 0.0, "speed": 0.0}, {"radius": 1.0, "speed": 1.0})

@@ -226,7 +226,10 @@ SETTINGS = {
     "": (300, 7.0, 2.0, 0.03, 400), "-gathering": (300, 25.0, 0.1, 0.03, 400), "-ordered": (300, 5.0, 0.1, 0.03, 400),
     "-small": (40, 3.1, 1.0, 0.03, 1000), "-noiseless": (40, 3.1, 0.0, 0.03, 400),
     "-random": (40, 3.1, 2 * math.pi, 0.03, 4000), "-vectorial": (300, math.sqrt(150), 0.4, 0.5, 400),
+    "-middle": (400, 10.0, 3.5, 0.03, 8000), "-phases": (800, 20.0, 0.618, 0.5, 40000),
+    "-bands": (2048, 32.0, 0.6, 0.5, 3000), "-fluctuations": (2048, 32.0, 0.4, 0.5, 3000),
 }  # fmt: skip
+SPARSE = {"-middle": 401, "-phases": 2001, "-bands": 151, "-fluctuations": 151}
 
 
 def scenarios():
@@ -237,7 +240,8 @@ def scenarios():
             assert (found.start.n, found.t_end, found.seed, found.name) == (n, duration, seed, f"{system.KEY}{end}")
             assert_allclose((*found.space.lengths, found.agents.noise, found.agents.speed), (side, side, noise, speed))
             assert found.agents.seed == seed
-            vectorial = end == "-vectorial"
+            assert len(found.frame_times) == SPARSE.get(end, duration + 1)
+            vectorial = speed == 0.5
             assert found.agents.noise_kind == ("vectorial" if vectorial else "angular")
             assert found.agents.update == ("forward" if vectorial else "backward")
     still = system.scenario(name=f"{system.KEY}-noiseless")
@@ -271,6 +275,7 @@ def series():
 
 
 RULE, NOT = "the rule, as commonly cited", "not stated"
+JUMP, LATER = "Gregoire, Chate 2004", "Chate et al. 2008"
 SPEED = ("speed", RULE, "PAPER", "HOLDS", False, "speeds_kept", "granted")
 OLD = ("old-velocity", RULE, "PAPER", "HOLDS", False, "moved_as_they_headed", "granted")
 WITHIN = ("noise-within", RULE, "PAPER", "HOLDS", False, "turns_within_noise", "granted")
@@ -285,6 +290,18 @@ STATED = {
     ],
     "-random": [SPEED, OLD, EVEN, ("independent", NOT, "OWN", "HOLDS", False, "headings_independent", "granted")],
     "-vectorial": [SPEED, ("ordered", NOT, "OWN", "HOLDS", True, "ordered", "granted")],
+    "-middle": [SPEED, ("one-phase", "Fig. 2", "PAPER", "HOLDS", True, "one_phase", "granted")],
+    "-phases": [
+        SPEED,
+        ("two-phases", JUMP, "OWN", "HOLDS", True, "two_phases", "granted"),
+        ("cumulant-dips", JUMP, "OWN", "HOLDS", True, "cumulant_dips", "granted"),
+    ],
+    "-bands": [
+        SPEED,
+        ("bands", LATER, "OWN", "HOLDS", True, "bands", "granted"),
+        ("bands-across", LATER, "OWN", "HOLDS", True, "bands_move_across", "granted"),
+    ],
+    "-fluctuations": [SPEED, ("giant-fluctuations", LATER, "OWN", "HOLDS", True, "giant_fluctuations", "granted")],
 }  # fmt: skip
 
 
@@ -295,6 +312,8 @@ def claims():
     assert {k: g.basis.name for k, g in theorems.grounds().items()} == {
         "speed": "PROOF", "old-velocity": "PROOF", "noise-within": "PROOF", "noise-even": "PROOF",
         "independent": "PROOF", "sector": "PROOF", "velocities-agree": "OBSERVATION", "ordered": "OBSERVATION",
+        "one-phase": "OBSERVATION", "two-phases": "OBSERVATION", "cumulant-dips": "OBSERVATION",
+        "bands": "OBSERVATION", "bands-across": "OBSERVATION", "giant-fluctuations": "OBSERVATION",
     }  # fmt: skip
 
 

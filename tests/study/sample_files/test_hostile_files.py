@@ -117,7 +117,7 @@ def little_room():
 
 
 @pytest.mark.parametrize("kind", ["npz", "csv", "parquet", "gsd", "mcap"])
-@pytest.mark.parametrize("cases", [30, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [30, pytest.param(400, marks=pytest.mark.repeated)])
 def test_damaged_files_are_read_or_refused(tmp_path, little_room, kind, cases):
     whole, said = made(kind, tmp_path), []
     path = tmp_path / f"a.{kind}"

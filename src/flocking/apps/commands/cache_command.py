@@ -7,6 +7,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+MEGABYTE = 1e6
+"""Bytes in a megabyte, as storage is sold and `ls --si` counts."""
+
 
 def cache(*, clear: bool = False, as_json: Annotated[bool, Parameter(name="--json")] = False) -> int:
     """Show the folder of compiled formulas and its size, or clear it.
@@ -27,7 +30,7 @@ def cache(*, clear: bool = False, as_json: Annotated[bool, Parameter(name="--jso
         print(json.dumps(facts, indent=2))
         return 0
     print(f"folder    {found.folder}")
-    what = f"{found.files} files, {found.size / 1e6:.3g} MB, of {found.formulas} laws and formulas"
+    what = f"{found.files} files, {found.size / MEGABYTE:.3g} MB, of {found.formulas} laws and formulas"
     print(f"{'cleared' if clear else 'holds':9} {what}")
-    print(f"limit     {code_cache.MOST_BYTES / 1e6:.3g} MB; the least recently used is removed first")
+    print(f"limit     {code_cache.MOST_BYTES / MEGABYTE:.3g} MB; the least recently used is removed first")
     return 0

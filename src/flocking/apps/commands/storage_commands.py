@@ -9,6 +9,9 @@ from cyclopts import Parameter
 
 from flocking.apps.json_output import print_json
 
+MEGABYTE = 1e6
+"""Bytes in a megabyte, as storage is sold and `ls --si` counts."""
+
 Json = Annotated[bool, Parameter(name="--json")]
 
 EQUAL, DIFFERENT = 0, 1
@@ -38,7 +41,7 @@ def info(folder: Path, *, as_json: Json = False) -> int:
     resumable = "yes, with 'flocking resume'" if stored["can_go_on"] else "no"
     rows += [
         ("commits", str(stored["commits"])),
-        ("size on disk", f"{stored['bytes'] / 1e6:.3g} MB"),
+        ("size on disk", f"{stored['bytes'] / MEGABYTE:.3g} MB"),
         ("can be resumed", "" if stored["status"] == "finished" else resumable),
         ("scenario", "not stored: it has a part from outside the library" if found is None else ""),
     ]

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from flocking.engine.runs.run import Run
 
+SIZE = 3.6
+"""Side of a film in inches: 360 pixels at 100 for each inch."""
+
 FILM = "film"
 SECONDS = 5.0
 """Length of the film."""
@@ -25,7 +28,7 @@ def write_film(run: Run, folder: Path) -> Path:
     """
     from flocking.show.animate import animate
 
-    written = animate(run, folder / FILM, fps=RATE, seconds=SECONDS, follow=True, size=3.6, dpi=100, trails=False)
+    written = animate(run, folder / FILM, fps=RATE, seconds=SECONDS, follow=True, size=SIZE, dpi=100, trails=False)
     for suffix in {".mp4", ".gif"} - {written.suffix}:
         written.with_suffix(suffix).unlink(missing_ok=True)
     return written

@@ -157,16 +157,17 @@ def _summary(found: Reproduction, papers: dict[str, Paper]) -> str:
 
 
 def _outcome(judged: list[Judgement]) -> str:
-    unexpected = sum(not j.as_expected for j in judged)
-    if not unexpected:
-        return "Every claim has the verdict that follows from its proof or counter-example; observations have rates."
-    untested = sum(j.verdict == Verdict.UNTESTED for j in judged)
-    few = f" {untested} are untested: a verdict needs five seeds that meet the hypothesis." if untested else ""
-    waiting = sum(j.verdict == Verdict.NOT_YET for j in judged)
-    if waiting:
-        few += f" {waiting} are not yet decided: for some seed the motion has not settled by the end of the run."
-    claims = "1 claim differs" if unexpected == 1 else f"{unexpected} claims differ"
-    return f"{claims} from the verdict that follows from its proof or counter-example, framed below.{few}"
+    proof = "the verdict that follows from its proof or counter-example"
+    if all(j.as_expected for j in judged):
+        return f"Every claim has {proof}; observations have rates."
+    contrary = sum(j.is_contrary for j in judged)
+    claims = {0: "No claim differs", 1: "1 claim differs"}.get(contrary, f"{contrary} claims differ")
+    parts = [f"{claims} from {proof}{', framed below' if contrary else ' where one was found'}."]
+    if untested := sum(j.verdict == Verdict.UNTESTED for j in judged):
+        parts.append(f"{untested} are untested: a verdict needs five seeds that meet the hypothesis.")
+    if waiting := sum(j.verdict == Verdict.NOT_YET for j in judged):
+        parts.append(f"{waiting} are not yet decided: for some seed the motion has not settled by the end of the run.")
+    return " ".join(parts)
 
 
 def _paper_row(key: str, article: Paper, found: Reproduction) -> str:
@@ -245,8 +246,10 @@ def _paper(key: str, article: Paper, found: Reproduction, out: Path) -> str:
 
 
 def _counts(judgements: list[Judgement]) -> str:
-    counts = Counter(str(j.verdict) for j in judgements)
-    return ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    counts = Counter(j.verdict for j in judgements)
+    several = {Verdict.HOLDS: "hold", Verdict.FAILS: "fail"}
+    words = (f"{n} {verdict if n == 1 else several.get(verdict, str(verdict))}" for verdict, n in counts.items())
+    return ", ".join(words)
 
 
 def _figures(captions: dict[str, str], drawn: dict[str, Path]) -> str:

@@ -15,7 +15,7 @@ KEPT = {True: "yes", False: "no", None: "not resolved"}
 
 
 COMPARED = ("promised", "observed", "kept")
-"""What is told of each certificate beside its statement and theorem."""
+"""What is shown of each certificate beside its statement and theorem."""
 
 
 def certificates_table(run: Run) -> str:

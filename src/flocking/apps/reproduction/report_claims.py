@@ -24,7 +24,7 @@ SHAPES: dict[str, str] = {
     Verdict.HYPOTHESIS_NOT_MET: "△",
     Verdict.NOT_APPLICABLE: "–",
 }
-"""Sign of each verdict, so that colour is not all that tells them apart."""
+"""Sign of each verdict, so that they differ in more than colour."""
 
 Judged = Judgement | Result
 """A claim judged over many seeds, or about one run."""
@@ -116,7 +116,7 @@ def _judgement(name: str, j: Judgement) -> str:
     waiting = f", not yet {j.waiting}" if j.waiting else ""
     waiting += f", not resolved {j.unresolved}" if j.unresolved else ""
     counts = f"held {j.held}{waiting}, met {j.met}, tried {j.tried}{escape(rate)}; {decisive} "
-    return _card(j.claim, place_of(name, j), j.verdict, j.as_expected, counts + _measured(j.worst))
+    return _card(j.claim, place_of(name, j), j.verdict, not j.is_contrary, counts + _measured(j.worst))
 
 
 def _result(name: str, result: Result) -> str:
@@ -127,7 +127,7 @@ def _result(name: str, result: Result) -> str:
 
 def _measured(result: Result) -> str:
     error = f" (error {short(result.error)})" if result.error > 0 else ""
-    return escape(f"{short(result.margin)}{error}{f'; {result.note}' if result.note else ''}")
+    return set_text(f"{short(result.margin)}{error}{f'; {result.note}' if result.note else ''}")
 
 
 def _card(claim: Claim, place: str, verdict: Verdict, as_expected: bool, measured: str) -> str:

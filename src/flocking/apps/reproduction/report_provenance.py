@@ -13,11 +13,11 @@ from flocking.engine.runs.provenance import version_of
 from flocking.engine.runs.run import Run
 
 PACKAGES = ("flocking", "numpy", "scipy", "sympy", "llvmlite", "matplotlib", "networkx", "zarr", "xarray")
-"""Packages whose versions are told: what computes, judges and draws."""
+"""Packages whose versions are shown: what computes, judges and draws."""
 
 
 TOLD = ("engine", "agents", "from", "to", "frames", "seed", "tolerance", "steps", "switches", "status")
-"""What is told of each run; on a phone, where the head of the table is not shown, beside its value."""
+"""What is shown of each run; on a phone, where the head of the table is not shown, beside its value."""
 
 
 def software() -> dict[str, object]:
@@ -37,7 +37,7 @@ def software_facts(more: Mapping[str, object]) -> str:
     Parameters
     ----------
     more
-        What is told before them, by name.
+        What is shown before them, by name.
     """
     return facts([*more.items(), *software().items()])
 

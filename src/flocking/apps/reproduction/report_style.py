@@ -50,7 +50,8 @@ td.count { white-space: nowrap; font-variant-numeric: tabular-nums; }
 .claim.unexpected { border: 2px solid var(--bad); border-left-width: .4rem; border-radius: .2rem;
   padding: .3rem .8rem; }
 ul { padding-left: 1.2rem; } li { margin: .15rem 0; }
-.figures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(26rem, 100%), 1fr)); gap: 1rem; }
+.figures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(26rem, 100%), 1fr)); gap: 1rem;
+  align-items: start; }
 figure { margin: 0; border: 1px solid var(--line); border-radius: .5rem; overflow: hidden; }
 figure img, figure video { display: block; width: 100%; height: auto; background: #ffffff; }
 figcaption { padding: .5rem .7rem; font-size: .9rem; color: var(--dim); }

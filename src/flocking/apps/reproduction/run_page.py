@@ -22,7 +22,7 @@ from flocking.study.claims.audit import Report
 from flocking.study.claims.claim import Verdict
 
 UNSAID = ("scenario", "seed", "engine", "steps", "tolerance")
-"""What the table of the run tells already."""
+"""What the table of the run contains already."""
 
 
 PLURAL = {Verdict.HOLDS: "hold", Verdict.FAILS: "fail"}
@@ -39,7 +39,7 @@ def title_of(run: Run, otherwise: str = "") -> str:
 def write_run_page(
     report: Report, path: Path, *, law_declared: bool = True, stated: Mapping[str, str] | None = None, source: str = ""
 ) -> Path:
-    """Write the page of an audit: one file that asks for nothing else.
+    """Write the page of an audit: one file that loads nothing else.
 
     Parameters
     ----------

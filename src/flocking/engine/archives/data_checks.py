@@ -282,7 +282,7 @@ class And(Form[Value]):
     rule
         The rule, in words that follow "must".
     holds
-        Whether a value of that form obeys it.
+        Whether a value of that form satisfies it.
     """
 
     form: Form[Value]

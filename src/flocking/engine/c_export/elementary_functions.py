@@ -14,6 +14,14 @@ import numpy as np
 
 from flocking.formula.c_source import CSource, products
 
+LARGEST_ANGLES = (1e6, 1e3)
+"""Largest angle that is reduced in double and in single precision: its multiple of pi/2 has no more bits, 20 and 10,
+than products with leading parts of constants leave."""
+
+EXPONENTS = (1025.0, -1076.0), (129.0, -152.0)
+"""Binary exponents in double and in single precision above which exp overflows, and below which it is zero: the largest
+number is below 2^1024 and 2^128, half the smallest 2^-1075 and 2^-150."""
+
 DIGITS = 60
 """Decimal digits with which coefficients are computed: more than three times those of a double."""
 
@@ -53,7 +61,7 @@ class Precision:
     @property
     def largest_angle(self) -> float:
         """Largest angle that is reduced; the sine of a larger one is NaN."""
-        return 1e3 if self.single else 1e6
+        return LARGEST_ANGLES[self.single]
 
 
 BOUNDS: Mapping[str, tuple[float, str]] = {
@@ -224,7 +232,7 @@ class _Writer:
         for k in range(2, degree + 1):
             factorial *= k
             terms.append(Fraction(1, factorial))
-        largest, least = (129.0, -152.0) if f.single else (1025.0, -1076.0)
+        largest, least = EXPONENTS[f.single]
         return (
             f"/* Exponential of a sum a + b with a small b: exp(r) 2^k with |r| <= log(2)/2 and a series. */\n"
             f"static {real} {x}exp_of({real} a, {real} b)\n{{\n    {real} found = a;\n"

@@ -1,4 +1,4 @@
-"""The forces that the law wants of a group at a tick, and their comparison with the declared law."""
+"""The desired forces of the law on a group at a tick, and their comparison with the declared law."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class DiscreteLaw:
     def forces(
         self, t: float, q: Array, p: Array, neighbours: list[Neighbours], known: Known | None = None
     ) -> Array:  # fmt: skip
-        """Forces that the law wants of all agents, shape (N, m).
+        """Desired forces of the law on all agents, shape (N, m).
 
         Parameters
         ----------

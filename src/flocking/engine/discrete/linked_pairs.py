@@ -50,7 +50,7 @@ class Neighbours:
 
     @property
     def pairs(self) -> tuple[Indices, Indices]:
-        """Sensing and sensed agents of the linked pairs, found when asked for; sorted where links are remembered."""
+        """Sensing and sensed agents of the linked pairs, found at the first use; sorted where links are remembered."""
         if self._pairs is None:
             self._pairs = self._at_first(self._first)
         return self._pairs

@@ -114,7 +114,7 @@ def simulate_nodes(
     SimulationError
         When agents do not begin, or one has no force.
     StorageError
-        When C is asked for and there is no compiler, or the recording cannot be written.
+        When C is requested and there is no compiler, or the recording cannot be written.
     """
     if not isinstance(scenario, Scenario):
         raise InvalidInput("simulate_nodes", "scenario", "must be a Scenario", scenario)

@@ -1,4 +1,4 @@
-"""A line below a notebook's cell that tells how far a wait has come, and is written over."""
+"""A line below a notebook's cell that shows the progress of a wait, and is written over."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class NotebookLine:
         self._said = now
         data = {"text/plain": text}
         if self._handle is None:
-            # A kernel has it; nothing else of the library asks for it.
+            # A kernel has it; nothing else of the library uses it.
             self._handle = import_module("IPython.display").display(data, raw=True, display_id=True)
         else:
             self._handle.update(data, raw=True)

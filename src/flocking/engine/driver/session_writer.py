@@ -14,11 +14,15 @@ from flocking.engine.driver.checkpoint import write_checkpoint
 from flocking.engine.driver.registry import entry_named
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.columns import joined_columns
+from flocking.engine.runs.frame_parts import FramePart
 from flocking.engine.runs.message_log import joined_logs
 from flocking.engine.runs.run import Run
+from flocking.engine.storage.atomic_files import checksum
+from flocking.engine.storage.part_writer import sees, write_parts
+from flocking.engine.storage.record import RECORD
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import read_last
-from flocking.errors import InvalidInput
+from flocking.errors import InvalidInput, StorageError
 
 COMMIT_SECONDS = 2.0
 """Wall time in seconds between two commits; in a small run a kill loses at most this and one stop of the
@@ -54,6 +58,22 @@ class SessionWriter:
         self._every = COMMIT_SECONDS if every is None else every
         self._cost = 0.0
         self._last = time.monotonic()
+        self._folder = self._shared_folder()
+
+    def _shared_folder(self) -> Path | None:
+        """The run's folder if each process writes the frames of its agents there; None if the first one writes all."""
+        team = self._team
+        if team.size == 1:
+            return None
+        folder, agents, record = team.shared(
+            lambda: (self._here.folder, self._here.shared_agents, checksum(self._here.folder / RECORD))
+        )
+        if not agents:
+            return None
+        all_see = team.collected(sees(folder, record))
+        if not team.shared(lambda: all(all_see or ())):
+            return None
+        return folder if self._session.share_frames(agents) else None
 
     @classmethod
     def create(cls, folder: str | Path, session: Session, every: float | None = None) -> SessionWriter:
@@ -134,6 +154,28 @@ class SessionWriter:
 
     def _write(self, *, complete: bool) -> None:
         self._team.alone(lambda: self._append(complete=complete))
+        if self._folder is not None and self._session.records.parts:
+            self._append_parts(self._folder, self._session.records.parts)
+
+    def _append_parts(self, folder: Path, parts: list[FramePart]) -> None:
+        """Write frames of which each process has a part."""
+        team, times = self._team, np.array([part.t for part in parts])
+        frame = team.shared(lambda: self._here.make_room(times))
+        failure, sums = "", []
+        try:
+            sums = write_parts(folder, parts, frame)
+        except StorageError as error:
+            failure = str(error)
+        written = team.collected((failure, sums))
+
+        def note() -> None:
+            assert written is not None
+            for text, _ in written:
+                if text:
+                    raise StorageError(text)
+            self._here.note_parts(times, [each for _, each in written])
+
+        team.alone(note)
 
     def _append(self, *, complete: bool) -> None:
         writer = self._here
@@ -161,6 +203,7 @@ class SessionWriter:
             session.records.forget(self._here.counts)
 
         self._team.alone(commit)
+        session.records.forget_parts(stored=self._team.first)
 
 
 def plain_options(options: object) -> dict[str, object]:

@@ -16,7 +16,7 @@ from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Session
 from flocking.engine.protocol.world import check_world
 from flocking.engine.runs.run import Run
-from flocking.engine.storage.run_writer import check_free
+from flocking.engine.storage.new_folders import check_free
 from flocking.errors import EngineFailed, FlockingError, InvalidInput, SimulationError, StorageError
 from flocking.model.law import Law, Scenario
 

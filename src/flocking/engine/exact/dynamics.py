@@ -40,7 +40,7 @@ _START = np.zeros(1), np.zeros((1, 1))
 class Dynamics:
     """The right-hand side of the state vector [q, p, further columns, departed, work, dissipated, supplied, places].
 
-    ``departed`` is there for bodies that may depart from the wanted motion, and ``supplied`` includes it. Places are
+    ``departed`` is there for bodies that may depart from the desired motion, and ``supplied`` includes it. Places are
     the coordinates of leaders whose position has no closed form.
 
     Parameters
@@ -76,7 +76,7 @@ class Dynamics:
         if plant is not None:
             if self.departs:
                 raise InvalidInput(
-                    "ExactSession", "plant", "must not be given for bodies that depart from the wanted motion",
+                    "ExactSession", "plant", "must not be given for bodies that depart from the desired motion",
                     type(bodies).__name__, "What departs is measured against the law that acts; leave the plant out.",
                 )  # fmt: skip
             if len(law.graphs) != len(scenario.law.graphs):

@@ -1,4 +1,4 @@
-"""Checks that floating-point numbers resolve the positions and times of a run as finely as its tolerance asks."""
+"""Checks that floating-point numbers resolve the positions and times of a run as finely as its tolerance requires."""
 
 from __future__ import annotations
 

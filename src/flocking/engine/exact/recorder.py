@@ -145,7 +145,7 @@ class ExactRecorder(Recorder):
         return self.frame_times[self.count :] - base
 
     def sample(self, segment: Segment, split: Callable[[Array], tuple[Array, Array, Array]], origin: Origin) -> None:
-        """Store the solution at several times in a segment, if fine samples are wanted.
+        """Store the solution at several times in a segment, if fine samples are recorded.
 
         Parameters
         ----------

@@ -17,6 +17,12 @@ from flocking.model.law import Scenario
 from flocking.model.terms.pair_terms import Gradient, Term
 from flocking.model.terms.schedules import Schedule
 
+CONTACT = 1e-12
+"""Distance that counts as the least, so that rates at contact are finite; far below any radius of interaction."""
+
+SLOWEST = 1e-9
+"""Rate that counts as the least of a leader's spring: its limit of the step is far above the largest step."""
+
 SAMPLE = 4000
 """Number of sampled agents."""
 
@@ -82,7 +88,7 @@ def largest_step(
     limits += [PERIODS / rate for rate in _rates_of_bodies(scenario) if rate > 0]
     for pairs in sampled:
         if pairs is not None and len(pairs.agent) and scenario.law.singular_at_zero():
-            closing = float((pairs.speed / np.maximum(pairs.distance, 1e-12)).max())
+            closing = float((pairs.speed / np.maximum(pairs.distance, CONTACT)).max())
             if closing > 0:
                 limits.append(CLOSING / closing)
     reach = singular_reach(scenario.law)
@@ -142,7 +148,7 @@ def resolving_step(
             if name == "velocity_gain":
                 damping += _largest(value)
             elif name == "position_gain":
-                limits.append(PERIODS / max(float(np.sqrt(_largest(value))), 1e-9))
+                limits.append(PERIODS / max(float(np.sqrt(_largest(value))), SLOWEST))
     if damping > 0:
         limits.append((DAMPED if scheme == "damped" else DAMPING) * mass / damping)
     return float(min(limits))
@@ -168,10 +174,10 @@ def _resolving_descent(
 
 def _stiffness(term: Gradient, r: Array, across: bool) -> Array:
     """Curvature of the potential along the pair, and across it; zero at contact, where the force has no direction."""
-    near, far = np.maximum(r * (1 - PROBE), 1e-12), r * (1 + PROBE)
+    near, far = np.maximum(r * (1 - PROBE), CONTACT), r * (1 + PROBE)
     with np.errstate(all="ignore"):
         bend = np.abs(term.potential.slope(far) - term.potential.slope(near)) / (far - near)
-        turn = np.abs(term.potential.slope(r)) / np.maximum(r, 1e-12) if across else 0.0
+        turn = np.abs(term.potential.slope(r)) / np.maximum(r, CONTACT) if across else 0.0
         return np.where(r > 0, np.where(np.isfinite(bend), bend, 0.0) + turn, 0.0)
 
 

@@ -11,6 +11,10 @@ from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
 from flocking.model.terms.pair_terms import Gradient
 
+LEAST_SQUARE = 1e-300
+"""Squared displacement that counts as the least: above zero and the subnormal numbers, below any displacement that is
+told apart."""
+
 
 def singular_reach(law: Law) -> float:
     """Shortest radius of a moving graph over which a potential diverges at contact; infinite if there is none."""
@@ -65,7 +69,7 @@ def check_passing(
     middle = q + 0.5 * moved
     sides = [length if np.isfinite(length) else 0.0 for length in space.lengths]
     middle = space.wrapped(middle)
-    tree = cKDTree(middle, boxsize=sides or None)  # type: ignore[arg-type]  # its stub knows no box
+    tree = cKDTree(middle, boxsize=sides or None)  # type: ignore[arg-type]  # its stub lacks the box
     for i in fast[np.argsort(-length[fast], kind="stable")]:
         # Pairs with a faster agent have already been checked.
         others = np.array(tree.query_ball_point(middle[i], reach + length[i]), dtype=np.int64)
@@ -74,7 +78,7 @@ def check_passing(
         apart = (space.displacement(q[others] - q[i])[:, None] + shifts).reshape(-1, q.shape[1])
         others = np.repeat(others, len(shifts))
         displacement = moved[others] - moved[i]
-        distance, square = np.sqrt((apart**2).sum(axis=1)), np.maximum((displacement**2).sum(axis=1), 1e-300)
+        distance, square = np.sqrt((apart**2).sum(axis=1)), np.maximum((displacement**2).sum(axis=1), LEAST_SQUARE)
         share = np.clip(-(apart * displacement).sum(axis=1) / square, 0.0, 1.0)
         nearest = np.sqrt(((apart + share[:, None] * displacement) ** 2).sum(axis=1))
         met = np.where((distance >= reach) & (nearest < reach), np.sqrt(square) / distance, 0.0)

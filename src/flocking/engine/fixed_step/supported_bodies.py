@@ -28,7 +28,7 @@ def refused_body(body: Body) -> str:
 
 
 def is_point(body: Body) -> bool:
-    """Whether a body is a point mass or a single integrator, with nothing between it and the wanted force."""
+    """Whether a body is a point mass or a single integrator, with nothing between it and the desired force."""
     return body.structure in STRUCTURES
 
 

@@ -44,7 +44,7 @@ NUMBERS = ("time", "steps", "jumped", "accounted", "energy", "kinetic", "largest
 class ImperfectSession(Session):
     """A session in which forces follow from what agents know.
 
-    A derived class calls `begin` once its motion can be asked for.
+    A derived class calls `begin` once its motion can be evaluated.
 
     Parameters
     ----------

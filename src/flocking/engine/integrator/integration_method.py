@@ -155,7 +155,7 @@ def first_length(
     tolerance
         Absolute tolerance of each component, shape (size,).
     bound
-        Time beyond which no slope is asked.
+        Time beyond which no slope is evaluated.
     """
     if bound == t:
         return 0.0

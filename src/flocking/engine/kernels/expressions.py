@@ -71,9 +71,9 @@ class MotionFormulas:
     kinetic
         Kinetic energy, in terms of ``w0...``, the velocity relative to the frame of the energy.
     departure
-        Power that a body of order 2 adds to that of the wanted force and the damping.
+        Power that a body of order 2 adds to that of the desired force and the damping.
     departs
-        Whether the point on which the law acts may move otherwise than an ideal body under the wanted force.
+        Whether the point on which the law acts may move otherwise than an ideal body under the desired force.
     limits
         Where each limit begins and ends to act, ``begins_0``, ``ends_0`` and so on, in the order of `Body.limits`.
     """
@@ -330,7 +330,7 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
     if second:
         rates = moving["p"]
         slopes, desired = [sympy.diff(kinetic, a) for a in w], [a - x.damping * b for a, b in zip(u, p, strict=True)]
-        # Written so that it is exactly zero where a rate is exactly the wanted one.
+        # Written so that it is exactly zero where a rate is exactly the desired one.
         departure = sum((s * (r - f / x.mass) for s, r, f in zip(slopes, rates, desired, strict=True)), zero)
         departure += sum((f * (s / x.mass - c) for s, f, c in zip(slopes, desired, w, strict=True)), zero)
         for name, e in reversed(lets.items()):

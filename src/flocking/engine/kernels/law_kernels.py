@@ -174,7 +174,7 @@ class LawKernels:
         self.order = order
         self.name = module.__name__
         self.departs = bool(module.DEPARTS)
-        """Whether the state vector holds what bodies depart from the wanted motion."""
+        """Whether the state vector holds what bodies depart from the desired motion."""
 
     @cached_property
     def _addresses(self) -> tuple[int, int]:

@@ -34,7 +34,7 @@ def motion_source(formulas: LawFormulas, flow: str = "") -> str:
     """Lines that fill the slope of the state vector, from the forces and the sums of the ledger.
 
     The vector holds the columns of the bodies one after another, then `RATES`. Of bodies that may depart from the
-    wanted motion it holds the work of that after the columns, which is part of the supply, too.
+    desired motion it holds the work of that after the columns, which is part of the supply, too.
 
     Parameters
     ----------

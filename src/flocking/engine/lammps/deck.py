@@ -24,7 +24,7 @@ UNEVEN = 1.1
 BOX_MARGIN = 1e-6
 """Margin of the box around the agents, relative to the largest coordinate, above the rounding of coordinates."""
 THICKNESS = 1e4
-"""Half the thickness of the box in the plane: thicker than most cells of a scattered flock, which LAMMPS asks for."""
+"""Half the thickness of the box in the plane: thicker than most cells of a scattered flock, as LAMMPS requires."""
 
 SKIN_SHARE = 0.15
 """Default skin of the neighbour lists, in radii."""

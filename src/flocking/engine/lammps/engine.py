@@ -6,7 +6,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 
-from flocking.engine.fixed_step.supported_bodies import refused_body
 from flocking.engine.lammps import library
 from flocking.engine.lammps.domains.checkpoint import stored_options as domain_options
 from flocking.engine.lammps.domains.options import DomainOptions
@@ -86,9 +85,6 @@ class LammpsEngine(Engine):
 def _check_kernels(scenario: Scenario) -> None:
     """Check that the kernels can run a scenario."""
     try:
-        body = refused_body(scenario.agents)
-        if body and not scenario.control.ideal:
-            raise UnsupportedLaw(f"Under held control on many ranks it cannot run {body}. Use engine='tiles'.")
         check_supported(scenario)
         check_messages(scenario)
     except UnsupportedLaw as error:

@@ -15,6 +15,13 @@ from flocking.errors import LawNotObeyed, UnsupportedLaw
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
+FORCE_ERROR = 1e-9
+"""Error of a force of LAMMPS relative to the sum of its parts, with room for its single terms and the half step
+back."""
+
+MOMENTUM_ERROR = 1e-12
+"""Rounding of momenta in the half step back, relative to them: some thousand units of 1.1e-16."""
+
 AGENTS = 1024
 """Number of agents that are checked."""
 
@@ -124,7 +131,9 @@ class LawCheck:
         declared = self._declared.state(group, judged, pairs)
         self.gaps.checks += 1
         # Rounding of the half step back, and interpolation error of the table.
-        rounding = tables + 1e-9 * declared.size + 1e-12 * masses[judged] * np.abs(p[judged]).sum(axis=1)
+        rounding = (
+            tables + FORCE_ERROR * declared.size + MOMENTUM_ERROR * masses[judged] * np.abs(p[judged]).sum(axis=1)
+        )
         wrong = self.gaps.compare_forces(declared, forces[judged], rounding)
         if fatal and wrong is not None:
             raise LawNotObeyed(

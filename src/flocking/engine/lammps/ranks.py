@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 import traceback
@@ -49,7 +50,7 @@ def _largest_and_sum() -> Op:
 
 @cache
 def _row_of(length: int) -> Datatype:
-    """The type of a row of so many numbers: it is one element, so that a reduction never sees a part of it."""
+    """The type of a row of so many numbers: it is one element, so that a reduction never gets a part of it."""
     from mpi4py import MPI
 
     return MPI.DOUBLE.Create_contiguous(length).Commit()
@@ -112,12 +113,30 @@ class Ranks(Team):
         found: T = self.comm.bcast(self.alone(action))
         return found
 
+    def collected(self, value: T) -> list[T] | None:
+        """The values of all ranks in their order, on the first one; None elsewhere.
+
+        Parameters
+        ----------
+        value
+            That of this rank, which can be pickled.
+        """
+        found: list[T] | None = self.comm.gather(value)
+        return found
+
     @cached_property
     def _largest(self) -> Op:
         """The reduction of largest values."""
         from mpi4py import MPI
 
         return MPI.MAX
+
+    @cached_property
+    def _sum(self) -> Op:
+        """The reduction of sums."""
+        from mpi4py import MPI
+
+        return MPI.SUM
 
     def reduced(self, largest: Array, sums: Array) -> tuple[Array, Array]:
         """Largest values and sums over the ranks, in one message. All ranks get the same bits.
@@ -131,7 +150,13 @@ class Ranks(Team):
         """
         if self.size == 1:
             return largest, sums
-        largest = np.where(np.isnan(largest), np.inf, largest)
+        if not len(largest):
+            total = np.empty(len(sums))
+            self.comm.Allreduce(np.ascontiguousarray(sums, dtype=np.float64), total, self._sum)
+            return largest, total
+        # A sum shows at once whether there may be a number that is none.
+        if not math.isfinite(largest.sum()):
+            largest = np.where(np.isnan(largest), np.inf, largest)
         if not len(sums):
             received = np.empty(len(largest))
             self.comm.Allreduce(largest, received, self._largest)
@@ -243,7 +268,7 @@ _MEETINGS: dict[int, tuple[Comm, Comm]] = {}
 
 
 def _meeting_of(comm: Comm) -> Comm:
-    """The communicator of the same ranks on which they tell each other that they failed. Collective."""
+    """The communicator of the same ranks on which they report failures to each other. Collective."""
     if comm.size == 1:
         return comm
     if id(comm) not in _MEETINGS:

@@ -8,6 +8,9 @@ from flocking.engine.runs.run import Run
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
+SAME_TIME = 1e-12
+"""Relative difference of times that rounding of a sum of steps explains: below a thousandth of any usable step."""
+
 
 class LammpsRecorder(Recorder):
     """Frames, ledger and observables on the first rank; the others count frames.
@@ -29,7 +32,9 @@ class LammpsRecorder(Recorder):
 
     def due(self, t: float) -> bool:
         """Whether a frame is due at or before time ``t``; the same on all ranks."""
-        return self.count < len(self.frame_times) and bool(self.frame_times[self.count] <= t + 1e-12 * max(1.0, abs(t)))
+        return self.count < len(self.frame_times) and bool(
+            self.frame_times[self.count] <= t + SAME_TIME * max(1.0, abs(t))
+        )
 
     def state_frame(self, state: State, observed: tuple[float, ...] | None) -> None:
         """Store a frame.

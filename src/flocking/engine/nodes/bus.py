@@ -12,6 +12,9 @@ from flocking.errors import EngineMissing, StorageError
 if TYPE_CHECKING:
     import zenoh
 
+SHORTEST_WAIT = 1e-6
+"""Seconds of the shortest wait: a queue accepts no negative ones, and a message that is there is returned at once."""
+
 MISSING = "Processes of agents need the package eclipse-zenoh: pip install 'flocking[nodes]'."
 """Message where the package is not installed."""
 
@@ -80,7 +83,7 @@ class Bus:
     def next(self, seconds: float) -> tuple[str, bytes] | None:
         """The next message; None where none comes for some seconds."""
         try:
-            return self.heard.get(timeout=max(seconds, 1e-6))
+            return self.heard.get(timeout=max(seconds, SHORTEST_WAIT))
         except queue.Empty:
             return None
 

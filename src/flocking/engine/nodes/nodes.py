@@ -1,4 +1,4 @@
-"""What one agent does by itself: it tells what it measured, keeps what it hears, and computes its force."""
+"""What one agent does by itself: it sends its samples, stores those it receives, and computes its force."""
 
 from __future__ import annotations
 

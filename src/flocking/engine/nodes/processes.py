@@ -24,6 +24,9 @@ from flocking.errors import EngineFailed
 from flocking.model.law import Scenario
 from flocking.model.serial import to_data
 
+LAST_WAIT = 0.01
+"""Seconds that each process is given at least before it is killed, when the others have used up the time of all."""
+
 PATIENCE = 10.0
 """Seconds in which an agent must answer; one that does not is late."""
 
@@ -279,7 +282,7 @@ class AgentProcesses(Agents):
         stop = time.monotonic() + LEAVING
         for process in self.processes.values():
             try:
-                process.wait(timeout=max(stop - time.monotonic(), 0.01))
+                process.wait(timeout=max(stop - time.monotonic(), LAST_WAIT))
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()

@@ -1,4 +1,4 @@
-"""What the world asks of an agent and what it answers, as JSON: numbers keep their bits."""
+"""Requests of the world to an agent and its answers, as JSON: numbers keep their bits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LONGEST = 64_000_000
 
 
 class Request(TypedDict, total=False):
-    """What an agent is asked.
+    """A request to an agent.
 
     ``do`` is ``"measure"``, for which ``number``, ``now``, ``q`` and ``p`` say what its sensors read, or ``"act"``, for
     which ``heard`` are samples that have arrived since the last time.
@@ -85,9 +85,9 @@ def well_formed(found: object, agent: int, request: Request, sizes: tuple[int, i
     found
         What came.
     agent
-        The agent that was asked.
+        The agent of the request.
     request
-        What it was asked.
+        The request.
     sizes
         Numbers of axes, of agents and of graphs.
     """
@@ -126,7 +126,7 @@ def answer(node: Node, request: Request) -> Answer:
     node
         The agent.
     request
-        What it is asked.
+        The request.
     """
     now, q, p = request["now"], request["q"], request["p"]
     if request["do"] == "measure":

@@ -1,4 +1,4 @@
-"""The process of the world: it moves the bodies, asks agents for their samples and forces, and passes on messages."""
+"""The process of the world: it moves the bodies, requests samples and forces of the agents, and forwards messages."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class NodeSession(SampledSession):
         ImperfectSession.replace(self, law=law, state=state)
 
     def replace_information(self, information: Information) -> None:
-        """Not possible: every process sends as it was told at the start."""
+        """Not possible: every process sends as configured at the start."""
         Session.replace_information(self, information)
 
     def _change(self) -> None:
@@ -250,7 +250,7 @@ class NodeSession(SampledSession):
                 memory.first_relaxed = instant
 
     def _last_force(self, agent: int) -> Array:
-        """The force that an agent wanted last."""
+        """The last desired force of an agent."""
         for _, agents, force in reversed(self.waiting):
             if agent in agents:
                 return np.asarray(force[agents.tolist().index(agent)])

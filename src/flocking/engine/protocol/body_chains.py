@@ -1,4 +1,4 @@
-"""What stands between the wanted force and the point that moves: chains of bodies, and those that held forces allow."""
+"""What stands between the desired force and the point that moves: chains of bodies, and those under held forces."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flocking.model.law import Scenario
 
 
 def chain_of(body: Body) -> tuple[list[WrappedBody], Body]:
-    """The bodies that stand between the wanted force and the innermost one, the outermost first, and that one.
+    """The bodies that stand between the desired force and the innermost one, the outermost first, and that one.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def check_bodies(engine: str, body: Body) -> None:
 
 
 def point_of(body: Body) -> Body:
-    """The body without what stands between it and the wanted force; of a unicycle its hand point, a point mass."""
+    """The body without what stands between it and the desired force; of a unicycle its hand point, a point mass."""
     inner = chain_of(body)[1]
     return PointMass(inner.masses, inner.damping) if isinstance(inner, Unicycle) else inner
 

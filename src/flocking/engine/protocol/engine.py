@@ -48,7 +48,7 @@ class Engine(ABC):
     """Values suited to groups of millions."""
 
     spaces: tuple[type[Space], ...] = (Open,)
-    """Kinds of space that it knows."""
+    """Kinds of space that it supports."""
 
     def check_space(self, scenario: Scenario) -> None:
         """Refuse by name a space that this engine does not know.

@@ -115,12 +115,12 @@ class Session(ABC):
         """
 
     def replace_information(self, information: Information) -> None:
-        """Let agents be told of each other in another way from the session's time on; by default not possible.
+        """Let agents get their information in another way from the session's time on; by default not possible.
 
         Parameters
         ----------
         information
-            How they are told.
+            How they get it.
 
         Raises
         ------
@@ -175,6 +175,21 @@ class Session(ABC):
     def team(self) -> Team:
         """The processes that run it together."""
         return ONE_PROCESS
+
+    def share_frames(self, agents: int) -> bool:
+        """Keep from now on parts of frames in the processes that are to write them, if this session does so.
+
+        Parameters
+        ----------
+        agents
+            Each process has the agents of whole chunks of so many, in the order of their numbers.
+
+        Returns
+        -------
+        bool
+            Whether it does: the same in all processes.
+        """
+        return False
 
     @property
     def shrunk(self) -> object | None:

@@ -33,6 +33,10 @@ class Team:
         """
         return action()
 
+    def collected(self, value: T) -> list[T] | None:
+        """The values of all processes in their order, in the first one; None in the others."""
+        return [value]
+
 
 ONE_PROCESS = Team()
 """The team of an engine that runs in this process only."""

@@ -31,7 +31,7 @@ def motion_of(
     P, given
         Parameters, and the values that formulas of an agent may use.
     u
-        Forces that the law wants, shape (N, m).
+        Desired forces of the law, shape (N, m).
     frame
         Velocity of the frame of the energy, shape (m,).
     """

@@ -19,8 +19,11 @@ CHUNK_BYTES = 2**20
 
 LONGEST_CHUNK = 4096
 """Most rows of a chunk: a small run is one chunk, and appending rewrites no more than that."""
+SPLIT_BYTES = 2**22
+"""Most bytes of the agents of a chunk before compression: a frame of very many agents is split into several chunks,
+which the processes of a run write each for itself. Four are a frame of a million agents in the plane."""
 LARGEST_CHUNK = 2**25
-"""Most bytes of a chunk: a frame of very many agents is split into several, which are written in parallel."""
+"""Most bytes of a chunk of other arrays, and of those of earlier versions."""
 
 FRAME_PARTS = ("time", "position", "velocity", "links")
 """Arrays of a frame; all but the time have a checksum per frame, and that of positions includes the time."""
@@ -49,6 +52,9 @@ ERRORS = ("position", "velocity")
 
 COLUMN = "column"
 """The array of further columns of the agents, beside positions and velocities, joined along the last axis."""
+
+AGENT_PARTS = ("position", "velocity", COLUMN)
+"""Arrays of a frame with a row for each agent."""
 
 LOG = ("tick", "tick_force", "use")
 """Arrays of the log of what agents used when they acted."""
@@ -115,6 +121,11 @@ class Dimensions:
     components: tuple[str, ...] = ()
     with_log: bool = False
 
+    @property
+    def agents_in_chunk(self) -> int:
+        """Agents of a chunk of a frame: the same of positions, velocities and further columns."""
+        return min(self.n, max(1, SPLIT_BYTES // (8 * max(self.m, len(self.components)))))
+
     def names(self) -> tuple[str, ...]:
         """Names of the arrays there are."""
         left_out = (
@@ -148,7 +159,9 @@ class Dimensions:
         row = int(np.prod(shape[1:])) * (1 if kind == "str" else np.dtype(kind).itemsize)
         first = max(1, min(LONGEST_CHUNK, CHUNK_BYTES // max(row, 1))) if grows else max(shape[0], 1)
         rest = shape[1:]
-        if row > LARGEST_CHUNK:
+        if name in AGENT_PARTS:
+            rest = (self.agents_in_chunk, *rest[1:])
+        elif row > LARGEST_CHUNK:
             rest = (max(1, LARGEST_CHUNK * rest[0] // row), *rest[1:])
         array = zarr.create_array(
             store, name=name, shape=shape, chunks=(first, *rest), dtype=kind, dimension_names=dimensions,

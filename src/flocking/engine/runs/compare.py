@@ -13,6 +13,9 @@ from flocking.engine.runs.run_errors import accuracy_data
 from flocking.errors import InvalidInput
 from flocking.model.checks import number
 
+NANOSECOND = 1e-9
+"""Unit in which logs of messages count time, in units of time of the scenario."""
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -132,7 +135,7 @@ def _log_difference(one: Run, two: Run, tolerance: float) -> Difference | None:
             instant, agent, _ = (
                 one.log.ticks[min(max(act, 0), len(one.log.ticks) - 1)].tolist() if len(one.log.ticks) else (0, 0, 0)
             )
-            return Difference(f"log of messages, {name}", first, second, base + instant * 1e-9, agent)
+            return Difference(f"log of messages, {name}", first, second, base + instant * NANOSECOND, agent)
     return None
 
 

@@ -20,7 +20,7 @@ def version_of(package: str) -> str:
 
 
 def provenance(engine: str, scenario: Scenario) -> dict[str, object]:
-    """Versions of the software that computed a run, and what was asked of ``engine``."""
+    """Versions of the software that computed a run, and the requested ``engine``."""
     return {
         "engine": engine, "scenario": scenario.name, "seed": scenario.seed,
         **{package: version_of(package) for package in ("flocking", "numpy", "scipy", "llvmlite")},

@@ -11,6 +11,7 @@ import numpy as np
 
 from flocking.arrays import Array, Links, Reals
 from flocking.engine.runs.columns import GROWING
+from flocking.engine.runs.frame_parts import FramePart
 from flocking.engine.runs.message_log import LogRecorder
 from flocking.engine.runs.new_records import NewRecords, RecordLayout, RecordTables, stacked_columns
 from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, Closest, Run, SwitchRow, ledger_of
@@ -42,6 +43,8 @@ class Recorder:
         Frames in memory: times, positions, velocities, further columns and, where they are kept, links and errors.
     switches, trace, observed
         Rows of `SWITCH_FIELDS`, `flocking.engine.runs.run.TRACE_FIELDS` and `OBSERVED_FIELDS` in memory.
+    parts
+        Frames in memory after those, of which this process has some agents.
     stored
         Numbers of records that are on disk alone.
     closest_linked, closest_unlinked
@@ -87,6 +90,7 @@ class Recorder:
         small = self.n <= MOST_LINKED and len(self.frame_times) * self.n**2 <= MOST_LINK_BYTES
         self.with_links = keep_frames and (small if with_links is None else with_links)
         self.stored = dict.fromkeys(GROWING, 0)
+        self.parts: list[FramePart] = []
         self.t: list[float] = []
         self.q: list[Reals] = []
         self.p: list[Reals] = []
@@ -112,13 +116,13 @@ class Recorder:
     @property
     def count(self) -> int:
         """Number of frames until now: in memory, on disk, or not stored."""
-        return self._skipped + self.stored["time"] + len(self.t)
+        return self._skipped + self.stored["time"] + len(self.t) + len(self.parts)
 
     @property
     def counts(self) -> dict[str, int]:
         """Numbers of records of each kind, on disk and in memory."""
         now = {
-            "time": len(self.t), "step": len(self.trace), "switch": len(self.switches),
+            "time": len(self.t) + len(self.parts), "step": len(self.trace), "switch": len(self.switches),
             "observation": len(self.observed), **self._logged,
         }  # fmt: skip
         return {name: self.stored[name] + now[name] for name in GROWING}
@@ -215,7 +219,7 @@ class Recorder:
     @property
     def waiting(self) -> float:
         """Bytes of frames in memory that are to be written to disk."""
-        return len(self.t) * self.frame_bytes
+        return (len(self.t) + len(self.parts)) * self.frame_bytes
 
     def check_fits(self) -> None:
         """Refuse frames that do not fit into memory.
@@ -270,6 +274,17 @@ class Recorder:
         if self.log is not None:
             self.log.drop(counts["tick"] - self.stored["tick"], counts["use"] - self.stored["use"])
         self.stored = {name: counts[name] for name in GROWING}
+
+    def forget_parts(self, *, stored: bool) -> None:
+        """Release the parts of frames, which are on disk now.
+
+        Parameters
+        ----------
+        stored
+            Whether `forget` has counted these frames, as it does in the process that writes.
+        """
+        self._skipped += 0 if stored else len(self.parts)
+        self.parts.clear()
 
     def recall(self, counts: Mapping[str, int], read: Callable[[], Run]) -> None:
         """Go on after the records of a run that was stopped.

@@ -228,7 +228,7 @@ class Run:
         What an engine for large groups observed at the frame times, fields `OBSERVED_FIELDS`; None where it was not
         asked to.
     fine
-        The solution between frames, where ``fine=True`` asked the exact engine for it; it is not stored on disk.
+        The solution between frames, where ``fine=True`` made the exact engine record it; it is not stored on disk.
     accuracy
         What is known of its errors; None where nothing is.
     fidelity

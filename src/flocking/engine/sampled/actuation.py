@@ -1,4 +1,4 @@
-"""What bodies make of held forces: limits, gusts and a lag between the wanted force and the point that moves."""
+"""What bodies make of held forces: limits, gusts and a lag between the desired force and the point that moves."""
 
 from __future__ import annotations
 

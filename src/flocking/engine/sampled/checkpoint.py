@@ -9,8 +9,8 @@ import numpy as np
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.protocol.session import Packed
 from flocking.engine.sampled.checkpoint_form import check_sampled
-from flocking.engine.sampled.meetings import Meeting
 from flocking.engine.sampled.motion import SERIES_DEGREE, Motion
+from flocking.engine.sampled.range_crossings import RangeCrossing
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
 
@@ -48,9 +48,9 @@ def packed_memory(memory: SampledMemory) -> Packed:
         arrays["lag"] = motion.lag
     if motion.heading is not None:
         arrays["heading"] = motion.heading
-    if (meetings := memory.meetings).groups:
-        due = sorted(meetings.due)
-        arrays["near_obstacles"] = np.concatenate(meetings.near, axis=1)
+    if (obstacle_ranges := memory.obstacle_ranges).groups:
+        due = sorted(obstacle_ranges.due)
+        arrays["near_obstacles"] = np.concatenate(obstacle_ranges.near, axis=1)
         arrays["meeting_time"] = np.array([x.seconds for x in due], dtype=np.float64)
         arrays["meeting"] = np.array([x[1:] for x in due], dtype=np.int64).reshape(-1, 3)
     if knowledge.errors is not None:
@@ -86,11 +86,11 @@ def unpacked_memory(fresh: SampledMemory, packed: Packed, scenario: Scenario) ->
     motion.begin, motion.coefficients, motion.force = arrays["begin"], arrays["coefficients"], arrays["force"]
     motion.lag, motion.heading = arrays.get("lag"), arrays.get("heading")
     fresh.desired = arrays.get("wanted", motion.force.copy())
-    if (meetings := fresh.meetings).groups:
-        ends = np.cumsum([there.shape[1] for there in meetings.near])[:-1]
-        meetings.near = [x.copy() for x in np.split(arrays["near_obstacles"], ends, axis=1)]
+    if (obstacle_ranges := fresh.obstacle_ranges).groups:
+        ends = np.cumsum([there.shape[1] for there in obstacle_ranges.near])[:-1]
+        obstacle_ranges.near = [x.copy() for x in np.split(arrays["near_obstacles"], ends, axis=1)]
         rows = zip(arrays["meeting_time"].tolist(), arrays["meeting"].tolist(), strict=True)
-        meetings.due = [Meeting(time, *row) for time, row in rows]
+        obstacle_ranges.due = [RangeCrossing(time, *row) for time, row in rows]
     times = arrays["waiting_time"]
     for time in np.unique(times):
         rows = times == time

@@ -25,9 +25,9 @@ from flocking.engine.imperfect.checkpoint_form import (
 )
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
 from flocking.engine.sampled.knowledge import Knowledge
-from flocking.engine.sampled.meetings import Meetings
 from flocking.engine.sampled.motion import Drive, Motion
 from flocking.engine.sampled.piece_series import LONGEST_PIECE
+from flocking.engine.sampled.range_crossings import ObstacleRanges
 from flocking.engine.sampled.samples import FIRST_ROOM, START
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
@@ -90,9 +90,9 @@ def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: Sampl
         pieces = np.minimum(pieces, gust)
     _check_crossings(arrays, rules, now, (slack, pieces * NANOSECOND), scenario.space)
     check_closest(arrays["closest"], n, accounted)
-    fresh.meetings.ends = pieces * NANOSECOND
-    if fresh.meetings.groups:
-        _check_meetings(arrays, fresh.meetings, (base, now, slack))
+    fresh.obstacle_ranges.ends = pieces * NANOSECOND
+    if fresh.obstacle_ranges.groups:
+        _check_obstacle_ranges(arrays, fresh.obstacle_ranges, (base, now, slack))
     _check_knowledge(arrays, fresh.knowledge, ticks)
     return numbers
 
@@ -114,8 +114,8 @@ def _forms(n: int, m: int, graphs: int, fresh: SampledMemory) -> Names:
         bodies |= {"wanted": vectors(n, m), "gusts": Table("i8", (len(fresh.actuation.gusts),), 0, MOST_COUNT)}
     if motion.lag is not None:
         bodies["lag"] = vectors(n, m)
-    if fresh.meetings.groups:
-        every = sum(there.shape[1] for there in fresh.meetings.near)
+    if fresh.obstacle_ranges.groups:
+        every = sum(there.shape[1] for there in fresh.obstacle_ranges.near)
         bodies |= {
             "near_obstacles": Table("?", (n, every)), "meeting_time": Table("f8", (None,), least=0.0),
             "meeting": Table("i8", (None, 3), least=0, most=max(n, every) - 1),
@@ -259,17 +259,19 @@ def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[
             must(fits.all(), name, "fit the distances of the agents")
 
 
-def _check_meetings(arrays: Arrays, meetings: Meetings, when: tuple[float, float, float]) -> None:
-    """Agents stated to be within range of obstacles are, and meetings lie in the future, at the range."""
+def _check_obstacle_ranges(arrays: Arrays, obstacle_ranges: ObstacleRanges, when: tuple[float, float, float]) -> None:
+    """Agents stated to be within range of obstacles are, and crossings of the range lie in the future, at the range."""
     (base, now, slack), time, rows = when, arrays["meeting_time"], arrays["meeting"]
     must(len(time) == len(rows), "meeting", "have as many rows as meeting_time")
-    counts = np.array([there.shape[1] for there in meetings.near])
+    counts = np.array([there.shape[1] for there in obstacle_ranges.near])
     agents, group, obstacle = rows.T
-    must((agents < len(meetings.ends)).all() and (group < len(counts)).all(), "meeting", "name agents and groups")
+    must(
+        (agents < len(obstacle_ranges.ends)).all() and (group < len(counts)).all(), "meeting", "name agents and groups"
+    )
     must((obstacle < counts[group]).all(), "meeting", "name obstacles that there are")
     must(len(np.unique(rows, axis=0)) == len(rows), "meeting", "name an agent and an obstacle once")
     must((np.diff(time) >= 0.0).all(), "meeting_time", "be in order")
-    late = time <= meetings.ends[agents] + slack + 2.0 * NANOSECOND
+    late = time <= obstacle_ranges.ends[agents] + slack + 2.0 * NANOSECOND
     must((late & (time >= now - slack - 2.0 * NANOSECOND)).all(), "meeting_time", "lie between now and the next change")
     begin, C = arrays["begin"] * NANOSECOND, arrays["coefficients"]
 
@@ -283,15 +285,15 @@ def _check_meetings(arrays: Arrays, meetings: Meetings, when: tuple[float, float
     everyone = np.arange(len(begin))
     here = places(everyone, np.full(len(begin), now))
     first = 0
-    for number, there in enumerate(meetings.near):
+    for number, there in enumerate(obstacle_ranges.near):
         near = arrays["near_obstacles"][:, first : first + there.shape[1]]
         first += there.shape[1]
-        level, size = meetings.ranges[number], NEAR * (1.0 + float(np.abs(here).max()))
-        away = meetings.distances(number, here, base + now)
+        level, size = obstacle_ranges.ranges[number], NEAR * (1.0 + float(np.abs(here).max()))
+        away = obstacle_ranges.distances(number, here, base + now)
         must(np.where(near, away <= level + size, away >= level - size).all(), "near_obstacles", "fit the distances")
         mine = group == number
         which = agents[mine], time[mine]
-        at = meetings.clearance(number, places(*which), base + which[1], obstacle[mine])
+        at = obstacle_ranges.clearance(number, places(*which), base + which[1], obstacle[mine])
         must((np.abs(at - level) <= size).all(), "meeting_time", "be when an agent is at the range of an obstacle")
 
 

@@ -28,7 +28,7 @@ CLOSED_FORM = 2
 
 
 def nearest(desired: Array, normals: Array, bounds: Array, most: float) -> tuple[Array, bool]:
-    """The acceleration nearest to the wanted one with n_k . u >= b_k for all k and |u| <= a, and whether there is one.
+    """The acceleration nearest to the desired one with n_k . u >= b_k for all k and |u| <= a, and whether there is one.
 
     Where there is none, all conditions are relaxed by the least amount for which there is.
 
@@ -87,7 +87,7 @@ def _within_ball(desired: Array, normals: Array, bounds: Array, most: float) -> 
     least = _projected(np.zeros_like(desired), normals, bounds, size)
     if least is None or float(np.linalg.norm(least)) > most * (1.0 + ROUNDING):
         return None
-    # The projections of shares of the wanted acceleration are the nearest for each bound on the length.
+    # The projections of shares of the desired acceleration are the nearest for each bound on the length.
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)

@@ -185,7 +185,7 @@ class ForceFilter:
         return found
 
     def _accelerated(self, row: int, i: int, known: Known, place: Array, desired: Array) -> tuple[Array, bool]:
-        """The acceleration of agent i instead of the wanted one, and whether no condition was relaxed."""
+        """The acceleration of agent i instead of the desired one, and whether no condition was relaxed."""
         m, most = len(desired), float(self.most[i])
         others = known.there[row].copy()
         others[i] = False

@@ -32,8 +32,8 @@ from flocking.engine.sampled.interventions import (
 )
 from flocking.engine.sampled.knowledge import Knowledge, Known
 from flocking.engine.sampled.law_in_force import SampledLaw
-from flocking.engine.sampled.meetings import Meetings
 from flocking.engine.sampled.motion import Motion
+from flocking.engine.sampled.range_crossings import ObstacleRanges
 from flocking.engine.sampled.safety import ForceFilter
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.bodies.actuators import APPLIED
@@ -66,7 +66,7 @@ class SampledSession(ImperfectSession):
     engine = "sampled"
     keeps_log = True
     in_blocks: ClassVar[bool] = True
-    """Whether the native loop takes the events that it knows; it gives the same bits."""
+    """Whether the native loop takes the events that it supports; it gives the same bits."""
 
     def __init_subclass__(cls) -> None:
         """Leave the native loop off in a subclass, whose events may be others, unless it declares `in_blocks`."""
@@ -94,7 +94,7 @@ class SampledSession(ImperfectSession):
         sent = start.p if scenario.agents.order == 2 else np.zeros_like(start.p)
         self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
         self._sampled_law = SampledLaw(of_points(scenario), self.knowledge.degree)
-        self.meetings = Meetings(scenario.law, start.q, start.t)
+        self.obstacle_ranges = ObstacleRanges(scenario.law, start.q, start.t)
         control = scenario.control
         self.filter: ForceFilter | None = None
         if isinstance(control, SafetyFilter):
@@ -137,7 +137,7 @@ class SampledSession(ImperfectSession):
 
     def relink(self) -> None:
         """Set true links and obstacles within range from the present state."""
-        self._pairs = self._law.pairs(self.links, self.meetings.pairs)
+        self._pairs = self._law.pairs(self.links, self.obstacle_ranges.pairs)
         self._linked = int(self.links[0].sum())
 
     # Events.
@@ -159,7 +159,7 @@ class SampledSession(ImperfectSession):
             found = min(found, int(self._sampling.min()))
         self._instant = found
         next_ = found * NANOSECOND if found < NEVER else math.inf
-        due = self.meetings.due
+        due = self.obstacle_ranges.due
         self._meets = bool(due) and due[0].seconds <= next_
         return due[0].seconds if self._meets else next_
 
@@ -169,7 +169,7 @@ class SampledSession(ImperfectSession):
     def _change(self) -> None:
         """What falls on an instant: samples, what arrives, links, controls, and forces that begin to act."""
         if self._meets:
-            self._meet()
+            self._cross_range()
             return
         instant = self._instant
         seconds = instant * NANOSECOND
@@ -243,16 +243,16 @@ class SampledSession(ImperfectSession):
         given = self.actuation.exerted(agents, self.desired[agents])
         self.motion.exert(instant, agents, given, self.actuation.beside(agents))
 
-    def _meet(self) -> None:
+    def _cross_range(self) -> None:
         """Let an agent come within range of an obstacle, or leave it."""
-        seconds = self.meetings.due[0].seconds
+        seconds = self.obstacle_ranges.due[0].seconds
         self._account(seconds)
         self._record_row(seconds)
-        found = self.meetings.meet(self._base, self._series(seconds))
+        found = self.obstacle_ranges.cross(self._base, self._series(seconds))
         self.relink()
         t, (q, p) = self._base + seconds, self.motion_at(seconds, np.array([found.agent]))
-        speed = self.meetings.speed(found.group, t, q[0], p[0], found.obstacle)
-        number = self.meetings.groups[found.group].numbers[found.obstacle]
+        speed = self.obstacle_ranges.speed(found.group, t, q[0], p[0], found.obstacle)
+        number = self.obstacle_ranges.groups[found.group].numbers[found.obstacle]
         row = (
             t,
             found.agent,
@@ -273,7 +273,7 @@ class SampledSession(ImperfectSession):
     def _desired(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
         """Forces of the law on the agents that act, shape (agents, m)."""
         t = self._base + instant * NANOSECOND
-        met = self.meetings.met_by(known.own[:, : self.m], t, known.agents)
+        met = self.obstacle_ranges.within_range_by(known.own[:, : self.m], t, known.agents)
         return self._law.forces(t, known, pairs, met)
 
     def _watch_pieces(self, instant: int, changed: Links) -> None:
@@ -283,8 +283,8 @@ class SampledSession(ImperfectSession):
         if (gust := self.actuation.next_gust()) is not None:
             ends = np.minimum(ends, gust)
         seconds = instant * NANOSECOND
-        self.meetings.ends = ends * NANOSECOND
-        self.meetings.watch(self._base, seconds, self.motion.shifted(seconds), np.flatnonzero(changed))
+        self.obstacle_ranges.ends = ends * NANOSECOND
+        self.obstacle_ranges.watch(self._base, seconds, self.motion.shifted(seconds), np.flatnonzero(changed))
         self._watch(instant * NANOSECOND, (ends - instant) * NANOSECOND, changed)
 
     # Queries.
@@ -305,7 +305,7 @@ class SampledSession(ImperfectSession):
         memory = None if self.filter is None else self.filter.memory
         return SampledMemory(
             self.truth, self.motion, self.knowledge, self.ticked, self.applied, self.waiting, self.desired,
-            self.actuation, self.meetings, memory,
+            self.actuation, self.obstacle_ranges, memory,
         )  # fmt: skip
 
     @property
@@ -349,14 +349,14 @@ class SampledSession(ImperfectSession):
         self._account(seconds)
         self._record_row(seconds)
         q = self.motion.at(seconds)[0]
-        ends, before = self.meetings.ends, self.energy
-        self._sampled_law, self.meetings = new, Meetings(law, q, self.time)
+        ends, before = self.obstacle_ranges.ends, self.energy
+        self._sampled_law, self.obstacle_ranges = new, ObstacleRanges(law, q, self.time)
         self.scenario = scenario
         self._schedule = sorted({s for term in law.body_terms for s in term.switch_times(self._base, math.inf)})
         self.gains_changed = sum(self._since_start(t) <= seconds for t in self._schedule)
         self.relink()
-        self.meetings.ends = ends
-        self.meetings.watch(self._base, seconds, self.motion.shifted(seconds), np.arange(self.n))
+        self.obstacle_ranges.ends = ends
+        self.obstacle_ranges.watch(self._base, seconds, self.motion.shifted(seconds), np.arange(self.n))
         self.energy, self.kinetic = self._energy(seconds)
         self.jumped += self.energy - before
         self._record_row(seconds)
@@ -387,6 +387,6 @@ class SampledSession(ImperfectSession):
         rest = unpacked_changes(packed, session.interventions, session.knowledge)
         unpacked_memory(memory, rest, stored.scenario)
         session.ticked, session.applied, session.desired = memory.ticked, memory.applied, memory.desired
-        session.meetings = memory.meetings
+        session.obstacle_ranges = memory.obstacle_ranges
         session.recall(memory.truth, stored)
         return session

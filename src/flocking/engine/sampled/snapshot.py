@@ -8,8 +8,8 @@ from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.memory import ImperfectMemory
 from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.knowledge import Knowledge
-from flocking.engine.sampled.meetings import Meetings
 from flocking.engine.sampled.motion import Motion
+from flocking.engine.sampled.range_crossings import ObstacleRanges
 from flocking.engine.sampled.safety import FilterMemory
 from flocking.model.world.times import Instants
 
@@ -32,7 +32,7 @@ class SampledMemory:
         The forces that agents computed last and that have begun to act, shape (N, m).
     actuation
         What stands between these and the motion: the gusts in force.
-    meetings
+    obstacle_ranges
         Agents within range of obstacles.
     filter
         What a safety filter goes on from; None where there is none.
@@ -46,5 +46,5 @@ class SampledMemory:
     waiting: list[tuple[int, Indices, Array]]
     desired: Array
     actuation: Actuation
-    meetings: Meetings
+    obstacle_ranges: ObstacleRanges
     filter: FilterMemory | None = None

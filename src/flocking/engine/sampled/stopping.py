@@ -19,8 +19,11 @@ import numpy as np
 from flocking.arrays import Array, Mask
 from flocking.engine.sampled.nearest_force import FARTHEST, nearest, shortened
 
+ROUNDED = 1.0 + 1e-12
+"""Factor by which the norm of an acceleration may exceed its bound by rounding."""
+
 SHARES = 32
-"""Parts into which the way from braking to the wanted acceleration is divided, and the last part again."""
+"""Parts into which the way from braking to the desired acceleration is divided, and the last part again."""
 
 ROUNDING = 64 * float(np.finfo(np.float64).eps)
 """Rounding, by the length of a stopping path and the distance, within which braking keeps the planes that it reaches:
@@ -186,7 +189,7 @@ def beside_balls(d: Array, centres: Array, radii: Array, distance: float) -> Pla
 def stopping_acceleration(
     desired: Array, v: Array, planes: Planes, most: float, period: float, distance: float
 ) -> tuple[Array, bool]:
-    """An acceleration near the wanted one that keeps an agent at 0 on its side of planes, and whether none was relaxed.
+    """An acceleration near the desired one that keeps an agent at 0 on its side of planes, and whether none is relaxed.
 
     Parameters
     ----------
@@ -211,7 +214,7 @@ def stopping_acceleration(
     if kept.all():
         return first, fits
     found = [_towards(first, brake, v, held, most, period)]
-    # No nearer to the planes that the wanted one crosses than braking brings it: the agent slides along them.
+    # No nearer to the planes that the desired one crosses than braking brings it: the agent slides along them.
     crossed = ~_sides(first[None], v, held, most, period)[0]
     along, _ = nearest(first, held.normals[crossed], held.normals[crossed] @ brake, most)
     found.append(_towards(along, brake, v, held, most, period))
@@ -236,7 +239,7 @@ def _towards(target: Array, brake: Array, v: Array, planes: Planes, most: float,
 
 def _kept(u: Array, v: Array, planes: Planes, most: float, period: float) -> Mask:
     """Which accelerations, shape (C, m), keep all planes and are not larger than the largest."""
-    small = np.linalg.norm(u, axis=1) <= most * (1.0 + 1e-12)
+    small = np.linalg.norm(u, axis=1) <= most * ROUNDED
     return np.asarray(_sides(u, v, planes, most, period).all(axis=1) & small)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -13,6 +13,7 @@ import numpy as np
 
 from flocking.arrays import AnyArray, Array, Mask, Reals, Records, Times
 from flocking.engine.runs.columns import (
+    AGENT_PARTS,
     COLUMN,
     FRAME_ERROR,
     GROWING,
@@ -40,6 +41,8 @@ from flocking.engine.storage.atomic_files import (
     sweep,
 )
 from flocking.engine.storage.metadata import checkpoint_name
+from flocking.engine.storage.new_folders import check_free, scenario_text
+from flocking.engine.storage.part_writer import PartSums, joined_sums
 from flocking.engine.storage.record import (
     FORMAT,
     RECORD,
@@ -52,7 +55,6 @@ from flocking.engine.storage.record import (
 from flocking.engine.storage.zarr_thread import zarr_calls
 from flocking.errors import StorageError
 from flocking.model.law import Law, Scenario
-from flocking.model.serial import ForeignPart, to_data
 
 if TYPE_CHECKING:
     import zarr
@@ -131,7 +133,7 @@ class RunWriter:
             storage_errors(folder, "create the run", full=NOTHING_WRITTEN),
             complete_folder(folder) as fresh,
         ):
-            text, reason = _scenario_text(scenario, plant)
+            text, reason = scenario_text(scenario, plant)
             put(fresh / SCENARIO, text)
             store = atomic_store(fresh)
             for name in size.names():
@@ -221,6 +223,56 @@ class RunWriter:
                 parts[COLUMN] = np.asarray(columns, dtype="f8")
             self._extend("time", parts)
             self._sum({name: parts[name] for name in (FRAME_ERROR, COLUMN) if name in parts})
+
+    @property
+    def shared_agents(self) -> int:
+        """Agents of a chunk of a frame where several processes may write frames, else 0."""
+        shapes = {self._arrays[name].chunks[:2] for name in AGENT_PARTS if name in self._arrays}
+        alone = self.record["links"] or FRAME_ERROR in self._arrays or len(shapes) > 1
+        frames, agents = next(iter(shapes))
+        return 0 if alone or frames != 1 or agents >= self.record["n"] else int(agents)
+
+    def make_room(self, t: Times) -> int:
+        """Make room for frames whose parts are written by several processes; the number of the first one.
+
+        Parameters
+        ----------
+        t
+            Their times.
+
+        Raises
+        ------
+        StorageError
+            If the disk is full or missing.
+        """
+        old = self._counts["time"]
+        with zarr_calls(), storage_errors(self.folder, "append to the run"):
+            for name in AGENT_PARTS:
+                if name in self._arrays:
+                    array = self._arrays[name]
+                    array.resize((old + len(t), *array.shape[1:]))
+        return old
+
+    def note_parts(self, t: Times, written: Sequence[Sequence[PartSums]]) -> None:
+        """Note frames for which there was room, and whose parts have been written.
+
+        Parameters
+        ----------
+        t
+            Their times.
+        written
+            What `flocking.engine.storage.part_writer.write_parts` gave in each process, in the order of the agents.
+
+        Raises
+        ------
+        StorageError
+            If the disk is full or missing.
+        """
+        times = np.asarray(t, dtype="f8")
+        found, columns = joined_sums(times, written, self._sums.get(COLUMN, 0))
+        if COLUMN in self._arrays:
+            self._sums[COLUMN] = columns
+        self._extend("time", {"time": times, "checksum": found})
 
     def append_records(self, switches: Records, trace: Records, observed: Records | None = None) -> None:
         """Append switches, fields `SWITCH_FIELDS`, ledger rows, `TRACE_FIELDS`, and observables, `OBSERVED_FIELDS`.
@@ -346,30 +398,6 @@ class RunWriter:
         with storage_errors(self.folder, "mark the run"):
             write_record(self.folder, record, self._provenance)
         self.record = record
-
-
-def check_free(folder: Path) -> None:
-    """Check that a folder is empty or missing.
-
-    Raises
-    ------
-    StorageError
-        If it is not empty, or cannot be read.
-    """
-    with storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
-        if (folder / RECORD).exists():
-            raise StorageError(
-                f"{folder}: contains a run. Choose another folder, continue it with `flocking resume`, or delete it."
-            )
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
-
-
-def _scenario_text(scenario: Scenario, plant: Law | None) -> tuple[bytes, str | None]:
-    try:
-        return json.dumps(to_data([scenario, plant])).encode(), None
-    except ForeignPart as error:
-        return b"null", str(error)
 
 
 def _closest_data(found: Closest) -> list[object] | None:

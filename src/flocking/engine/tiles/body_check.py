@@ -1,4 +1,4 @@
-"""Comparison of what kernels say that bodies make of the wanted forces with the declaration of the bodies."""
+"""Comparison of what kernels say that bodies make of the desired forces with the declaration of the bodies."""
 
 from __future__ import annotations
 
@@ -61,15 +61,15 @@ class BodyCheck:
         scenario, m = self.scenario, particles.m
         bodies, names = scenario.agents, further_names(particles.spec)
         columns = [f"column_{name}_{k}" for name, width in bodies.widths(m).items() for k in range(width)]
-        values = {f"u{k}": particles.controls[k, places] for k in range(m)}
+        values = {f"u{k}": particles.body_rows.controls[k, places] for k in range(m)}
         values |= {f"p{k}": particles.X[m + k, places] for k in range(m)}
-        values |= {name: particles.further[k, places] for k, name in enumerate(columns)}
+        values |= {name: particles.body_rows.further[k, places] for k, name in enumerate(columns)}
         state = {name: x.astype(np.float64) for name, x in values.items()}
         state |= {f"w{k}": state[f"p{k}"] for k in range(m)} | {f"q{k}": np.zeros(len(places)) for k in range(m)}
         given = self._numbers(particles.ids[places], since)
         moved = "p" if bodies.order == 2 else "q"
         desired = [*(f"rate_{moved}{k}" for k in range(m)), *(f"rate_{name}" for name in names)]
-        found = np.concatenate([particles.Y[m:, places], particles.slopes[:, places]]).astype(np.float64)
+        found = np.concatenate([particles.Y[m:, places], particles.body_rows.slopes[:, places]]).astype(np.float64)
         stated, acting = self._stated(state, given, desired)
         # What limits take away may be nearly all of a rate, whose rounding then is that of the rate before.
         free = {name: np.zeros(len(places)) for name in acting}

@@ -223,8 +223,10 @@ def check_particles(fields: Mapping[str, object], particles: ParticleArrays) -> 
             "elapsed": Real(), "bound": POSITIVE, "skin": Real(least=0.0), "rebuilds": Integer(),
             "lists": Row([Maybe(lists)] * len(particles.spec.graphs)), "top_speed": POSITIVE, "_rounding": POSITIVE,
             "_first_links": Maybe(Table("?", (n, n), ordered=False)), "lost": Maybe(Row([agent, agent])),
-            "rooms": Row([Table("i8", b.capacity.shape, least=0, most=most_capacity) for b in particles.builders]),
-            **({"columns": Table(kind, particles.further.shape)} if len(particles.further) else {}),
+            "rooms": Row(
+                [Table("i8", b.capacity.shape, least=0, most=most_capacity) for b in particles.search.builders]
+            ),
+            **({"columns": Table(kind, particles.body_rows.further.shape)} if len(particles.body_rows.further) else {}),
         }
     ).check(fields, "crowd")  # fmt: skip
     # Every entry has been checked.

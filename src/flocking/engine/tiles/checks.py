@@ -77,12 +77,12 @@ def _check_finite(particles: ParticleArrays, time: float) -> None:
 
 
 def _no_infinite_agent(particles: ParticleArrays, time: float) -> None:
-    if np.isfinite(particles.tile_extremes[:, 0]).all():
+    if np.isfinite(particles.results.tile_extremes[:, 0]).all():
         return
     bad = np.flatnonzero(~np.isfinite(particles.X[:, : particles.n]).all(axis=0))
     what = "Velocities or positions"
-    if not len(bad) and len(particles.further):
-        bad = np.flatnonzero(~np.isfinite(particles.further[:, : particles.n]).all(axis=0))
+    if not len(bad) and len(particles.body_rows.further):
+        bad = np.flatnonzero(~np.isfinite(particles.body_rows.further[:, : particles.n]).all(axis=0))
         what = "Further columns" if len(bad) else what
     if not len(bad):
         bad = np.array([int(np.argmax(np.abs(particles.X[particles.m :, : particles.n]).max(axis=0)))])
@@ -103,7 +103,7 @@ def closest_pair(particles: ParticleArrays, before: Closest, time: float) -> Clo
     near = _nearest(particles)
     if not near < min(before.distance, FARTHEST):
         return before
-    own = particles.tile_extremes[:, 1]
+    own = particles.results.tile_extremes[:, 1]
     pair = particles.agreed_pair(
         float(own.min(initial=np.inf)), _closest_in(particles, int(np.argmin(own))) if len(own) else None
     )
@@ -111,7 +111,7 @@ def closest_pair(particles: ParticleArrays, before: Closest, time: float) -> Clo
 
 
 def _nearest(particles: ParticleArrays) -> float:
-    return float(np.sqrt(particles.extremes[1]))
+    return float(np.sqrt(particles.results.extremes[1]))
 
 
 def _check_pair_motion(
@@ -144,7 +144,7 @@ def _check_contact(particles: ParticleArrays, time: float) -> None:
         lists = particles.lists[number]
         if lists is None:
             continue
-        i, j = tile_pairs(lists, np.flatnonzero(particles.tile_extremes[:, 1] == 0.0), particles.n)
+        i, j = tile_pairs(lists, np.flatnonzero(particles.results.tile_extremes[:, 1] == 0.0), particles.n)
         apart = particles.space.displacement((particles.Y[: particles.m, j] - particles.Y[: particles.m, i]).T)
         same = np.flatnonzero((apart == 0.0).all(axis=1))
         if len(same):
@@ -225,9 +225,9 @@ def _check_strides(particles: ParticleArrays, h: float, step: float, time: float
     """Check the approach of the closest pairs exactly; positions before the step are in ``Y``."""
     m = particles.m
     reach = (2.0 * particles.top_speed * h / STRIDE) ** 2
-    tiles = np.flatnonzero(particles.tile_extremes[:, 1] < reach)
+    tiles = np.flatnonzero(particles.results.tile_extremes[:, 1] < reach)
     if len(tiles) > MOST_TILES:
-        tiles = tiles[np.argsort(particles.tile_extremes[tiles, 1], kind="stable")[:MOST_TILES]]
+        tiles = tiles[np.argsort(particles.results.tile_extremes[tiles, 1], kind="stable")[:MOST_TILES]]
     i, j = _listed(particles, tiles)
     if not len(i):
         return
@@ -255,13 +255,25 @@ def resolution(particles: ParticleArrays, q: Reals, time: float) -> None:
         return
     out = float(np.median(np.abs(q).max(axis=1)))
     spacing = float(np.finfo(particles.dtype).eps) * out
-    if spacing > COARSEST * max(particles.radii.cutoffs):
+    if not resolved(particles, out):
         wider = "use precision='float64', or s" if particles.dtype == np.float32 else "S"
         raise OutOfPrecision(
             f"Most agents are so far from the origin ({out:.3g}) that {particles.spec.precision} resolves positions "
             f"only to {spacing:.2g}, of a radius of {max(particles.radii.cutoffs):.3g}: {wider}tart near the origin.",
             time=time,
         )
+
+
+def resolved(particles: ParticleArrays, out: float) -> bool:
+    """Whether floating-point numbers resolve a position so far from the origin.
+
+    Parameters
+    ----------
+    out
+        Its largest coordinate.
+    """
+    spacing = float(np.finfo(particles.dtype).eps) * out
+    return not particles.moving or spacing <= COARSEST * max(particles.radii.cutoffs)
 
 
 def ledger(records: TilesRecorder, scheme: Integrator, eps: float, step: float, time: float) -> None:

@@ -140,8 +140,8 @@ class Instability:
         self.compared = self.turns = 0
 
     def _compare(self, particles: ParticleArrays) -> None:
-        if self.rebuilds != particles.rebuilds or self.places is None:
-            self.rebuilds, self.places = particles.rebuilds, self._sampled(particles)
+        if self.rebuilds != particles.search.rebuilds or self.places is None:
+            self.rebuilds, self.places = particles.search.rebuilds, self._sampled(particles)
         change = self._changes(particles)
         if self.change is not None:
             square, before = float((change**2).sum()), float((self.change**2).sum())

@@ -234,13 +234,13 @@ class RungeKutta(Integrator):
         self._jumped = 0.0
         for attempt in range(6):
             particles.refresh_copies(particles.agents)
-            base, further = particles.agents.copy(), particles.further.copy()
+            base, further = particles.agents.copy(), particles.body_rows.further.copy()
             if self._try(particles, t, h, base):
                 particles.successor = base
                 self.last, self.counted = h, False
                 return
             displacement = particles.displacement_bound()
-            particles.agents[:], particles.further[:] = base, further
+            particles.agents[:], particles.body_rows.further[:] = base, further
             wider = (
                 None
                 if attempt == 0
@@ -256,7 +256,7 @@ class RungeKutta(Integrator):
         gained, second = np.empty_like(base), particles.spec.order == 2
         combine = _combine if second else _combine_flow
         powers = np.zeros(len(INTEGRATED) + particles.spec.departs)
-        further, risen = particles.further.copy(), np.zeros_like(particles.further)
+        further, risen = particles.body_rows.further.copy(), np.zeros_like(particles.body_rows.further)
         for number, (weight, ahead, when) in enumerate(self._stages):
             particles.move(t + when * h, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=number > 0)
             if self.ledger:
@@ -269,14 +269,16 @@ class RungeKutta(Integrator):
                 else:
                     powers += weight * self.ledger_sums.read(particles)
             if number == 0:
-                tile_extremes = particles.tile_extremes.copy()
+                tile_extremes = particles.results.tile_extremes.copy()
             both = particles.agents, particles.successor
             particles.workers.each(
                 combine, particles.size, base, gained, *both, T(weight * h), T(ahead * h), number == 0
             )
             if len(further):
-                risen += T(weight * h) * particles.slopes
-                particles.further[:] = further + (risen if number == 3 else T(ahead * h) * particles.slopes)
+                risen += T(weight * h) * particles.body_rows.slopes
+                particles.body_rows.further[:] = further + (
+                    risen if number == 3 else T(ahead * h) * particles.body_rows.slopes
+                )
             if number == 3 and second:
                 np.add(base[: particles.size], gained[: particles.size], out=particles.agents[: particles.size])
             elif number == 3:
@@ -291,15 +293,15 @@ class RungeKutta(Integrator):
         square = (particles.X[particles.m :, : particles.n] - particles.displacement.velocity[:, None]).astype(
             np.float64
         ) ** 2
-        particles.tile_extremes[:] = tile_extremes
+        particles.results.tile_extremes[:] = tile_extremes
         if particles.tiles:
             top = square.sum(axis=0).max()
-            particles.tile_extremes[:, 0] = 0.0
+            particles.results.tile_extremes[:, 0] = 0.0
             # Columns that are no numbers end the run as velocities do that are none.
-            finite = np.isfinite(top) and np.isfinite(particles.further[:, : particles.n]).all()
-            particles.tile_extremes[0, 0] = top if finite else np.inf
+            finite = np.isfinite(top) and np.isfinite(particles.body_rows.further[:, : particles.n]).all()
+            particles.results.tile_extremes[0, 0] = top if finite else np.inf
         particles.read_tile_extremes()
-        particles.top_speed = float(np.sqrt(particles.extremes[0]))
+        particles.top_speed = float(np.sqrt(particles.results.extremes[0]))
         particles.displacement.elapsed += h
         particles.displacement.bound = np.inf if particles.moving else 0.0
         if self.ledger:

@@ -93,10 +93,10 @@ class LawCheck:
         mass = self._inertia(particles, places)
         force = mass[:, None] * particles.Y[particles.m :, places].T.astype(np.float64)
         if particles.spec.bodied:
-            # The kernel says what the law wants beside what bodies make of it, which is judged by itself.
+            # The kernel states the control of the law beside the rates of bodies, which are judged by themselves.
             self.bodies.check(particles, places, moment.time, moment.gains_since)
             damping = np.broadcast_to(self.scenario.agents.damping, particles.everyone)[particles.ids[places]]
-            force = particles.controls[:, places].T.astype(np.float64)
+            force = particles.body_rows.controls[:, places].T.astype(np.float64)
             if self.order == 2:
                 force -= damping[:, None] * particles.X[particles.m :, places].T.astype(np.float64)
         if self.order == 1:
@@ -155,7 +155,7 @@ class LawCheck:
             return np.zeros(0, np.int64)
         first = int(moment.steps * SPREAD * particles.tiles / count) % particles.tiles
         tiles = (first + np.arange(count) * particles.tiles // count) % particles.tiles
-        tiles = np.unique(np.append(tiles, np.argmin(particles.tile_extremes[:, 1])))
+        tiles = np.unique(np.append(tiles, np.argmin(particles.results.tile_extremes[:, 1])))
         places = (tiles[:, None] * WIDTH + np.arange(WIDTH)).ravel()
         within: Indices = places[places < particles.n]
         return within
@@ -195,7 +195,7 @@ class LawCheck:
         gaps.checks += 1
         wrong = gaps.compare_forces(declared, force, rounding)
         tiles, which = np.unique(places // WIDTH, return_inverse=True)
-        sums = particles.sums[tiles][:, [SUMS.index(name) for name in POWERS]]
+        sums = particles.results.sums[tiles][:, [SUMS.index(name) for name in POWERS]]
         power = gaps.compare_powers(declared, which, sums)
         return None if wrong is None else int(particles.ids[places[wrong]]), power
 

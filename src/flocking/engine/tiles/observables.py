@@ -72,7 +72,7 @@ def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, 
     counted = _survey(
         particles.agents,
         n,
-        particles.box,
+        particles.search.box,
         lists.rows,
         lists.first,
         lists.count,

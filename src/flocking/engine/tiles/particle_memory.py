@@ -14,8 +14,8 @@ from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 FIELDS = {
     "X": "X", "ids": "ids", "each": "radii.each", "A": "parameters.A", "C": "displacement.velocity",
     "reference": "displacement.reference", "elapsed": "displacement.elapsed", "bound": "displacement.bound",
-    "skin": "displacement.skin", "rebuilds": "rebuilds", "lists": "lists", "top_speed": "top_speed",
-    "_rounding": "displacement.rounding", "_first_links": "_first_links", "lost": "lost",
+    "skin": "displacement.skin", "rebuilds": "search.rebuilds", "lists": "lists", "top_speed": "top_speed",
+    "_rounding": "displacement.rounding", "_first_links": "search.first_links", "lost": "lost",
 }  # fmt: skip
 """Attribute of the particle arrays for each name in a checkpoint."""
 
@@ -45,9 +45,9 @@ class ParticleMemory:
     def of(cls, particles: ParticleArrays, *, copied: bool) -> ParticleMemory:
         """The memory of ``particles``; if not ``copied``, it shares their arrays and changes with them."""
         fields: dict[str, object] = {name: getattr(*_owner(particles, place)) for name, place in FIELDS.items()}
-        if len(particles.further):
-            fields["columns"] = particles.further
-        fields["rooms"] = [b.capacity for b in particles.builders]
+        if len(particles.body_rows.further):
+            fields["columns"] = particles.body_rows.further
+        fields["rooms"] = [b.capacity for b in particles.search.builders]
         return cls(copy.deepcopy(fields) if copied else fields)
 
     def put_back(self, particles: ParticleArrays) -> None:
@@ -61,9 +61,9 @@ class ParticleMemory:
         checked = check_particles(self.fields, particles)
         for name, place in FIELDS.items():
             setattr(*_owner(particles, place), copy.deepcopy(self.fields[name]))
-        if len(particles.further):
-            particles.further = np.array(self.fields["columns"])
+        if len(particles.body_rows.further):
+            particles.body_rows.further = np.array(self.fields["columns"])
         if particles.obstacles is not None:
             particles.obstacles.used = np.inf
-        for builder, capacity in zip(particles.builders, checked["rooms"], strict=True):
+        for builder, capacity in zip(particles.search.builders, checked["rooms"], strict=True):
             builder.capacity, builder.spare = capacity.copy(), None

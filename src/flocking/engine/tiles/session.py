@@ -122,8 +122,8 @@ class TilesSession(Session):
         spec = self._spec(scenario)
         particles = ParticleArrays(scenario, state, spec, self.workers, self.options.lists_limit, self.options.skin)
         if self.plant is not None:
-            particles.planted = Planted(scenario, self.plant, spec)
-            particles.planted.pass_switch_time(state.t)
+            particles.kernels.planted = Planted(scenario, self.plant, spec)
+            particles.kernels.planted.pass_switch_time(state.t)
         return particles
 
     def _set_going(self) -> None:
@@ -159,7 +159,7 @@ class TilesSession(Session):
     @property
     def rebuilds(self) -> int:
         """Number of rebuilds of the neighbour lists."""
-        return self._particles.rebuilds
+        return self._particles.search.rebuilds
 
     @property
     def state(self) -> State:
@@ -407,7 +407,7 @@ class TilesSession(Session):
         o = self.options
         return super().about | {
             "step": self.step, "scheme": self.scheme, "precision": o.precision,
-            "rebuilds": self._particles.rebuilds, "switches": "not recorded", "farthest": self.farthest,
+            "rebuilds": self._particles.search.rebuilds, "switches": "not recorded", "farthest": self.farthest,
             **(self.law_gaps.about if o.ledger else {}),
         }  # fmt: skip
 

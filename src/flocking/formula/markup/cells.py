@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 MOST_ROWS = 50
-"""Rows of a table in a notebook; of longer tables the number is told."""
+"""Rows of a table in a notebook; of longer tables the number is shown."""
 
 
 def folded(summary: str, body: str) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from decimal import Decimal
 from html import escape
 
 from flocking.errors import InvalidInput
@@ -28,6 +29,22 @@ from flocking.formula.markup.text_tokens import (
     Tokens,
     letter_latex,
 )  # fmt: skip
+
+PLAIN_POWERS = range(-3, 5)
+"""Powers of ten of numbers that are written out: 0.0046 is read at a glance, longer ones are not."""
+
+
+def number_latex(word: str) -> str:
+    """The number in ``word`` as it is typeset, with its digits: ``4.6e-02`` is 0.046, ``3.4e-08`` has a power."""
+    digits, _, power = word.partition("e")
+    if not power:
+        return word
+    if not Decimal(word):
+        return "0"
+    # Written out, a number must not have more digits than are known.
+    if int(power) in PLAIN_POWERS and int(power) <= len(digits.partition(".")[2]):
+        return f"{Decimal(word):f}"
+    return rf"10^{{{int(power)}}}" if digits == "1" else rf"{digits} \cdot 10^{{{int(power)}}}"
 
 
 class _Setter:
@@ -120,7 +137,7 @@ class _Setter:
             latex = letter_latex(word) or rf"\mathrm{{{word}}}"
             return self.scripts(latex, k + 1)
         if kind == "number" and (within or scripted):
-            return self.scripts(word.replace("e", r" \cdot 10^") if "e" in word else word, k + 1)
+            return self.scripts(number_latex(word), k + 1)
         if kind == "open" and word in "([" and (within or self.is_formula(k)):
             close = self.closing(k)
             if close is None:
@@ -294,9 +311,11 @@ class _Setter:
         return latex, k
 
     def begins(self, k: int) -> bool:
-        """Whether a number at token ``k`` begins a formula: a sign and then a variable or root follow."""
+        """Whether a number at token ``k`` begins a formula: by a power of ten, or a sign and a variable that follow."""
         if self.tokens.kind(k) != "number":
             return False
+        if "10^" in number_latex(self.tokens.word(k)):
+            return True
         after = k + 1
         signs = 0
         while self.tokens.kind(after) in ("space", "sign"):
@@ -319,6 +338,7 @@ class _Setter:
             found = self.run(k) if self.tokens.kind(k) in STARTS else None
             if found is None:
                 word = self.tokens.word(k)
+                word = number_latex(word) if self.tokens.kind(k) == "number" else word
                 plain += {"<=": "≤", ">=": "≥", "!=": "≠", "->": "→"}.get(word, word)
                 k += 1
                 continue

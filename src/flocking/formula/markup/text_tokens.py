@@ -32,7 +32,7 @@ ARTICLES = frozenset("aAI")
 """Letters that are words too; they are variables only beside a sign."""
 
 TOKEN = re.compile(
-    r"(?P<name>[A-Za-z]+[0-9]*)|(?P<number>[0-9]+(?:\.[0-9]+)?(?:e-?[0-9]+)?)|(?P<space>[ \n]+)"
+    r"(?P<name>[A-Za-z]+[0-9]*)|(?P<number>[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?)|(?P<space>[ \n]+)"
     r"|(?P<sign><=|>=|>>|<<|!=|->|\+-|\.\.\.|[-+*/=<>])|(?P<bar>\|)|(?P<open>[({\[])|(?P<close>[)}\]])|(?P<script>[_^])|(?P<other>.)",
     re.DOTALL,
 )

@@ -36,7 +36,7 @@ class NativeFunction(Callee):
     apart
         Whether native functions call it instead of inlining it, so that a long function is compiled once.
     announced_as
-        What it is in words, if it takes seconds to compile: a terminal or a notebook is told so.
+        What it is in words, if it takes seconds to compile: a terminal or a notebook shows it.
     """
 
     def __init__(

@@ -1,1 +1,1 @@
-"""What agents can do: the columns of their state, how these change under a wanted force, their kinetic energy."""
+"""What agents can do: the columns of their state, how these change under a desired force, their kinetic energy."""

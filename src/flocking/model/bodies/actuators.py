@@ -1,4 +1,4 @@
-"""What keeps agents from exerting the wanted force at once and in full: actuators with a lag and with limits."""
+"""What keeps agents from exerting the desired force at once and in full: actuators with a lag and with limits."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ACTING = 0.5
 @register_part("lagged")
 @dataclass(frozen=True, eq=False)
 class Lagged(WrappedBody):
-    """A first-order actuator: what a body exerts follows what is wanted, tau_i df_i/dt = u_i - f_i.
+    """A first-order actuator: the force of a body follows the desired one, tau_i df_i/dt = u_i - f_i.
 
     The column ``applied`` holds f, a force for bodies of order 2 and a velocity for those of order 1. It begins at zero
     where a start does not give it.
@@ -92,7 +92,7 @@ class Lagged(WrappedBody):
 class Limited(WrappedBody):
     """A body that exerts no force, moves at no speed, or changes its force at no rate above a limit.
 
-    A wanted force above ``force`` is scaled back to it, as a vector or along each axis by itself. At the largest speed
+    A desired force above ``force`` is scaled back to it, as a vector or along each axis by itself. At the largest speed
     what would make a body of order 2 faster is taken from its acceleration, the component along its velocity; one of
     order 1 moves with its velocity scaled back. At the largest ``rate`` the rate of a lagged force is scaled back.
     Times at which a limit begins or ceases to act are located, and integration steps end there. One that would act for
@@ -185,7 +185,7 @@ class Limited(WrappedBody):
         return found
 
     def passed(self, x: MotionSymbols) -> Sequence[sympy.Expr]:
-        """The wanted force, scaled back where it is too large."""
+        """The desired force, scaled back where it is too large."""
         if self.force is None:
             return x.u
         if self.shape == "ball":

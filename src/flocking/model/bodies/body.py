@@ -1,4 +1,4 @@
-"""The declaration of a body: named columns, their rates, and the input that a wanted force becomes."""
+"""The declaration of a body: named columns, their rates, and the input that a desired force becomes."""
 
 from __future__ import annotations
 
@@ -233,7 +233,7 @@ class Body(ABC):
 
     @property
     def summary(self) -> str:
-        """What agents do other than to exert the wanted force as points, in a few words; empty where nothing is."""
+        """What agents do other than to exert the desired force as points, in a few words; empty where nothing is."""
         return f"agents are {type(self).__name__}"
 
     @property

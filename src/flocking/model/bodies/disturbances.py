@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from flocking.arrays import Indices
 from flocking.model.bodies.body import MotionSymbols
 from flocking.model.bodies.wrapped import WrappedBody
 from flocking.model.checks import Array, number, scalar_or_each
@@ -100,7 +101,19 @@ class Disturbed(WrappedBody):
         n, dimension
             Numbers of agents and axes.
         """
-        found = normal_axes(self.seed, Purpose.GUST, np.arange(n), number, dimension)
+        return self.gust_of(np.arange(n), number, dimension)
+
+    def gust_of(self, agents: Indices, number: int, dimension: int) -> Array:
+        """The gust of intensity 1 of a ``number`` that some agents meet, shape (agents, dimension).
+
+        Parameters
+        ----------
+        agents
+            Their numbers.
+        number, dimension
+            As for `gust`.
+        """
+        found = normal_axes(self.seed, Purpose.GUST, agents, number, dimension)
         gusts: Array = np.stack(found, axis=1) / self._seconds**0.5
         return gusts
 

@@ -20,7 +20,7 @@ AXES = ("axis_1", "axis_2", "axis_3")
 """Columns of the attitude: where the axes of the body point, unit vectors; thrust acts along the last."""
 
 SPIN, COMMAND, COMMAND_RATE = "spin", "command", "command_rate"
-"""Columns of the angular velocity in the body's axes, of the filtered wanted force, and of its rate."""
+"""Columns of the angular velocity in the body's axes, of the filtered desired force, and of its rate."""
 
 SPACE = 3
 """Dimensions in which a quadrotor flies."""
@@ -61,7 +61,7 @@ class Quadrotor(Body):
     command_frequency
         Frequency w_f of the filter; positive.
     reach
-        Largest wanted force that passes, as a share of the weight; above 0, below 1.
+        Largest desired force that passes, as a share of the weight; above 0, below 1.
     gravity
         Its acceleration; positive.
 
@@ -121,7 +121,7 @@ class Quadrotor(Body):
         return {name: getattr(self, name) for name in names}
 
     def lets(self, x: MotionSymbols) -> dict[str, sympy.Expr]:
-        """Wanted force, wanted attitude with its first two derivatives, and the errors of the attitude."""
+        """Wanted force, desired attitude with its first two derivatives, and the errors of the attitude."""
         import sympy
 
         made: dict[str, sympy.Expr] = {}

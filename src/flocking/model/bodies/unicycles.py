@@ -29,7 +29,7 @@ UNIT = 1e-9
 @register_part("unicycle")
 @dataclass(frozen=True, eq=False)
 class Unicycle(Body):
-    """A robot on wheels in the plane whose hand point, at an offset in front of its axle, obeys the law.
+    """A robot on wheels in the plane whose hand point, at an offset in front of its axle, follows the law.
 
     With the unit vector e of the heading, speed v and rate of turn w, the axle moves with x' = v e and the heading with
     e' = w n, where n is e turned by 90 degrees. The law acts on the hand point q = x + d e, whose velocity is

@@ -1,4 +1,4 @@
-"""Bodies that follow a wanted velocity with a time constant, a largest acceleration and noise."""
+"""Bodies that follow a desired velocity with a time constant, a largest acceleration and noise."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_SUBSTEPS = 10_000
 class VelocityUnit(DiscreteBody):
     """A vehicle that is given a velocity at ticks: dp/dt = (w - p)/tau within a largest acceleration, and white noise.
 
-    The force of the law is the wanted velocity w. It is held until the next tick, and the motion is computed by
+    The force of the law is the desired velocity w. It is held until the next tick, and the motion is computed by
     the Euler-Maruyama method in equal steps h: the place moves on with the velocity before the step, and the velocity
     by h (w - p)/tau, no longer than h a, and by sqrt(2 D h) N(0, 1) along each axis (Vasarhelyi et al. 2018). Where an
     agent measures itself, see `flocking.model.world.fixes.Fixes`, its autopilot compares w with p and the error of the
@@ -83,7 +83,7 @@ class VelocityUnit(DiscreteBody):
                 object.__setattr__(self, name, number(owner, name, getattr(self, name), above=0.0))
         object.__setattr__(self, "fixed", truth(owner, "fixed", self.fixed))
         if self.fixed and self.speed is None:
-            raise InvalidInput(owner, "speed", "must be given where wanted velocities are scaled to it", self.speed)
+            raise InvalidInput(owner, "speed", "must be given where desired velocities are scaled to it", self.speed)
         object.__setattr__(self, "diffusion", number(owner, "diffusion", self.diffusion, least=0.0))
         object.__setattr__(self, "substeps", integer(owner, "substeps", self.substeps, least=1))
         if self.substeps > MOST_SUBSTEPS:
@@ -129,7 +129,7 @@ class VelocityUnit(DiscreteBody):
             )
 
     def updated(self, p: Array, u: Array, period: Array, agents: Indices, tick: Indices) -> Array:
-        """The wanted velocities w, from those of the law.
+        """The desired velocities w, from those of the law.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Bodies that change what reaches another body: the chain from the wanted force to the motion."""
+"""Bodies that change what reaches another body: the chain from the desired force to the motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ INNER = "body_"
 
 @dataclass(frozen=True, eq=False)
 class WrappedBody(Body):
-    """A body that stands between the wanted force and another body, whose columns it keeps.
+    """A body that stands between the desired force and another body, whose columns it keeps.
 
     A subclass states what it adds: `passed` to the inner body, `own_columns` and so on. Masses, damping and headings
     are those of the inner body.
@@ -105,7 +105,7 @@ class WrappedBody(Body):
         return {}
 
     def passed(self, x: MotionSymbols) -> Sequence[sympy.Expr]:
-        """The force that the inner body is given as the wanted one."""
+        """The force that the inner body is given as the desired one."""
         return x.u
 
     def own_rates(self, x: MotionSymbols) -> dict[str, Sequence[sympy.Expr]]:

@@ -15,6 +15,9 @@ from flocking.model.checks import Array
 if TYPE_CHECKING:
     import sympy
 
+SAME_TIME = 1e-14
+"""Width at which a bisection for a time ends, relative to the time: some fifty units of rounding."""
+
 MOST_ADDENDS = 64
 """Largest number of addends of a velocity for an integral in closed form; limits the time."""
 HIGHEST_POWER = 8
@@ -262,7 +265,9 @@ def jump_times(velocity: Sequence[sympy.Expr], t: sympy.Symbol, start: float, en
         values = [_sign(value, float(x)) for x in times]
         for (a, x), (b, y) in pairwise(zip(times.tolist(), values, strict=True)):
             if x * y < 0:
-                found.add(float(bisect(lambda s, value=value: _sign(value, s), a, b, xtol=1e-14 * max(1.0, abs(b)))))
+                found.add(
+                    float(bisect(lambda s, value=value: _sign(value, s), a, b, xtol=SAME_TIME * max(1.0, abs(b))))
+                )
             elif x == 0:
                 found.add(a)
     return sorted(x for x in found if min(start, end) < x < max(start, end))

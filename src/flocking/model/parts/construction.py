@@ -13,7 +13,7 @@ from flocking.model.parts.seeds import take_rng
 from flocking.model.parts.values import nearest
 
 MOST_SHOWN = 8
-"""Numbers of an array in a representation; of longer arrays the shape is told."""
+"""Numbers of an array in a representation; of longer arrays the shape is given."""
 
 LONGEST = 400
 """Characters of the representation of one field; longer ones are cut."""

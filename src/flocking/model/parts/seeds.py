@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import TypeVar
+from typing import ParamSpec, Protocol, TypeVar, overload
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from flocking.model.checks import integer
 from flocking.model.parts.values import LARGEST_SEED
 
 Kind = TypeVar("Kind", bound=type)
+Taken = ParamSpec("Taken")
+Made = TypeVar("Made")
+Given = TypeVar("Given", covariant=True)
 
 Rng = int | np.random.SeedSequence | np.random.Generator
 """What a function that stores no seed takes as ``rng``."""
@@ -32,7 +36,7 @@ def generator_from(owner: str, seed: int | np.random.Generator | None, rng: Rng 
     Parameters
     ----------
     owner
-        Who asks, for messages.
+        The owner, for messages.
     seed, rng
         One of them: an integer or a generator, which is drawn from; ``rng`` may be a sequence of seeds too.
 
@@ -53,7 +57,7 @@ def seed_from(owner: str, rng: object) -> int:
     Parameters
     ----------
     owner
-        Who asks, for messages.
+        The owner, for messages.
     rng
         An integer, which is the seed; or a `numpy.random.SeedSequence`: that of an integer gives this integer, any
         other one 63 bits of its state. A sequence stays as it is, so that it gives the same seed each time.
@@ -81,7 +85,7 @@ def given_seed(owner: str, seed: int | None, rng: object) -> int | None:
     Parameters
     ----------
     owner
-        Who asks, for messages.
+        The owner, for messages.
     seed, rng
         None, or one of them.
 
@@ -103,7 +107,7 @@ def take_rng(owner: str, order: Sequence[str], values: tuple[object, ...], named
     Parameters
     ----------
     owner
-        Who asks, for messages.
+        The owner, for messages.
     order
         Names of the arguments that may be given by place.
     values
@@ -142,6 +146,40 @@ def takes_rng(kind: Kind) -> Kind:
 
     kind.__init__ = seeded  # type: ignore[misc]
     return kind
+
+
+class Seeded(Protocol[Taken, Given]):
+    """A function with an argument ``seed`` that takes ``rng`` by name instead."""
+
+    @overload
+    def __call__(self, *values: Taken.args, **named: Taken.kwargs) -> Given: ...
+
+    @overload
+    def __call__(self, *values: object, rng: SeedNumber, **named: object) -> Given: ...
+
+
+def seeded(function: Callable[Taken, Made]) -> Seeded[Taken, Made]:
+    """Decorator of a function with an argument ``seed``, an integer: it takes ``rng`` by name instead.
+
+    ``rng`` is an integer or a `numpy.random.SeedSequence`; both names at once and generators are refused by
+    `InvalidInput`.
+
+    Parameters
+    ----------
+    function
+        The function.
+    """
+    plain = inspect.signature(function)
+    order = [name for name, argument in plain.parameters.items() if argument.kind is argument.POSITIONAL_OR_KEYWORD]
+    rng = inspect.Parameter("rng", inspect.Parameter.KEYWORD_ONLY, default=None, annotation="SeedNumber | None")
+
+    @wraps(function)
+    def taking(*values: Taken.args, **named: Taken.kwargs) -> Made:
+        take_rng(function.__name__, order, values, named)
+        return function(*values, **named)
+
+    taking.__signature__ = plain.replace(parameters=[*plain.parameters.values(), rng])  # type: ignore[attr-defined]
+    return taking  # type: ignore[return-value]
 
 
 def _one_of(owner: str, seed: object, rng: object) -> tuple[str, object]:

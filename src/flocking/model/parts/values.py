@@ -13,6 +13,9 @@ import numpy as np
 if TYPE_CHECKING:
     from flocking.formula.grammar import Formula
 
+SIMILAR = 0.6
+"""Similarity of two words from which on one is offered for the other: the default of `difflib`."""
+
 T = TypeVar("T")
 LONGEST_LIST = 1_000_000
 """Largest number of entries of a list in a file; limits memory."""
@@ -102,7 +105,7 @@ def hidden(value: Value) -> Value:
 def nearest(word: str, known: Iterable[str]) -> str:
     """A hint with the known word most similar to ``word``, or a list of all known words."""
     choices = sorted(known)
-    close = difflib.get_close_matches(word, choices, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(word, choices, n=1, cutoff=SIMILAR)
     return f"Did you mean {close[0]!r}?" if close else f"Known here: {', '.join(choices)}."
 
 

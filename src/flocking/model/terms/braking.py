@@ -1,4 +1,4 @@
-"""Steering terms of self-propelled agents that brake in time: wanted velocities (Vasarhelyi et al. 2018)."""
+"""Steering terms of self-propelled agents that brake in time: desired velocities (Vasarhelyi et al. 2018)."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ ROTATING = frozenset({"rotation", "relabelling", "locality"})
 @register_part("self_propulsion")
 @dataclass(frozen=True)
 class SelfPropulsion(Steering):
-    """The wanted velocity v p/|p| along the own one; zero for an agent at rest.
+    """The desired velocity v p/|p| along the own one; zero for an agent at rest.
 
     Parameters
     ----------

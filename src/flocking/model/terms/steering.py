@@ -363,7 +363,7 @@ class Cohesion(_Cone):
 class TurnBack(Steering):
     """Steering back to the origin from a radius on, sideways alone.
 
-    The wanted velocity leads to the origin, with the distance as its length, at most ``speed``. The force is its
+    The desired velocity leads to the origin, with the distance as its length, at most ``speed``. The force is its
     difference from the velocity of the agent, less the part along that velocity.
 
     Parameters

@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.formula.markup.mathml import to_mathml
-from flocking.formula.markup.text_formulas import set_text
+from flocking.formula.markup.text_formulas import number_latex, set_text
 from flocking.model.parts.registration import description_of
 from flocking.model.potentials.potential import Potential
 from flocking.model.typesetting.documentation import meanings_of, summary_of
@@ -82,7 +82,9 @@ def potential_html(name: str, psi: Potential) -> str:
     r, formula = psi.symbolic()
     shape = sympy.latex(sympy.piecewise_fold(formula))
     slope = sympy.latex(sympy.piecewise_fold(sympy.diff(formula, r)))
-    values = ", ".join(f"{escape(k)} = {v:.6g}" for k, v in psi.parameters.items())
+    values = ", ".join(
+        to_mathml(rf"{sympy.latex(sympy.Symbol(k))} = {number_latex(f'{v:.6g}')}") for k, v in psi.parameters.items()
+    )
     given = f"<p>with {values}</p>" if values else ""
     return formula_html(f"{name}(r) = {shape}") + formula_html(f"{name}'(r) = {slope}") + given
 
@@ -139,11 +141,15 @@ def start_words(scenario: StatedScenario) -> str:
     q, p = scenario.start.q, scenario.start.p
     box = " × ".join(f"[{low:.4g}, {high:.4g}]" for low, high in zip(q.min(axis=0), q.max(axis=0), strict=True))
     speeds = np.linalg.norm(p, axis=1)
+    slowest, fastest = f"{speeds.min():.4g}", f"{speeds.max():.4g}"
+    moving = "at rest" if not speeds.any() else f"speeds {slowest} to {fastest}"
+    if speeds.any() and slowest == fastest:
+        moving = f"{'speed' if len(q) == 1 else 'speeds'} {fastest}"
     agents = "1 agent" if len(q) == 1 else f"{len(q)} agents"
+    dimensions = "1 dimension" if q.shape[1] == 1 else f"{q.shape[1]} dimensions"
     seed = "" if scenario.seed is None else f" Seed {scenario.seed}."
     return (
-        f"{agents} in {q.shape[1]} dimensions, within {box}, speeds {speeds.min():.4g} to {speeds.max():.4g}, "
-        f"from t = {scenario.start.t:g} to {scenario.t_end:g}.{seed}"
+        f"{agents} in {dimensions}, within {box}, {moving}, from t = {scenario.start.t:g} to {scenario.t_end:g}.{seed}"
     )
 
 

@@ -39,7 +39,7 @@ SAMPLED = FORMS[0]
 class SafetyFilter(Held):
     """Held control whose forces keep agents apart, by pairwise barriers of double integrators with bounded force.
 
-    At a tick agent i exerts, instead of the force that the law wants, the nearest one that is no larger than
+    At a tick agent i exerts, instead of the desired force of the law, the nearest one that is no larger than
     m_i a_i and satisfies a condition for every other agent it knows of. Two agents at a distance r that close in at
     the speed w can brake before the distance D if w^2 <= 2 (a_i + a_j) (r - D). Each takes the share a_i/(a_i + a_j)
     of the acceleration that this asks of both, so that nobody needs to know the other's force.

@@ -11,6 +11,7 @@ from flocking.model.bodies.discrete_bodies import Impulsive
 from flocking.model.checks import number
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.law import Law, Scenario
+from flocking.model.parts.seeds import seeded
 from flocking.model.state import State
 from flocking.model.terms.alignment import CuckerSmale
 from flocking.model.world.control import Held
@@ -61,6 +62,7 @@ def law(gain: float = 1.0, exponent: float = 0.4, scale: float = 1.0) -> Law:
     return Law(Complete(), (CuckerSmale(gain, exponent, scale),))
 
 
+@seeded
 def group(
     exponent: float, *, gain: float = 1.0, seed: int = 0, agents: int = AGENTS, spread: float = SPREAD, name: str = ""
 ) -> Scenario:
@@ -127,11 +129,13 @@ def drawn(seed: int, first: float, low: float, high: float) -> float:
     return first if seed == 0 else float(np.random.default_rng(seed).uniform(low, high))
 
 
+@seeded
 def meeting_pair(seed: int = 0) -> Scenario:
     """Two agents slow enough for each other: of relative speed 1.2, for other values of ``seed`` from 0.2 to 1.3."""
     return pair(drawn(seed, MEETING, 0.2, 1.3), name=PAIR).with_(seed=seed)
 
 
+@seeded
 def parting_pair(seed: int = 0) -> Scenario:
     """Two agents too fast for each other, at many times near the start and far behind it.
 
@@ -165,6 +169,7 @@ def late_pair(delay: float, *, rate: float = 1.0, duration: float = 300.0, name:
     return begin.with_(information=Delayed(delay, self_delayed=True), t_end=duration, frames=1201, name=name)
 
 
+@seeded
 def delayed_group(*, seed: int = 0, delay: float = DELAY, name: str = "") -> Scenario:
     """Five agents with exponent 0.4 that know their own state, and those of the others ``delay`` late.
 
@@ -181,6 +186,7 @@ def delayed_group(*, seed: int = 0, delay: float = DELAY, name: str = "") -> Sce
     return begin.with_(information=Delayed(delay), t_end=4.0 * DURATION)
 
 
+@seeded
 def discrete_group(*, seed: int = 0, step: float = STEP, name: str = "") -> Scenario:
     """The authors' system in discrete time: x(t + h) = x + h v, v(t + h) = v + h sum a_ij (v_j - v_i), by old values.
 

@@ -14,6 +14,7 @@ from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
 from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.parts.seeds import seeded
 from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.terms.avoidance import Avoid
 from flocking.model.terms.body_terms import Track
@@ -111,6 +112,7 @@ def obstacles() -> tuple[Ball, ...]:
     return tuple(Ball(column[:2], column[2]) for column in OBSTACLES.T)
 
 
+@seeded
 def obstacle_scenario(
     seed: int = 0,
     *,
@@ -159,6 +161,7 @@ def obstacle_scenario(
     )
 
 
+@seeded
 def sink_scenario(
     seed: int = 0,
     *,
@@ -188,6 +191,7 @@ def sink_scenario(
     )
 
 
+@seeded
 def free_scenario(seed: int = 0, *, smooth: bool = False, agents: int = FREE_AGENTS) -> Scenario:
     """Protocol (34) or (35) alone, from a perturbed lattice, as in Propositions 4 and 5.
 
@@ -212,6 +216,7 @@ def free_scenario(seed: int = 0, *, smooth: bool = False, agents: int = FREE_AGE
     )  # fmt: skip
 
 
+@seeded
 def scenario(figure: int | None = None, seed: int = 0) -> Scenario:
     """The scenario of a figure: 9 the sink, 7 and 8 the obstacles, as for the diagrams 1 to 6.
 

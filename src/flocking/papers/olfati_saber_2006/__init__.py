@@ -36,6 +36,8 @@ PAPER = Paper(
         "olfati-saber-2006-pressed": "Algorithm 2 in three dimensions with a strong pull",
         "olfati-saber-2006-split": "Algorithm 3: split and rejoin among obstacles",
         "olfati-saber-2006-squeeze": "Algorithm 3: squeeze through a gap",
+        "olfati-saber-2006-firm": "Algorithm 3: the same gap with a larger gain at obstacles",
+        "olfati-saber-2006-against": "Algorithm 3: agents led straight at an obstacle",
         "olfati-saber-2006-network": "The setting of a published network simulator",
         "olfati-saber-2006-network-held": "The same with control held for 0.2, as the simulator runs it",
     },

@@ -62,8 +62,9 @@ def figures() -> dict[str, Figure]:
                     alone),
         "B": Figure("B", "150 agents under Algorithm 2 gather and settle in a lattice; some sites hold two agents.",
                     snapshots(times, arrows=False, color="flock", leader=False), group),
-        "C": Figure("C", "Algorithm 3: forty agents split and rejoin.", _passage, split),
-        "D": Figure("D", "Algorithm 3: forty agents squeeze between two obstacles.", _passage, squeeze),
+        "C": Figure("C", "Algorithm 3: forty agents split and rejoin; a few enter an obstacle.", _passage, split),
+        "D": Figure("D", "Algorithm 3: forty agents squeeze between two obstacles, into which a few are pressed.",
+                    _passage, squeeze),
         "E": Figure("E", "Connectivity, cohesion radius, deviation energy and velocity mismatch of the run of Fig. B.",
                     _metrics, measures),
     }  # fmt: skip

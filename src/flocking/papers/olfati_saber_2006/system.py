@@ -14,6 +14,7 @@ from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle
+from flocking.model.parts.seeds import seeded
 from flocking.model.potentials.potential import Potential
 from flocking.model.potentials.sigma_norm import SigmaNorm
 from flocking.model.state import State
@@ -25,7 +26,7 @@ from flocking.papers.named_scenarios import scenario_by_name
 
 KEY = "olfati-saber-2006"
 FRAGMENTS, SPACE, GENTLE, PRESSED = (f"{KEY}-{name}" for name in ("fragments", "space", "gentle", "pressed"))
-SPLIT, SQUEEZE = f"{KEY}-split", f"{KEY}-squeeze"
+SPLIT, SQUEEZE, FIRM, AGAINST = f"{KEY}-split", f"{KEY}-squeeze", f"{KEY}-firm", f"{KEY}-against"
 NETWORK, HELD = f"{KEY}-network", f"{KEY}-network-held"
 
 DISTANCE = 7.0
@@ -34,6 +35,8 @@ RADIUS = 1.2 * DISTANCE
 """r, the range of interaction."""
 OBSTACLE_DISTANCE = 0.6 * DISTANCE
 """d', from which on an obstacle repels."""
+OBSTACLE_RADIUS = 1.2 * OBSTACLE_DISTANCE
+"""r', within which an agent has a beta-agent at an obstacle; its force and damping end at d' already, with rho_h."""
 EPSILON = 0.1
 """eps of the sigma-norm."""
 ATTRACTION = REPULSION = 5.0
@@ -43,6 +46,8 @@ ALPHA_ONSET, BETA_ONSET = 0.2, 0.9
 
 GAINS = (1.0, 4.5, 1.2)
 """c1 for alpha-, beta- and gamma-agents: of a public simulator, since the collected settings have none."""
+FIRM_GAINS = (1.0, 300.0, 1.2)
+"""The same with the gain for beta-agents of another public program, with which agents stay out of obstacles."""
 GROUP_GAIN = 0.05
 """c1 of Algorithm 2 for 150 agents: the pull at the edge of their lattice stays below the largest repulsion of two
 agents, 5/sqrt(eps)."""
@@ -56,6 +61,13 @@ GOAL_VELOCITY = 5.0
 """Speed of the gamma-agent along the first axis; not among the collected settings."""
 DURATION = 30.0
 """Duration of the simulations; not among the collected settings."""
+
+AGAINST_PLACES = ((80.0, 20.5), (74.0, 24.0), (74.0, 16.0))
+"""Where three agents start that the gamma-agent leads straight at the first obstacle of the split; chosen here."""
+AGAINST_DURATION = 6.0
+"""Duration of their run: they reach the obstacle after two."""
+AGAINST_DRIFT = 0.3
+"""Largest distance by which their places differ between seeds."""
 
 PASSAGE_DURATION = 150.0
 """Duration of the passage of obstacles: long after the last of them."""
@@ -194,6 +206,7 @@ def balls(rows: Sequence[Sequence[float]]) -> tuple[Ball, ...]:
     return tuple(Ball(Sink([x, y]), radius) for x, y, radius in rows)
 
 
+@seeded
 def gaussian(agents: int, dimension: int, seed: int) -> State:
     """The start of the simulations: positions of variance 2500, velocity components in [-2, -1].
 
@@ -238,6 +251,7 @@ def _scenario(name: str, algorithm: Algorithm, start: State, seed: int, duration
     )  # fmt: skip
 
 
+@seeded
 def group(
     seed: int = 0, *, dimension: int = 2, agents: int = AGENTS, gain: float = GROUP_GAIN, name: str = KEY
 ) -> Scenario:
@@ -258,11 +272,13 @@ def group(
     return _scenario(name, algorithm, gaussian(agents, dimension, seed), seed, 4.0 * DURATION)
 
 
+@seeded
 def fragments(seed: int = 0) -> Scenario:
     """A group under Algorithm 1, which holds only neighbours together."""
     return _scenario(FRAGMENTS, Algorithm(1), gaussian(FRAGMENT_AGENTS, 2, seed), seed, 2.0 * DURATION)
 
 
+@seeded
 def gentle(seed: int = 0) -> Scenario:
     """Ten agents near a lattice under Algorithm 1, with less energy than one collision needs."""
     rng = np.random.default_rng(seed)
@@ -270,7 +286,11 @@ def gentle(seed: int = 0) -> Scenario:
     return _scenario(GENTLE, Algorithm(1), State(q, rng.uniform(-0.5, 0.5, q.shape)), seed, 2.0 * DURATION)
 
 
-def among_obstacles(seed: int = 0, *, rows: Sequence[Sequence[float]] = SPLIT_OBSTACLES, name: str = SPLIT) -> Scenario:
+@seeded
+def among_obstacles(
+    seed: int = 0, *, rows: Sequence[Sequence[float]] = SPLIT_OBSTACLES, gains: tuple[float, float, float] = GAINS,
+    name: str = SPLIT,
+) -> Scenario:  # fmt: skip
     """Forty agents under Algorithm 3 that pass obstacles.
 
     Parameters
@@ -279,15 +299,35 @@ def among_obstacles(seed: int = 0, *, rows: Sequence[Sequence[float]] = SPLIT_OB
         Seed of the start, in a square of side 60 before the obstacles.
     rows
         Centres and radii of the obstacles.
+    gains
+        c1 for alpha-, beta- and gamma-agents.
     name
         Name of the scenario.
     """
     height = float(np.mean([row[1] for row in rows]))
     begin = starts.box(FRAGMENT_AGENTS, side=(60.0, 60.0), corner=(0.0, height - 30.0), seed=seed)
-    algorithm = Algorithm(3, obstacles=balls(rows), goal=goal(place=[40.0, height]))
+    algorithm = Algorithm(3, gains, balls(rows), goal(place=[40.0, height]))
     return _scenario(name, algorithm, begin, seed, PASSAGE_DURATION)
 
 
+@seeded
+def against(seed: int = 0) -> Scenario:
+    """Three agents under Algorithm 3 that the gamma-agent leads straight at an obstacle.
+
+    Parameters
+    ----------
+    seed
+        Seed of small shifts of the start; 0 for none.
+    """
+    q, p = np.array(AGAINST_PLACES), np.tile([GOAL_VELOCITY, 0.0], (len(AGAINST_PLACES), 1))
+    if seed:
+        q = q + np.random.default_rng(seed).uniform(-AGAINST_DRIFT, AGAINST_DRIFT, q.shape)
+    x, y, _ = SPLIT_OBSTACLES[0]
+    algorithm = Algorithm(3, obstacles=balls(SPLIT_OBSTACLES[:1]), goal=goal(place=[x - 20.0, y]))
+    return _scenario(AGAINST, algorithm, State(q, p), seed, AGAINST_DURATION)
+
+
+@seeded
 def network(seed: int = 0) -> Scenario:
     """The setting of a published network simulator, with ideal information and continuous control.
 
@@ -303,6 +343,7 @@ def network(seed: int = 0) -> Scenario:
     return _scenario(NETWORK, algorithm, begin, seed, NETWORK_DURATION)
 
 
+@seeded
 def held_network(seed: int = 0) -> Scenario:
     """The same with control that is held for 0.2, as the simulator runs it; every update is a frame.
 
@@ -326,6 +367,8 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         PRESSED: lambda seed: group(seed, dimension=3, agents=SPACE_AGENTS, gain=GAINS[2], name=PRESSED),
         SPLIT: among_obstacles,
         SQUEEZE: lambda seed: among_obstacles(seed, rows=SQUEEZE_OBSTACLES, name=SQUEEZE),
+        FIRM: lambda seed: among_obstacles(seed, rows=SQUEEZE_OBSTACLES, gains=FIRM_GAINS, name=FIRM),
+        AGAINST: against,
         NETWORK: network,
         HELD: held_network,
     }

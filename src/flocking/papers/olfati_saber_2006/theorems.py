@@ -40,6 +40,9 @@ NEAR = 0.01 * system.DISTANCE
 QUASI = 0.02
 """Largest deviation energy, by d^2, of what counts as a quasi alpha-lattice: deviations of about a seventh of d."""
 
+ALIGNED = 0.01
+"""Largest velocity mismatch by v^2, v the speed of the gamma-agent, of what counts as agreement: deviations of v/7."""
+
 EXACT = 1e-4
 """Largest error of the centre, by the first distance from the goal, that counts as agreement with its closed form."""
 
@@ -110,6 +113,17 @@ def quasi_lattice(e: Evidence) -> Measure:
     e.frame_links  # noqa: B018  raises where frames hold no links
     value = float(metrics(e.checked)["deviation energy"][-1])
     measured = below(value, QUASI, f"deviation energy {value:.2g} d^2 at the end")
+    return Measure(measured.margin, 0.0, measured.note, everywhere=False)
+
+
+@about(Subject.SPREAD)
+def aligned_at_end(e: Evidence) -> Measure:
+    """Velocity mismatch at the end, by the square of the speed of the gamma-agent."""
+    if not len(e.t):
+        raise NotMeasurable("the run keeps no frames")
+    p = np.asarray(e.p[-1], dtype=np.float64)
+    value = float(0.5 * ((p - p.mean(axis=0)) ** 2).sum() / len(p)) / system.GOAL_VELOCITY**2
+    measured = below(value, ALIGNED, f"velocity mismatch {value:.2g} v^2 at the end")
     return Measure(measured.margin, 0.0, measured.note, everywhere=False)
 
 
@@ -184,10 +198,14 @@ def grounds() -> Mapping[str, Ground]:
         "never-merge": OBSERVED,
         "merge": refuted(lambda: system.scenarios()[system.PRESSED](0)),
         "one-flock": OBSERVED,
+        "one-flock-behind": OBSERVED,
+        "aligned-behind": OBSERVED,
+        "lattice-behind": OBSERVED,
         "one-flock-alone": refuted(lambda: system.scenarios()[system.FRAGMENTS](0)),
         "lattice": OBSERVED,
         "held": proved("by the definition of the system"),
         "no-entry": OBSERVED,
+        "entry": refuted(lambda: system.scenarios()[system.AGAINST](0)),
         "split": OBSERVED,
         "rejoin": OBSERVED,
     }
@@ -223,7 +241,14 @@ def _stated(name: str) -> Sequence[Claim]:
             Claim("apart-by", "not stated", "No agents come closer than H(0) allows.", apart_by_energy,
                   too_little_energy, origin=own),
         )  # fmt: skip
-    if name in (system.SPLIT, system.SQUEEZE, system.NETWORK, system.HELD):
+    if name == system.AGAINST:
+        return (
+            energy,
+            Claim("entry", "not stated", "No agent enters an obstacle, wherever it is led.", never_inside, origin=own,
+                  expected=Verdict.FAILS,
+                  reason="The force of an obstacle vanishes at its boundary, with n_ij, and points inwards behind it."),
+        )  # fmt: skip
+    if name in (system.SPLIT, system.SQUEEZE, system.FIRM, system.NETWORK, system.HELD):
         passage = (
             Claim("split", THIRD, "Obstacles split the flock.", splits),
             Claim("rejoin", THIRD, "The parts of the flock rejoin.", rejoins),
@@ -232,7 +257,15 @@ def _stated(name: str) -> Sequence[Claim]:
             words = "Forces are those of the law at the last update, and are held."
             held = Claim("held", "the simulator's program", words, moved_as_held, dynamic=False)
             return (energy, held, *passage)
-        return (energy, Claim("no-entry", THIRD, "No agent enters an obstacle.", never_inside), *passage)
+        entry = Claim("no-entry", THIRD, "No agent enters an obstacle.", never_inside)
+        if name == system.NETWORK:
+            return (energy, entry, *passage)
+        return (
+            energy, entry, *passage,
+            Claim("one-flock-behind", THIRD, "All agents end in one flock behind the obstacles.", one_flock),
+            Claim("aligned-behind", THIRD, "At the end all velocities are nearly the same.", aligned_at_end),
+            Claim("lattice-behind", THIRD, "The agents end as quasi alpha-lattices.", quasi_lattice),
+        )  # fmt: skip
     merging = (
         Claim("merge", "not stated", "No two agents merge, whatever the gains.", never_merge, origin=own,
               expected=Verdict.FAILS,

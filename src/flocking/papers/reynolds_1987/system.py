@@ -14,6 +14,7 @@ from flocking.model.bodies.discrete_bodies import Heading, Impulsive
 from flocking.model.checks import integer, number
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
+from flocking.model.parts.seeds import seeded
 from flocking.model.space import Periodic
 from flocking.model.terms.steering import Alignment, Cohesion, Separation, TurnBack
 from flocking.model.world.control import Held
@@ -70,6 +71,7 @@ def boid_law() -> Law:
     return Law(Proximity(COHESION[1]), terms)
 
 
+@seeded
 def boids(
     *, agents: int = BOIDS, seed: int = 0, duration: float = DURATION, update: str = "forward", step: float = STEP,
     name: str = "",
@@ -121,6 +123,7 @@ def bird_law(vision: float) -> Law:
     return Law(Proximity(vision), terms)
 
 
+@seeded
 def birds(
     agents: int, side: float, vision: float, *, seed: int = 0, updates: int = UPDATES, update: str = "shuffled",
     name: str = "",

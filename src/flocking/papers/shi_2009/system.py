@@ -17,6 +17,7 @@ from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Path
+from flocking.model.parts.seeds import seeded
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import Agents, State
 from flocking.model.terms.body_terms import Compensate, Track
@@ -115,6 +116,7 @@ SETTINGS: dict[str, Setting] = {
 """Scenarios by name; ``-uniform`` is law (8) of Theorem 3, which the paper does not simulate."""
 
 
+@seeded
 def scenario(
     figure: int | None = None, seed: int = 0, *, name: str = KEY, compact: bool = False, informed: int = INFORMED
 ) -> Scenario:
@@ -183,6 +185,7 @@ def _track(setting: Setting, leader: Path, gains: Array, chosen: NDArray[np.int6
     return Track(leader, position, VELOCITY_GAIN, acceleration, per_mass=True)
 
 
+@seeded
 def start(seed: int, *, compact: bool) -> State:
     """A start: agents in a disc with random velocities, redrawn until connected (Fig. 3, shared by all simulations).
 

@@ -12,6 +12,7 @@ import numpy as np
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
+from flocking.model.parts.seeds import SeedNumber, given_seed
 from flocking.papers.showcases import flock_from_noise
 from flocking.papers.showcases.files import TITLES, showcase_scenario
 from flocking.papers.showcases.obstacle_views import CloseView, ObstacleViews
@@ -76,7 +77,10 @@ class Showcase:
         """Its title."""
         return TITLES[self.name]
 
-    def scenario(self, *, seed: int | None = None, agents: int | None = None, until: float | None = None) -> Scenario:
+    def scenario(
+        self, *, seed: int | None = None, agents: int | None = None, until: float | None = None,
+        rng: SeedNumber | None = None,
+    ) -> Scenario:  # fmt: skip
         """Its scenario.
 
         Parameters
@@ -87,13 +91,15 @@ class Showcase:
             A smaller group, see `flocking.papers.showcases.files.showcase_scenario`.
         until
             An earlier end.
+        rng
+            Another name of ``seed``, which takes a `numpy.random.SeedSequence` too.
 
         Raises
         ------
         InvalidInput
             If the group would not be smaller, or the end is not between the start and the end of the scenario.
         """
-        made = showcase_scenario(self.name, seed, agents)
+        made = showcase_scenario(self.name, given_seed("scenario", seed, rng), agents)
         if until is None:
             return made
         if not made.start.t < until <= made.t_end:

@@ -9,6 +9,7 @@ from flocking.model.checks import number
 from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
+from flocking.model.parts.seeds import seeded
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers.examples import check_figure
@@ -62,6 +63,7 @@ def energy(radius: float = RADIUS) -> Energy:
     return Energy(unlinked=boundary_value(radius), name="Q")
 
 
+@seeded
 def scenario(
     figure: int | None = None, seed: int = 0, *, speed: float = LARGEST_SPEED, start_radius: float = START_RADIUS
 ) -> Scenario:

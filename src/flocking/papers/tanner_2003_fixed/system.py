@@ -7,6 +7,7 @@ from collections.abc import Callable
 from flocking.model import starts
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Law, Scenario
+from flocking.model.parts.seeds import seeded
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers.examples import check_figure
@@ -35,6 +36,7 @@ def potential() -> Potential:
     return Potential("1/r**2 + log(r**2)")
 
 
+@seeded
 def scenario(
     figure: int | None = None, seed: int = 0, *, complete: bool = False, speed: float = LARGEST_SPEED
 ) -> Scenario:

@@ -1,6 +1,6 @@
 """Vasarhelyi et al.: Optimized flocking of autonomous drones in confined environments (Sci. Robot. 3, 2018).
 
-In its own imperfect world: late and inaccurate knowledge of others, vehicles that follow wanted velocities with a lag,
+In its own imperfect world: late and inaccurate knowledge of others, vehicles that follow desired velocities with a lag,
 and noise. Two sets of parameters: those of the file that the authors released with their program, with which no order
 arises, and those that their optimisation found, as commonly cited. The text of the paper was not at hand.
 """

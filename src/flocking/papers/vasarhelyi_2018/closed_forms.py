@@ -11,7 +11,7 @@ from flocking.papers.vasarhelyi_2018 import system
 def lone_speeds(speed: float, ticks: int) -> Array:
     """Speeds of a lone agent without noise at its ticks, shape (ticks + 1,).
 
-    Its wanted velocity has its own direction and the length v_flock, so that its speed s follows
+    Its desired velocity has its own direction and the length v_flock, so that its speed s follows
     s' = s + h/tau (v_flock - s) in steps of h, within the largest acceleration: s - v_flock falls by (1 - h/tau) a
     step.
 

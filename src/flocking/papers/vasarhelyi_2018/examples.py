@@ -95,7 +95,7 @@ def obstacle_of(scale: float) -> Array:
 
 
 def sum_of(scale: float) -> Array:
-    """The wanted velocities of the examples' agents, scaled."""
+    """The desired velocities of the examples' agents, scaled."""
     return scale * control(system.law(), few())
 
 

@@ -17,6 +17,7 @@ from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.checks import integer, number
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
+from flocking.model.parts.seeds import seeded
 from flocking.model.state import State
 from flocking.model.terms.braking import (
     BrakingAlignment,
@@ -124,7 +125,7 @@ def law(
     parameters: FlockParameters = FILE, *, half_width: float | None = HALF_WIDTH,
     circles: tuple[tuple[float, float, float], ...] = (),
 ) -> Law:  # fmt: skip
-    """The wanted velocity: self-propulsion, repulsion, alignment, walls and obstacles.
+    """The desired velocity: self-propulsion, repulsion, alignment, walls and obstacles.
 
     Links, which nothing uses, are those of clusters: agents close enough to have to brake for each other.
 
@@ -164,13 +165,14 @@ def cluster_radius(parameters: FlockParameters = FILE) -> float:
     return parameters.friction_radius + float(stop)
 
 
+@seeded
 def unit(*, scaled: bool = False, noise: float = PROCESS_NOISE, seed: int = 0) -> VelocityUnit:
-    """A vehicle: lag, largest acceleration, process noise, and what becomes of the wanted velocity.
+    """A vehicle: lag, largest acceleration, process noise, and what becomes of the desired velocity.
 
     Parameters
     ----------
     scaled
-        Whether every wanted velocity is scaled to v_flock, as in the released program; else it is cut at v_max.
+        Whether every desired velocity is scaled to v_flock, as in the released program; else it is cut at v_max.
     noise
         sigma_outer.
     seed
@@ -183,6 +185,7 @@ def unit(*, scaled: bool = False, noise: float = PROCESS_NOISE, seed: int = 0) -
     )  # fmt: skip
 
 
+@seeded
 def knowledge(*, delay: float = DELAY, noise: float = POSITION_NOISE, seed: int = 0) -> Fixes:
     """What agents know: own fixes with errors, those of others within the range late.
 
@@ -200,6 +203,7 @@ def knowledge(*, delay: float = DELAY, noise: float = POSITION_NOISE, seed: int 
     )
 
 
+@seeded
 def flock(
     agents: int = AGENTS, *, seed: int = 0, duration: float = DURATION, parameters: FlockParameters = FILE,
     half_width: float = HALF_WIDTH, circles: tuple[tuple[float, float, float], ...] = (), name: str = "",
@@ -227,11 +231,12 @@ def flock(
     return _of(begin, law(parameters, half_width=half_width, circles=circles), duration, False, seed, name)
 
 
+@seeded
 def program(
     agents: int = AGENTS, *, seed: int = 0, duration: float = DURATION, parameters: FlockParameters = FILE,
     name: str = "",
 ) -> Scenario:  # fmt: skip
-    """A flock as the released program runs it: from rest, all over the arena, wanted velocities scaled to v_flock.
+    """A flock as the released program runs it: from rest, all over the arena, desired velocities scaled to v_flock.
 
     Parameters
     ----------
@@ -270,6 +275,7 @@ def _of(begin: State, made: Law, duration: float, scaled: bool, seed: int, name:
     )  # fmt: skip
 
 
+@seeded
 def alone(*, speed: float = 1.0, duration: float = 8.0, seed: int = 0, name: str = "") -> Scenario:
     """One agent in free space without noise: its speed comes to v_flock by a closed form.
 

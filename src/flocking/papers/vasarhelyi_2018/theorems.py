@@ -148,7 +148,7 @@ def straight(e: Evidence) -> Measure:
 
 def grounds() -> Mapping[str, Ground]:
     """Grounds by the key of the claim."""
-    alone = "the wanted velocity has the direction of the own one and the length v_flock"
+    alone = "the desired velocity has the direction of the own one and the length v_flock"
     found = dict.fromkeys(("correlated", "no-collisions", "confined", "fast", "connected", "together"), OBSERVED)
     return {**found, "lone-speed": proved(f"{alone}: a linear recursion"), "straight": proved(alone)}
 

@@ -32,6 +32,10 @@ PAPER = Paper(
         "vicsek-1995-noiseless": "Forty agents without noise, within half a turn",
         "vicsek-1995-random": "Forty agents with headings drawn anew at every update",
         "vicsek-1995-vectorial": "Later work: vectorial noise and the forward update",
+        "vicsek-1995-middle": "Fig. 2: four hundred agents half way down the curve",
+        "vicsek-1995-phases": "Later work: order and disorder take turns",
+        "vicsek-1995-bands": "Later work: bands beside the transition",
+        "vicsek-1995-fluctuations": "Later work: giant fluctuations in an ordered group",
     },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year

@@ -1,4 +1,4 @@
-"""Directions of neighbours, moments of the order parameter, and the cumulant that tells kinds of transitions apart."""
+"""Directions of neighbours, moments of the order parameter, and the cumulant that separates kinds of transitions."""
 
 from __future__ import annotations
 

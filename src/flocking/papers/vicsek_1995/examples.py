@@ -35,7 +35,7 @@ def few(noise: float = NOISE, **changes: object) -> Scenario:
     changes
         Further arguments of `flocking.papers.vicsek_1995.system.group`.
     """
-    return system.group(FEW, SIDE, noise, duration=2, **changes)  # type: ignore[arg-type]
+    return system.group(FEW, SIDE, noise, duration=2, **changes)  # type: ignore[call-overload, no-any-return]
 
 
 def positions_of(scale: float) -> Array:
@@ -51,7 +51,7 @@ def directions_of(scale: float) -> Array:
 
 
 def averages_of(scale: float) -> Array:
-    """What the law wants in the example state, the gain scaled."""
+    """The control of the law in the example state, the gain scaled."""
     law = Law(Proximity(2.0), (VelocityAverage(scale),))
     return control(law, examples.example_state())
 

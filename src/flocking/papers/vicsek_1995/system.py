@@ -11,6 +11,7 @@ from flocking.model.bodies.discrete_bodies import Heading
 from flocking.model.checks import integer, number
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
+from flocking.model.parts.seeds import seeded
 from flocking.model.space import Periodic
 from flocking.model.state import State
 from flocking.model.terms.alignment import VelocityAverage
@@ -20,6 +21,7 @@ from flocking.papers.named_scenarios import scenario_by_name
 KEY = "vicsek-1995"
 GATHERING, ORDERED, SMALL = f"{KEY}-gathering", f"{KEY}-ordered", f"{KEY}-small"
 NOISELESS, RANDOM, VECTORIAL = f"{KEY}-noiseless", f"{KEY}-random", f"{KEY}-vectorial"
+MIDDLE, PHASES, BANDS, FLUCTUATIONS = (f"{KEY}-{name}" for name in ("middle", "phases", "bands", "fluctuations"))
 
 FIGURES = {1: KEY, 2: SMALL, 3: VECTORIAL}
 """Scenario of each figure; the first of those that it shows."""
@@ -44,12 +46,23 @@ FIGURE_2 = ((40, 3.1), (100, 5.0), (400, 10.0), (4000, 31.6), (10000, 50.0))
 LATER_SPEED, LATER_DENSITY = 0.5, 2.0
 """Speed and density of later work on the transition (Gregoire, Chate 2004)."""
 
+MIDDLE_NOISE, MIDDLE_DURATION = 3.5, 8000
+"""Noise at which order is about half that without noise in the group of 400 of Fig. 2a, and updates of its run."""
+PHASES_SIDE, PHASES_NOISE, PHASES_DURATION = 20.0, 0.618, 40000
+"""Side, vectorial noise and updates of a run of later work that passes between order and disorder; the noise is that of
+the stored study's lowest cumulant."""
+LATER_SIDE, BANDS_NOISE, FLUCTUATIONS_NOISE, LATER_DURATION = 32.0, 0.6, 0.4, 3000
+"""Side of ordered groups of later work, their vectorial noise beside the transition and far from it, and updates."""
+SPARSE = 20
+"""Updates from one frame to the next where many are run."""
+
 
 def law() -> Law:
     """Each agent takes the average velocity of those closer than the radius, itself among them."""
     return Law(Proximity(RADIUS), (VelocityAverage(1.0 / STEP),))
 
 
+@seeded
 def group(
     agents: int, side: float, noise: float, *, seed: int = 0, duration: int = DURATION, speed: float = SPEED,
     noise_kind: str = "angular", update: str = "backward", name: str = "",
@@ -86,6 +99,24 @@ def _of(begin: State, side: float, body: Heading, duration: int, name: str, seed
     )  # fmt: skip
 
 
+@seeded
+def later(side: float, noise: float, duration: int, *, seed: int = 0, name: str = "") -> Scenario:
+    """A group of later work: vectorial noise, forward update, speed 0.5, density 2; each `SPARSE`-th update is a frame.
+
+    Parameters
+    ----------
+    side, noise, duration, seed, name
+        As for `group`.
+    """
+    agents = round(LATER_DENSITY * number("later", "side", side, above=0.0) ** 2)
+    made = group(
+        agents, side, noise, seed=seed, duration=duration, speed=LATER_SPEED, noise_kind="vectorial", update="forward",
+        name=name,
+    )  # fmt: skip
+    return made.with_(frames=duration // SPARSE + 1)
+
+
+@seeded
 def within_half_a_turn(agents: int, side: float, *, seed: int = 0, name: str = "") -> Scenario:
     """A group without noise whose headings lie within less than half a turn at the start.
 
@@ -118,6 +149,12 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         VECTORIAL: lambda seed: group(
             AGENTS, wide, 0.4, seed=seed, speed=LATER_SPEED, noise_kind="vectorial", update="forward", name=VECTORIAL
         ),
+        MIDDLE: lambda seed: group(
+            *FIGURE_2[2], MIDDLE_NOISE, seed=seed, duration=MIDDLE_DURATION, name=MIDDLE
+        ).with_(frames=MIDDLE_DURATION // SPARSE + 1),
+        PHASES: lambda seed: later(PHASES_SIDE, PHASES_NOISE, PHASES_DURATION, seed=seed, name=PHASES),
+        BANDS: lambda seed: later(LATER_SIDE, BANDS_NOISE, LATER_DURATION, seed=seed, name=BANDS),
+        FLUCTUATIONS: lambda seed: later(LATER_SIDE, FLUCTUATIONS_NOISE, LATER_DURATION, seed=seed, name=FLUCTUATIONS),
     }  # fmt: skip
 
 

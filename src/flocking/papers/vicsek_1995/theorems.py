@@ -17,6 +17,7 @@ from flocking.model.checks import Array
 from flocking.model.world.control import Held
 from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved
 from flocking.papers.vicsek_1995 import system
+from flocking.papers.vicsek_1995 import transition_claims as transition
 from flocking.papers.vicsek_1995.closed_forms import deviations, random_order
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, above, below
@@ -207,13 +208,45 @@ def grounds() -> Mapping[str, Ground]:
         ),
         "sector": proved("a sum of vectors in a convex cone lies in that cone, and below half a turn sectors are such"),
         "velocities-agree": OBSERVED,
-        "ordered": OBSERVED,
+        **dict.fromkeys(
+            ("ordered", "one-phase", "two-phases", "cumulant-dips", "bands", "bands-across", "giant-fluctuations"),
+            OBSERVED,
+        ),
     }
+
+
+def _of_transition(name: str) -> Sequence[Claim]:
+    """What is asked about the transition: at a size of the paper, and with vectorial noise in larger groups."""
+    own, jump, later = Origin.OWN, "Gregoire, Chate 2004", "Chate et al. 2008"
+    return {
+        system.MIDDLE: (
+            Claim("one-phase", "Fig. 2", "Half way down the curve the order parameter does not change between two "
+                  "phases: its cumulant is above that of disorder.", transition.one_phase),
+        ),
+        system.PHASES: (
+            Claim("two-phases", jump, "At the transition the group is disordered at times and ordered at others.",
+                  transition.two_phases, origin=own),
+            Claim("cumulant-dips", jump, "The cumulant of the order parameter is below that of disorder, 1/3, by 0.1 "
+                  "or more.", transition.cumulant_dips, origin=own),
+        ),
+        system.BANDS: (
+            Claim("bands", later, "Beside the transition the density of an ordered group is one wave.",
+                  transition.bands, origin=own),
+            Claim("bands-across", later, "Its fronts move along their normal.", transition.bands_move_across,
+                  origin=own),
+        ),
+        system.FLUCTUATIONS: (
+            Claim("giant-fluctuations", later, "In an ordered group numbers in boxes deviate as N^0.8, within 0.1 of "
+                  "the exponent.", transition.giant_fluctuations, origin=own),
+        ),
+    }[name]  # fmt: skip
 
 
 def _stated(name: str) -> Sequence[Claim]:
     own, rule = Origin.OWN, "the rule, as commonly cited"
     speed = Claim("speed", rule, "All speeds are v at all times.", speeds_kept, dynamic=False)
+    if name in (system.MIDDLE, system.PHASES, system.BANDS, system.FLUCTUATIONS):
+        return (speed, *_of_transition(name))
     if name == system.VECTORIAL:
         return (
             speed,

@@ -15,6 +15,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, number
+from flocking.model.parts.seeds import seeded
 from flocking.papers.vicsek_1995 import system
 from flocking.papers.vicsek_1995.closed_forms import binder_cumulant
 from flocking.papers.vicsek_1995.density_waves import Waves, waves_of
@@ -124,6 +125,7 @@ class Fluctuations:
         return float(slopes.mean()), mean_interval(slopes)
 
 
+@seeded
 def measured_waves(side: float, noise: float, updates: int, seed: int = 0, noise_kind: str = "vectorial") -> Waves:
     """The strongest wave after some updates of a large group from random headings.
 
@@ -147,13 +149,14 @@ def _group(side: float, noise: float, seed: int, noise_kind: str = "vectorial") 
     ))  # fmt: skip
 
 
+@seeded
 def order_values(side: float, noise: float, updates: int, seed: int = 0, noise_kind: str = "vectorial") -> Array:
     """V_a after each of the first updates of a large group, shape (updates,).
 
     Parameters
     ----------
     side, noise, updates, seed, noise_kind
-        L, eta, number of updates, seed of the start and of the noise, and its kind.
+        L, eta, number of updates, seed of the start and of the noise, by name also ``rng``, and kind of the noise.
     """
     count = integer("order_values", "updates", updates, least=1)
     group = _group(number("order_values", "side", side, above=0.0), noise, seed, noise_kind)
@@ -165,6 +168,7 @@ def order_values(side: float, noise: float, updates: int, seed: int = 0, noise_k
     return found
 
 
+@seeded
 def point_of(side: float, noise: float, seed: int, values: Array, noise_kind: str = "vectorial") -> Point:
     """What is stored of a series of the order parameter.
 
@@ -210,6 +214,7 @@ def counted(q: Array, side: float, sizes: Sequence[float] = SIZES) -> list[tuple
     return found
 
 
+@seeded
 def fluctuations_of(side: float, noise: float, seed: int, updates: int, rows: Array) -> Fluctuations:
     """What is stored of counts.
 
@@ -229,6 +234,7 @@ def fluctuations_of(side: float, noise: float, seed: int, updates: int, rows: Ar
     )  # fmt: skip
 
 
+@seeded
 def measured_fluctuations(
     side: float, noise: float, *, settling: int = 1200, snapshots: int = 100, apart: int = 30, seed: int = 7
 ) -> Fluctuations:  # fmt: skip
@@ -241,7 +247,7 @@ def measured_fluctuations(
     settling, snapshots, apart
         Updates before the first snapshot, number of snapshots, a multiple of `BLOCKS`, and updates between two.
     seed
-        Seed of the start and of the noise.
+        Seed of the start and of the noise; by name also ``rng``.
     """
     group = _group(side, noise, seed)
     group.update(settling)

@@ -9,6 +9,7 @@ from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Hysteresis
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Velocity
+from flocking.model.parts.seeds import seeded
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.body_terms import Track
 from flocking.model.terms.pair_terms import Consensus, Gradient
@@ -54,6 +55,7 @@ def virtual_leader(speed: float = 1.0) -> Velocity:
     return Velocity([speed * v for v in LEADER_VELOCITY], start=LEADER_POSITION)
 
 
+@seeded
 def scenario(
     figure: int | None = None,
     seed: int = 0,

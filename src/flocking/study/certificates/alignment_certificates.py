@@ -31,6 +31,13 @@ from flocking.study.certificates.certificate import (
 from flocking.study.certificates.power_law_integral import PowerLaw
 from flocking.study.certificates.sources import sources
 
+TINY = 1e-300
+"""Absolute tolerance of a root: so small that the relative one decides."""
+
+ROOT_ERROR = 4e-15
+"""Relative tolerance of a root; SciPy allows none below four units of 2.2e-16. The bound is proven at the root that is
+found."""
+
 KEYS = ("velocity_difference", "alignment_diameter", "alignment_rate")
 
 FARTHEST = 1e150
@@ -181,7 +188,7 @@ class Alignment:
             end = start + step
             if end > FARTHEST:
                 return None
-        return float(brentq(missing, start, end, xtol=1e-300, rtol=4e-15))
+        return float(brentq(missing, start, end, xtol=TINY, rtol=ROOT_ERROR))
 
     def rate(self, distance: float) -> Interval:
         """N phi at a distance."""

@@ -250,14 +250,14 @@ def decided(
     key: str, source: str, hypotheses: tuple[Hypothesis, ...], *, statement: str = "", reason: str = "",
     bound: Interval | Enclosure | None = None, side: str = "at most", quantity: str = "",
 ) -> Certificate:  # fmt: skip
-    """A certificate that is granted if no hypothesis fails, its bound is finite and no other reason speaks against it.
+    """A certificate that is granted if no hypothesis fails, its bound is finite and no other reason is against it.
 
     Parameters
     ----------
     key, source, hypotheses, statement, bound, side, quantity
         As in `Certificate`.
     reason
-        What else speaks against it.
+        What else is against it.
     """
     failed = next((h for h in hypotheses if not h.holds), None)
     against = f"not met: {failed.statement} ({failed.found})" if failed is not None else reason

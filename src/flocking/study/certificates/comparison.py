@@ -103,7 +103,7 @@ def _compared(certificate: Certificate, observed: float, error: float) -> Compar
 
 
 def _closest(run: Run, certificate: Certificate) -> tuple[float, float] | None:
-    """The closest approach of those pairs that the certificate speaks of."""
+    """The closest approach of those pairs that the certificate is about."""
     found = run.closest_linked if "linked" in certificate.quantity else run.closest
     return (found.distance, found.error) if np.isfinite(found.distance) else None
 
@@ -211,12 +211,12 @@ def _alignment_rate(run: Run, certificate: Certificate) -> tuple[float, float] |
 
 
 def _force(run: Run, certificate: Certificate) -> tuple[float, float]:
-    """The largest force that the law asks at some frames; its error is not known."""
+    """The largest force of the law at some frames; its error is not known."""
     return float(max(_forces(run).max(initial=0.0), 0.0)), np.nan
 
 
 def _forces(run: Run) -> Array:
-    """Sizes of the forces that the law asks at some frames, shape (frames, N)."""
+    """Sizes of the forces of the law at some frames, shape (frames, N)."""
     frames = np.unique(np.linspace(0, len(run.t) - 1, MOST_STATES).astype(int))
     law, agents = run.scenario.law, run.scenario.agents
     if type(agents) is Limited:

@@ -36,7 +36,7 @@ KEY = "obstacles_not_entered"
 """Key of the certificate."""
 
 CONVEX = (Ball, Wall, ConvexPolygon)
-"""Obstacles that are proven to be convex bodies; one of a user may be none, whatever its documentation asks."""
+"""Obstacles that are proven to be convex bodies; one of a user may be none, whatever its documentation requires."""
 
 DISTANCE_ERROR = 1e-12
 """Relative error of computed signed distances: some thousand units of rounding."""

@@ -33,7 +33,7 @@ SHORTEST = (1e-300, 1e-150, 1e-100, 1e-60, 1e-30)
 """Distances next to zero: what holds from zero to any of them holds in the limit. Powers of the smallest underflow."""
 
 TOUCHING = 1e-16
-"""Distances below this share of the largest one are not told apart from zero."""
+"""Distances below this share of the largest one are not distinguished from zero."""
 
 HALVINGS = 14
 """Rounds that divide a range by `PARTS` until two doubles of one scale are neighbours, and some more: 16^14 is 2^56."""

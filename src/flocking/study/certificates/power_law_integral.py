@@ -12,6 +12,11 @@ import numpy as np
 
 from flocking.formula.intervals import Interval
 
+FAR = 1e8
+"""Distance, in larger of scale and begin, from which on the weight is replaced by the power that bounds it: they differ
+by
+(scale/r)^2 = 1e-16 there, below rounding."""
+
 CELLS = 4096
 """Number of cells of the midpoint rule."""
 
@@ -72,7 +77,7 @@ class PowerLaw:
             return 0.0
         if not self.summable:
             return np.inf
-        end = Interval.of(max(begin, self.scale) * 1e8)
+        end = Interval.of(max(begin, self.scale) * FAR)
         less = Interval.of(2.0) * Interval.of(self.exponent) - ONE
         # The weight is below K r^(-2 beta).
         tail = Interval.of(self.gain) * _power(end, -less) / less

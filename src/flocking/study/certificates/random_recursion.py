@@ -32,8 +32,8 @@ SMALL = 6
 SETTLED, SEARCHED, RESTARTS = 1e-9, 30, 30
 """Relative error at which the iteration for the largest growth of second moments ends, its vectors, and its rounds."""
 
-SOLVED, ROUNDS = 60, 10
-"""Steps of each round, and rounds, of the solution of linear equations for moments."""
+SOLVED, ROUNDS, SOLUTION_ERROR = 60, 10, 1e-13
+"""Steps of each round, rounds and relative residual of the solution for moments, which is proven afterwards."""
 
 CLOSE = 1e-4
 """Relative width at which an enclosed growth is narrow enough."""
@@ -44,8 +44,9 @@ START_SHARE, LOOKS, BETWEEN = 1e-4, 6, 15
 DENSE = 0.2
 """Share of numbers other than zero above which full matrices are multiplied faster than sparse ones."""
 
-MIXED = (0.0, 1e-12, 1e-8)
-"""Shares of the unit matrix that are tried beside the dominant moment, which may be singular."""
+MIXED, WIDENED = (0.0, 1e-12, 1e-8), (1e-12, 1e-9, 1e-6)
+"""Shares of the unit matrix that are tried beside the dominant moment, which may be singular; relative widenings of a
+computed bound that are tried until it is proven."""
 
 
 @dataclass(frozen=True)
@@ -312,7 +313,9 @@ class RandomRecursion:
         """About the X with X = E(X)/rate + added; None where it is not finite."""
         from scipy.sparse.linalg import gmres
 
-        found, _ = gmres(self._on_moments(1.0, -1.0 / rate), added.ravel(), rtol=1e-13, maxiter=ROUNDS, restart=SOLVED)
+        found, _ = gmres(
+            self._on_moments(1.0, -1.0 / rate), added.ravel(), rtol=SOLUTION_ERROR, maxiter=ROUNDS, restart=SOLVED
+        )
         x = np.asarray(found).reshape(self.size, self.size)
         return 0.5 * (x + x.T) if np.isfinite(x).all() else None
 
@@ -374,7 +377,7 @@ class RandomRecursion:
         ratios, radius = symmetric_eigenvalues(symmetric_part(after))
         lo, hi = 0.0, np.inf
         # The bound is found by floating point and proven here.
-        for slack in (1e-12, 1e-9, 1e-6):
+        for slack in WIDENED:
             above = (float(ratios[-1]) + radius) * (1.0 + slack)
             if np.isinf(hi) and least_eigenvalue(symmetric_part(multiple(unit, above) - after)) >= 0.0:
                 hi = above

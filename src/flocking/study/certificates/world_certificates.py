@@ -14,6 +14,13 @@ from flocking.study.certificates.linear.directed_consensus import DirectedConsen
 from flocking.study.certificates.sampled_consensus import SampledConsensus
 from flocking.study.certificates.sources import sources
 
+SUM_ERROR = 1e-13
+"""Rounding of a sum of up to a million products relative to the sum of their absolute values: NumPy sums in pairs of
+blocks of 128, fewer than 160 units of 1.1e-16."""
+
+SEARCHED = 0.1
+"""Tolerance of the search for a period, in the narrowest width that is proven: the search adds little to it."""
+
 KEYS = ("growth_in_world", "period_in_world", "noise_in_world")
 """Keys of the certificates of held control."""
 
@@ -173,7 +180,7 @@ def largest_period(world: SampledConsensus, number: int = PLACES) -> Enclosure |
     if not found:
         return None
     ends = float(places[found - 1]), float(places[found])
-    near = float(brentq(growing, *ends, xtol=0.1 * NARROWEST * ends[0], rtol=0.1 * NARROWEST))
+    near = float(brentq(growing, *ends, xtol=SEARCHED * NARROWEST * ends[0], rtol=SEARCHED * NARROWEST))
     steps = np.geomspace(NARROWEST, WIDEST, 8)
     below = next((x for x in (near * (1.0 - s) for s in steps) if world.recursion(x).growth()[1] < 1.0), None)
     above = next((x for x in (near * (1.0 + s) for s in steps) if world.recursion(x).growth()[0] >= 1.0), None)
@@ -203,7 +210,7 @@ def _noise(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Certi
         form = np.zeros_like(moment)
         form[: n - 1, : n - 1] = (np.eye(n - 1) - 1.0 / n) / n
         value = float((form * moment).sum())
-        error = found.error * (n - 1) / n + 1e-13 * float((np.abs(form) * np.abs(moment)).sum())
+        error = found.error * (n - 1) / n + SUM_ERROR * float((np.abs(form) * np.abs(moment)).sum())
         reason, bound = "", Enclosure(max(0.0, value - error), value + error)
     statement = "" if bound is None else f"The {quantity}, is {bound}."
     return decided(

@@ -10,6 +10,9 @@ from flocking.study.claims.audit import Report
 from flocking.study.claims.claim import Basis, Claim, Result, Verdict, finite
 from flocking.study.confidence_intervals import share_interval
 
+LEVEL = 0.95
+"""Level of the intervals of rates, by convention; the default of `flocking.study.confidence_intervals`."""
+
 FEWEST_SEEDS = 5
 """Fewer seeds that meet a claim's hypothesis leave it untested."""
 
@@ -114,6 +117,14 @@ class Judgement:
         """Whether the verdict is not another than the expected; true where none is (`has_expected`)."""
         return not self.has_expected or self.verdict == self.claim.expected
 
+    @property
+    def is_contrary(self) -> bool:
+        """Whether what was found speaks against the expected verdict; what is left open does not."""
+        if self.as_expected:
+            return False
+        refuted = self.claim.expected == Verdict.HOLDS and any(r.verdict == Verdict.FAILS for r in self.results)
+        return refuted or self.verdict in (*DECIDED, Verdict.NOT_RESOLVED)
+
     def as_dict(self, paper: str, scenario: str) -> dict[str, object]:
         """Plain data for ``claims.json``.
 
@@ -148,7 +159,7 @@ class Judgement:
                 "not_resolved": self.unresolved,
                 "not_yet": self.waiting,
             },
-            "rate": {"held": finite(share), "low": finite(low), "high": finite(high), "level": 0.95},
+            "rate": {"held": finite(share), "low": finite(low), "high": finite(high), "level": LEVEL},
         }
 
 

@@ -7,6 +7,9 @@ import numpy as np
 from flocking.model.potentials.potential import Potential
 from flocking.study.evidence import NotResolvable
 
+MINIMUM_ERROR = 1e-12
+"""Absolute tolerance of the located minimum; near one a value depends on its place by the square of the error."""
+
 FARTHEST = 1e4
 """Where the search ends for a graph without a break radius."""
 
@@ -67,5 +70,7 @@ def smallest_value(potential: Potential, radius: float = FARTHEST) -> tuple[floa
     values = potential(grid)
     k = int(np.nanargmin(np.where(np.isfinite(values), values, np.inf)))
     a, b = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
-    found = minimize_scalar(lambda r: float(potential(r)), bounds=(a, b), method="bounded", options={"xatol": 1e-12})
+    found = minimize_scalar(
+        lambda r: float(potential(r)), bounds=(a, b), method="bounded", options={"xatol": MINIMUM_ERROR}
+    )
     return float(found.x), float(found.fun)

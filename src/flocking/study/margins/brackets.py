@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from flocking.study.confidence_intervals import Interval, share_interval
 
+ROUNDED = 1.0 - 1e-12
+"""Factor for the rounding of share times total: numbers of runs are whole, so it decides only where both are equal."""
+
 STEP_TO_IDEAL = 4.0
 """Where the first level fails, the next one tried is this many times nearer to the ideal value."""
 
@@ -36,7 +39,7 @@ class Count:
 
     def shown(self, share: float) -> bool:
         """Whether the conclusion is shown in at least this ``share`` of the runs."""
-        return self.total > 0 and self.held >= share * self.total * (1 - 1e-12)
+        return self.total > 0 and self.held >= share * self.total * ROUNDED
 
     def interval(self, level: float) -> Interval:
         """Clopper and Pearson's interval of the probability that a run shows it, at a ``level`` of confidence."""

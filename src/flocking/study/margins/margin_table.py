@@ -79,7 +79,7 @@ class Margins:
     share
         Share of the runs that must show a conclusion at a level.
     width
-        Width to which brackets were asked to be narrowed, as a share of their larger end.
+        Width to which brackets were to be narrowed, as a share of their larger end.
     confidence
         Level of confidence of the intervals.
     seeds

@@ -16,6 +16,9 @@ from flocking.model.world.information import Messages
 from flocking.model.world.losses import Bernoulli
 from flocking.model.world.noises import WhiteNoise
 
+ROUNDED = 1e-9
+"""Relative difference by which a level may lie outside its ends and count as one of them."""
+
 PERIODS = 1000
 """Ticks of the base world in the duration of a scenario, about: few enough that a run of ten agents takes seconds."""
 
@@ -65,7 +68,7 @@ def rounded_levels(low: float, high: float) -> tuple[float, ...]:
     """The numbers 1, 2 and 5 times a power of ten from ``low`` to ``high``, ascending."""
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
     found = [float(f"{digit}e{power}") for power in range(first, last + 1) for digit in (1, 2, 5)]
-    return tuple(x for x in found if low * (1 - 1e-9) <= x <= high * (1 + 1e-9))
+    return tuple(x for x in found if low * (1 - ROUNDED) <= x <= high * (1 + ROUNDED))
 
 
 def base_period(scenario: Scenario) -> float:

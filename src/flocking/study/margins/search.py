@@ -22,8 +22,11 @@ from flocking.study.margins.computed_runs import HYPOTHESIS, Conclusions
 from flocking.study.margins.margin_table import Margins, Varied, counts_of
 from flocking.study.margins.quantities import Quantity, base_period, quantity_named
 
+ROUNDED = 1.0 - 1e-3
+"""Factor for the rounding of levels, which are powers of STEP_TO_IDEAL apart."""
+
 MOST_RUNS = 4000
-"""Most runs of a table, unless another number is asked for."""
+"""Most runs of a table, unless another number is given."""
 
 MOST_ROUNDS = 12
 """Rounds of bisection at most: the width of a bracket falls by a factor of a thousand in ten."""
@@ -183,7 +186,7 @@ class Search:
 
     def _is_near(self, level: float | None, quantity: Quantity, name: str) -> bool:
         """Whether a level is as near to the ideal world as is looked."""
-        first, most = self._first[name], STEP_TO_IDEAL**STEPS_TO_IDEAL * (1 - 1e-3)
+        first, most = self._first[name], STEP_TO_IDEAL**STEPS_TO_IDEAL * ROUNDED
         if level is None or first == 0.0:
             return False
         return level >= first * most if quantity.falling else level * most <= first

@@ -58,7 +58,7 @@ class Arrivals:
     motion
         Where everybody was.
     last
-        Nanosecond after which nothing is asked for.
+        Nanosecond after which nothing is looked up.
     """
 
     def __init__(self, scenario: Scenario, motion: ForcedMotion, last: int) -> None:

@@ -127,7 +127,7 @@ class Properties:
     radius
         The radius; None where it is unknown.
     everywhere
-        Whether the properties are asked on all r > 0, else below the radius.
+        Whether the properties are required on all r > 0, else below the radius.
     """
 
     shape: Shape
@@ -286,7 +286,7 @@ class Definition:
     source
         Where it is stated.
     everywhere
-        Whether it is asked on all r > 0, else below the radius.
+        Whether it is required on all r > 0, else below the radius.
     requirements
         The methods of `Properties` that must hold.
     """

@@ -17,10 +17,32 @@ if TYPE_CHECKING:
     import sympy
     from mpmath import mpf as Number  # noqa: N812
 
+DISTANCES = (1e-6, 1e6)
+"""Nearest and farthest distance at which the formula must have a real value."""
+
+SAME_ROOT = 1e-14
+"""Relative difference of two roots that count as one: they have more digits, their brackets may share an end."""
+
+BRACKET = 1e-12
+"""Half width of the bracket about a root on a grid point, relative to it."""
+
+PROBES = (0.1, 0.37, 0.73)
+"""Places in a piece at which its slope must be zero for it to count as flat: not symmetric, so that no even function
+is."""
+
+BESIDE = 1e-8
+"""Relative distance from a break at which the slopes beside it are read: the square root of the rounding."""
+
+TINY = 1e-300
+"""Absolute tolerance of a root: so small that the relative one decides."""
+
+ROOT_ERROR = 1e-15
+"""Relative tolerance of a minimum, a few units of rounding; SciPy's least is 8.9e-16."""
+
 NEAREST, FARTHEST = 1e-9, 1e9
 """Range of distances that is searched for breaks and minima."""
 SAMPLES = 97
-"""Distances from 1e-6 to 1e6, eight a decade, at which the formula is asked for a real value."""
+"""Distances from 1e-6 to 1e6, eight a decade, at which the formula must have a real value."""
 SHRINKING = 0.75
 """Differences each at most this share of the one before it belong to a finite limit, by extrapolation."""
 CONVERGED = 1e-6
@@ -177,7 +199,7 @@ def shape_of(potential: Potential, radius: float | None = None) -> Shape:
     lows = [(m.at, m.value) for m in minima]
     lows += [(0.0, zero.value), (np.inf, infinity.value)]
     lows += [(b.at, side[0].value) for b in breaks for side in (b.left, b.right)]
-    samples = np.geomspace(1e-6, 1e6, SAMPLES)
+    samples = np.geomspace(*DISTANCES, SAMPLES)
     undefined = tuple(float(x) for x in samples if context.isnan(functions[0](float(x))))
     return Shape(zero, infinity, tuple(breaks), tuple(minima), tuple(lows), undefined, functions[1])
 
@@ -226,7 +248,7 @@ def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> l
         rough = _sign_change_brackets(sympy.lambdify(r, gap, "numpy"))
         for a, b in rough[:MOST_BREAKS]:
             root = _root(value, a, b)
-            if root is not None and not any(abs(root - c) <= 1e-14 * c for c in found):
+            if root is not None and not any(abs(root - c) <= SAME_ROOT * c for c in found):
                 found.append(root)
     return sorted(found)[:MOST_BREAKS]
 
@@ -246,7 +268,7 @@ def _root(function: Callable[[Number], Number], a: float, b: float) -> Number | 
     """A root in [a, b] with many digits."""
     context = wide_context()
     if a == b:
-        a, b = a * (1 - 1e-12), b * (1 + 1e-12)
+        a, b = a * (1 - BRACKET), b * (1 + BRACKET)
     low, high = context.mpf(a), context.mpf(b)
     try:
         root = context.findroot(function, (low, high), solver="anderson", verify=False, maxsteps=60)
@@ -272,14 +294,14 @@ def _minima(
     found: list[Minimum] = []
     flat: list[tuple[float, float]] = []
     for low, high in pieces:
-        probes = [low + (high - low) * x for x in (0.1, 0.37, 0.73)]
+        probes = [low + (high - low) * x for x in PROBES]
         if all(slope(x) == 0 for x in probes):
             flat.append((float(low), float(high)))
         elif len(found) < MOST_MINIMA:
             found += _inside(potential, value, slope, low, high)[:MOST_MINIMA]
     for b in breaks:
         c = wide_context().mpf(b.at)
-        before, after = slope(c * (1 - 1e-8)), slope(c * (1 + 1e-8))
+        before, after = slope(c * (1 - BESIDE)), slope(c * (1 + BESIDE))
         if b.order >= 0 and before < 0 < after:
             found.append(Minimum(b.at, b.left[0].value, b.at))
     for low, high in flat:
@@ -324,7 +346,7 @@ def _inside(
         # Many digits distinguish a minimum from the rounding noise of a constant piece.
         if not slope(left) < 0 < slope(right):
             continue
-        at = float(brentq(lambda x: float(potential.slope(x)), left, right, xtol=1e-300, rtol=1e-15))
+        at = float(brentq(lambda x: float(potential.slope(x)), left, right, xtol=TINY, rtol=ROOT_ERROR))
         found.append(Minimum(at, float(value(at)), at))
         if len(found) >= MOST_MINIMA:
             break

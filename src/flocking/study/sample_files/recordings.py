@@ -120,7 +120,7 @@ def _messages(path: Path) -> list[bytes]:
 
 
 def _unpacked(chunk: Chunk) -> Chunk:
-    """A chunk without compression, of the size that it declares: the package's own reader knows no bound."""
+    """A chunk without compression, of the size that it declares: the package's own reader has no bound."""
     most = chunk.uncompressed_size + 1
     if chunk.compression == "zstd":
         import zstandard

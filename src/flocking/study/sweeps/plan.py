@@ -15,7 +15,7 @@ from flocking.model.checks import integer
 from flocking.study.sweeps.sampling import Sample
 
 MOST_RUNS = 100_000
-"""Runs a sweep may have unless more are asked for."""
+"""Runs a sweep may have unless more are allowed."""
 
 MOST_NAMES = 100
 """Parameters a sweep may vary."""

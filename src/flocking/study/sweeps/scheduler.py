@@ -15,6 +15,9 @@ from flocking.study.sweeps.plan import Task
 from flocking.study.sweeps.work import Row, Work, noted_tasks, packed, run_batch, run_here, worker_notes
 from flocking.study.sweeps.worker_pool import WorkerPool
 
+LEAST_SECONDS = 1e-9
+"""Seconds that runs count as having taken at least: their mean divides."""
+
 TRIES = 3
 """A run is given up after its worker died this many times."""
 
@@ -85,7 +88,7 @@ class Scheduler:
         if not self._done:
             return 1
         fair = len(self._waiting) // (AHEAD * self._pool.size)
-        return max(1, min(LARGEST_BATCH, fair, int(BATCH_SECONDS * self._done / max(self._seconds, 1e-9))))
+        return max(1, min(LARGEST_BATCH, fair, int(BATCH_SECONDS * self._done / max(self._seconds, LEAST_SECONDS))))
 
     def _submit(self, tasks: list[Task]) -> None:
         try:

@@ -15,7 +15,7 @@ SPEED, TURN = 1.5, 0.8
 
 @dataclass(frozen=True, eq=False)
 class DubinsCar(fk.Body):
-    """q' = v e, e' = w n: the car turns towards the velocity that the law wants, |w| at most ``turn``."""
+    """q' = v e, e' = w n: the car turns towards the desired velocity of the law, |w| at most ``turn``."""
 
     speed: float = SPEED
     turn: float = TURN

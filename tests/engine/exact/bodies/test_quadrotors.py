@@ -96,7 +96,7 @@ def test_attitudes_stay_rotations(flight):
 
 
 def test_the_attitude_error_only_falls(flight):
-    """V = |e_W|^2/2 + w^2 trace(1 - Rc' R)/2 has the rate -2 z w |e_W|^2, whatever the wanted attitude does."""
+    """V = |e_W|^2/2 + w^2 trace(1 - Rc' R)/2 has the rate -2 z w |e_W|^2, whatever the desired attitude does."""
     for i in (0, 1):
         values = []
         for k in range(len(flight.t)):

@@ -186,6 +186,33 @@ def test_what_is_kept_of_losses_changes_nothing(loss, period):
     assert (kept > 0) == isinstance(loss, fk.GilbertElliott)
 
 
+@pytest.mark.parametrize("loss", [None, fk.Bernoulli(0.3), fk.GilbertElliott(0.2, 0.5), fk.DistanceLoss(2.5)])
+@pytest.mark.parametrize("jitter", [0.12, 0.23])
+def test_late_messages_are_looked_for_until_even_the_latest_would_be_there(loss, jitter):
+    """The messages used, links and motion are those of `sampled`, within a period and over two of them."""
+    law = fk.Law(fk.Hysteresis(2.5, gap=0.3), [fk.Gradient(PSI), fk.Consensus(0.5)])
+    information = fk.Messages(0.1, delay=0.02, jitter=jitter, loss=loss, expires=0.6, seed=9)
+    made = fk.Scenario(
+        law, fk.start.box(30, side=7, speed=1.0, seed=2), t_end=1.61, frames=2, control=fk.Held(0.1),
+        information=information,
+    )  # fmt: skip
+    session, other = ENGINE.open(made, TilesOptions(step=STEP, ledger=False)), SAMPLED.open(made, SampledOptions())
+    late = seen = 0
+    for t in np.arange(0.41, 1.6, 0.1):
+        session.advance(t)
+        other.advance(t)
+        assert np.abs(session.state.q - other.state.q).max() < 1e-10
+        used, links = used_by(session, 30)
+        assert (links == other.known_links[0]).all()
+        newest = other.knowledge.newest
+        listed = (used > 0) & (np.where(newest < 0, 0, newest) * 0.1 > t - 0.6)
+        assert (used[listed] == newest[listed]).all()
+        late += int((used[listed] < used.max()).sum())
+        seen += int(listed.sum())
+    assert seen > 500
+    assert late > 100
+
+
 @pytest.mark.parametrize("loss", CHANNELS[:5], ids=lambda loss: loss.summary)
 def test_a_sample_that_had_expired_before_anybody_looked_leaves_the_state_of_its_channel_open(loss):
     """At some ticks the newest sample is too old to be looked at; the state of a channel is then not that before it."""
@@ -225,7 +252,7 @@ def test_pieces_threads_and_resuming_give_the_same_bits(precision):
     assert (cut.q == whole.q).all()
     assert (cut.p == whole.p).all()
     assert (cut.trace == whole.trace).all()
-    assert again._particles.rebuilds > 2
+    assert again._particles.search.rebuilds > 2
     if precision == "float32":
         fine = fk.simulate(world, engine="tiles", step=STEP, progress=False)
         assert np.abs(fine.q[1] - whole.q[1]).max() < 1e-3

@@ -41,7 +41,17 @@ def theorem(found):
 
 
 def critical(found):
+    """And no start of the scenario at beta = 1/2, which converges, meets the condition: it is not sharp."""
     near(found, K**2 / 8 - 0.1)
+    paper = fk.papers.cucker_smale_2007
+    for seed in range(3):
+        made = paper.scenario(name="cucker-smale-2007-critical", seed=seed)
+        (term,) = made.law.terms
+        assert (term.exponent, term.scale) == (0.5, 1.0)
+        velocities = sum(math.dist(a, b) ** 2 for a in made.start.p for b in made.start.p) / 2
+        assert velocities > term.gain**2 / 8
+        positions = paper.closed_forms.scatter(made.start.q)
+        assert paper.closed_forms.sufficient_condition(positions, velocities, term.gain, 0.5) < 0.0
 
 
 def condition(found):

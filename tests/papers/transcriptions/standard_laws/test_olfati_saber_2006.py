@@ -43,6 +43,16 @@ def test_agents_led_straight_at_an_obstacle_enter_it():
     """The force vanishes at the boundary, and the goal behind and the agents after press: no guarantee."""
     against = few([[80.0, 20.5], [74.0, 24.0], [74.0, 16.0]], [80.0, 20.0], [5.0, 0.0])
     assert no_entry(fk.simulate(against, progress=False)) == ("fails", False)
+    made = system.scenario(name=system.AGAINST)
+    assert repr(made.law) == repr(against.law)
+    assert (made.start.q == against.start.q).all()
+    assert (made.start.p == against.start.p).all()
+    for seed in (0, 1):
+        run = fk.simulate(system.scenario(name=system.AGAINST, seed=seed), progress=False)
+        found = audit(run, theorems.claims(system.AGAINST))
+        assert {key: str(found[key].verdict) for key in ("energy", "entry")} == {"energy": "holds", "entry": "fails"}
+        depth = min(np.linalg.norm(run.q - CENTRE, axis=2).min() - RADIUS, 0.0)
+        assert depth < -1.0, "an agent is well inside at a frame"
 
 
 def straight(name, closest):
@@ -66,16 +76,47 @@ def test_straight_paths_beside_and_through_an_obstacle(name, closest, verdict):
     assert no_entry(run, name)[0] == "not resolved"
 
 
+def test_with_a_larger_gain_at_obstacles_the_flock_passes_the_gap_as_one():
+    """The start and the obstacles of the squeeze, where agents enter them; with c1 = 300 for beta-agents none does."""
+    made, squeeze = system.scenario(name=system.FIRM), system.scenario(name=system.SQUEEZE)
+    assert (made.start.q == squeeze.start.q).all()
+    assert made.law.terms[-1].repulsion_gain == 300.0
+    assert made.law.terms[-1].damping_gain == pytest.approx(2.0 * np.sqrt(300.0))
+    assert repr(made.law.terms[-1].obstacles) == repr(squeeze.law.terms[-1].obstacles)
+    assert repr(made.law.terms[:-1]) == repr(squeeze.law.terms[:-1])
+    found = audit(fk.simulate(made, progress=False), theorems.claims(system.FIRM))
+    keys = ("energy", "no-entry", "one-flock-behind", "aligned-behind", "lattice-behind")
+    assert {key: str(found[key].verdict) for key in keys} == dict.fromkeys(keys, "holds")
+    found = audit(fk.simulate(squeeze, progress=False), theorems.claims(system.SQUEEZE))
+    keys = ("no-entry", "one-flock-behind", "aligned-behind")
+    assert {key: str(found[key].verdict) for key in keys} == dict.fromkeys(keys, "fails")
+
+
+def test_velocities_at_the_end_are_judged_by_their_mismatch():
+    """Of two agents (v, 0) + (0, +-w): w^2/2, allowed up to 0.01 v^2."""
+    made = system.scenario(name=system.SPLIT)
+    t = np.linspace(0.0, 1.0, 5)
+    for w, verdict in ((0.69, "holds"), (0.73, "fails")):
+        p = np.tile([[5.0, w], [5.0, -w]], (5, 1, 1))
+        q = np.array([[0.0, 0.0], [0.0, 300.0]]) + t[:, None, None] * p
+        run = run_from_samples(made.with_(start=fk.State(q[0], p[0])), t, q, p)
+        (claim,) = (replace(c, dynamic=False) for c in theorems.claims(system.SPLIT) if c.key == "aligned-behind")
+        assert audit(run, [claim])["aligned-behind"].verdict == verdict, w
+
+
 def test_the_claim_is_expected_to_hold_wherever_it_is_stated():
     stated = {name: [c.expected for c in theorems.claims(name) if c.key == "no-entry"] for name in system.scenarios()}
-    assert {name for name, found in stated.items() if found} == {system.SPLIT, system.SQUEEZE, system.NETWORK}
+    assert {name for name, found in stated.items() if found} == {
+        system.SPLIT, system.SQUEEZE, system.FIRM, system.NETWORK
+    }  # fmt: skip
     assert all(found in ([], [Verdict.HOLDS]) for found in stated.values())
 
 
 def test_the_collected_numbers():
     """Those of the settings, and what follows from them to seven digits."""
     norm = system.sigma_norm()
-    lengths = (7.0, 1.2 * 7.0, 0.6 * 7.0, 1.2 * 0.6 * 7.0)
+    lengths = (system.DISTANCE, system.RADIUS, system.OBSTACLE_DISTANCE, system.OBSTACLE_RADIUS)
+    assert lengths == pytest.approx((7.0, 8.4, 4.2, 5.04))
     assert [float(norm(z)) for z in lengths] == pytest.approx([14.289916, 18.383094, 6.625282, 8.815313], abs=1e-6)
     ends = [float(closed_forms.pair_potential(float(norm(z)))) for z in (0.0, lengths[1])]
     assert ends == pytest.approx([52.383812, 0.735901], abs=1e-6)

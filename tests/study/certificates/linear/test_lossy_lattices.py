@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.study.certificates.linear.lossy_lattice import LossyLattice, deformations
+from flocking.study.certificates.linear.lossy_lattice import ORTHONORMAL, LossyLattice, deformations
 from flocking.study.certificates.linear.near_equilibrium import NearEquilibrium
 
 PSI = fk.Potential("a/r + r**2", a=2.0)
@@ -138,6 +138,20 @@ def test_deformations_are_orthogonal_to_rigid_motions_of_places_within_the_radiu
         assert np.linalg.norm(left @ right - v, 2) <= away
     assert away < 1e-2
     assert deformations(at)[1] < 1e-8
+
+
+def test_places_that_are_known_too_roughly_prove_no_growth(monkeypatch):
+    """The bounds need columns that are nearly orthonormal: where a radius leaves them further apart, there is none."""
+    near = NearEquilibrium(lossy(TRIANGLE, 0.1, 0.3))
+    at = near.equilibrium
+    assert LossyLattice(near).growth[1] < 1.0
+    for radius, proven in ((1e-12, True), (1e-3, False)):
+        rough = type(at)(at.q, radius, at.links, at.force)
+        monkeypatch.setattr(NearEquilibrium, "equilibrium", property(lambda _, rough=rough: rough))
+        assert (deformations(rough)[1] <= ORTHONORMAL) == proven
+        lattice = LossyLattice(NearEquilibrium(near.scenario))
+        assert np.isfinite(lattice.recursion().absolute[0]) == proven
+        assert proven or not lattice.growth[1] < 1.0
 
 
 def test_what_is_not_proven_is_refused():

@@ -13,6 +13,16 @@ from flocking.errors import FlockingError, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
+SHORTEST_SLICE = 1e-6
+"""Seconds that a slice counts as having taken at least: clocks tell some ten of them apart, and pace divides by it."""
+
+SMOOTHING = 0.9
+"""Weight of the displayed pace before against that of the new slice: it follows a change in some ten slices."""
+
+ACTION_SECONDS = 60.0
+"""Wall seconds after which an awaited action counts as failed: a slice ends in a twentieth of one, compilation in a
+few."""
+
 FRAME_SECONDS = 1 / 60
 """Time between two pictures: the rate of most screens."""
 LONGEST_SLICE = 0.05
@@ -128,7 +138,7 @@ class Clock:
             self._waiting[object() if key is None else key] = action
             self._wake.notify_all()
 
-    def do(self, action: Action, key: object = None, timeout: float = 60.0) -> None:
+    def do(self, action: Action, key: object = None, timeout: float = ACTION_SECONDS) -> None:
         """Run an action between two steps and wait until it is done.
 
         Parameters
@@ -286,10 +296,10 @@ class Clock:
             except SimulationError as error:
                 self.playing = False
                 self.on_error(str(error))
-        took = max(time.perf_counter() - begin, 1e-6)
+        took = max(time.perf_counter() - begin, SHORTEST_SLICE)
         elapsed = self._behind - since
         if elapsed > 0:
             pace = elapsed / took
             # Falls at once after a slow slice, and at most doubles after a quick one.
             self._pace = pace if not self._pace else min(pace, 2 * self._pace)
-            self.reached = 0.9 * self.reached + 0.1 * min(pace, self.speed)
+            self.reached = SMOOTHING * self.reached + (1.0 - SMOOTHING) * min(pace, self.speed)

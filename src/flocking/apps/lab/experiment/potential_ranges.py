@@ -91,7 +91,7 @@ def check_quickly(psi: Potential, reach: float) -> None:
     _check_values(psi, reach)
     near = 10.0 ** -np.arange(2.0, 10.0)
     even = np.linspace(0.0, 1.0, SLIDER_POINTS + 2)[1:-1]
-    # Closer to the ends, where poles are allowed, so that one just inside is told from one at the end.
+    # Closer to the ends, where poles are allowed, so that one just inside is distinguished from one at the end.
     inside = reach * np.unique(np.concatenate([even, near, 1.0 - near]))
     size = np.abs(psi(inside))
     peaks = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:])) + 1

@@ -30,7 +30,7 @@ MOST_ENERGIES = 500
 
 @dataclass(frozen=True)
 class Wanted:
-    """What pages want to see of a frame beside its agents and links.
+    """What pages request of a frame beside its agents and links.
 
     Parameters
     ----------

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
 
 Message = Mapping[str, object]
-"""What a page is told: ``kind`` and more, all of it JSON data."""
+"""A message to a page: ``kind`` and more, all of it JSON data."""
 
 FASTEST_PAINT = 1 / 40
-"""Seconds between two frames that are sent, at least: 30 a second are asked for, and a late one costs none of them."""
+"""Seconds between two frames that are sent, at least: 30 a second are required, and a late one costs none of them."""
 MOST_WAITING = 400
 """Messages that wait for a page that does not read them, a bound on memory; then the connection is closed."""
 SLOW_ORDERS = 4

@@ -27,6 +27,9 @@ from flocking.errors import FlockingError, InvalidInput
 from flocking.model.law import Scenario
 from flocking.model.parts.structure import Step, value_at
 
+SHORTEST_RUN = 1e-9
+"""Length that a scenario counts as at least, so that the speed of one that ends at its start is not zero."""
+
 SECONDS_A_RUN = 40.0
 """Wall seconds of a scenario at the initial speed."""
 
@@ -111,7 +114,7 @@ class Lab:
                 "another one",
             )
 
-    # What pages are told.
+    # Messages to pages.
 
     def show_error(self, message: str) -> None:
         """Show the ``message`` of a refused request on every page."""
@@ -128,7 +131,7 @@ class Lab:
         message
             The reason.
         more
-            What was asked.
+            The request.
         """
         self.last_error = message
         tab.tell({"kind": "refused", "message": message[:LONGEST_NOTE], **more})
@@ -160,7 +163,7 @@ class Lab:
     def tell_record(self) -> None:
         """Send all pages the record of the run."""
         self._reported = time.monotonic()
-        # Of two threads the one that looked first tells first, else pages would keep what held before.
+        # Of two threads the one that read first sends first, else pages would keep an older state.
         with self._telling:
             if self.past.stored is None:
                 self.hub.tell(self.measuring.content())
@@ -179,7 +182,7 @@ class Lab:
             self.tell_record()
 
     def saved(self, message: str) -> dict[str, object]:
-        """What a page is told by a ``message`` about files that were saved; all pages get the new list of files."""
+        """What is sent to a page by a ``message`` about files that were saved; all pages get the new list of files."""
         self.hub.tell({**catalogue(self.folder), "runs": self.files.stored_runs()})
         return {"message": message}
 
@@ -285,7 +288,7 @@ class Lab:
     def _settle(self) -> None:
         """Fit speed and controls to the opened scenario."""
         scenario = self.experiment.scenario
-        self.run_at(max(scenario.t_end - scenario.start.t, 1e-9) / SECONDS_A_RUN)
+        self.run_at(max(scenario.t_end - scenario.start.t, SHORTEST_RUN) / SECONDS_A_RUN)
         self.tell_law()
         self.hub.tell({"kind": "aim"})
         self.tell_record()

@@ -1,4 +1,4 @@
-"""Messages that tell pages about scenarios, values and stored runs."""
+"""Messages to pages about scenarios, values and stored runs."""
 
 from __future__ import annotations
 

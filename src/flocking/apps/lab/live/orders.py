@@ -1,4 +1,4 @@
-"""What a page may ask for, each order by its kind."""
+"""Requests of a page, each by its kind."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flocking.model.serial import to_data
 
 Order = dict[str, Any]
 Answer = dict[str, object] | None
-"""What the page that asked is told; None for nothing."""
+"""The answer to the page that sent it; None for none."""
 
 SLOW = frozenset(
     {
@@ -52,7 +52,7 @@ class Orders:
         return kind in SLOW
 
     def obey(self, tab: Tab, order: Order) -> None:
-        """Carry out an order of a page; what is not possible is said to it, with the ``id`` of the order.
+        """Carry out an order of a page; what is not possible is reported to it, with the ``id`` of the order.
 
         Parameters
         ----------

@@ -21,6 +21,18 @@ from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers.showcases.files import TITLES
 from flocking.study.scenario_files.scenario_file import read_scenario
 
+GAP, GAIN = 0.2, 0.2
+"""Gap of the links of a large group, and gain of its consensus: some waves pass before velocities agree."""
+
+STRENGTH = 4.0
+"""Strength of its spring: a pair closes in within a unit of time."""
+
+LONG = 40.0
+"""Time for which it runs."""
+
+TOLERANCE = 1e-6
+"""Tolerance of its motion: what is drawn is a thousand times coarser."""
+
 FAVOURITES = ("olfati-saber-2003", "zhou-2015")
 MOST_FILES = 200
 """Scenario files that a menu offers; a longer menu is hard to read."""
@@ -30,10 +42,12 @@ def _larger_group(n: int, dimension: int) -> Callable[[int], Scenario]:
     """A large group under a bounded spring and consensus over a graph with hysteresis."""
 
     def make(seed: int) -> Scenario:
-        law = Law(Hysteresis(2.0, 0.2), (Gradient(Potential("k*(1.5*r**2 - r**3/3 - 2*r)", k=4.0)), Consensus(0.2)))
+        law = Law(
+            Hysteresis(2.0, GAP), (Gradient(Potential("k*(1.5*r**2 - r**3/3 - 2*r)", k=STRENGTH)), Consensus(GAIN))
+        )
         side = 1.0 * n ** (1 / dimension)
         start = starts.box(n, side=side, speed=1.0, seed=seed, dimension=dimension)
-        return Scenario(law, start, t_end=40.0, frames=2, name=f"group-{n}", tolerance=1e-6, seed=seed)
+        return Scenario(law, start, t_end=LONG, frames=2, name=f"group-{n}", tolerance=TOLERANCE, seed=seed)
 
     return make
 

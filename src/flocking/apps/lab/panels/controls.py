@@ -154,7 +154,7 @@ def properties(scenario: Scenario, state: State, path: Sequence[Step]) -> list[d
 
 
 class Controls:
-    """Changes of the law that a page asks for.
+    """Changes of the law that a page requests.
 
     Parameters
     ----------

@@ -13,6 +13,10 @@ from flocking.model.state import State
 from flocking.model.terms.body_terms import Compensate, Track
 from flocking.model.terms.pair_terms import Consensus, Gradient, Term
 
+LEADER_GAINS = (0.1, 0.5)
+"""Gains on position and velocity of a leader that is put in: nearly damped critically, 0.5^2 < 4 0.1, slower than the
+terms between pairs."""
+
 
 def _reach(law: Law, state: State) -> float:
     radius = float(np.max(np.asarray(law.graph.break_radius)))
@@ -24,11 +28,11 @@ def _spring(law: Law, state: State) -> Term:
 
 
 def _sink(_: Law, state: State) -> Term:
-    return Track(Sink(state.q.mean(axis=0)), position_gain=0.1, velocity_gain=0.5)
+    return Track(Sink(state.q.mean(axis=0)), *LEADER_GAINS)
 
 
 def _moving_leader(_: Law, state: State) -> Term:
-    return Track(Velocity(state.p.mean(axis=0), start=state.q.mean(axis=0), start_time=state.t), 0.1, 0.5)
+    return Track(Velocity(state.p.mean(axis=0), start=state.q.mean(axis=0), start_time=state.t), *LEADER_GAINS)
 
 
 TERMS: dict[str, Callable[[Law, State], Term]] = {

@@ -15,6 +15,9 @@ from flocking.model.parts.structure import Step
 from flocking.model.state import State
 from flocking.model.terms.avoidance import Avoid, ObstacleTerm
 
+UPRIGHT = 0.9
+"""Component of a unit normal from which on another axis is used: the cross product is longer than 0.4 either way."""
+
 OUTLINE = 48
 """Corners of the polygon that stands for a round outline: its sides differ from a circle by 0.2 % of the radius."""
 WALL_DEPTH = 0.03
@@ -102,7 +105,9 @@ def _obstacle(obstacle: Obstacle, path: tuple[Step, ...], t: float) -> Solid:
 def _slab(wall: Wall) -> Array:
     """Corners of the face of a wall with a strip behind it; in space, of its face."""
     normal = in_space(wall.normal[None])[0].astype(float)
-    along = np.cross(normal, (0.0, 0.0, 1.0)) if wall.dimension < 3 or abs(normal[2]) < 0.9 else np.array([1.0, 0, 0])
+    along = (
+        np.cross(normal, (0.0, 0.0, 1.0)) if wall.dimension < 3 or abs(normal[2]) < UPRIGHT else np.array([1.0, 0, 0])
+    )
     along /= np.linalg.norm(along)
     if wall.dimension < 3:
         behind = -normal * WALL_DEPTH

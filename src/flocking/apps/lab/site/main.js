@@ -40,9 +40,13 @@ scene.after = (fresh) => {
   at("scale").innerHTML = `<i style="width:${pixels}px"></i>${short(length)}`;
   showNote();
 };
-link.onState = (open) => {
-  if (open) scene.fresh = false;
-  show("message", open ? "" : "The connection with the lab is lost; trying again …", true);
+link.onState = (open, told) => {
+  if (open) {
+    scene.fresh = false;
+    timeline.again = true;
+  }
+  if (open) show("message", told ? `The connection with the lab is back. ${told}` : "", true);
+  else show("message", "The connection with the lab is lost; trying again …", true, true);
 };
 
 link.on("scenario", (message) => {
@@ -100,16 +104,17 @@ link.on("opening", ({ name }) => {
   say();
   opening = setInterval(say, 500);
 });
-link.on("refused", (message) => show("message", `Not possible: ${message.message}`, true));
+link.on("refused", (message) => show("message", `Not possible: ${message.message}`, true, !link.connected));
 
 let hiding = null;
-function show(id, text, bad = false) {
+// A lasting text stands until another one does.
+function show(id, text, bad = false, lasting = false) {
   const box = at(id);
   box.textContent = text;
   box.classList.toggle("bad", bad);
   box.hidden = !text;
   clearTimeout(hiding);
-  if (text) hiding = setTimeout(() => (box.hidden = true), 12000);
+  if (text && !lasting) hiding = setTimeout(() => (box.hidden = true), 12000);
 }
 
 function showNote() {

@@ -27,6 +27,7 @@ export class Timeline {
     this.first = 0;
     this.end = 1;
     this.stored = null;
+    this.again = false; // whether the lab has yet to hear, after a lost connection, what this page looks at
     const at = (id) => document.getElementById(id);
     this.parts = Object.fromEntries(["play", "clock", "scrub", "ticks", "live", "branch", "strips", "curves", "cursor", "speed", "step", "time"].map((id) => [id, at(id)]));
     const p = this.parts;
@@ -109,6 +110,7 @@ export class Timeline {
     this.end = this.now = message.t[message.t.length - 1];
     this.looking = this.first;
     this.record = { claims: [], numbers: [], record: { times: message.times, curves: [{ energy: message.energy }], events: [], strips: {} } };
+    this.link.send("look", { t: this.looking });
     this.draw();
   }
 
@@ -119,6 +121,8 @@ export class Timeline {
     this.end = record.end;
     this.first = Math.min(this.first, record.record.times[0] ?? this.first);
     if (this.looking !== null && this.looking > this.now) this.looking = null;
+    if (this.again && this.looking !== null) this.link.send("look", { t: this.looking });
+    this.again = false;
     this.draw();
   }
 

@@ -131,7 +131,7 @@ def first_beyond(B: Array, i: int, j: int, distance: float, outward: bool) -> fl
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     outward
-        Whether further apart is asked for, or closer.
+        Whether the states further apart are sought, or the closer ones.
     """
     square = np.empty(15)
     squared_distance(B, i, j, square)

@@ -35,6 +35,8 @@ class Copies:
     def __init__(
         self, comm: Comm, numbers: NDArray[np.int32], indices: Indices, requested: NDArray[np.int32]
     ) -> None:  # fmt: skip
+        from mpi4py import MPI
+
         self._comm = comm
         rank = owners(comm, numbers, requested)
         order = np.argsort(rank, kind="stable")
@@ -45,6 +47,9 @@ class Copies:
         self._senders = [(int(r), slice(*x)) for r, x in _spans(np.bincount(rank, minlength=comm.size))]
         self._takers = [(int(r), slice(*x)) for r, x in _spans(counts)]
         self._requests: list[Prequest] = []
+        # Looked up once: a step has few microseconds for all of its messages.
+        self._start_all, self._wait_all = MPI.Prequest.Startall, MPI.Request.Waitall
+        self._first, self._at = -1, self._rows
         self._begun: Reals | None = None
         self._out: Reals = np.empty((0, 0))
         self._in: Reals = np.empty((0, 0))
@@ -71,6 +76,7 @@ class Copies:
         moved = np.empty_like(self.ids)
         moved[rows] = self.ids
         self.ids, self._rows = moved, rows[self._rows]
+        self._first = -1
 
     def begin(self, agents: Reals) -> None:
         """Begin to send rows that `refresh` is going to be called with, unchanged until then. Collective.
@@ -80,13 +86,11 @@ class Copies:
         agents
             As for `refresh`.
         """
-        from mpi4py import MPI
-
         self._finish()
         if self._out.shape[1] != agents.shape[1] or self._out.dtype != agents.dtype:
             self._set_up(agents)
-        np.take(agents, self._places, axis=0, out=self._out, mode="clip")
-        MPI.Prequest.Startall(self._requests)
+        agents.take(self._places, 0, self._out, "clip")
+        self._start_all(self._requests)
         self._begun = agents
 
     def refresh(self, agents: Reals, first: int) -> None:
@@ -102,14 +106,14 @@ class Copies:
         if self._begun is not agents:
             self.begin(agents)
         self._finish()
-        agents[first + self._rows] = self._in
+        if first != self._first:
+            self._first, self._at = first, first + self._rows
+        agents[self._at] = self._in
 
     def _finish(self) -> None:
         """Wait for the messages that have begun."""
         if self._begun is not None:
-            from mpi4py import MPI
-
-            MPI.Request.Waitall(self._requests)
+            self._wait_all(self._requests)
             self._begun = None
 
     def _set_up(self, agents: Reals) -> None:

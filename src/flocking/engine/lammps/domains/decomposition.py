@@ -86,7 +86,7 @@ class Decomposition:
         self._made = 0
 
     def place(self, ids: Numbers32, q: Array, p: Array, tables: list[Numbers32], cutoff: float) -> Residents:
-        """Divide agents, which all ranks know, anew.
+        """Divide agents, whose positions all ranks have, anew.
 
         Parameters
         ----------

@@ -118,7 +118,7 @@ def fetched(comm: Comm, own: NDArray[np.integer], rows: AnyArray, requested: NDA
     rows
         A row of each of them; of the same type and width on all ranks.
     requested
-        Numbers of the agents whose rows are asked for.
+        Numbers of the agents whose rows are requested.
     """
     rank = owners(comm, own, requested)
     order = np.argsort(rank, kind="stable")
@@ -132,16 +132,16 @@ def fetched(comm: Comm, own: NDArray[np.integer], rows: AnyArray, requested: NDA
 def owners(comm: Comm, own: NDArray[np.integer], requested: NDArray[np.integer]) -> Indices:
     """The rank that owns each of some agents. Collective.
 
-    Agent k is entered in a directory on rank k modulo the number of ranks, so that no rank knows all.
+    Agent k is entered in a directory on rank k modulo the number of ranks, so that no rank holds the whole directory.
 
     Parameters
     ----------
     comm
         An mpi4py communicator.
     own
-        Numbers of the agents of this rank, of which there may be asked.
+        Numbers of the agents of this rank, which may be requested.
     requested
-        Numbers of the agents asked for.
+        Numbers of the requested agents.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def owners(comm: Comm, own: NDArray[np.integer], requested: NDArray[np.integer])
     order = np.argsort(requested % comm.size, kind="stable")
     asked, counts = sent(comm, requested[order] % comm.size, requested[order, None].astype(np.int64))
     if not directory.has(asked[:, 0]).all():
-        raise RuntimeError("an agent that is wanted is owned by no rank")
+        raise RuntimeError("a requested agent is owned by no rank")
     found = where[directory.places(asked[:, 0])]
     answers, _ = sent(comm, np.repeat(np.arange(comm.size), counts), found[:, None].astype(np.int64))
     result = np.empty(len(requested), np.int64)

@@ -14,7 +14,6 @@ from flocking.engine.lammps.domains.messages import among, fetched, newcomers
 from flocking.engine.lammps.domains.shared_particles import SharedParticles
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.tiles.kernels.spec import GraphKind, KernelSpec
-from flocking.engine.tiles.kernels.tile_sums import sums_of
 from flocking.engine.tiles.neighbours.cell_list import Grid, Sorter, Survey, choose_grid
 from flocking.engine.tiles.neighbours.fixed_lists import fixed_lists
 from flocking.engine.tiles.neighbours.listed_pairs import remember_links
@@ -76,7 +75,7 @@ class RankParticles(SharedParticles):
         self.ids[: self.n] = np.arange(*cut, dtype=np.int32)
         self._fill_pads()
         self._resize()
-        self._first_links = links if tables is None else None
+        self.search.first_links = links if tables is None else None
         self._no_links_yet = tables is None
         self._next_skin = 0.0
         self._skin_for = (0.0, -SAME_SKIN)
@@ -88,16 +87,15 @@ class RankParticles(SharedParticles):
         self.radii = GraphRadii(
             scenario.law.graphs, spec, self.ids[: self.size], self.n, self.everyone, self.radii.edges
         )  # fmt: skip
-        self.builders = [self._builder(old) for old in self.builders]
-        self.tile_extremes = np.zeros((self.tiles, 3), self.dtype)
-        self.sums = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
+        self.search.builders = [self._builder(old) for old in self.search.builders]
+        self.results.begin_tiles(spec, self.tiles)
         self._set_parameters(scenario, self._t)
         if self.obstacles is not None:
             self.obstacles.used = np.inf
 
     def _builder(self, old: ListBuilder) -> ListBuilder:
         """A builder for the agents of now that starts with the room that the old one needed."""
-        found = ListBuilder(self.n, self._limit, self.workers, self.box)
+        found = ListBuilder(self.n, self._limit, self.workers, self.search.box)
         if old.chunks:
             found.capacity[: old.chunks] = old.capacity[: found.chunks]
             found.capacity[old.chunks :] = old.capacity[-1]
@@ -129,19 +127,21 @@ class RankParticles(SharedParticles):
             On all ranks, if the lists of one would exceed the memory limit.
         """
         cutoff = max(self.radii.cutoffs)
-        given = skin if skin is not None else self.given_skin
+        given = skin if skin is not None else self.search.given_skin
         width = float(given if given is not None else self._next_skin or FIRST_SKIN * cutoff)
-        reach = cutoff + self.margin + width
+        reach = cutoff + self.search.margin + width
         came = self._exchanged(reach)
-        before, further = self.ids[: self.n].copy(), np.ascontiguousarray(self.further[:, : self.n].T)
+        before, further = self.ids[: self.n].copy(), np.ascontiguousarray(self.body_rows.further[:, : self.n].T)
         self._take(came)
         if self.moving:
             self._sort_all(reach)
         if further.shape[1]:
-            self.further = np.ascontiguousarray(fetched(self.ranks.comm, before, further, self.ids[: self.size]).T)
+            self.body_rows.further = np.ascontiguousarray(
+                fetched(self.ranks.comm, before, further, self.ids[: self.size]).T
+            )
         self._resize()
         self._list_all(width, came.tables)
-        self.rebuilds += 1
+        self.search.rebuilds += 1
         if self.moving and given is None:
             self._choose_skin(cutoff, step)
 
@@ -236,7 +236,9 @@ class RankParticles(SharedParticles):
     def _sort_all(self, reach: float) -> None:
         """Sort agents and copies by one grid of cells."""
         n, m = self.n, self.m
-        sorter = self.sorter = self.sorter if self.sorter.n == n else Sorter(n, self.workers, self.space.lengths)
+        if self.search.sorter.n != n:
+            self.search.sorter = Sorter(n, self.workers, self.space.lengths)
+        sorter = self.search.sorter
         copies = self.agents[self.size :].copy()
         beside = Sorter(len(copies), self.workers, self.space.lengths)
         surveys = [each.survey(rows) for each, rows in ((sorter, self.agents), (beside, copies)) if each.n]
@@ -254,9 +256,9 @@ class RankParticles(SharedParticles):
         self._seen = seen
         if len(self.displacement.reference) != self.size:
             self.displacement = Displacement(self.size, m, self.dtype)
-        place = sorter.arrange(self.agents, self.ids, self.successor, self._ids_buffer, self.displacement.reference)
+        place = sorter.arrange(self.agents, self.ids, self.successor, self._room.spare_ids, self.displacement.reference)
         self.agents, self.successor = self.successor, self.agents
-        self.ids, self._ids_buffer = self._ids_buffer, self.ids
+        self.ids, self._room.spare_ids = self._room.spare_ids, self.ids
         self.agents[self.size :] = copies[beside.order]
         self._fill_pads()
         self._received = sorter.order.astype(np.int64)
@@ -287,7 +289,7 @@ class RankParticles(SharedParticles):
         q: Reals = self.agents[: self.n, : self.m]
         if not self.space.is_open:
             q = self.space.wrapped(q.astype(np.float64))
-        self.pair_count_bound.check(self._crowding, q, self.radii.certain_reaches)
+        self.search.pair_count_bound.check(self._crowding, q, self.radii.certain_reaches)
         radii, left = self.radii, iter(tables)
         lost = None
         for number, kind in enumerate(self.spec.graphs):
@@ -296,7 +298,7 @@ class RankParticles(SharedParticles):
             cutoff, each_reach, inside = radii.searched(number, skin)
             table = next(left, None) if kind.memory else None
             fresh = kind.memory and (self._no_links_yet or table is None)
-            builder, old = self.builders[number], self.lists[number]
+            builder, old = self.search.builders[number], self.lists[number]
             if old is not None:
                 # Links have been taken from the old lists before.
                 builder.spare = TileLists(
@@ -312,8 +314,8 @@ class RankParticles(SharedParticles):
                 missing = mark_links(lists, self.n, self.ids, table[self._received], self.workers)
                 lost = missing if missing is not None and kind.barrier else lost
         self._no_links_yet = False
-        if self._first_links is not None:
-            links, self._first_links = self._first_links, None
+        if self.search.first_links is not None:
+            links, self.search.first_links = self.search.first_links, None
             if self.lists[0] is not None and self.spec.graphs[0].memory and self.n:
                 remember_links(self.lists[0], np.asarray(links), self.ids)
         return lost
@@ -342,13 +344,13 @@ class RankParticles(SharedParticles):
         """The skin of the next lists, chosen by the rank with the most agents; the same while speeds are."""
         stride = 2.0 * self.top_speed * step / CERTAIN
         chosen_for, lists = self._skin_for
-        if lists + SAME_SKIN > self.rebuilds and abs(stride - chosen_for) <= SAME_STRIDE * chosen_for:
+        if lists + SAME_SKIN > self.search.rebuilds and abs(stride - chosen_for) <= SAME_STRIDE * chosen_for:
             return
-        self._skin_for = (stride, self.rebuilds)
+        self._skin_for = (stride, self.search.rebuilds)
         chooser = 0 if self._decomposition is None else int(np.argmax(self._decomposition.counts))
         found = None
         if self.ranks.rank == chooser:
-            identity = self.sorter
+            identity = self.search.sorter
             identity.order, identity.start, identity.grid = np.arange(self.n, dtype=np.int32), self._start, self._grid
             found = best_skin(self.agents, identity, cutoff, stride, self.space)
         self._next_skin = float(self.ranks.comm.bcast(found, root=chooser))

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flocking.arrays import Array, Links, Numbers, Positions, Reals, Velocities
+from flocking.arrays import AnyArray, Array, Links, Numbers, Positions, Reals, Velocities
 from flocking.engine import interruption
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps import library
@@ -21,12 +21,14 @@ from flocking.engine.lammps.domains.checkpoint import (
     stored_options,
     unpacked,
 )
+from flocking.engine.lammps.domains.frame_shares import FrameShares
 from flocking.engine.lammps.domains.instability import RankInstability
 from flocking.engine.lammps.domains.options import DomainOptions
 from flocking.engine.lammps.domains.particles import RankParticles
 from flocking.engine.lammps.ledger import observed_state
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.runs.frame_parts import FramePart
 from flocking.engine.runs.recorder import MOST_LINKED
 from flocking.engine.tiles import checks
 from flocking.engine.tiles.checkpoint import pack_tiles
@@ -45,7 +47,7 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 GO_ON, TIME_IS_OVER, INTERRUPTED = 0.0, 1.0, 2.0
-"""What the first rank tells all others with a step: the largest counts."""
+"""What the first rank sends all others with a step: the largest counts."""
 
 
 class DomainSession(TilesSession):
@@ -75,6 +77,7 @@ class DomainSession(TilesSession):
     engine = "lammps"
     options: DomainOptions
     _particles: RankParticles
+    _shares: FrameShares | None = None
 
     def __init__(self, scenario: Scenario, options: DomainOptions, *, plant: Law | None = None) -> None:
         self.ranks = Ranks(library.communicator())
@@ -91,8 +94,8 @@ class DomainSession(TilesSession):
         )  # fmt: skip
         self.instability: Instability = RankInstability()
         if self.plant is not None:
-            particles.planted = Planted(scenario, self.plant, spec)
-            particles.planted.pass_switch_time(state.t)
+            particles.kernels.planted = Planted(scenario, self.plant, spec)
+            particles.kernels.planted.pass_switch_time(state.t)
         return particles
 
     @property
@@ -161,6 +164,9 @@ class DomainSession(TilesSession):
         checks.links_kept(particles, self.step, self.time)
         self._update_ledger()
         rows: Array | None = None
+        if self._shares is not None:
+            self._keep_part(self._shares, self.time, self._rows(velocities))
+            return
         if options.keep_frames or options.observe:
             rows = self._gathered(velocities)
         pairs = self._linked_pairs() if options.observe or self._keeps_links else None
@@ -173,10 +179,41 @@ class DomainSession(TilesSession):
 
         Velocities are those of the agents here, shape (m, size).
         """
+        return self._particles.gathered(self._rows(velocities))
+
+    def _rows(self, velocities: Reals) -> AnyArray:
+        """Positions, velocities and further columns of the agents here."""
         particles = self._particles
         n, m = particles.n, particles.m
-        parts = [particles.agents[:n, :m], velocities[:, :n].T, particles.further[:, :n].T]
-        return particles.gathered(np.concatenate(parts, axis=1))
+        return np.concatenate(
+            [particles.agents[:n, :m], velocities[:, :n].T, particles.body_rows.further[:, :n].T], axis=1
+        )
+
+    def share_frames(self, agents: int) -> bool:
+        """Send frames to the ranks that write them, unless something reads them as a whole. See `Session`."""
+        if not self.options.observe and self.options.keep_frames and not self._keeps_links:
+            self._shares = FrameShares(self.ranks, self.scenario.start.n, agents)
+        return self._shares is not None
+
+    def _keep_part(self, shares: FrameShares, t: float, rows: AnyArray) -> None:
+        """Check the state of all agents, and keep that of the agents whose chunks this rank writes."""
+        particles, m = self._particles, self._particles.m
+        particles.agree(lambda: self._check_finite_rows(rows, t))
+        out = np.abs(rows[:, :m]).max(axis=1)
+        # The median of all is between the least and the largest of those of the ranks.
+        middle = particles.highest(float(np.median(out)) if len(out) else 0.0)
+        if not checks.resolved(particles, middle):
+            found = particles.gathered(rows[:, :m])
+            self.ranks.alone(lambda: None if found is None else checks.resolution(particles, found, t))
+        first, found = shares.collected(particles.ids[: particles.n], rows)
+        kind = self.records.dtype
+        self.records.parts.append(
+            FramePart(t, first, found[:, :m].astype(kind), found[:, m : 2 * m].astype(kind), found[:, 2 * m :].copy())
+        )
+
+    def _check_finite_rows(self, rows: AnyArray, t: float) -> None:
+        if not np.isfinite(rows).all():
+            raise NotFinite("The state became infinite or NaN.", time=t)
 
     @property
     def _keeps_links(self) -> bool:
@@ -280,7 +317,9 @@ class DomainSession(TilesSession):
         with self.ranks.bound():
             particles = self._particles
             n, m = particles.n, particles.m
-            rows = particles.gathered(np.concatenate([particles.agents[:n], particles.further[:, :n].T], axis=1))
+            rows = particles.gathered(
+                np.concatenate([particles.agents[:n], particles.body_rows.further[:, :n].T], axis=1)
+            )
             links = self._packed_links()
         if rows is None:
             return {}, {}

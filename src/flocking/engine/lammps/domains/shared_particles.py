@@ -62,14 +62,14 @@ class SharedParticles(ParticleArrays):
     def read_tile_extremes(self) -> None:
         """Compute the extremes over the results of the tiles of all ranks."""
         super().read_tile_extremes()
-        fast, near, broken = self.extremes
-        sums = self.sums.sum(axis=0) if self.spec.ledger else np.zeros(0)
+        fast, near, broken = self.results.extremes
+        sums = self.results.sums.sum(axis=0) if self.spec.ledger else np.zeros(0)
         found, self._totals = self.ranks.reduced(np.array([fast, -near, broken, self.notice]), sums)
-        self.extremes[:] = found[0], -found[1], found[2]
+        self.results.extremes[:] = found[0], -found[1], found[2]
         self.noticed = float(found[3])
 
     def _broken_pair(self) -> tuple[int, int] | None:
-        own = super()._broken_pair() if self.tiles and self.tile_extremes[:, 2].max() > 0 else None
+        own = super()._broken_pair() if self.tiles and self.results.tile_extremes[:, 2].max() > 0 else None
         return next((x for x in self.ranks.comm.allgather(own) if x is not None), None)
 
     def agreed_pair(self, square: float, pair: tuple[int, int] | None) -> tuple[int, int] | None:

@@ -1,1 +1,1 @@
-"""Held control and messages on many processes: what agents know travels with them, and is copied where they are."""
+"""Held control and messages on many processes: the information of agents is sent and copied with them."""

@@ -44,7 +44,7 @@ class Carried:
     rows
         Position, velocity and `flocking.engine.lammps.held.particles.HeldRankParticles.columns`.
     links
-        True links under each graph with memory, then those by what agents know; None before there are lists.
+        True links under each graph with memory, then those by the information of agents; None before there are lists.
     """
 
     rows: Array
@@ -121,11 +121,14 @@ def unpacked(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario, 
                 "integrals": powers, "powers": powers, "jumped": ANY, "wanted": ANY,
                 "sums": Names({}, dict.fromkeys(SUMS, ANY)),
             }),
-            "rows": Table("f8", (n, None)), "links": Maybe(Row([links] * moving)), "waiting": Many(Integer(0)),
-            "samples": Maybe(samples), "records": check_records(scenario),
+            "rows": Table("f8", (n, None), finite=False), "links": Maybe(Row([links] * moving)),
+            "waiting": Many(Integer(0)), "samples": Maybe(samples), "records": check_records(scenario),
         }
     ).check(restored(numbers["session"], arrays), "session")  # fmt: skip
     checked = cast(HeldRankFields, found)
+    # Forces may be infinite, which limits of bodies make finite: of columns the particles know which are forces.
+    if not np.isfinite(checked["rows"][:, : 2 * m]).all():
+        raise MalformedError("session: rows must begin with finite positions and velocities")
     for offsets, partners in checked["links"] or []:
         if offsets[0] != 0 or offsets[-1] != len(partners) or (np.diff(offsets) < 0).any():
             raise MalformedError("session: links must have ascending offsets that end with them")

@@ -1,4 +1,4 @@
-"""Particle arrays of one rank under held control: forces, samples and links by what agents know go with the agents."""
+"""Particle arrays of one rank under held control: forces, samples and believed links are sent with the agents."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps.domains.link_tables import link_table, mark_links, most_links
 from flocking.engine.lammps.domains.messages import fetched
 from flocking.engine.lammps.domains.particles import RankParticles
+from flocking.engine.lammps.held.actuation import RankActuation
 from flocking.engine.lammps.held.samples import RankSampleStore
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.tiles.held.held_particles import SPARE, HeldParticles
@@ -16,6 +17,7 @@ from flocking.engine.tiles.held.messages import SampleStore
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.listed_pairs import remember_links
 from flocking.engine.tiles.neighbours.neighbour_lists import NOBODY
+from flocking.model.bodies.body import Body
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -24,17 +26,17 @@ Waiting = list[tuple[int, Indices, Reals]]
 
 
 class HeldRankParticles(RankParticles, HeldParticles):
-    """The agents of this rank with the forces that act on them, and copies with what was heard of those.
+    """The agents of this rank with the forces that act on them, and copies with what was received of those.
 
-    Links by what agents know are sent with the agents as those of the truth are. All other numbers of an agent are
-    asked from the rank that had it, also for copies.
+    Links by the information of agents are sent with them as true links are. All other numbers of an agent are
+    requested from the rank that had it, also for copies.
 
     Parameters
     ----------
     scenario, state, spec, workers, memory_limit, skin, ranks, log
         As for `RankParticles`.
     tables
-        As there; those of links by what agents know follow those of true links.
+        As there; those of links by the information of agents follow those of true links.
 
     Attributes
     ----------
@@ -43,6 +45,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
     """
 
     store: RankSampleStore | None
+    actuation: RankActuation | None
 
     def __init__(
         self, scenario: Scenario, state: State, spec: KernelSpec, workers: Workers, memory_limit: float,
@@ -57,6 +60,10 @@ class HeldRankParticles(RankParticles, HeldParticles):
         return RankSampleStore(
             scenario, self.agents, self.n, self.dtype, memory_limit, self.workers, self.ranks
         )  # fmt: skip
+
+    def new_actuation(self, body: Body, start: State) -> RankActuation:
+        """See `HeldParticles.new_actuation`."""
+        return RankActuation(body, start, self.dtype, self.ids[: self.size], self.workers)
 
     def _resize(self) -> None:
         super()._resize()
@@ -76,17 +83,21 @@ class HeldRankParticles(RankParticles, HeldParticles):
             As for `RankParticles.rebuild`.
         """
         if self.store is not None:
-            self.margin = SPARE * self.store.deviation(None)
+            self.search.margin = SPARE * self.store.deviation(None)
         before, columns = self.ids[: self.n].copy(), self.columns()
         super().rebuild(step, skin)
         self.hold_columns(fetched(self.ranks.comm, before, columns, self.ids))
         self.forget_used()
 
     def columns(self) -> AnyArray:
-        """The force of each agent of this rank, its samples, and its forces that act later, shape (n, `width`)."""
+        """Of each agent of this rank: its force, samples, what its body goes on from, and its forces that act later.
+
+        Shape (n, `width`).
+        """
         n = self.n
         parts = [self.force[:, :n].T.astype(np.float64)]
         parts += [self.store.columns()] if self.store is not None else []
+        parts += [self.actuation.columns_here(n)] if self.actuation is not None else []
         for _, agents, force in self.waiting:
             later, places = np.zeros((n, 1 + self.m)), self.places_of(agents)
             later[places, 0], later[places, 1:] = 1.0, force
@@ -96,7 +107,20 @@ class HeldRankParticles(RankParticles, HeldParticles):
     @property
     def width(self) -> int:
         """Number of columns of `columns`."""
-        return self.m + (0 if self.store is None else self.store.width) + len(self.waiting) * (1 + self.m)
+        own = [each.width for each in (self.store, self.actuation) if each is not None]
+        return self.m + sum(own) + len(self.waiting) * (1 + self.m)
+
+    def well_formed(self, columns: AnyArray) -> bool:
+        """Whether all that `columns` of anybody hold is finite, but for forces that act or are wanted now.
+
+        Parameters
+        ----------
+        columns
+            Shape (N, `width`).
+        """
+        m, wanted = self.m, self.m + (0 if self.store is None else self.store.width)
+        own = columns[:, wanted:] if self.actuation is None else columns[:, wanted + m :]
+        return bool(np.isfinite(columns[:, m:wanted]).all() and np.isfinite(own).all())
 
     def hold_columns(self, columns: AnyArray) -> None:
         """Hold what belongs to the agents that are here now.
@@ -112,6 +136,10 @@ class HeldRankParticles(RankParticles, HeldParticles):
         if self.store is not None:
             end += self.store.width
             self.store.hold(columns[:, m:end], n, size)
+        if self.actuation is not None:
+            width = self.actuation.width
+            self.actuation.hold(columns[:size, end : end + width], self.ids[:size])
+            end += width
         order = np.argsort(self.ids[:n], kind="stable")
         numbers = self.ids[:n][order].astype(np.int64)
         for k, (when, _, _) in enumerate(self.waiting):
@@ -138,17 +166,17 @@ class HeldRankParticles(RankParticles, HeldParticles):
 
     @property
     def _known_with_memory(self) -> list[int]:
-        """Graphs whose links by what agents know go with the agents."""
+        """Graphs whose links by the information of agents are sent with the agents."""
         return [k for k, kind in enumerate(self.control_spec.graphs) if kind.memory and not kind.fixed]
 
     def _list_moving(self, skin: float, tables: list[Numbers32]) -> tuple[int, int] | None:
         known = len(self._known_with_memory)
         lost = super()._list_moving(skin, tables[: len(tables) - known])
-        self._list_known(skin + self.margin, tables[len(tables) - known :])
+        self._list_known(skin + self.search.margin, tables[len(tables) - known :])
         return lost
 
     def _list_known(self, beyond: float, tables: list[Numbers32]) -> None:
-        """Build the lists of the graphs whose links by what agents know are not those of the truth."""
+        """Build the lists of the graphs whose links by the information of agents differ from the true ones."""
         radii, left = self.radii, iter(tables)
         for number, kind in enumerate(self.control_spec.graphs):
             if kind.fixed or not (kind.memory or self.store is not None):
@@ -173,7 +201,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
     def coast(self, h: float, target: Reals | None = None) -> float:
         """Move all agents by ``h``, see `HeldParticles.coast`; copies of a ``target`` are set. Collective."""
         if self._begin is not None and target is None:
-            # Agents are divided among the ranks by where all ranks know them to be, which is at the start only.
+            # Agents are divided by positions that are known on all ranks, which they are at the start only.
             self.rebuild(h)
         top = super().coast(h, target)
         if target is not None:

@@ -72,6 +72,7 @@ class RankSampleStore(SampleStore):
         self.n, self._first, self.size = n, first, len(columns)
         self._ranks.agree(self.check_room)
         width = m2 * (self.depth + 1)
+        self._rooms.clear()
         self.rows = self._by_place(columns[:, :width])
         self.truth = self._by_place(columns[:, width : 2 * width]) if kept else self.rows
         if self.correlated:

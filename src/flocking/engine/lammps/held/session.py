@@ -8,11 +8,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flocking.arrays import Array, Numbers32
+from flocking.arrays import AnyArray, Array, Numbers32
 from flocking.engine import interruption
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.lammps import library
-from flocking.engine.lammps.domains.checkpoint import link_tables, stored_options
+from flocking.engine.lammps.domains.checkpoint import columns_of, link_tables, stored_options
 from flocking.engine.lammps.domains.options import DomainOptions
 from flocking.engine.lammps.domains.session import INTERRUPTED, TIME_IS_OVER, DomainSession
 from flocking.engine.lammps.held.checkpoint import Carried, HeldRankFields, pack_held_ranks, unpacked
@@ -120,6 +120,11 @@ class HeldDomainSession(DomainSession, HeldTilesSession):
         options = self.options
         rows: Array | None = None
         pairs = None
+        if self._shares is not None:
+            with self._moved_by(offset):
+                own = self._own_rows()
+            self._keep_part(self._shares, t, own)
+            return
         if options.keep_frames or options.observe:
             with self._moved_by(offset):
                 rows = self._gathered_rows()
@@ -129,11 +134,20 @@ class HeldDomainSession(DomainSession, HeldTilesSession):
             self.records.skip()
 
     def _gathered_rows(self) -> Array | None:
-        """Positions and velocities of all agents in order, on the first rank; no velocities of agents of order 1."""
+        """Positions, velocities and further columns of all agents in order, on the first rank.
+
+        Agents of order 1 have no velocities.
+        """
+        return self._particles.gathered(self._own_rows())
+
+    def _own_rows(self) -> AnyArray:
+        """The same of the agents here."""
         particles = self._particles
-        rows = particles.gathered(particles.agents[: particles.n])
-        if rows is not None and self.scenario.agents.order == 1:
-            rows[:, particles.m :] = 0.0
+        n, m, actuation = particles.n, particles.m, particles.actuation
+        further = np.zeros((n, 0)) if actuation is None else actuation.further(n)
+        rows = np.concatenate([particles.agents[:n], further], axis=1)
+        if self.scenario.agents.order == 1:
+            rows[:, m : 2 * m] = 0.0
         return rows
 
     def gathered_state(self) -> State | None:
@@ -145,12 +159,13 @@ class HeldDomainSession(DomainSession, HeldTilesSession):
             return None
         m = self._particles.m
         links = None if pairs is None else self._link_matrix(pairs)
-        return State(rows[:, :m], rows[:, m:], self.time, links)
+        return State(rows[:, :m], rows[:, m : 2 * m], self.time, links, columns_of(self.scenario, rows))
 
     def accelerations(self) -> Array:
         """Rates of change of the velocities, shape (N, m), on every rank; of agents of order 1 their velocities."""
         particles, body = self._particles, self.scenario.agents
-        force: Array = self.ranks.comm.bcast(particles.gathered(particles.force[:, : particles.n].T))
+        with self._moved_by(self._offset()):
+            force: Array = self.ranks.comm.bcast(particles.gathered(particles.seen_force[:, : particles.n].T))
         if body.order == 1:
             return force
         n = self.scenario.start.n
@@ -203,9 +218,13 @@ class HeldDomainSession(DomainSession, HeldTilesSession):
         rows = found["rows"]
         if rows.shape[1] != 2 * m + particles.width or (store is None) != (found["samples"] is None):
             raise MalformedError("session: rows must hold forces and samples of this scenario")
+        if not particles.well_formed(rows[:, 2 * m :]):
+            raise MalformedError("session: rows must be finite, but for forces")
         if scenario.agents.order == 1:
             particles.agents[:n, m:] = rows[particles.ids[:n], m : 2 * m]
             particles._fill_pads()
+        if particles.actuation is not None:
+            particles.actuation.take_gusts(found["steps"] * found["step_length"], particles.ids[: particles.size])
         particles.hold_columns(rows[particles.ids, 2 * m :])
         if store is not None and found["samples"] is not None:
             off, speeds = found["samples"]

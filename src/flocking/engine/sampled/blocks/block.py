@@ -142,7 +142,7 @@ class EventBlocks:
 
     @staticmethod
     def can(memory: SampledMemory) -> bool:
-        """Whether the native loop knows all of a session: no lag, gusts, headings, obstacles, filters or changes.
+        """Whether the native loop supports all of a session: no lag, gusts, headings, obstacles, filters or changes.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class EventBlocks:
         """
         motion, messages = memory.motion, memory.knowledge.messages
         plain = type(motion) is Motion and motion.lag is None and motion.heading is None
-        alone = not memory.actuation.gusts and not memory.meetings.groups and memory.filter is None
+        alone = not memory.actuation.gusts and not memory.obstacle_ranges.groups and memory.filter is None
         if messages is None:
             return plain and alone
         loss, noise = messages.loss, messages.noise

@@ -117,7 +117,7 @@ def compute_forces(
     schedules: Schedules, sending: Sending, memory: Memory, truth: Truth, law: KnownLaw, work: Work, base: float,
     instant: int,
 ) -> bool:  # fmt: skip
-    """Put the forces that the law wants of agents that act into ``work.u``; whether all are finite.
+    """Put the desired forces of the law on agents that act into ``work.u``; whether all are finite.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ class SampleFields(TypedDict):
 
 
 class ActuationFields(TypedDict):
-    """Fields of what stands between the wanted and the acting forces, with the names of `HeldActuation`."""
+    """Fields of what stands between the desired and the acting forces, with the names of `HeldActuation`."""
 
     wanted: Reals
     lag: Reals | None
@@ -107,7 +107,7 @@ def pack_held(memory: HeldMemory) -> Packed:
     particles, ledger = memory.particles, memory.ledger
     data = {name: getattr(memory, name) for name in (*NUMBERS, "steps", "step_length", "acted")} | {
         "crowd": ParticleMemory.of(particles, copied=False), "force": particles.force, "known": particles.known,
-        "margin": particles.margin, "samples": None if particles.store is None else particles.store.memory(),
+        "margin": particles.search.margin, "samples": None if particles.store is None else particles.store.memory(),
         "known_rooms": [b.capacity for b in particles.known_builders],
         "ledger": {f.name: getattr(ledger, f.name) for f in fields(ledger)},
         "waiting": [list(each) for each in memory.waiting], "records": memory.records.memory(),
@@ -151,7 +151,7 @@ def recall_held(packed: Packed, stored: Stored, memory: HeldMemory) -> None:
     # Every entry has been checked.
     found, particles = cast(HeldFields, data), memory.particles
     found["crowd"].put_back(particles)
-    particles.margin = float(found["margin"])
+    particles.search.margin = float(found["margin"])
     if particles.store is not None and found["samples"] is not None:
         particles.store.recall(**found["samples"])
     if particles.actuation is not None:
@@ -188,7 +188,7 @@ def _samples(particles: HeldParticles) -> Form[dict[str, object]] | Form[None]:
 
 
 def _actuation(particles: HeldParticles) -> dict[str, Form[dict[str, object]]]:
-    """Form of what stands between the wanted and the acting forces, by name; nothing for points."""
+    """Form of what stands between the desired and the acting forces, by name; nothing for points."""
     found = particles.actuation
     if found is None:
         return {}

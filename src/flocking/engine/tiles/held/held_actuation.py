@@ -9,6 +9,7 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.headings import turned
 from flocking.engine.protocol.body_chains import chain_of
 from flocking.engine.tiles.held.lagged_motion import LagConstants
+from flocking.engine.tiles.simd.vectors import double_of, load, narrow, root, select, spread, store
 from flocking.formula.native.functions import native
 from flocking.model.bodies.actuators import APPLIED, Lagged, Limited
 from flocking.model.bodies.body import Body
@@ -43,39 +44,56 @@ def exert(first, last, wanted, kinds, numbers, gusts, target):  # type: ignore[n
         What each stage adds, shape (stages, m, size); rows of stages that limit are not read.
     """
     m = wanted.shape[0]
-    for i in range(first * 16, last * 16):
+    for tile in range(first, last):
+        base = tile * 16
         for k in range(m):
-            target[k, i] = wanted[k, i]
+            store(target[k], base, load(wanted[k], base))
         for stage in range(kinds.shape[0]):
-            most = numbers[stage, i if numbers.shape[1] > 1 else 0]
+            most = load(numbers[stage], base) if numbers.shape[1] > 1 else spread(numbers[stage, 0])
             if kinds[stage] == 2:
                 for k in range(m):
-                    target[k, i] = target[k, i] + gusts[stage, k, i]
+                    u = double_of(load(target[k], base)) + load(gusts[stage, k], base)
+                    store(target[k], base, narrow(u, wanted[0, 0]))
             elif kinds[stage] == 1:
                 for k in range(m):
-                    target[k, i] = min(max(np.float64(target[k, i]), -most), most)
+                    u = double_of(load(target[k], base))
+                    u = select(u > most, most, select(u < -most, -most, u))
+                    store(target[k], base, narrow(u, wanted[0, 0]))
             else:
-                square = np.float64(0.0)
+                square = spread(0.0)
                 for k in range(m):
-                    square += np.float64(target[k, i]) ** 2
-                length = np.sqrt(square)
-                if length > most:
-                    for k in range(m):
-                        target[k, i] = np.float64(target[k, i]) * (most / length)
+                    u = double_of(load(target[k], base))
+                    square = square + u * u
+                length = root(square)
+                share = select(length > most, most / length, spread(1.0))
+                for k in range(m):
+                    u = double_of(load(target[k], base))
+                    store(target[k], base, narrow(u * share, wanted[0, 0]))
 
 
 class _Source:
-    """One source of gusts: its body, the number of the gust in force, and its values by agent, shape (N, m)."""
+    """One source of gusts: its body, the number of the gust in force, and its values by place, shape (size, m)."""
 
-    def __init__(self, body: Disturbed, n: int, m: int) -> None:
-        self.body, self.period, self.number = body, body.period_in_nanoseconds, -1
-        self.values: Array = np.zeros((n, m))
+    def __init__(self, body: Disturbed, m: int) -> None:
+        self.body, self.period, self.number, self._m = body, body.period_in_nanoseconds, -1, m
+        self.values: Array = np.zeros((0, m))
 
-    def take(self, now: int) -> None:
+    def take(self, now: int, ids: Numbers32) -> None:
         """Take the gust that is in force at a nanosecond."""
         self.number = now // self.period
-        sigma = np.broadcast_to(np.asarray(self.body.sigma, dtype=np.float64), len(self.values))[:, None]
-        self.values = sigma * self.body.gust(self.number, *self.values.shape)
+        self.draw(ids)
+
+    def draw(self, ids: Numbers32) -> None:
+        """Take the same gust for the agents at the places of now."""
+        sigma = np.asarray(self.body.sigma, dtype=np.float64)
+        each = sigma[ids][:, None] if sigma.ndim else sigma
+        self.values = each * self.body.gust_of(ids.astype(np.int64), self.number, self._m)
+
+    def reorder(self, order: Numbers32) -> None:
+        """Sort by place, see `HeldActuation.reorder`."""
+        n = len(order)
+        self.values[:n] = self.values[order]
+        self.values[n:] = self.values[n - 1 : n]
 
 
 class HeldActuation:
@@ -89,8 +107,8 @@ class HeldActuation:
         The start.
     dtype
         Precision of the state.
-    size
-        Number of places, pads included.
+    ids
+        Number of the agent at each place, pads included, shape (size,).
     workers
         Threads to use.
 
@@ -109,9 +127,10 @@ class HeldActuation:
     """
 
     def __init__(
-        self, body: Body, state: State, dtype: type[np.float32] | type[np.float64], size: int, workers: Workers
+        self, body: Body, state: State, dtype: type[np.float32] | type[np.float64], ids: Numbers32, workers: Workers
     ) -> None:
         n, m = state.q.shape
+        size = len(ids)
         self.n, self.m, self.dtype, self.workers = n, m, dtype, workers
         self.wanted: Reals = np.zeros((m, size), dtype)
         chain, inner = chain_of(body)
@@ -122,7 +141,7 @@ class HeldActuation:
         last: list[tuple[int, float | Array | _Source]] = []
         for part in chain:
             if isinstance(part, Disturbed):
-                source = _Source(part, n, m)
+                source = _Source(part, m)
                 self._sources.append(source)
                 if lag is None:
                     self._stages.append((GUST, source))
@@ -142,14 +161,13 @@ class HeldActuation:
         columns = {**state.columns, **body.missing_columns(state.columns, state.q, state.p)}
         self.lag: Reals | None = None
         if lag is not None:
-            self.lag = np.zeros((m, size), dtype)
-            self.lag[:, :n], self.lag[:, n:] = columns[APPLIED].T, columns[APPLIED][-1:].T
+            self.lag = np.ascontiguousarray(columns[APPLIED][ids].T.astype(dtype))
         self.heading: Array | None = None
         if self.offset is not None:
-            self.heading = np.concatenate([columns[HEADING], np.repeat(columns[HEADING][-1:], size - n, axis=0)])
+            self.heading = columns[HEADING][ids]
         self.beside: Reals = np.zeros((m, 0 if lag is None else size), dtype)
         self.seen: tuple[Reals | None, Array | None] | None = None
-        self.take_gusts(0)
+        self.take_gusts(0, ids)
 
     # Order and memory.
 
@@ -169,6 +187,8 @@ class HeldActuation:
         if self.heading is not None:
             self.heading[:n] = self.heading[order]
             self.heading[n:] = self.heading[n - 1]
+        for source in self._sources:
+            source.reorder(order)
         if self.constants is not None:
             self.constants.reorder()
 
@@ -191,8 +211,8 @@ class HeldActuation:
         self.wanted = wanted.copy()
         self.lag = None if lag is None else lag.copy()
         self.heading = None if heading is None else heading.copy()
-        self.take_gusts(now)
-        self._blow(ids)
+        self.take_gusts(now, ids)
+        self._blow()
 
     # Gusts.
 
@@ -200,10 +220,16 @@ class HeldActuation:
         """Whether a gust begins at the nanosecond ``now``."""
         return any(now % source.period == 0 for source in self._sources)
 
-    def take_gusts(self, now: int) -> None:
-        """Take the gusts that are in force at the nanosecond ``now``."""
+    def take_gusts(self, now: int, ids: Numbers32) -> None:
+        """Take the gusts that are in force at the nanosecond ``now``.
+
+        Parameters
+        ----------
+        ids
+            As for `act`.
+        """
         for source in self._sources:
-            source.take(now)
+            source.take(now, ids)
 
     # Forces.
 
@@ -222,17 +248,17 @@ class HeldActuation:
         gusts = np.zeros((len(kinds), self.m, size if (kinds == GUST).any() else 0))
         for stage, (_, what) in enumerate(self._stages):
             if isinstance(what, _Source):
-                gusts[stage] = what.values[ids].T
+                gusts[stage] = what.values.T
             else:
                 numbers[stage] = np.asarray(what)[ids] if np.ndim(what) else what
         self.workers.each(exert, size // 16, self.wanted, kinds, numbers, gusts, target)
-        self._blow(ids)
+        self._blow()
 
-    def _blow(self, ids: Numbers32) -> None:
+    def _blow(self) -> None:
         """Take the gusts in force that act beside lagged forces."""
         self.beside[:] = 0.0
         for source in self._behind:
-            self.beside += source.values[ids].T.astype(self.dtype)
+            self.beside += source.values.T.astype(self.dtype)
 
     def acting(self, force: Reals) -> Reals:
         """The force that acts now, shape (m, size), where ``force`` acts or is what a lagged force tends to."""
@@ -265,7 +291,7 @@ class HeldActuation:
         masses, rate, offset = each(body.masses), each(body.damping) / each(body.masses), each(self.offset)
         smooth = self._rate == 0.0 and self.constants is None
         tau = each(np.inf if self.constants is None else self.constants.time_constant)
-        fastest = max(self._rate, float((1.0 / tau).max()))
+        fastest = max(self._rate, float((1.0 / tau).max(initial=0.0)))
         pieces = 1 if smooth else max(1, int(np.ceil(h * fastest / SMOOTH)))
         degree, dt = (2 if smooth else 9), h / pieces
         goal = force.T.astype(np.float64)

@@ -11,6 +11,9 @@ import numpy as np
 from flocking.arrays import Array, Numbers32, Reals
 from flocking.engine.fixed_step.step_counts import LARGEST_SQUARE
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
+from flocking.engine.tiles.simd.interleaved_arrays import column
+from flocking.engine.tiles.simd.reductions import total
+from flocking.engine.tiles.simd.vectors import double_of, load, numbers_from, select, spread
 from flocking.formula.native.functions import native
 from flocking.model.bodies.body import Body
 
@@ -107,18 +110,19 @@ def force_powers(first, last, agents, force, frame, n, found):  # type: ignore[n
     """
     m = force.shape[0]
     for tile in range(first, last):
-        work, seen = np.float64(0.0), np.float64(0.0)
-        for i in range(tile * 16, min(tile * 16 + 16, n)):
-            for k in range(m):
-                p, u = np.float64(agents[i, m + k]), np.float64(force[k, i])
-                work += u * p
-                seen += u * (p - frame[k])
-        found[tile, 0], found[tile, 1] = work, seen
+        base = tile * 16
+        work, seen = spread(0.0), spread(0.0)
+        for k in range(m):
+            p, u = double_of(column(agents, base, m + k)), double_of(load(force[k], base))
+            work = work + u * p
+            seen = seen + u * (p - frame[k])
+        live = numbers_from(base) < np.uint32(n)
+        found[tile, 0], found[tile, 1] = total(select(live, work, 0.0)), total(select(live, seen, 0.0))
 
 
 @native
 def law_powers(first, last, agents, rates, masses, damping, frame, n, found):  # type: ignore[no-untyped-def]
-    """By tile: power in a frame of the forces that the law wants.
+    """By tile: power in a frame of the desired forces of the law.
 
     Parameters
     ----------

@@ -15,6 +15,7 @@ from flocking.engine.tiles.kernels.control_kernel import control_kernel, control
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
+from flocking.model.bodies.body import Body
 from flocking.model.law import Scenario
 from flocking.model.state import State
 from flocking.model.world.information import Messages
@@ -68,44 +69,55 @@ class HeldParticles(ParticleArrays):
             heard = self.store.heard(self.m, repeats, self._shared)
         self.control = control_kernel(self.control_spec, heard).control
         self._draws = heard is not None and heard.draws
-        self._looks_once = heard is not None and heard.looks_once
         self._tested = 0
         self.used: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
         self.known: list[TileLists | None] = [None] * len(spec.graphs)
-        self.known_builders = [ListBuilder(self.n, memory_limit, workers, self.box) for _ in scenario.law.graphs]
+        self.known_builders = [ListBuilder(self.n, memory_limit, workers, self.search.box) for _ in scenario.law.graphs]
         self._first_known_links = state.links
         self._fastest = np.zeros(self.tiles)
 
     def _new_store(self, scenario: Scenario, memory_limit: float) -> SampleStore:
         return SampleStore(scenario, self.agents, self.n, self.dtype, memory_limit, self.workers)
 
+    def new_actuation(self, body: Body, start: State) -> HeldActuation:
+        """What stands between the forces that agents compute and those that act, at the start.
+
+        Parameters
+        ----------
+        body
+            What the agents are.
+        start
+            The start of all agents.
+        """
+        return HeldActuation(body, start, self.dtype, self.ids[: self.size], self.workers)
+
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents with their forces, and rebuild all lists."""
         super().rebuild(step, skin)
         if self.moving:
-            self.force[:, : self.n] = self.force[:, self.sorter.order]
+            self.force[:, : self.n] = self.force[:, self.search.sorter.order]
             self.force[:, self.n :] = self.force[:, self.n - 1 : self.n]
             if self.actuation is not None:
-                self.actuation.reorder(self.sorter.order)
+                self.actuation.reorder(self.search.sorter.order)
             if self.store is not None:
-                self.store.reorder(self.sorter.order)
+                self.store.reorder(self.search.sorter.order)
         self.motion.reorder()
         self._build_known()
 
     def _sort(self, step: float, skin: float | None) -> None:
         """Sort the agents into cells for lists of who may be known to be near."""
         if self.store is not None:
-            self.margin = SPARE * self.store.deviation(None)
+            self.search.margin = SPARE * self.store.deviation(None)
         super()._sort(step, skin)
 
     def known_in_reach(self, now: int) -> bool:
         """Whether the lists hold everybody who may be known to be within a radius at the nanosecond ``now``."""
-        return self.store is None or not self.moving or self.store.deviation(now) <= self.margin
+        return self.store is None or not self.moving or self.store.deviation(now) <= self.search.margin
 
     def _build_known(self) -> None:
         """Build the lists of the graphs whose links by what agents know are not those of the truth."""
-        sorter, radii = self.sorter, self.radii
-        beyond = self.displacement.skin + self.margin
+        sorter, radii = self.search.sorter, self.radii
+        beyond = self.displacement.skin + self.search.margin
         for number, kind in enumerate(self.control_spec.graphs):
             if kind.fixed or not (kind.memory or self.store is not None):
                 continue
@@ -173,11 +185,11 @@ class HeldParticles(ParticleArrays):
             news = self.store.news(now, self.ids, self._tested)
             lists += [self.store.rows, news, *self.used]
             # Where everybody acts, all entries have been looked at until now.
-            self._tested = int(news.counts[0]) if self._looks_once and self.all_act else 0
+            self._tested = self.store.settled(now) if self.store.alike and self.all_act else 0
         parameters = self.parameters
         self.workers.each(
             self.control, self.tiles, float(t), self.acting, own, self.agents, self.n, *lists, parameters.P,
-            parameters.A, self.ids, parameters.seeds, parameters.matrices, self.M, self.wanted,
+            parameters.A, self.ids, parameters.seeds, parameters.matrices, self.results.means, self.wanted,
         )  # fmt: skip
 
     @property
@@ -196,13 +208,23 @@ class HeldParticles(ParticleArrays):
         if self.actuation is None:
             return
         if gusts:
-            self.actuation.take_gusts(now)
-        self.actuation.act(self.ids, self.force)
+            self.actuation.take_gusts(now, self.ids[: self.size])
+        self.actuation.act(self.ids[: self.size], self.force)
 
     @property
     def acting_force(self) -> Reals:
         """The force that acts now, shape (m, size); of agents of order 1 their velocity."""
         return self.force if self.actuation is None else self.actuation.acting(self.force)
+
+    @property
+    def seen_force(self) -> Reals:
+        """The force that acts at the time that is looked at, shape (m, size); of agents of order 1 their velocity."""
+        actuation = self.actuation
+        if actuation is None or actuation.lag is None:
+            return self.force
+        lag = actuation.lag if actuation.seen is None else actuation.seen[0]
+        assert lag is not None
+        return lag + actuation.beside
 
     def coast(self, h: float, target: Reals | None = None) -> float:
         """Move all agents by ``h`` under the forces that act; returns the largest speed in the frame of the lists.
@@ -213,10 +235,10 @@ class HeldParticles(ParticleArrays):
             Takes the state; None to change that of the agents. Columns go to `HeldActuation.seen`.
         """
         into = self.agents if target is None else target
-        actuation, frame = self.actuation, self.displacement.velocity
+        actuation, frame, size = self.actuation, self.displacement.velocity, self.size
         heading = lag = None
         if actuation is not None:
-            heading = actuation.turned(self.agents, self.force, h, self.motion.body, self.ids)
+            heading = actuation.turned(self.agents[:size], self.force, h, self.motion.body, self.ids[:size])
         if actuation is None or actuation.lag is None or actuation.constants is None:
             constants = self.motion.over(h, self.ids)
             self.workers.each(coast, self.tiles, self.agents, into, self.force, constants, frame, self.n, self._fastest)
@@ -279,10 +301,10 @@ class HeldParticles(ParticleArrays):
         """
         self.force = force.copy()
         self.known = [None if each is None else each.copy() for each in known]
-        if self.rebuilds:
+        if self.search.rebuilds:
             self._first_known_links = None
         for builder, room in zip(self.known_builders, rooms, strict=True):
             builder.capacity, builder.spare = room.copy(), None
         self.motion.reorder()
-        if self.rebuilds or not self.moving:
+        if self.search.rebuilds or not self.moving:
             self.forget_used()

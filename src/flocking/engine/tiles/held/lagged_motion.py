@@ -22,6 +22,9 @@ from flocking.engine.tiles.held.held_motion import coefficients
 from flocking.formula.native.functions import native
 from flocking.model.bodies.body import Body
 
+CHORD = 0.125
+"""Share of h^2 and the largest second derivative by which a function leaves the chord between its ends at most."""
+
 TERMS = 18
 """Terms of the series of an exponential whose argument is at most 1/2: the next one is 2**-19/19! = 2e-23."""
 
@@ -196,6 +199,6 @@ def coast_lagged(first, last, agents, target, forces, constants, frame, n, secon
         if second:
             # A function leaves the chord between its ends by at most h^2/8 times its largest second derivative.
             swift = np.sqrt(swift_of)
-            speed = np.sqrt(fastest_of) + 0.125 * h * h * (swift + rate_of * (np.sqrt(push_of) + h * swift))
+            speed = np.sqrt(fastest_of) + CHORD * h * h * (swift + rate_of * (np.sqrt(push_of) + h * swift))
             fastest_of = speed * speed
         fastest[tile] = fastest_of

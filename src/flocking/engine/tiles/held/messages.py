@@ -28,14 +28,25 @@ SURE = 1e-6
 """Share by which a bound on a deviation is enlarged, above the rounding of the sums that it is made of."""
 
 
+ALIGNED = 64
+"""Bytes of a line of memory: rows of samples that begin with one are read in one or two whole lines."""
+
+
 @native
-def _reordered(first, last, rows, order, n, size, target):  # type: ignore[no-untyped-def]
-    """Copy rows of agents in a new order, for each of several places."""
+def _reordered(first, last, rows, order, n, target):  # type: ignore[no-untyped-def]
+    """Copy rows of agents in a new order."""
     for row in range(first, last):
-        place, i = row // size, row % size
-        old = place * size + order[i if i < n else n - 1]
+        old = order[row if row < n else n - 1]
         for k in range(rows.shape[1]):
             target[row, k] = rows[old, k]
+
+
+def _room(rows: int, columns: int, dtype: type[np.float32] | type[np.float64]) -> Reals:
+    """Memory for rows of samples that begins with a line of memory; its content is arbitrary."""
+    count = rows * columns
+    memory: Reals = np.empty(count + ALIGNED, dtype)
+    begin = -memory.ctypes.data % ALIGNED // memory.itemsize
+    return memory[begin : begin + count].reshape(rows, columns)
 
 
 class Taking(NamedTuple):
@@ -104,7 +115,9 @@ class SampleStore:
         self.depth = -(-self.oldest // least) + 2
         self._agent_bytes, self._memory_limit = columns * np.dtype(dtype).itemsize, memory_limit
         self.check_room()
-        self.rows: Reals = np.zeros(((self.depth + 1) * self.size, columns), dtype)
+        self._rooms: dict[str, Reals] = {"rows": _room((self.depth + 2) * self.size, columns, dtype)}
+        self.rows: Reals = self._rooms["rows"][: (self.depth + 1) * self.size]
+        self.rows[:] = 0.0
         self.rows[self.depth * self.size :] = agents
         noise, loss = messages.noise, messages.loss
         self.noise: Noise | None = None if noise is None or noise.ideal else noise
@@ -132,7 +145,7 @@ class SampleStore:
         InvalidInput
             When there are.
         """
-        needs = (self.depth + 1.0) * self.size * self._agent_bytes
+        needs = (self.depth + 2.0) * self.size * self._agent_bytes
         if needs > self._memory_limit or (self.depth + 1) * self.size >= MOST_ROWS:
             raise InvalidInput(
                 "Messages", "expires", f"must leave few enough samples: {self.depth} of each agent take "
@@ -174,14 +187,30 @@ class SampleStore:
         """
         kept = self.keeps_truth
         for name in ("rows", "truth") if kept else ("rows",):
-            old = getattr(self, name)
-            new = np.empty_like(old)
-            self.workers.each(_reordered, len(old), old, order, self.n, self.size, new)
-            setattr(self, name, new)
+            setattr(self, name, self._sorted(name, order))
         if not kept:
             self.truth = self.rows
         if self.correlated:
             self.errors[:, : self.n] = self.errors[:, order]
+
+    def _sorted(self, name: str, order: Numbers32) -> Reals:
+        """Samples in a new order, place by place, each into the room that the one beside it has left.
+
+        Fresh memory for all of them would take longer to get than the samples to sort.
+        """
+        old, size = getattr(self, name), self.size
+        room = self._rooms.get(name)
+        if room is None or not np.shares_memory(old[:1], room):
+            self._rooms[name] = room = _room(len(old) + size, old.shape[1], old.dtype.type)
+            room[: len(old)] = old
+            old = room[: len(old)]
+        ahead = bool(np.shares_memory(old[:1], room[:1]))
+        new = room[size:] if ahead else room[:-size]
+        places = range(len(old) // size)
+        for place in reversed(places) if ahead else places:
+            here = slice(place * size, (place + 1) * size)
+            self.workers.each(_reordered, size, old[here], order, self.n, new[here])
+        return new
 
     def memory(self) -> dict[str, object]:
         """What the samples go on from, see `recall`; not copied."""
@@ -200,6 +229,7 @@ class SampleStore:
         speeds
             Rows of `Speeds`.
         """
+        self._rooms.clear()
         self.rows, self.errors, self.off = rows.copy(), errors.copy(), off.copy()
         self.truth = self.rows if truth is None else truth.copy()
         self.speeds.rows = speeds.tolist()
@@ -321,6 +351,10 @@ class SampleStore:
             float(self.delay), float(self.jitter), messages.seed & 0xFFFFFFFF, messages.seed >> 32, self.numbers,
             self.truth, tested,
         )  # fmt: skip
+
+    def settled(self, now: int) -> int:
+        """How many samples of each agent, all alike, will never arrive after the nanosecond ``now`` if not by then."""
+        return int(self._times.count_until(now - self.delay - self.jitter)[0])
 
     def see_speed(self, now: int, frame: Array, top: float) -> None:
         """Take the largest speed ``top`` in a ``frame`` during the step that begins at the nanosecond ``now``."""

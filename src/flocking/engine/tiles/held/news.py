@@ -46,7 +46,8 @@ class News(NamedTuple):
     truth
         True states at the samples, in the form of these, shape (rows, 2m).
     tested
-        Number of the newest sample that was looked at for every entry of the lists before; 0 where that is not known.
+        Number of the newest sample that was looked at for every entry of the lists before, at a time when its messages
+        had arrived if ever they would; 0 where that is not known.
     """
 
     now: float

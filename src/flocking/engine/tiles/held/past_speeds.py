@@ -38,12 +38,12 @@ class Speeds:
         return np.array(self.rows)
 
     def bound(self, *, predict: bool) -> float:
-        """Bound on the speed at which a true state leaves what was told of it.
+        """Bound on the speed at which a true state departs from the sample of it.
 
         Parameters
         ----------
         predict
-            Whether what was told is moved on.
+            Whether samples are extrapolated.
         """
         if not self.rows:
             return 0.0

@@ -16,7 +16,6 @@ from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.held.checkpoint import pack_held, packed_options, recall_held
-from flocking.engine.tiles.held.held_actuation import HeldActuation
 from flocking.engine.tiles.held.held_ledger import powers_of
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.held.memory import HeldMemory
@@ -86,9 +85,7 @@ class HeldTilesSession(HeldTruth):
         self._memory = HeldMemory(options, particles, records, 1, scenario.start.t)
         self._particles, self.records = particles, records
         if point_of(scenario.agents) is not scenario.agents:
-            particles.actuation = HeldActuation(
-                scenario.agents, scenario.start, particles.dtype, particles.size, self.workers
-            )  # fmt: skip
+            particles.actuation = particles.new_actuation(scenario.agents, scenario.start)
             particles.exert(0, gusts=False)
         if scenario.agents.order == 1:
             self._particles.agents[:, self._particles.m :] = 0.0

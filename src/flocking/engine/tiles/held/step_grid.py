@@ -57,7 +57,7 @@ def held_step(scenario: Scenario, wanted: float | None, resolves: float) -> int:
     scenario
         Its control is held.
     wanted
-        The step that was asked for; None to choose one.
+        The requested step; None to choose one.
     resolves
         Longest step that is chosen.
 

@@ -148,12 +148,7 @@ class HeldTruth(TilesSession):
         """Rates of change of the velocities, shape (N, m); of agents of order 1 their velocities."""
         particles, body = self._particles, self.scenario.agents
         with self._moved_by(self._offset()):
-            actuation = particles.actuation
-            lag = None if actuation is None or actuation.lag is None else actuation.lag
-            if actuation is not None and actuation.seen is not None:
-                lag = actuation.seen[0]
-            acting = particles.force if actuation is None or lag is None else lag + actuation.beside
-            force = particles.in_order(acting)
+            force = particles.in_order(particles.seen_force)
         if body.order == 1:
             return force
         n = particles.n
@@ -192,7 +187,8 @@ class HeldTruth(TilesSession):
         """Entries of the run's provenance."""
         o, base = self.options, super(TilesSession, self).about
         found = base | {
-            "step": self.step, "scheme": self.scheme, "precision": o.precision, "rebuilds": self._particles.rebuilds,
+            "step": self.step, "scheme": self.scheme, "precision": o.precision,
+            "rebuilds": self._particles.search.rebuilds,
             "switches": "not recorded", "farthest": self._memory.farthest, "world": self.scenario.imperfections,
         }  # fmt: skip
         if self.options.ledger:

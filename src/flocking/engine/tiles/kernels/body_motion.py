@@ -1,4 +1,4 @@
-"""What bodies make of the forces that the law wants, as lines of a kernel: rates of their columns and what departs.
+"""What bodies make of the desired forces of the law, as lines of a kernel: rates of their columns and what departs.
 
 Limits have no memory here: one acts in a pass where it begins to.
 """

@@ -4,9 +4,10 @@ A sample is called by its number counted from 1; 0 is the exact state that every
 search begins at the newest sample that may have arrived and goes back. Whether a message is lost and how late it is are
 the functions of seed, agents and number that `flocking.model.world` states. The sample found at the time before is kept
 beside each entry of a list, and the search goes back no further: a shortcut that changes nothing, for a message that
-has arrived stays arrived. Where messages are never late by chance, samples that were looked at before are not looked at
-again, for one that was lost stays lost. The state of the channel of Gilbert and Elliott at the newest sample is then
-kept beside the entry too, so that the next sample needs one draw, not a look back.
+has arrived stays arrived. Samples that were looked at when even the latest of their messages had to be there are not
+looked at again, for one that was lost stays lost. Where messages are never late by chance, the state of the channel of
+Gilbert and Elliott at the newest sample is kept beside the entry too, so that the next sample needs one draw, not a
+look back. All rows of a tile are searched before forces are summed: a processor then works at several draws at once.
 """
 
 from __future__ import annotations
@@ -23,6 +24,14 @@ LOSSES = ("", "Bernoulli", "GilbertElliott", "DistanceLoss")
 BEST, KNOWN, BAD = 0x3FFFFFFF, 0x40000000, 0x80000000
 """Parts of what is kept beside an entry: number of the sample used, whether the state of the channel at the newest
 sample that was looked at is known, and whether it is bad."""
+
+
+_SPOT_LINES = (
+    "slot = select(behind > slot0, slot0 + depth - behind, slot0 - behind)",
+    "slot = select((best == np.uint32(0)) | (behind >= depth), spread(depth), slot)",
+    "store(spots, 0, slot * size + j)",
+)
+"""Lines that find the rows of samples from their numbers."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +88,21 @@ class HeardSamples:
         """Whether a message that has not arrived when its sample is first looked at never does."""
         return self.alike and not self.jitter
 
+    def searches_first(self, number: int) -> bool:
+        """Whether samples of a graph's neighbours are searched before its forces are summed, see `rows_lines`.
+
+        Parameters
+        ----------
+        number
+            Index of the graph.
+        """
+        return self.draws and number not in self.shared
+
     def imports(self) -> str:
         """Import lines of the generated module."""
         return (
             "\nfrom flocking.engine.tiles.simd.counter_random import drawn_unit\n"
+            "from flocking.engine.tiles.simd.interleaved_arrays import fetch_ahead\n"
             "from flocking.engine.tiles.simd.reductions import bits_of\n"
             "from flocking.engine.tiles.simd.vectors import double_of, nearest_of\n"
         )
@@ -126,31 +146,57 @@ class HeardSamples:
         number
             Index of the graph.
         """
-        taken = "spread(news.{0}[0])" if self.alike else "gather(news.{0}, j)"
-        names = {"count": "counts", "slot0": "slots"}
-        if self.expires:
-            names["fresh"] = "fresh"
-        if self.jitter or self.predict:
-            names |= {"ages": "ages", "periods": "periods"}
-        lines = [f"{name} = {taken.format(field)}" for name, field in names.items()]
-        lines += self._searched(number) if self.draws else ["best = count"]
+        lines = self._news(timed=self.predict or (self.jitter and not self.searches_first(number)))
+        if self.searches_first(number):
+            lines += [f"best = load(used{number}, at)" + f" & np.uint32({BEST})" * self.keeps_channels]
+        else:
+            lines += self._searched(number) if self.draws else ["best = count"]
         lines += ["behind = count - best"]
         if self.expires:
             known = "select(best > np.uint32(0), behind < fresh, spread(np.uint32(news.start)) > np.uint32(0))"
             lines += [f"there = {known}"]
         else:
             lines += ["there = other"]
-        lines += [
-            "slot = select(behind > slot0, slot0 + depth - behind, slot0 - behind)",
-            "slot = select((best == np.uint32(0)) | (behind >= depth), spread(depth), slot)",
-            "store(spots, 0, slot * size + j)",
-        ]
+        lines += _SPOT_LINES
         if self.predict:
             lines += [
                 "since = select(best > np.uint32(0), ages + float_of(widen(behind)) * periods, spread(news.now))",
                 f"age = narrow(since * {NANOSECOND!r}, T(0.0))",
             ]
         return lines
+
+    def rows_lines(self, number: int, loaded: list[str]) -> list[str]:
+        """Lines that find the newest sample of every neighbour of a tile, and keep its number beside the entry.
+
+        Parameters
+        ----------
+        number
+            Index of the graph.
+        loaded
+            Lines that give ``at``, ``j`` and ``other`` for one row of a list.
+        """
+        if not self.searches_first(number):
+            return []
+        lines = [f"for step in range(count{number}[tile]):"]
+        lines += ["    " + x for x in [*loaded, *self._news(timed=self.jitter), *self._searched(number)]]
+        # Older samples lie in no order: the processor does not load them ahead by itself.
+        kept = f" & np.uint32({BEST})" * self.keeps_channels
+        ahead = [f"best = best{kept}", "behind = count - best", *_SPOT_LINES, "fetch_ahead(S, spots, 0)"]
+        lines += ["    " + x for x in ahead]
+        if not self.alike:
+            return lines
+        # Where no sample has come, nothing that was found before changes.
+        return ["if np.int64(news.counts[0]) > news.tested:", *("    " + x for x in lines)]
+
+    def _news(self, *, timed: bool) -> list[str]:
+        """Lines that load what may have arrived of each neighbour; ``timed``: with ages and periods."""
+        taken = "spread(news.{0}[0])" if self.alike else "gather(news.{0}, j)"
+        names = {"count": "counts", "slot0": "slots"}
+        if self.expires:
+            names["fresh"] = "fresh"
+        if timed:
+            names |= {"ages": "ages", "periods": "periods"}
+        return [f"{name} = {taken.format(field)}" for name, field in names.items()]
 
     def _searched(self, number: int) -> list[str]:
         lines = [
@@ -162,7 +208,7 @@ class HeardSamples:
             lines += [f"channel, best = best & np.uint32({KNOWN | BAD}), best & np.uint32({BEST})"]
             lines += ["flags = channel & flags_kept"]
         lines += ["open_ = other & (best < count)"]
-        once = self.looks_once and number not in self.shared
+        once = self.alike and number not in self.shared
         if once:
             lines += ["tested = np.uint32(news.tested)", "open_ = open_ & (tested < count)"]
         if self.expires:

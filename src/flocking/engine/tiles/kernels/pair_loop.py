@@ -59,18 +59,26 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
     lane += w.statements(results, f"g{number}_", {"r": "inverse_r"})
     lane += [f"{name} = select(square > T(0.0), {name}, met_{name})" for name in met]
     lane += _sum_lines(w, number, requested, counts_links=not flow)
-    return [f"for step in range(count{number}[tile]):", *("    " + line for line in lane)]
+    first = [] if w.heard is None else w.heard.rows_lines(number, [*_entry_lines(w, number), "other = j != i"])
+    return [*first, f"for step in range(count{number}[tile]):", *("    " + line for line in lane)]
+
+
+def _entry_lines(w: Writer, number: int) -> list[str]:
+    """Load one row of a list."""
+    kind = w.spec.graphs[number]
+    marked = kind.memory or kind.fixed or w.controls
+    return [
+        f"at = (first{number}[tile] + step) * 16",
+        f"entry = load(rows{number}, at)",
+        "j = entry & NUMBER" if marked else "j = entry",
+    ]
 
 
 def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool) -> list[str]:
     """Load the neighbours in one row of a list, with their positions relative to the agents of the tile."""
     kind, axes = w.spec.graphs[number], w.axes
     marked = kind.memory or kind.fixed or w.controls
-    lines = [
-        f"at = (first{number}[tile] + step) * 16",
-        f"entry = load(rows{number}, at)",
-        "j = entry & NUMBER" if marked else "j = entry",
-    ]
+    lines = _entry_lines(w, number)
     there = [f"{letter}{k}_there" for letter in "qp" for k in axes]
     found = f"rows{number}, at, {'NUMBER' if marked else 'ALL'}"
     if w.heard is None:

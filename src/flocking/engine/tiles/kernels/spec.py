@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -88,12 +89,20 @@ class KernelSpec:
     damped: bool
     ledger: bool
 
-    @property
+    # Read in every step.
+
+    @cached_property
     def order(self) -> int:
         """Order of the agents, 1 or 2."""
         return self.layout.bodies.order
 
-    @property
+    @cached_property
+    def reads_means(self) -> bool:
+        """Whether a pass needs means of the group."""
+        layout = self.layout
+        return bool(layout.law.beyond_neighbours) or (self.ledger and layout.energy.frame == "centre of mass")
+
+    @cached_property
     def bodied(self) -> bool:
         """Whether agents are more than points, so that what they make of forces is printed too."""
         return not is_point(self.layout.bodies)

@@ -36,7 +36,7 @@ GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
 
 BODY_ARGUMENTS = ("E", "R", "U")
 """Arguments of ``move`` where agents are more than points: their further columns, the rates of these, and the controls
-that the law wants, each a row for each number of an agent, shape (rows, size)."""
+of the law, each a row for each number of an agent, shape (rows, size)."""
 
 HUGE = 1e36
 """Squared distance and squared speed above which numbers count as infinite: the sum of three such squares

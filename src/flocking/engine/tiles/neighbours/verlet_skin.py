@@ -15,6 +15,9 @@ from flocking.engine.tiles.simd.vectors import WIDTH
 from flocking.formula.native.functions import native
 from flocking.model.space import OPEN, Space
 
+LEAST_STRIDE = 1e-12
+"""Stride in a step, relative to the cutoff, that counts as the least: a group at rest keeps its lists for good."""
+
 SKINS = tuple(0.04 * 1.25**k for k in range(15))
 """Skins tried, as fractions of the cutoff."""
 
@@ -106,6 +109,6 @@ def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float, space
     inverse = max((x for x, count, length in axes if count > 5 or not np.isfinite(length)), default=0.0)
     skins = np.array([s for s in SKINS if cutoff * (1.0 + s) * inverse <= 2.0] or SKINS[:1]) * cutoff
     rows = _lengths(agents, sorter, cutoff + skins, space)
-    steps = np.maximum(1.0, skins / max(stride, 1e-12 * cutoff))
+    steps = np.maximum(1.0, skins / max(stride, LEAST_STRIDE * cutoff))
     cost = PASS_COST + rows + (REBUILD_COST + REBUILD_ROW_COST * rows) / steps
     return float(skins[np.argmin(cost)])

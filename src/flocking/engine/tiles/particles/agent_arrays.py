@@ -25,6 +25,11 @@ class Room:
         Number of axes.
     dtype
         Precision.
+
+    Attributes
+    ----------
+    spare_ids
+        The rows of the buffer that a sort writes numbers to.
     """
 
     def __init__(self, rows: int, m: int, dtype: type[np.float32] | type[np.float64]) -> None:
@@ -32,6 +37,35 @@ class Room:
         self.successor: Reals = np.empty((rows, 2 * m), dtype)
         self.ids: Numbers32 = np.zeros(rows, np.int32)
         self.ids_buffer: Numbers32 = np.zeros(rows, np.int32)
+        self.spare_ids = self.ids_buffer
+
+
+class BodyRows:
+    """What agents have beside position and velocity, and what the last pass computed of it.
+
+    Parameters
+    ----------
+    width
+        Number of further numbers of an agent.
+    size
+        Number of agents, filled up to whole tiles.
+    axes
+        Number of axes of controls that are stored; 0 where agents are points.
+    dtype
+        Precision.
+
+    Attributes
+    ----------
+    further, slopes
+        The numbers and their rates in the last pass, shape (width, size).
+    controls
+        Controls of the law in the last pass, shape (axes, size).
+    """
+
+    def __init__(self, width: int, size: int, axes: int, dtype: type[np.float32] | type[np.float64]) -> None:
+        self.further: Reals = np.zeros((width, size), dtype)
+        self.slopes: Reals = np.zeros_like(self.further)
+        self.controls: Reals = np.zeros((axes, size), dtype)
 
 
 class AgentArrays:
@@ -52,16 +86,13 @@ class AgentArrays:
         The state and the next or previous one, each shape (size, 2m).
     ids
         Number of the agent at each index, shape (size,).
-    further, slopes
-        What agents have beside position and velocity, and its rates in the last pass, a row for each number.
-    controls
-        What the law wanted in the last pass, shape (m, size), where agents are more than points.
+    body_rows
+        What agents have beside position and velocity.
     """
 
     def __init__(self, state: State, spec: KernelSpec, workers: Workers) -> None:
-        self.m, self.spec, self.workers = state.dimension, spec, workers
-        self.dtype: type[np.float32] | type[np.float64] = PRECISIONS[spec.precision]
-        self._room: Room | None = None
+        self.spec, self.workers = spec, workers
+        self._room = Room(0, state.dimension, self.dtype)
         # For agents of order 1 the second half is the velocity of the last step, which no formula reads.
         self._hold(np.arange(state.n, dtype=np.int32), state.q, state.p if spec.order == 2 else np.zeros_like(state.p))
         self._hold_columns(state)
@@ -69,22 +100,19 @@ class AgentArrays:
     def _hold(self, ids: Numbers32, q: AnyArray, p: AnyArray, copies: int = 0) -> None:
         """Allocate the arrays for some agents, with rows for ``copies`` of agents of other processes behind them."""
         n, m = q.shape
-        self.n, self.tiles = n, (n + WIDTH - 1) // WIDTH
-        self.size = self.tiles * WIDTH
+        self.n: int = n
         rows = self.size + copies
-        if self._room is None or len(self._room.ids) < rows:
+        if len(self._room.ids) < rows:
             # Who takes other agents once does so again.
-            self._room = Room(rows if self._room is None else rows + rows // SPARE_SHARE, m, self.dtype)
+            self._room = Room(rows + rows // SPARE_SHARE if len(self._room.ids) else rows, m, self.dtype)
         self.agents: Reals = self._room.agents[:rows]
         self.successor: Reals = self._room.successor[:rows]
         self.ids: Numbers32 = self._room.ids[:rows]
-        self._ids_buffer: Numbers32 = self._room.ids_buffer[:rows]
+        self._room.spare_ids = self._room.ids_buffer[:rows]
         self.agents[:n, :m], self.agents[:n, m:] = q, p
         self.ids[:n] = ids
         width = sum(self.spec.layout.bodies.widths(m).values())
-        self.further: Reals = np.zeros((width, self.size), self.dtype)
-        self.slopes: Reals = np.zeros_like(self.further)
-        self.controls: Reals = np.zeros((m if self.spec.bodied else 0, self.size), self.dtype)
+        self.body_rows = BodyRows(width, self.size, m if self.spec.bodied else 0, self.dtype)
         self._fill_pads()
 
     def _hold_columns(self, state: State) -> None:
@@ -95,8 +123,28 @@ class AgentArrays:
             return
         if any(name not in columns for name in widths):
             columns |= bodies.missing_columns(columns, state.q, state.p)
-        self.further[:, : self.n] = np.concatenate([columns[name] for name in widths], axis=1).T
+        self.body_rows.further[:, : self.n] = np.concatenate([columns[name] for name in widths], axis=1).T
         self._fill_pads()
+
+    @property
+    def dtype(self) -> type[np.float32] | type[np.float64]:
+        """Precision of positions and velocities."""
+        return PRECISIONS[self.spec.precision]
+
+    @property
+    def m(self) -> int:
+        """Number of axes."""
+        return int(self.agents.shape[1]) // 2
+
+    @property
+    def tiles(self) -> int:
+        """Number of tiles."""
+        return (self.n + WIDTH - 1) // WIDTH
+
+    @property
+    def size(self) -> int:
+        """Number of agents, filled up to whole tiles."""
+        return self.tiles * WIDTH
 
     @property
     def X(self) -> Reals:  # noqa: N802
@@ -117,14 +165,14 @@ class AgentArrays:
         if n:
             self.agents[n:size] = self.agents[n - 1]
             self.ids[n:size] = self.ids[n - 1]
-            self.further[:, n:] = self.further[:, n - 1 : n]
+            self.body_rows.further[:, n:] = self.body_rows.further[:, n - 1 : n]
 
     @property
     def columns_in_order(self) -> dict[str, Array]:
         """Further columns in the order of identities, shape (N, width) each, by name."""
         found, first = {}, 0
         for name, width in self.spec.layout.bodies.widths(self.m).items():
-            found[name] = self.in_order(self.further[first : first + width])
+            found[name] = self.in_order(self.body_rows.further[first : first + width])
             first += width
         return found
 

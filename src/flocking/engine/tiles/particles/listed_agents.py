@@ -14,16 +14,14 @@ from flocking.arrays import Array, Indices, Links, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.measures import fastest
-from flocking.engine.tiles.neighbours.cell_list import Sorter
 from flocking.engine.tiles.neighbours.fixed_lists import complete_lists, fixed_lists
 from flocking.engine.tiles.neighbours.listed_pairs import remember_links
-from flocking.engine.tiles.neighbours.nearest_image import box_of
-from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
-from flocking.engine.tiles.neighbours.pair_count_bound import PairCountBound
+from flocking.engine.tiles.neighbours.neighbour_lists import TileLists
 from flocking.engine.tiles.neighbours.verlet_skin import FIRST_SKIN, best_skin
 from flocking.engine.tiles.particles.agent_arrays import AgentArrays
 from flocking.engine.tiles.particles.displacement import CERTAIN, Displacement
 from flocking.engine.tiles.particles.graph_radii import GraphRadii
+from flocking.engine.tiles.particles.list_search import ListSearch
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -53,8 +51,8 @@ class ListedAgents(AgentArrays):
     ----------
     everyone
         Number of agents of the law, of which these may be a part.
-    margin
-        What cells are wider by than the lists of the true state need.
+    search
+        What the lists are built with.
     lost
         Numbers of two agents whose link broke at a barrier; None while there are none.
     top_speed
@@ -66,21 +64,23 @@ class ListedAgents(AgentArrays):
         skin: float | None = None,
     ) -> None:  # fmt: skip
         super().__init__(state, spec, workers)
-        self.given_skin, self.everyone = skin, scenario.start.n
-        self.moving = any(not kind.fixed for kind in spec.graphs)
+        self.everyone = scenario.start.n
         self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, self.n, scenario.start.n)
         self.space = scenario.space
-        self.box: Reals = box_of(self.space, self.m, self.dtype)
-        self.sorter = Sorter(self.n if self.moving else 1, workers, self.space.lengths)
-        self.pair_count_bound = PairCountBound(memory_limit)
-        self.builders = [ListBuilder(self.n, memory_limit, workers, self.box) for _ in scenario.law.graphs]
+        self.search = ListSearch(
+            self.n, self.n if self.moving else 1, len(scenario.law.graphs), self.m, self.space, self.dtype, workers,
+            memory_limit, skin,
+        )  # fmt: skip
+        self.search.first_links = state.links
         self.displacement = Displacement(self.size if self.moving else 0, self.m, self.dtype)
-        self.rebuilds = 0
         self.lists: list[TileLists | None] = [None] * len(spec.graphs)
-        self._first_links = state.links
         self.lost: tuple[int, int] | None = None
         self.top_speed = self._largest_speed()
-        self.margin = 0.0
+
+    @property
+    def moving(self) -> bool:
+        """Whether a graph depends on distances, so that its lists change."""
+        return any(not kind.fixed for kind in self.spec.graphs)
 
     def _largest_speed(self) -> float:
         """Largest speed of an agent relative to the mean velocity."""
@@ -91,7 +91,7 @@ class ListedAgents(AgentArrays):
         if not self.moving:
             return self.lists[0] is not None
         displacement = self.displacement
-        if displacement.bound > displacement.allowed and self.rebuilds:
+        if displacement.bound > displacement.allowed and self.search.rebuilds:
             displacement.bound = self.displacement_bound()
         return bool(displacement.bound <= displacement.allowed)
 
@@ -112,11 +112,11 @@ class ListedAgents(AgentArrays):
 
     def _sort(self, step: float, skin: float | None) -> None:
         """Sort the agents into cells for the given skin, or else the best one at the current speed."""
-        cutoff, sorter = max(self.radii.cutoffs), self.sorter
+        cutoff, sorter = max(self.radii.cutoffs), self.search.sorter
         seen = sorter.survey(self.agents)
-        given = skin if skin is not None else self.given_skin
+        given = skin if skin is not None else self.search.given_skin
         guess = float(given if given is not None else self.displacement.skin or FIRST_SKIN * cutoff)
-        cells = cutoff + self.margin
+        cells = cutoff + self.search.margin
         sorter.sort(self.agents, seen, cells + guess)
         self._check_count()
         if given is None:
@@ -132,7 +132,7 @@ class ListedAgents(AgentArrays):
         q: Reals = self.agents[: self.n, : self.m]
         if not self.space.is_open:
             q = self.space.wrapped(q.astype(np.float64))
-        self.pair_count_bound.check(self.sorter.crowding, q, self.radii.certain_reaches)
+        self.search.pair_count_bound.check(self.search.sorter.crowding, q, self.radii.certain_reaches)
 
     def distances(self, i: Indices, j: Indices) -> Array:
         """Distances of pairs of agents, by their places."""
@@ -160,10 +160,12 @@ class ListedAgents(AgentArrays):
             self._build_fixed()
             return
         self._sort(step, skin)
-        sorter, order = self.sorter, self.sorter.order
-        old_place = sorter.arrange(self.agents, self.ids, self.successor, self._ids_buffer, self.displacement.reference)
+        sorter, order = self.search.sorter, self.search.sorter.order
+        old_place = sorter.arrange(
+            self.agents, self.ids, self.successor, self._room.spare_ids, self.displacement.reference
+        )
         self.agents, self.successor = self.successor, self.agents
-        self.ids, self._ids_buffer = self._ids_buffer, self.ids
+        self.ids, self._room.spare_ids = self._room.spare_ids, self.ids
         self._reorder(order)
         self._fill_pads()
         radii, skin = self.radii, self.displacement.skin
@@ -172,17 +174,17 @@ class ListedAgents(AgentArrays):
                 continue
             old = self.lists[number]
             cutoff, each_reach, inside = radii.searched(number, skin)
-            self.lists[number], lost = self.builders[number].build(
+            self.lists[number], lost = self.search.builders[number].build(
                 self.agents, cutoff, each_reach, sorter.grid, sorter.start, old, order,
                 old_place, begin2=inside if kind.memory and old is None else None, remember=kind.memory,
             )  # fmt: skip
             if lost is not None and kind.barrier:
                 self.lost = (int(self.ids[lost[0]]), int(self.ids[lost[1]]))
         self._build_fixed()
-        if self._first_links is not None:
-            self._take_links(self._first_links)
+        if self.search.first_links is not None:
+            self._take_links(self.search.first_links)
         self.displacement.elapsed, self.displacement.bound = 0.0, 0.0
-        self.rebuilds += 1
+        self.search.rebuilds += 1
 
     def _reorder(self, order: Numbers32) -> None:
         """Sort what else is stored per agent.
@@ -193,8 +195,8 @@ class ListedAgents(AgentArrays):
             Index of each agent before the sort, shape (n,).
         """
         self.radii.reorder(order)
-        if len(self.further):
-            self.further[:, : self.n] = self.further[:, order]
+        if len(self.body_rows.further):
+            self.body_rows.further[:, : self.n] = self.body_rows.further[:, order]
 
     def _build_fixed(self) -> None:
         place = None
@@ -210,7 +212,7 @@ class ListedAgents(AgentArrays):
 
     def _take_links(self, links: Links) -> None:
         """Set the links of the law's graph from the link matrix of the start."""
-        self._first_links = None
+        self.search.first_links = None
         lists = self.lists[0]
         if lists is not None and self.spec.graphs[0].memory:
             remember_links(lists, np.asarray(links), self.ids)

@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
-from flocking.engine.tiles.kernels.spec import KernelSpec, only_numbers_differ
+from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec, only_numbers_differ
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
 from flocking.engine.tiles.measures import extremes_of
@@ -20,6 +20,83 @@ from flocking.engine.tiles.particles.listed_agents import ListedAgents
 from flocking.engine.tiles.planted_law import PassArrays, Planted
 from flocking.model.law import Scenario
 from flocking.model.state import State
+
+
+class LawKernels:
+    """Compiled passes of a law.
+
+    Parameters
+    ----------
+    spec
+        Specification of the kernels.
+    planted
+        Another law that acts in the place of the declared one, in tests; None for none.
+
+    Attributes
+    ----------
+    move, flow
+        The pass over all tiles, and the second one of agents of order 1, None where there is none.
+    obstacle_rows
+        Numbers of the obstacles, as the passes take them.
+    """
+
+    def __init__(self, spec: KernelSpec, planted: Planted | None = None) -> None:
+        module = tile_kernels(spec)
+        self.move, self.flow = module.move, module.flow
+        self.obstacle_rows: object = spec.layout.obstacle_rows()
+        self.planted = planted
+
+
+class PassResults:
+    """What the last pass computed beside the next state.
+
+    Parameters
+    ----------
+    spec
+        Specification of the kernels.
+    tiles
+        Number of tiles.
+    m
+        Number of axes.
+
+    Attributes
+    ----------
+    tile_extremes
+        For each tile the largest square of a speed, the smallest square of a distance and whether a link broke, shape
+        (tiles, 3).
+    extremes
+        The same of all tiles, shape (3,).
+    sums
+        Sums of the ledger for each tile; of one where there is no ledger.
+    means
+        Mean position and velocity of the group, where the law needs them, shape (2m,).
+    """
+
+    def __init__(self, spec: KernelSpec, tiles: int, m: int) -> None:
+        self.begin_tiles(spec, tiles)
+        self.extremes: Array = np.zeros(3)
+        self.means: Array = np.zeros(2 * m, np.float64)
+
+    def begin_tiles(self, spec: KernelSpec, tiles: int) -> None:
+        """Make room for another number of tiles.
+
+        Parameters
+        ----------
+        spec, tiles
+            As for the class.
+        """
+        self.tile_extremes: Reals = np.zeros((tiles, 3), PRECISIONS[spec.precision])
+        self.begin_sums(spec, tiles)
+
+    def begin_sums(self, spec: KernelSpec, tiles: int) -> None:
+        """Make room for the sums of another law.
+
+        Parameters
+        ----------
+        spec, tiles
+            As for the class.
+        """
+        self.sums: Array = np.zeros((tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
 
 
 class ParticleArrays(ListedAgents):
@@ -38,13 +115,9 @@ class ParticleArrays(ListedAgents):
         skin: float | None = None,
     ) -> None:  # fmt: skip
         super().__init__(scenario, state, spec, workers, memory_limit, skin)
-        self._take_kernels(spec)
-        self.tile_extremes: Reals = np.zeros((self.tiles, 3), self.dtype)
-        self.extremes: Array = np.zeros(3)
-        self.sums: Array = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
-        self.planted: Planted | None = None
+        self.kernels = LawKernels(spec)
+        self.results = PassResults(spec, self.tiles, self.m)
         self._set_parameters(scenario, state.t)
-        self.M: Array = np.zeros(2 * self.m, np.float64)
         self._set_obstacles(scenario)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
@@ -68,11 +141,6 @@ class ParticleArrays(ListedAgents):
     def _set_obstacles(self, scenario: Scenario) -> None:
         met = self.spec.layout.obstacle_groups()
         self.obstacles = ObstacleLists(scenario.law, [term.range for term, _ in met]) if met else None
-        self.O: object = self.spec.layout.obstacle_rows()
-
-    def _take_kernels(self, spec: KernelSpec) -> None:
-        module = tile_kernels(spec)
-        self.kernel, self.flow_kernel = module.move, module.flow
 
     def _set_parameters(self, scenario: Scenario, t: float) -> None:
         self.parameters = LawParameters(scenario, self.spec, t, self.ids[: self.size], self.n)
@@ -80,8 +148,8 @@ class ParticleArrays(ListedAgents):
     def pass_switch_time(self, scenario: Scenario, t: float) -> None:
         """Use the values of scheduled gains from time ``t`` on."""
         self._set_parameters(scenario, t)
-        if self.planted is not None:
-            self.planted.pass_switch_time(t)
+        if self.kernels.planted is not None:
+            self.kernels.planted.pass_switch_time(t)
 
     def move(
         self, t: float, *, keep: float, kick: float, drift: float, velocity_lag: float = 0.0,
@@ -104,10 +172,8 @@ class ParticleArrays(ListedAgents):
         """
         T = self.dtype
         self.refresh_copies(self.agents)
-        if self.spec.layout.law.beyond_neighbours or (
-            self.spec.ledger and self.spec.layout.energy.frame == "centre of mass"
-        ):
-            self._fill_means(self.X, self.M)
+        if self.spec.reads_means:
+            self._fill_means(self.X, self.results.means)
         lists: list[object] = []
         radii, parameters, velocity = self.radii, self.parameters, self.displacement.velocity
         for number, found in enumerate(self.lists):
@@ -117,25 +183,28 @@ class ParticleArrays(ListedAgents):
             speed = self.top_speed + float(np.linalg.norm(self.displacement.velocity))
             self.obstacles.require(self.X[: self.m, : self.size], self.tiles, t, speed * abs(drift))
             lists += [x for pair in self.obstacles.lists for x in pair]
+        kernels, results, bodies = self.kernels, self.results, self.body_rows
         begin = (float(t), T(keep), T(kick), T(drift), T(velocity_lag), T(exponential_damping))
         arguments = (
-            self.agents, self.successor, self.n, *lists, parameters.P, parameters.A, self.O, self.ids,
-            parameters.seeds, parameters.matrices, self.M, velocity, self.tile_extremes, self.sums,
-            *((self.further, self.slopes, self.controls) if self.spec.bodied else ()),
+            self.agents, self.successor, self.n, *lists, parameters.P, parameters.A, kernels.obstacle_rows, self.ids,
+            parameters.seeds, parameters.matrices, results.means, velocity, results.tile_extremes, results.sums,
+            *((bodies.further, bodies.slopes, bodies.controls) if self.spec.bodied else ()),
         )  # fmt: skip
-        self.workers.each(self.kernel, self.tiles, *begin, hold, *arguments)
-        if self.flow_kernel is not None:
+        self.workers.each(kernels.move, self.tiles, *begin, hold, *arguments)
+        if kernels.flow is not None:
             self.refresh_copies(self.successor)
             # Means of positions are unchanged; those of velocities are recomputed from the result of the pass.
-            self._fill_means(self.Y[self.m :], self.M[self.m :])
-            self.workers.each(self.flow_kernel, self.tiles, *begin, True, *arguments)
-        if self.planted is not None:
-            arrays = PassArrays(self.agents, self.successor, self.ids, self.n, self.M, velocity, self.tile_extremes)
-            self.planted.move(self.workers, arrays, begin, lists)
+            self._fill_means(self.Y[self.m :], self.results.means[self.m :])
+            self.workers.each(kernels.flow, self.tiles, *begin, True, *arguments)
+        if kernels.planted is not None:
+            arrays = PassArrays(
+                self.agents, self.successor, self.ids, self.n, results.means, velocity, results.tile_extremes
+            )
+            kernels.planted.move(self.workers, arrays, begin, lists)
         if drift:
             self.begin_copies(self.successor)
         self.read_tile_extremes()
-        if self.extremes[2] > 0 and self.lost is None and not hold:
+        if self.results.extremes[2] > 0 and self.lost is None and not hold:
             self.lost = self._broken_pair()
 
     def refresh_copies(self, rows: Reals) -> None:
@@ -195,20 +264,20 @@ class ParticleArrays(ListedAgents):
 
     def total_sums(self) -> Array:
         """The sums of the last pass over all tiles, in a fixed order."""
-        total: Array = self.sums.sum(axis=0)
+        total: Array = self.results.sums.sum(axis=0)
         return total
 
     def _broken_pair(self) -> tuple[int, int] | None:
         """Numbers of the agents of the nearest pair beyond its radius, in the tiles with a broken link."""
         kinds = self.spec.graphs
         least = min(float(x[0]) for x, kind in zip(self.radii.limits, kinds, strict=True) if kind.barrier)
-        tiles = np.flatnonzero(self.tile_extremes[:, 2] > 0)[:4]
+        tiles = np.flatnonzero(self.results.tile_extremes[:, 2] > 0)[:4]
         i, j = nearest_pair_beyond(least, self.lists, tiles, self.X[: self.m], self.n, self.space)
         return int(self.ids[i]), int(self.ids[j])
 
     def read_tile_extremes(self) -> None:
         """Compute the extremes over the results of all tiles."""
-        extremes_of(self.tile_extremes, self.extremes)
+        extremes_of(self.results.tile_extremes, self.results.extremes)
 
     def _fill_means(self, rows: Reals, out: Array) -> None:
         """Means of rows over the group, weighted by masses."""
@@ -235,7 +304,7 @@ class ParticleArrays(ListedAgents):
     def swap(self, stride: float) -> None:
         """Make Y the state, reached by a drift over the time ``stride``."""
         self.agents, self.successor = self.successor, self.agents
-        self.top_speed = float(np.sqrt(self.extremes[0]))
+        self.top_speed = float(np.sqrt(self.results.extremes[0]))
         if self.obstacles is not None:
             self.obstacles.moved(
                 abs(stride) * (self.top_speed + float(np.linalg.norm(self.displacement.velocity))), abs(stride)
@@ -255,8 +324,8 @@ class ParticleArrays(ListedAgents):
             self.radii.graphs = scenario.law.graphs
             self._set_parameters(scenario, t)
             return
-        self._take_kernels(spec)
-        self.sums = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
+        self.kernels = LawKernels(spec, self.kernels.planted)
+        self.results.begin_sums(spec, self.tiles)
         self._set_obstacles(scenario)
         self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, self.n, scenario.start.n)
         self._set_parameters(scenario, t)
@@ -269,9 +338,10 @@ class ParticleArrays(ListedAgents):
     def nbytes(self) -> int:
         """Memory of all arrays in bytes."""
         displacement, parameters = self.displacement, self.parameters
-        arrays = [self.agents, self.successor, self.ids, self._ids_buffer, self.tile_extremes, self.sums]
+        arrays = [self.agents, self.successor, self.ids, self._room.spare_ids]
+        arrays += [self.results.tile_extremes, self.results.sums]
         arrays += [parameters.A, displacement.reference]
-        sorter = self.sorter
+        sorter = self.search.sorter
         arrays += [sorter.key, sorter.key_buffer, sorter.index_buffer, sorter.order, sorter.start, *self.radii.each]
-        spares = [b.spare for b in self.builders if b.spare is not None]
+        spares = [b.spare for b in self.search.builders if b.spare is not None]
         return int(sum(a.nbytes for a in arrays)) + sum(x.nbytes for x in [*self.lists, *spares] if x is not None)

@@ -26,6 +26,8 @@ def philox_words(a, b, c, d, key, key2):  # type: ignore[no-untyped-def]
     key, key2
         Words of the key.
     """
+    # The words of a seed have 32 bits; with the masks LLVM infers it, and multiplies half words throughout.
+    key, key2 = key & np.uint64(WORD), key2 & np.uint64(WORD)
     for _ in range(ROUNDS):
         high = np.uint64(FIRST) * a
         other = np.uint64(SECOND) * c

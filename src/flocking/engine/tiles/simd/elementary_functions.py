@@ -9,6 +9,21 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+TERMS = {"wave": (6, 11), "exponential": (8, 14), "logarithm": (5, 11)}
+"""Terms of the series in single and in double precision. On the reduced range (|r| <= pi/2, |r| <= log(2)/2 and |a| <=
+0.172) the first that is left out is, relative to the function, below the unit of rounding, 6e-8 and 1.1e-16."""
+
+ARGUMENTS = (-87.0, 88.7), (-708.0, 709.7)
+"""Arguments of exp in single and in double precision beyond which the result is 0 or infinite: exp(-87) and exp(-708)
+are the last whole numbers whose results are normal, and 88.72 and 709.78 the largest arguments with finite ones, of
+which the last tenth is given up."""
+
+FORMATS = (127, 23), (1023, 52)
+"""Bias of the exponent and stored bits of the mantissa in single and in double precision (IEEE 754)."""
+
+LEADING = (10, 30)
+"""Bits of the leading parts of pi and log(2): products with multiples of up to 14 and 23 bits are exact."""
+
 
 def _split(value: Fraction, keep: int) -> list[float]:
     """``value`` as a sum of floats, the first ones with few bits so that their small multiples are exact."""
@@ -47,11 +62,11 @@ def source(names: set[str], double: bool) -> str:
 
 
 def _wave(name: str, double: bool) -> str:
-    count = 11 if double else 6
+    count = TERMS["wave"][double]
     series = _horner([(-1.0) ** k / math.factorial(2 * k + 1) for k in range(count)], "s")
-    pi = _split(_PI, 30 if double else 10)
+    pi = _split(_PI, LEADING[double])
     half = "" if name == "fast_sin" else " + T(0.5)"
-    nearest = f"floor_of(x * T(0.3183098861837907){' + T(0.5)' if name == 'fast_sin' else ''})"
+    nearest = f"floor_of(x * T({1 / math.pi!r}){' + T(0.5)' if name == 'fast_sin' else ''})"
     lines = [
         f"def {name}(x):",
         f"    nearest = {nearest}",
@@ -66,10 +81,10 @@ def _wave(name: str, double: bool) -> str:
 
 
 def _exponential(name: str, double: bool) -> str:
-    count, low, high = (14, -708.0, 709.7) if double else (8, -87.0, 88.7)
+    count, (low, high) = TERMS["exponential"][double], ARGUMENTS[double]
     series = _horner([1.0 / math.factorial(k) for k in range(count)], "r")
-    ln2 = _split(_LN2, 30 if double else 10)
-    bias, shift = (1023, 52) if double else (127, 23)
+    ln2 = _split(_LN2, LEADING[double])
+    bias, shift = FORMATS[double]
     lines = [
         f"def {name}(x):",
         f"    y = select(x < T({low}), T({low}), x)",
@@ -88,11 +103,11 @@ def _exponential(name: str, double: bool) -> str:
 
 
 def _logarithm(name: str, double: bool) -> str:
-    count = 11 if double else 5
+    count = TERMS["logarithm"][double]
     series = _horner([2.0 / (2 * k + 1) for k in range(count)], "s")
-    bias, shift = (1023, 52) if double else (127, 23)
+    bias, shift = FORMATS[double]
     mask, middle = (1 << shift) - 1, bias << shift
-    ln2 = _split(_LN2, 30 if double else 10)
+    ln2 = _split(_LN2, LEADING[double])
     lines = [
         f"def {name}(x):",
         "    bits = float_bits(x)",

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from llvmlite import ir
 
 from flocking.engine.tiles.simd.vectors import WIDTH, array, index, vector
-from flocking.formula.native.arithmetic import converted, number
+from flocking.formula.native.arithmetic import converted, declared, number
 from flocking.formula.native.kinds import Array, Kind, Number, Several, UntranslatableError, Value
 from flocking.formula.native.primitives import Primitive
 
@@ -115,6 +115,19 @@ def _gatherer(columns: int) -> Callable[[ir.IRBuilder, Value, Value, Value, Valu
     return build
 
 
+def _fetch_ahead(builder: ir.IRBuilder, agents: Value, entries: Value, at: Value) -> None:
+    found = array(agents)
+    columns, pointer = found.shape[1], ir.IntType(8).as_pointer()
+    row = builder.gep(array(entries).data, [index(builder, at)])
+    takes = [pointer, _U4, _U4, _U4]
+    prefetch = declared(builder, "llvm.prefetch.p0", ir.VoidType(), takes)
+    for lane in range(WIDTH):
+        entry = builder.zext(builder.load(builder.gep(row, [ir.Constant(_U4, lane)])), _U8)
+        start = builder.gep(found.data, [builder.mul(entry, columns)])
+        # To be read, and soon again, as data.
+        builder.call(prefetch, [builder.bitcast(start, pointer), *(ir.Constant(_U4, k) for k in (0, 3, 1))])
+
+
 def _storer(columns: int) -> Callable[[ir.IRBuilder, Value, Value, Value], None]:
     def build(builder: ir.IRBuilder, agents: Value, base: Value, values: Value) -> None:
         found = array(agents)
@@ -160,6 +173,10 @@ def _column(builder: ir.IRBuilder, agents: Value, base: Value, which: Value) -> 
 
 column = Primitive(_column)
 """``column(agents, base, number)``: lanes of one column of agents base ... base + 15, for any number of columns."""
+
+fetch_ahead = Primitive(_fetch_ahead)
+"""``fetch_ahead(agents, entries, at)``: bring the agents numbered by ``entries[at : at + 16]`` near the processor,
+without waiting for them."""
 
 LOADERS = {columns: Primitive(_loader(columns)) for columns in (4, 6)}
 """By number of columns: ``load(agents, base)``, lanes of agents base ... base + 15, one per column."""

@@ -13,7 +13,7 @@ from flocking.study.claims.conclusions.links import no_link_lost, stays_connecte
 from flocking.study.evidence import Evidence
 
 ALL_PAIRS = "smallest distance of two agents"
-"""The quantity of a closest approach that speaks of all pairs, not of linked ones alone."""
+"""The quantity of a closest approach that is about all pairs, not linked ones alone."""
 
 WITH_GUARANTEE = (Verdict.HOLDS, Verdict.NOT_YET, Verdict.NOT_RESOLVED)
 """Verdicts beside which a guarantee is shown. A claim that fails is guaranteed by nothing."""

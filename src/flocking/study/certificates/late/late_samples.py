@@ -34,8 +34,14 @@ from flocking.arrays import Array, Mask
 from flocking.formula.intervals import Interval
 from flocking.study.certificates.enclosed_matrices import EnclosedMatrix, spectral_radius
 
+BELOW = 1.0 - 1e-9
+"""Factor by which the least angle is lowered, for the rounding of its formula."""
+
+ABOVE = 1.0 + 1e-15
+"""Factor by which the largest angle is raised above pi/2, whose rounded value lies 6e-17 below it."""
+
 HALVINGS = 80
-"""Bisections of an angle, more than double precision tells apart."""
+"""Bisections of an angle, more than double precision resolves."""
 
 WIDTHS = (1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 """Relative distances from a computed angle at which the sign of its equation is looked at."""
@@ -159,7 +165,7 @@ class NeighboursLate:
 
     @property
     def _couplings(self) -> list[Interval | int]:
-        """The numbers k - mu of all modes, merged where they are not told apart; 1 and -1 for exactly k and -k."""
+        """The numbers k - mu of all modes, merged where they are not distinguished; 1 and -1 for exactly k and -k."""
         k = Interval.of(float(self.neighbours))
         found: list[Interval | int] = [1]
         modes = self.modes
@@ -242,8 +248,8 @@ class NeighboursLate:
         first = HALF_PI / (2 * d + 1)
         if a > 0.0:
             first = min(first, float(np.sqrt(self.neighbours / (8.0 * a))) * b / (2 * d + 2))
-        first *= 1.0 - 1e-9
-        edges = np.geomspace(first, HALF_PI * (1.0 + 1e-15), CELLS + 1)
+        first *= BELOW
+        edges = np.geomspace(first, HALF_PI * ABOVE, CELLS + 1)
         edges = np.union1d(edges, np.linspace(first, edges[-1], CELLS + 1))
         return all(self._no_crossing(coupling, edges, period) for coupling in self._couplings)
 

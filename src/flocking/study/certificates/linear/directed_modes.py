@@ -22,6 +22,9 @@ from numpy.typing import NDArray
 from flocking.arrays import Array, Indices, Mask
 from flocking.formula.intervals import Interval
 
+SHORTEST = 1e-6
+"""Shortest period that is looked at, relative to the longest: a search, whose result is proven afterwards."""
+
 SLACK = 1e-12
 """Relative widening of what is computed of an eigenvalue's disc, some thousand units of rounding."""
 
@@ -116,7 +119,7 @@ class DirectedModes:
             first, second = self._conditions(Interval.of(t[:, None]), slice(None), exact=True)
             return np.asarray(((first.lo > 0.0) & (second.lo > 0.0)).all(axis=1))
 
-        places = np.concatenate([[0.0], np.geomspace(1e-6 * longest, longest, PLACES)])
+        places = np.concatenate([[0.0], np.geomspace(SHORTEST * longest, longest, PLACES)])
         for _ in range(NARROWED):
             found = stable(places)
             number = int(np.argmin(found))

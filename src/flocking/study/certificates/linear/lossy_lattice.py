@@ -32,6 +32,17 @@ from flocking.study.certificates.linear.near_equilibrium import NearEquilibrium
 from flocking.study.certificates.random_recursion import RandomRecursion
 from flocking.study.certificates.sampled_consensus import NUMBER_ERROR, SampledConsensus
 
+ORTHONORMAL = 1e-3
+"""Largest distance of computed columns from orthonormal ones with which a bound is proven; rounding leaves them 1e-13
+apart."""
+
+UNIT_NORM = 1.01
+"""Bound of products of the norms of two or four columns that are that near to orthonormal ones: (1 + 1e-3)^4 < 1.01."""
+
+TWO_NORMS = 2.01
+"""Bound of the difference of two rows of such columns, whose norms are at most 1 + 1e-3, and of its products with unit
+vectors."""
+
 LARGEST = 400
 """Components up to which growths below 1 are bounded: 100 agents in the plane, some 5 seconds on one core."""
 
@@ -88,6 +99,8 @@ class LossyLattice:
     def growth(self) -> tuple[float, float]:
         """Two numbers between which the factor of the mean square from tick to tick lies, in the long run."""
         recursion = self.recursion()
+        if not np.isfinite(recursion.absolute).all():
+            return 0.0, np.inf
         low, _ = spectral_radius(recursion.enclosed_mean())
         high = growth_bound(recursion)
         if np.isinf(high) and recursion.size <= FEW:
@@ -104,6 +117,8 @@ class LossyLattice:
         moving = np.asarray(np.kron(across, np.eye(m)), dtype=np.float64)
         # Of exact ones: how far the computed columns are from orthonormal, and from orthogonal to the same for all.
         apart = _defect(across) + float(np.linalg.norm(across.sum(axis=0))) / np.sqrt(n) + n * 4.0 * UNIT
+        if not max(away, apart) <= ORTHONORMAL:
+            away = np.inf
         mass, t = float(self.near.mass.lo), world.period
         d, e = deforming.shape[1], moving.shape[1]
         steady = np.eye(d + e)
@@ -112,7 +127,7 @@ class LossyLattice:
         into[:d] *= 0.5 * t * t / mass
         into[d:] *= t / mass
         absolute = (
-            INFLATION * t * (1.01 * (away + apart) + rounding(n * m)),
+            INFLATION * t * (UNIT_NORM * (away + apart) + rounding(n * m)),
             INFLATION * max(0.5 * t * t / mass * away, t / mass * apart),
             INFLATION * slack,
         )  # fmt: skip
@@ -146,8 +161,8 @@ class LossyLattice:
             stiff, weight = middle[k] * np.outer(unit, unit), -float(damping.values[a, b])
             # Rows of V and U have norms of at most about 1, their differences of at most 2.
             slack = max(
-                slack, 2.01 * float(error[k]) + (2.01 + m * UNIT) * float(size[k]) * (away + 8.0 * m * UNIT),
-                2.01 * float(damping.error[a, b]) + 2.01 * weight * (apart + 8.0 * UNIT),
+                slack, TWO_NORMS * float(error[k]) + (TWO_NORMS + m * UNIT) * float(size[k]) * (away + 8.0 * m * UNIT),
+                TWO_NORMS * float(damping.error[a, b]) + TWO_NORMS * weight * (apart + 8.0 * UNIT),
             )  # fmt: skip
             for one, other in ((a, b), (b, a)):
                 mine, theirs = (slice(x * m, (x + 1) * m) for x in (one, other))

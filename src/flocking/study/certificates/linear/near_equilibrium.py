@@ -23,6 +23,7 @@ from flocking.model.terms.schedules import Schedule
 from flocking.study.certificates.certificate import Hypothesis, until_failed
 from flocking.study.certificates.consensus_certificates import PI, LinearConsensus
 from flocking.study.certificates.enclosed_matrices import (
+    INFLATION,
     UNIT,
     EnclosedMatrix,
     eigenvalues,
@@ -32,6 +33,20 @@ from flocking.study.certificates.enclosed_matrices import (
 from flocking.study.certificates.energy_setting import EnergySetting
 from flocking.study.certificates.linear.equilibria import Equilibrium, PairForce, descended, proven
 from flocking.study.certificates.pieces import has_known_weight
+
+PRODUCT = 4e-16
+"""Relative error of one product, quotient or difference, at most 1.2e-16 of its value, with room for that of the
+bound."""
+
+WEIGHTED = 8e-16
+"""Relative error of the sum of two products with a sum of gains: at most seven roundings of 1.1e-16."""
+
+SUMMED = 2e-16
+"""Relative error for each number of a sum, 1.1e-16 times the sum of the absolute values, with room."""
+
+LENGTH = 1e-14
+"""Error of a computed distance relative to 1 + the largest coordinate: of a norm of three differences some ten
+roundings."""
 
 LARGEST = 200
 """Coordinates up to which an equilibrium is sought: 100 agents in the plane, a few seconds."""
@@ -135,7 +150,7 @@ class NearEquilibrium:
 
     @cached_property
     def name(self) -> str:
-        """The equilibrium in words, by which it is told from others."""
+        """The equilibrium in words, which distinguish it from others."""
         r, at = self.equilibrium.distances, self.equilibrium
         moved = float(np.linalg.norm(at.q - self.scenario.start.q, axis=1).max())
         return (
@@ -190,13 +205,13 @@ class NearEquilibrium:
             numbers = {name: sympy.Rational(x) for name, x in graph.parameters.items()}
             i, j = np.nonzero(at.links)
             length = np.linalg.norm(at.q[i] - at.q[j], axis=1)
-            wide = 2.0 * at.radius + 1e-14 * (1.0 + np.abs(at.q).max())
+            wide = 2.0 * at.radius + LENGTH * (1.0 + np.abs(at.q).max())
             found = enclosed(graph.weight(r, lambda name: numbers[name]), r, Interval.of(length - wide, length + wide))
             weights[i, j], errors[i, j] = 0.5 * (found.lo + found.hi), 0.5 * (found.hi - found.lo)
         weights = gains[True] * weights + gains[False] * np.asarray(at.links, dtype=np.float64)
-        errors = gains[True] * errors + 8e-16 * weights
+        errors = gains[True] * errors + WEIGHTED * weights
         laplacian = np.diag(weights.sum(axis=1)) - weights
-        spread = np.diag(errors.sum(axis=1) + len(weights) * 2e-16 * weights.sum(axis=1)) + errors
+        spread = np.diag(errors.sum(axis=1) + len(weights) * SUMMED * weights.sum(axis=1)) + errors
         return EnclosedMatrix(laplacian, spread)
 
     @cached_property
@@ -233,7 +248,7 @@ class NearEquilibrium:
             return None
         for share in STEEPEST:
             c = near * (1.0 + share)
-            scaled = EnclosedMatrix(c * b.values, c * b.error * (1.0 + 1e-9) + 4e-16 * np.abs(c * b.values))
+            scaled = EnclosedMatrix(c * b.values, c * b.error * INFLATION + PRODUCT * np.abs(c * b.values))
             if least_eigenvalue(scaled - h) >= 0.0:
                 return c
         return None
@@ -251,21 +266,21 @@ class NearEquilibrium:
             first = np.tile(np.arange(m), size // m)
             values = x.values[rows][:, rows] - x.values[first][:, rows]
             error = x.error[rows][:, rows] + x.error[first][:, rows]
-            return EnclosedMatrix(values, error * (1.0 + 1e-9) + 4e-16 * np.abs(values))
+            return EnclosedMatrix(values, error * INFLATION + PRODUCT * np.abs(values))
 
         mass = float(np.max(self.scenario.agents.masses))
         h, b = (relative(x) for x in (self.stiffness, self.full_damping))
         none = np.zeros((size, size))
         matrix = EnclosedMatrix(
             np.block([[none, np.eye(size)], [-h.values / mass, -b.values / mass]]),
-            np.block([[none, none], *[[(x.error / mass + 4e-16 * np.abs(x.values / mass)) for x in (h, b)]]]),
+            np.block([[none, none], *[[(x.error / mass + PRODUCT * np.abs(x.values / mass)) for x in (h, b)]]]),
         )
         found = eigenvalues(matrix)
         if found is None:
             return "eigenvectors of the motion are too close to dependent"
         values, radius = found
         turns = self.equilibrium.rigid_motions - m
-        near = np.abs(values) <= radius * (1.0 + 1e-9)
+        near = np.abs(values) <= radius * INFLATION
         others = values[~near]
         apart = len(others) == 0 or np.abs(others).min() > 3.0 * radius
         if int(near.sum()) != turns or not apart:

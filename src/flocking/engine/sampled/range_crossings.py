@@ -15,7 +15,7 @@ from flocking.formula.compiled import Reading
 from flocking.model.law import Law
 
 
-class Meeting(NamedTuple):
+class RangeCrossing(NamedTuple):
     """When an agent comes within range of an obstacle, or leaves it.
 
     Parameters
@@ -32,7 +32,7 @@ class Meeting(NamedTuple):
     obstacle: int
 
 
-class Meetings(ObstacleDistances):
+class ObstacleRanges(ObstacleDistances):
     """Agents within range of obstacles, and the next change of that for every agent and obstacle.
 
     Parameters
@@ -51,7 +51,7 @@ class Meetings(ObstacleDistances):
     ends
         When the motion of every agent changes next, in seconds from the start, shape (N,).
     due
-        Heap of the meetings until then, at most one for an agent and an obstacle.
+        Heap of the crossings until then, at most one for an agent and an obstacle.
     """
 
     def __init__(self, law: Law, q: Array, t: float) -> None:
@@ -62,14 +62,14 @@ class Meetings(ObstacleDistances):
             levels = [level for level in self.levels if level.kind == "obstacle"]
             self.near: list[Links] = [self.within(level, q, t) for level in levels]
         self.ends = np.zeros(len(q))
-        self.due: list[Meeting] = []
+        self.due: list[RangeCrossing] = []
 
     @property
     def pairs(self) -> list[tuple[Indices, Indices]]:
         """Agents within range of an obstacle, and the obstacles, of every group."""
         return [(i, o) for i, o in map(np.nonzero, self.near)]
 
-    def met_by(self, q: Array, t: float, agents: Indices) -> list[tuple[Indices, Indices]]:
+    def within_range_by(self, q: Array, t: float, agents: Indices) -> list[tuple[Indices, Indices]]:
         """Agents within range of an obstacle by the positions that they assume, and the obstacles, of every group.
 
         Parameters
@@ -83,7 +83,7 @@ class Meetings(ObstacleDistances):
             return [(agents[i], o) for i, o in super().met(q, t)]
 
     def watch(self, base: float, seconds: float, S: Array, agents: Indices) -> None:
-        """Find the next meetings of ``agents``, whose motion goes on until `ends`.
+        """Find the next crossings of ``agents``, whose motion goes on until `ends`.
 
         Parameters
         ----------
@@ -103,8 +103,8 @@ class Meetings(ObstacleDistances):
             who, which = (x.ravel() for x in np.broadcast_arrays(agents[:, None], np.arange(there.shape[1])))
             self._find(base, seconds, S, group, (who, which))
 
-    def meet(self, base: float, S: Array) -> Meeting:
-        """Let the next meeting take place, and find the one after it of the same two.
+    def cross(self, base: float, S: Array) -> RangeCrossing:
+        """Cross the next range, and find the crossing after it of the same two.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class Meetings(ObstacleDistances):
         return found
 
     def _find(self, base: float, seconds: float, S: Array, group: int, pairs: tuple[Indices, Indices]) -> None:
-        """Put the first meeting of every pair (agent, obstacle) of a group into the heap."""
+        """Put the first crossing of every pair (agent, obstacle) of a group into the heap."""
         agents, obstacles = pairs
         span = self.ends[agents] - seconds
         kept = span > 0.0
@@ -144,7 +144,7 @@ class Meetings(ObstacleDistances):
             when = first_crossings(above, np.ascontiguousarray(paths), span * fastest[obstacles])
         for k in np.flatnonzero(when <= 1.0).tolist():
             at = float(seconds + span[k] * when[k])
-            heapq.heappush(self.due, Meeting(at, int(agents[k]), group, int(obstacles[k])))
+            heapq.heappush(self.due, RangeCrossing(at, int(agents[k]), group, int(obstacles[k])))
 
 
 def _bernstein(degree: int) -> Array:

@@ -1,0 +1,45 @@
+"""What a new run needs before its first frame: a free folder, and its scenario as text."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, storage_errors
+from flocking.engine.storage.record import RECORD
+from flocking.errors import StorageError
+from flocking.model.law import Law, Scenario
+from flocking.model.serial import ForeignPart, to_data
+
+
+def check_free(folder: Path) -> None:
+    """Check that a folder is empty or missing.
+
+    Raises
+    ------
+    StorageError
+        If it is not empty, or cannot be read.
+    """
+    with storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
+        if (folder / RECORD).exists():
+            raise StorageError(
+                f"{folder}: contains a run. Choose another folder, continue it with `flocking resume`, or delete it."
+            )
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
+
+
+def scenario_text(scenario: Scenario, plant: Law | None) -> tuple[bytes, str | None]:
+    """Scenario and plant as JSON, or ``null`` and the reason where a part is from outside this library.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    plant
+        The law that agents follow, if it differs from that of the scenario.
+    """
+    try:
+        return json.dumps(to_data([scenario, plant])).encode(), None
+    except ForeignPart as error:
+        return b"null", str(error)
