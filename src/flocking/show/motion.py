@@ -61,5 +61,5 @@ def thinned_path(points: Reals, step: float) -> Reals:
     if len(points) < 3:
         return points
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    kept = np.flatnonzero(np.diff(np.floor(way / step), prepend=-1.0))
-    return np.asarray(points[np.union1d(kept, [len(points) - 1])])
+    chosen = np.flatnonzero(np.diff(np.floor(way / step), prepend=-1.0))
+    return np.asarray(points[np.union1d(chosen, [len(points) - 1])])

@@ -10,7 +10,7 @@ import flocking as fk
 from flocking.apps.lab.experiment.clock import Clock
 from flocking.apps.lab.experiment.events import outcome
 from flocking.apps.lab.experiment.experiment import Experiment
-from flocking.apps.lab.live.frame_bytes import Wanted, packed
+from flocking.apps.lab.live.frame_bytes import RequestedParts, packed
 from flocking.apps.lab.panels.measures import measured
 from flocking.apps.lab.scene import filming
 from tests.apps.lab.tabs import LabTab
@@ -47,7 +47,7 @@ def quadrotor():
 
 def content(scenario, requested=None):
     """Header of the first group of a frame, and its numbers."""
-    data = packed(Clock([Experiment(scenario)]).frame, requested or Wanted())
+    data = packed(Clock([Experiment(scenario)]).frame, requested or RequestedParts())
     size = struct.unpack("<I", data[:4])[0]
     return json.loads(data[4 : 4 + size])["groups"][0], np.frombuffer(data[4 + size :], dtype=np.float32)
 
@@ -88,7 +88,7 @@ def test_numbers_beside_the_scene_know_that_space_repeats():
     assert found["defect"] == pytest.approx(0.0, abs=1e-12)
     open_ = measured(state, 0.0)
     assert open_["closest pair"] > 1.0
-    group, numbers = content(scenario, Wanted(energies=True))
+    group, numbers = content(scenario, RequestedParts(energies=True))
     assert group["energies"]
     stored = 0.5 * (1.0 - np.hypot(0.7, 0.1)) ** 2
     assert numbers[-4:] == pytest.approx([stored, stored, 0.0, 0.0], abs=1e-6)

@@ -17,7 +17,7 @@ from flocking.apps.lab.experiment.history import History
 from flocking.apps.lab.experiment.potential_ranges import check_quickly, check_range, reach_of
 from flocking.apps.lab.experiment.settings import sections
 from flocking.apps.lab.experiment.timeline import Timeline
-from flocking.apps.lab.live.frame_bytes import Wanted, link_pairs, packed
+from flocking.apps.lab.live.frame_bytes import RequestedParts, link_pairs, packed
 from flocking.apps.lab.panels.agent_forces import agent_content
 from flocking.apps.lab.panels.catalogue import catalogue, small_picture
 from flocking.apps.lab.panels.choices import in_space
@@ -281,7 +281,7 @@ def test_a_frame_becomes_bytes_and_back_far_from_the_origin():
     state = fk.State(q, rng.normal(size=(20, 2)), 3.0, fk.Proximity(1.0).initial(q))
     scenario = fk.Scenario(fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)]), state, t_end=4.0)
     frame = Clock([Experiment(scenario)]).frame
-    head, numbers = unpacked(packed(frame, Wanted()))
+    head, numbers = unpacked(packed(frame, RequestedParts()))
     group = head["groups"][0]
     assert (head["t"], group["n"], group["d"]) == (3.0, 20, 2)
     # Relative to the centre nothing of single precision is lost to the distance from the origin.

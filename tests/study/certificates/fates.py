@@ -141,7 +141,7 @@ def _remembered(scenario: fk.Scenario, world: SampledConsensus) -> np.ndarray:
         p = scenario.start.p[:, 0]
         block = np.concatenate([q, p - p[0]])
     parts = [np.tile(block, world.delayed_samples + 1)]
-    if world.kept:
+    if world.uses_older_samples:
         links = np.argwhere(scenario.law.graph.initial(scenario.start.q))
         parts.append(q[links[:, 1]])
     full = np.concatenate(parts)

@@ -120,7 +120,7 @@ def test_the_recursion_is_what_the_engine_runs(beta, messages):
 
     def state(k):
         parts = [np.concatenate([r[k - d] for r in rows]) for d in range(late + 1)]
-        remembered = [rows[0][0][links[:, 1]]] if world.kept else []
+        remembered = [rows[0][0][links[:, 1]]] if world.uses_older_samples else []
         return np.concatenate([*parts, *remembered])
 
     z = state(late)
@@ -140,7 +140,7 @@ def world_relative(world, z):
     y = z.copy()
     for d in range(late + 1):
         y[d * block : d * block + n] -= z[0]
-    if world.kept:
+    if world.uses_older_samples:
         y[(late + 1) * block :] -= z[0]
     gone = [0]
     if world.order == 2 and not late:

@@ -17,7 +17,7 @@ SIGNS = {"at most": "<=", "at least": ">=", "is": "="}
 """Signs of the sides of bounds in narrow columns."""
 
 
-KEPT = {"True": "yes", "False": "NO", "None": "not resolved"}
+VERDICTS = {"True": "yes", "False": "NO", "None": "not resolved"}
 """Words for whether a promise was kept; one that seems broken in a run without stated errors is not resolved."""
 
 
@@ -99,7 +99,7 @@ def print_promises(rows: list[dict[str, object]]) -> None:
     cells = [
         (
             str(r["key"]), f"{SIGNS[str(r['side'])]} {r['promised']:.4g}", f"{r['observed']:.4g}",
-            KEPT[str(r["kept"])], str(r["quantity"]),
+            VERDICTS[str(r["kept"])], str(r["quantity"]),
         )
         for r in rows
     ]  # fmt: skip

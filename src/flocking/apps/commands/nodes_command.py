@@ -98,9 +98,9 @@ def nodes(
         print_facts([(name, str(value)) for name, value in facts.items()])
     if not run.status.startswith("interrupted"):
         return FINE
-    kept = ", ".join(str(path) for path in (out, record) if path is not None)
+    files = ", ".join(str(path) for path in (out, record) if path is not None)
     print(
-        f"flocking: {run.status}: {f'{kept} hold what was until then' if kept else 'nothing is stored'}.",
+        f"flocking: {run.status}: {f'{files} hold what was until then' if files else 'nothing is stored'}.",
         file=sys.stderr,
     )
     return INTERRUPTED

@@ -10,7 +10,7 @@ from flocking.formula.markup.text_formulas import set_text
 from flocking.study.certificates.certify import certify
 from flocking.study.certificates.comparison import compare
 
-KEPT = {True: "yes", False: "no", None: "not resolved"}
+VERDICTS = {True: "yes", False: "no", None: "not resolved"}
 """Words for whether a promise was kept."""
 
 
@@ -34,11 +34,11 @@ def certificates_table(run: Run) -> str:
     for each in found.granted:
         row = seen.get(each.key)
         observed = "" if row is None else f"{row.observed:.4g}"
-        kept = "" if row is None else KEPT[row.kept]
+        verdict = "" if row is None else VERDICTS[row.kept]
         promised = "" if each.safe_bound is None else f"{each.side} {each.safe_bound:.4g}"
         rows.append(
             f"<tr><td>{set_text(each.statement)}</td><td>{set_text(each.source, letters=False)}</td>"
-            f"{named_cells(COMPARED, (escape(promised), observed, kept))}</tr>"
+            f"{named_cells(COMPARED, (escape(promised), observed, verdict))}</tr>"
         )
     head = head_row("guaranteed before the run", "theorem", *COMPARED)
     return f"<h4>Certificates</h4>\n{table(head, rows, 'Certificates')}"

@@ -16,7 +16,7 @@ PACKAGES = ("flocking", "numpy", "scipy", "sympy", "llvmlite", "matplotlib", "ne
 """Packages whose versions are shown: what computes, judges and draws."""
 
 
-TOLD = ("engine", "agents", "from", "to", "frames", "seed", "tolerance", "steps", "switches", "status")
+COLUMNS = ("engine", "agents", "from", "to", "frames", "seed", "tolerance", "steps", "switches", "status")
 """What is shown of each run; on a phone, where the head of the table is not shown, beside its value."""
 
 
@@ -51,7 +51,7 @@ def runs_table(rows: Mapping[str, tuple[str, Run]]) -> str:
         Title and run, by the anchor that the title leads to.
     """
     body = [_row(anchor, title, run) for anchor, (title, run) in rows.items()]
-    return table(head_row("scenario", *TOLD), body, "Runs that are shown")
+    return table(head_row("scenario", *COLUMNS), body, "Runs that are shown")
 
 
 def _row(anchor: str, title: str, run: Run) -> str:
@@ -61,6 +61,6 @@ def _row(anchor: str, title: str, run: Run) -> str:
         "none" if s.seed is None else s.seed, f"{s.tolerance:g}", run.provenance.get("steps", "not recorded"),
         len(run.switches), run.status,
     )  # fmt: skip
-    named = zip(TOLD, numbers, strict=True)
+    named = zip(COLUMNS, numbers, strict=True)
     cells = "".join(f"<td class='count' data-name='{name}'>{escape(str(x))}</td>" for name, x in named)
     return f'<tr><td><a href="#{escape(anchor)}">{escape(title)}</a></td>{cells}</tr>'

@@ -27,7 +27,7 @@ from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import PER_SECOND
 
 MOST_NEIGHBOURS = 255
-"""Largest number of neighbours whose states are kept: loops of a flight computer are bounded, and slots have a byte."""
+"""Largest number of neighbours whose states are stored: loops need a bound, and slots have a byte."""
 
 MOST_AGENTS = 65535
 """Largest number of agents: their identifiers have sixteen bits."""
@@ -93,7 +93,7 @@ class ExportedLaw:
     ranges
         Range of each group of obstacles, and the number of its obstacles.
     neighbours
-        Largest number of neighbours whose states are kept.
+        Largest number of neighbours whose states are stored.
     expires
         Nanoseconds after which a state is not used any more; None for never.
     predict
@@ -169,7 +169,7 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
     Parameters
     ----------
     neighbours
-        Largest number of neighbours whose states are kept; all others of the group when absent.
+        Largest number of neighbours whose states are stored; all others of the group when absent.
     limit
         Largest force; None for no limit.
 
@@ -187,10 +187,10 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
     check_reach(law.pair_terms, law.graph)
     if n > MOST_AGENTS:
         raise InvalidInput("export_c", "scenario", f"must have at most {MOST_AGENTS} agents", n)
-    kept = max(n - 1, 1) if neighbours is None else integer("export_c", "neighbours", neighbours, least=1)
-    if kept > MOST_NEIGHBOURS:
+    most = max(n - 1, 1) if neighbours is None else integer("export_c", "neighbours", neighbours, least=1)
+    if most > MOST_NEIGHBOURS:
         raise InvalidInput(
-            "export_c", "neighbours", f"must be at most {MOST_NEIGHBOURS}", kept,
+            "export_c", "neighbours", f"must be at most {MOST_NEIGHBOURS}", most,
             "Give the largest number of agents that one may hear at a time, as in --neighbours 16.",
         )  # fmt: skip
     layout = Layout(law, Energy(), space=scenario.space, steering=True)
@@ -223,7 +223,7 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
     messages = scenario.information if isinstance(scenario.information, Messages) else None
     return ExportedLaw(
         scenario, formulas, layout, tuple(round((t - start) * PER_SECOND) for t in times), P, A, W, rows,
-        tuple(graphs), ranges, kept, None if messages is None else messages.expires_in_nanoseconds,
+        tuple(graphs), ranges, most, None if messages is None else messages.expires_in_nanoseconds,
         messages is not None and messages.predict,
         None if limit is None else number("export_c", "limit", limit, above=0.0), control,
     )  # fmt: skip

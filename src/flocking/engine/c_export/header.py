@@ -38,7 +38,7 @@ def header(law: ExportedLaw, name: str, *, single: bool) -> str:
         Whether numbers are of single precision.
     """
     x, X = f"{name}_", f"{name.upper()}_"
-    kept = (
+    normals = (
         f"    {x}real normals[{X}NEIGHBOURS][{X}DIMENSION]; /* lines along which neighbours were braked for */\n"
         if law.filter is not None and law.filter.form == SAMPLED
         else ""
@@ -94,7 +94,7 @@ typedef struct
 typedef struct
 {{
     {x}message known[{X}NEIGHBOURS];
-{kept}    int64_t time;
+{normals}    int64_t time;
     uint32_t links[{X}GRAPHS][{X}WORDS]; /* a bit for each slot of known */
     uint32_t used[{X}WORDS];
     uint32_t lost; /* messages and states without a slot that the law saw from q */

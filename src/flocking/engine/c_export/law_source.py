@@ -285,7 +285,7 @@ def _needed(stages: Sequence[dict[str, sympy.Expr]]) -> list[dict[str, sympy.Exp
     requested, found = {"distance"}, []
     for place, stage in reversed(list(enumerate(stages))):
         last = place + 1 == len(stages)
-        kept = {name: e for name, e in stage.items() if (last and e != 0) or name in requested}
-        requested |= {str(s) for e in kept.values() for s in e.free_symbols}
-        found.append(kept)
+        needed = {name: e for name, e in stage.items() if (last and e != 0) or name in requested}
+        requested |= {str(s) for e in needed.values() for s in e.free_symbols}
+        found.append(needed)
     return found[::-1]

@@ -71,7 +71,7 @@ def _filled(text: str, c: CSource, control: SafetyFilter) -> str:
     """A template with the numbers of a filter."""
     relaxed = SINGLE_RELAXED if c.single else RELAXED
     values = {
-        "kept": control.kept, "gain": control.gain, "asked": SINGLE_ASKED if c.single else ASKED,
+        "guarded": control.guarded_distance, "gain": control.gain, "asked": SINGLE_ASKED if c.single else ASKED,
         "relaxed": relaxed * control.distance, "part": 1.0 / SHARES, "distance": control.distance,
         "rounded": SINGLE_ROUNDING if c.single else ROUNDING,
     }  # fmt: skip
@@ -95,10 +95,10 @@ _BOUNDS = {
 static $real $xbound($real r, const $real dp[$XDIMENSION], const $real dv[$XDIMENSION], $real braking)
 {
     $real found = braking;
-    if (r > @kept@)
+    if (r > @guarded@)
     {
         const $real opening = $xdot(dp, dv) / r;
-        const $real root = $xsqrt((#2# * braking) * (r - @kept@));
+        const $real root = $xsqrt((#2# * braking) * (r - @guarded@));
         const $real across = ($xdot(dv, dv) - (opening * opening)) / r;
         const $real sum = root + opening;
         found = -(((@gain@ * ((sum * sum) * sum)) + across) + ((braking * opening) / root));
@@ -160,7 +160,7 @@ static void $xcondition($xmemory *memory, uint16_t slot, const $real dp[$XDIMENS
 static $real $xreserve($real along, $real closing, $real braking)
 {
     const $real speed = (closing > #0#) ? closing : #0#;
-    return (along - @kept@) - ((speed * speed) / (#2# * braking));
+    return (along - @guarded@) - ((speed * speed) / (#2# * braking));
 }
 
 /* The condition of the pair with a neighbour: along the line between them, or that of the tick before. */
@@ -204,7 +204,7 @@ static void $xcondition($xmemory *memory, uint16_t slot, const $real dp[$XDIMENS
     }
     left = (left > #0#) ? left : #0#;
     all->level[all->count] =
-        (own / braking) * $xbound(along, closing, braking, @kept@ + (left * $xdecay(memory->agent)), period);
+        (own / braking) * $xbound(along, closing, braking, @guarded@ + (left * $xdecay(memory->agent)), period);
     all->count++;
 }
 

@@ -34,7 +34,7 @@ def obstacles_source(control: SafetyFilter, c: CSource, m: int) -> str:
         return f"static const {c.prefix}real {c.prefix}{name}{shape} = {text(rows)};\n"
 
     balls, walls, found, calls = control.balls, control.walls, "", ""
-    clearance = f"#{control.kept_clearance!r}#"
+    clearance = f"#{control.guarded_clearance!r}#"
     if balls:
         centres = np.array([b.centre.at(0.0)[0] for b in balls]).reshape(len(balls), m)
         found += table("ball_centre", centres) + table("ball_radius", np.array([b.radius for b in balls]))
@@ -193,7 +193,7 @@ static void $xbetween(const $real d[$XDIMENSION], const $real q[$XDIMENSION], co
     {
         all->normal[all->count][k] = (size > #0#) ? (away[k] / size) : #0#;
     }
-    all->level[all->count] = (#0.5# * $xdot(all->normal[all->count], middle)) + (#0.5# * @kept@);
+    all->level[all->count] = (#0.5# * $xdot(all->normal[all->count], middle)) + (#0.5# * @guarded@);
     all->count++;
 }
 

@@ -46,7 +46,7 @@ def velocity_source(law: ExportedLaw, c: CSource) -> str:
         limits = _LIMIT if body.force is not None or body.speed is not None else ""
     else:
         assert isinstance(body, VelocityUnit)
-        rule = _WANTED
+        rule = _DESIRED_VELOCITY
         if body.speed is not None:
             numbers, limits = {"largest_speed": body.speed}, _LIMIT
         call = f"    $xlimit(v, $xlargest_speed(memory->agent), {int(body.fixed)}u);\n"
@@ -124,7 +124,7 @@ _IMPULSIVE = """\
     }
 @speed@"""
 
-_WANTED = """\
+_DESIRED_VELOCITY = """\
     uint32_t k;
     for (k = 0u; k < $XDIMENSION; k++)
     {

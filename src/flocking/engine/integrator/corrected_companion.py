@@ -47,7 +47,7 @@ def correct(
     """
     size, span = start.shape[0], end - begin
     pieces = 2 * max(1, math.ceil(0.5 * span * rate / SHORT))
-    h, fastest, last, kept = span / pieces, 0.0, nodes.shape[0] - 1, 0
+    h, fastest, last, stored = span / pieces, 0.0, nodes.shape[0] - 1, 0
     e, norms = np.empty(size), np.empty(nodes.shape[0])
     room, left, slopes = np.empty((1, size)), np.empty((coefficients.shape[0], size)), np.empty((4, size))
     z, none = np.empty(size), np.empty(size)
@@ -77,10 +77,10 @@ def correct(
             e[c] += h / 6 * (slopes[0, c] + 2 * slopes[1, c] + 2 * slopes[2, c] + slopes[3, c])
             square += e[c] ** 2
         if piece < pieces - 1:
-            kept = keep_largest(nodes, norms, kept, square, e)
+            stored = keep_largest(nodes, norms, stored, square, e)
     for c in range(size):
         nodes[last, c] = e[c]
-    for k in range(kept + 1, last):
+    for k in range(stored + 1, last):
         for c in range(size):
             nodes[k, c] = nodes[1, c]
     return fastest
@@ -101,7 +101,7 @@ def slope_at(coefficients: Array, left: Array, x: float, span: float, c: int) ->
     return DEGREE / span * np.float64(coefficients[1, c] - coefficients[0, c])
 
 
-def keep_largest(nodes: Array, norms: Array, kept: int, square: float, e: Array) -> int:
+def keep_largest(nodes: Array, norms: Array, stored: int, square: float, e: Array) -> int:
     """Put a difference among the largest ones, as many as on other steps; for native functions.
 
     Parameters
@@ -110,7 +110,7 @@ def keep_largest(nodes: Array, norms: Array, kept: int, square: float, e: Array)
         The differences, shape (6, size), from row 1 on; the last row is that at the end of the step.
     norms
         Squares of their sizes, descending.
-    kept
+    stored
         How many there are.
     square, e
         The new difference, shape (size,), and the square of its size.
@@ -120,16 +120,16 @@ def keep_largest(nodes: Array, norms: Array, kept: int, square: float, e: Array)
     int
         How many there are then.
     """
-    last, place = nodes.shape[0] - 1, kept
+    last, place = nodes.shape[0] - 1, stored
     while place > 0 and norms[place - 1] < square:
         place -= 1
     if place < last - 1:
-        kept = min(kept + 1, last - 1)
-        for k in range(kept - 1, place, -1):
+        stored = min(stored + 1, last - 1)
+        for k in range(stored - 1, place, -1):
             norms[k] = norms[k - 1]
             for c in range(e.shape[0]):
                 nodes[k + 1, c] = nodes[k, c]
         norms[place] = square
         for c in range(e.shape[0]):
             nodes[place + 1, c] = e[c]
-    return kept
+    return stored

@@ -67,11 +67,11 @@ def mutual_loop(number: int, formulas: LawFormulas, requested: Mapping[str, str]
     if not chosen:
         return ""
     axes, moving = range(m), "drag" in chosen or bool(names.others & {"speed2", "radial"})
-    kept = [f"d{k}" for k in axes] + [f"v{k}" for k in axes if moving]
+    gathered = [f"d{k}" for k in axes] + [f"v{k}" for k in axes if moving]
     spans = ["low_side", "high_side", "low_reach", "high_reach"] if split else []
     sums = {"dissipation": "dissipated", "supply": "supplied"}
     given = [f"f{k}" for k in axes] + [name for name in sums if name in chosen]
-    arrays = {name: f"{name}_{number}" for name in [*kept, *spans, *given]}
+    arrays = {name: f"{name}_{number}" for name in [*gathered, *spans, *given]}
     first = [f"{arrays[name]} = np.empty({PORTION})" for name in arrays]
     gather = ["i = senders[begin + c]", "j = sensed[begin + c]"]
     # The state vector's places are multiples of a number known when the code is compiled.
@@ -79,11 +79,11 @@ def mutual_loop(number: int, formulas: LawFormulas, requested: Mapping[str, str]
     velocity = "z[(n + {agent}) * {m} + {k}]" if order == 2 else "p[{agent}, {k}]"
     seen, own = ([velocity.format(agent=agent, m=m, k=k) for k in axes] for agent in "ji")
     gather += [f"v{k} = {seen[k]} - {own[k]}" for k in axes if moving]
-    gather += [f"{arrays[name]}[c] = {name}" for name in kept]
+    gather += [f"{arrays[name]}[c] = {name}" for name in gathered]
     if split:
         gather += ["row = pieces[begin + c]"]
         gather += [f"{arrays[name]}[c] = spans[row, {k}]" for k, name in enumerate(spans)]
-    compute = [f"{name} = {arrays[name]}[c]" for name in [*kept, *spans]]
+    compute = [f"{name} = {arrays[name]}[c]" for name in [*gathered, *spans]]
     compute += ["r = math.sqrt(" + " + ".join(f"d{k} * d{k}" for k in axes) + ")"]
     if split:
         compute += ["side = min(max(r, low_side), high_side)", "reach = min(max(r, low_reach), high_reach)"]

@@ -178,9 +178,9 @@ class PythonNode(Node):
             # Their law sees no velocities.
             return self.controller(t, q, [0.0] * m, ids=ids, q=places, p=np.zeros_like(speeds))
         force = self.controller(t, q, p, ids=ids, q=places, p=speeds)
-        return force if self._filter is None else self._kept_apart(self._filter, now, [*q, *p], known, force)
+        return force if self._filter is None else self._filtered_force(self._filter, now, [*q, *p], known, force)
 
-    def _kept_apart(
+    def _filtered_force(
         self, keeper: ForceFilter, now: int, own: list[float], known: list[Sample], force: Array
     ) -> Array:  # fmt: skip
         """What the safety filter makes of a force."""

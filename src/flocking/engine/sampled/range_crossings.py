@@ -124,8 +124,8 @@ class ObstacleRanges(ObstacleDistances):
         """Put the first crossing of every pair (agent, obstacle) of a group into the heap."""
         agents, obstacles = pairs
         span = self.ends[agents] - seconds
-        kept = span > 0.0
-        agents, obstacles, span = agents[kept], obstacles[kept], span[kept]
+        ahead = span > 0.0
+        agents, obstacles, span = agents[ahead], obstacles[ahead], span[ahead]
         if not len(agents):
             return
         powers = span[:, None] ** np.arange(len(S))

@@ -206,16 +206,16 @@ class ForceFilter:
         control, period, m = self.control, float(self.period[i]), dp.shape[1]
         path = stopping_paths(own[None, m:], float(self.most[i]), period)[0]
         paths = stopping_paths(v, self.most[others], np.asarray(self.period[others]))
-        found = between(path, -dp, paths, control.kept)
+        found = between(path, -dp, paths, control.guarded_distance)
         balls, walls = control.balls, control.walls
         if balls:
             centres = np.array([b.centre.at(0.0)[0] for b in balls]) - own[:m]
             radii = np.array([b.radius for b in balls])
-            found = found.joined(beside_balls(path, centres, radii, control.kept_clearance))
+            found = found.joined(beside_balls(path, centres, radii, control.guarded_clearance))
         if walls:
             normals = np.array([w.normal for w in walls])
             places = np.array([w.point.at(0.0)[0] for w in walls]) - own[:m]
-            found = found.joined(Planes(normals, (normals * places).sum(axis=1) + control.kept_clearance))
+            found = found.joined(Planes(normals, (normals * places).sum(axis=1) + control.guarded_clearance))
         return found
 
     def _conditions(self, i: int, others: Links, dp: Array, dv: Array) -> tuple[Array, Array]:
@@ -229,7 +229,7 @@ class ForceFilter:
         apart = r > 0.0
         line = np.where(apart[:, None], dp / np.where(apart, r, 1.0)[:, None], held)
         if control.form == "continuous":
-            return line, own / braking * continuous_bound(dp, dv, braking, control.kept, control.gain)
+            return line, own / braking * continuous_bound(dp, dv, braking, control.guarded_distance, control.gain)
         choices = []
         for normal in (line, held):
             along, closing = (normal * dp).sum(axis=1), -(normal * dv).sum(axis=1)
@@ -240,6 +240,6 @@ class ForceFilter:
         left, along, closing = (np.where(better, b, a) for a, b in zip(*choices, strict=True))
         self.memory.normals[i, others] = normals
         period = float(self.period[i])
-        kept = control.kept + np.maximum(left, 0.0) * np.exp(-control.gain * period)
-        bound = sampled_bound(along, closing, braking, kept, period)
+        floor = control.guarded_distance + np.maximum(left, 0.0) * np.exp(-control.gain * period)
+        bound = sampled_bound(along, closing, braking, floor, period)
         return normals, own / braking * bound

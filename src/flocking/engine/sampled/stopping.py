@@ -210,8 +210,8 @@ def stopping_acceleration(
     fits = bool((planes.levels - held.levels <= RELAXED * distance).all())
     size = float(np.linalg.norm(desired))
     first = desired if size <= most else desired * (most / size)
-    kept = _kept(first[None], v, held, most, period)
-    if kept.all():
+    fit = _on_their_sides(first[None], v, held, most, period)
+    if fit.all():
         return first, fits
     found = [_towards(first, brake, v, held, most, period)]
     # No nearer to the planes that the desired one crosses than braking brings it: the agent slides along them.
@@ -228,16 +228,16 @@ def _towards(target: Array, brake: Array, v: Array, planes: Planes, most: float,
     for _ in range(2):
         shares = low + width * np.linspace(1.0, 0.0, SHARES + 1)[:-1]
         candidates = brake + shares[:, None] * (target - brake)
-        kept = _kept(candidates, v, planes, most, period)
-        if kept.any():
-            low = float(shares[int(np.argmax(kept))])
+        fit = _on_their_sides(candidates, v, planes, most, period)
+        if fit.any():
+            low = float(shares[int(np.argmax(fit))])
         if low >= 1.0:
             return target
         width /= SHARES
     return np.asarray(brake + low * (target - brake))
 
 
-def _kept(u: Array, v: Array, planes: Planes, most: float, period: float) -> Mask:
+def _on_their_sides(u: Array, v: Array, planes: Planes, most: float, period: float) -> Mask:
     """Which accelerations, shape (C, m), keep all planes and are not larger than the largest."""
     small = np.linalg.norm(u, axis=1) <= most * ROUNDED
     return np.asarray(_sides(u, v, planes, most, period).all(axis=1) & small)

@@ -66,7 +66,7 @@ def after_step(
         If a pair approached too far in one step for its distance.
     """
     _check_finite(particles, time)
-    links_kept(particles, step, time)
+    links_stay(particles, step, time)
     records.closest_linked = closest_pair(particles, records.closest_linked, time)
     _check_pair_motion(particles, h, step, time, singular_reach)
 
@@ -181,7 +181,7 @@ def stiff_start(step: float, resolves: float, scheme: str, order: int, time: flo
         raise step_too_large(step, resolves, why, time=time)
 
 
-def links_kept(particles: ParticleArrays, step: float, time: float) -> None:
+def links_stay(particles: ParticleArrays, step: float, time: float) -> None:
     """Check that no link broke whose potential is infinite at the break radius.
 
     Parameters

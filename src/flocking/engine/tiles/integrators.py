@@ -68,7 +68,7 @@ class LedgerSums:
 
 
 class IntegratorMemory(TypedDict):
-    """State of a fixed-step integrator: its last step, whether that is in the ledger, and the ledger."""
+    """State of a fixed-step integrator, by its names in files: the last step, whether the ledger has it, the ledger."""
 
     last: float
     counted: bool
@@ -205,14 +205,14 @@ def _combine_flow(first, last, base, gained, agents, slopes, weight, ahead, begi
             agents[i, k] = base[i, k] + ahead * speed
 
 
-def _looked(scheme: Integrator, particles: ParticleArrays, t: float, h: float) -> Reals:
+def _looked(integrator: Integrator, particles: ParticleArrays, t: float, h: float) -> Reals:
     """Velocities of agents after a pass that does not change the state; updates the ledger."""
     particles.require_lists(h)
     particles.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0)
-    if scheme.ledger:
-        scheme.ledger_sums.catch_up()
-        scheme.ledger_sums.read(particles)
-        scheme.ledger_sums.jumped += scheme.ledger_sums.sums["jumped"]
+    if integrator.ledger:
+        integrator.ledger_sums.catch_up()
+        integrator.ledger_sums.read(particles)
+        integrator.ledger_sums.jumped += integrator.ledger_sums.sums["jumped"]
     velocities = particles.X[particles.m :]
     return velocities if particles.spec.order == 2 else np.zeros_like(velocities)
 
@@ -316,7 +316,7 @@ class RungeKutta(Integrator):
 
 
 def integrator_named(name: str, spec: KernelSpec) -> Integrator:
-    """The integrator with one of the names in ``SCHEMES`` of `flocking.engine.tiles.kernels.spec`.
+    """The integrator with one of the names in ``INTEGRATORS`` of `flocking.engine.tiles.kernels.spec`.
 
     Parameters
     ----------

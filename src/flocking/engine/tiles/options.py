@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from flocking.engine.fixed_step.certain_pairs import lists_limit
 from flocking.engine.fixed_step.supported_bodies import is_point
 from flocking.engine.fixed_step.threads import check_threads
-from flocking.engine.tiles.kernels.spec import PRECISIONS, SCHEMES, scheme_of
+from flocking.engine.tiles.kernels.spec import INTEGRATORS, PRECISIONS, integrator_of
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body
 from flocking.model.checks import number
@@ -66,7 +66,7 @@ class TilesOptions:
     ledger_at: str = "steps"
 
     def __post_init__(self) -> None:
-        names = tuple(dict.fromkeys(name for some in SCHEMES.values() for name in some))
+        names = tuple(dict.fromkeys(name for some in INTEGRATORS.values() for name in some))
         if self.scheme is not None and self.scheme not in names:
             raise InvalidInput("TilesOptions", "scheme", f"must be one of {', '.join(names)}", self.scheme)
         if self.precision not in PRECISIONS:
@@ -95,7 +95,7 @@ class TilesOptions:
         InvalidInput
             If the integrator does not apply to such agents.
         """
-        return replace(self, scheme=scheme_of(self.scheme, order))
+        return replace(self, scheme=integrator_of(self.scheme, order))
 
     def of_body(self, body: Body) -> TilesOptions:
         """These options with the integrator for some agents under continuous control.

@@ -28,7 +28,7 @@ from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.checkpoint import pack_tiles, restore_tiles
 from flocking.engine.tiles.instability import Instability
 from flocking.engine.tiles.integrators import Euler, Integrator, Verlet, integrator_named
-from flocking.engine.tiles.kernels.spec import KernelSpec, check_supported, graph_kinds, scheme_of
+from flocking.engine.tiles.kernels.spec import KernelSpec, check_supported, graph_kinds, integrator_of
 from flocking.engine.tiles.law_check import LawCheck, Moment
 from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
@@ -107,7 +107,7 @@ class TilesSession(Session):
     @property
     def scheme(self) -> str:
         """Name of the integrator."""
-        return scheme_of(self.options.scheme, self.scenario.agents.order)
+        return integrator_of(self.options.scheme, self.scenario.agents.order)
 
     def _spec(self, scenario: Scenario) -> KernelSpec:
         agents, options = scenario.agents, self.options
@@ -279,14 +279,14 @@ class TilesSession(Session):
             return
         if not (self.options.keep_frames or self.options.observe):
             self._guarded(lambda: self._integrator.look(self._particles, self.time, self.step))
-            checks.links_kept(self._particles, self.step, self.time)
+            checks.links_stay(self._particles, self.step, self.time)
             self._update_ledger()
             self.records.skip()
             return
         q, p = self._look()
         if not (np.isfinite(q).all() and np.isfinite(p).all()):
             raise NotFinite("The state became infinite or NaN.", time=self.time)
-        checks.links_kept(self._particles, self.step, self.time)
+        checks.links_stay(self._particles, self.step, self.time)
         checks.resolution(self._particles, q, self.time)
         self._update_ledger()
         observed = None

@@ -152,7 +152,7 @@ class SafetyFilter(Held):
         return f"{Held.summary.__get__(self)} behind a safety filter"
 
     @property
-    def kept(self) -> float:
+    def guarded_distance(self) -> float:
         """The distance that the conditions keep, a millionth larger than `distance`."""
         return self.distance * (1.0 + MARGIN)
 
@@ -172,7 +172,7 @@ class SafetyFilter(Held):
         return 0.5 * self.distance if self.clearance is None else self.clearance
 
     @property
-    def kept_clearance(self) -> float:
+    def guarded_clearance(self) -> float:
         """The distance from obstacles that the conditions keep, a millionth larger."""
         return self.margin_of_obstacles * (1.0 + MARGIN)
 
@@ -186,7 +186,7 @@ class SafetyFilter(Held):
         braking
             Sum of the largest accelerations of both.
         """
-        return np.asarray(along - self.kept - np.maximum(closing, 0.0) ** 2 / (2.0 * braking))
+        return np.asarray(along - self.guarded_distance - np.maximum(closing, 0.0) ** 2 / (2.0 * braking))
 
     def accelerations(self, n: int) -> Array:
         """Largest acceleration of each of ``n`` agents, shape (N,)."""

@@ -97,7 +97,7 @@ def steady_error(law: int) -> Callable[[Evidence], Measure]:
     return conclusion
 
 
-def kept_connected(e: Evidence) -> Measure:
+def connected_throughout(e: Evidence) -> Measure:
     """The paper's general assumption: the graph is connected at all times."""
     return general.stays_connected(e)
 
@@ -109,7 +109,7 @@ def fell_apart(e: Evidence) -> Measure:
 
 def _stated(scenario: str) -> Sequence[Claim]:
     setting = SETTINGS[scenario]
-    connected = kept_connected if setting.connected else fell_apart
+    connected = connected_throughout if setting.connected else fell_apart
     found = [
         Claim(
             "energy",

@@ -25,7 +25,7 @@ def distances_bounded(e: Evidence) -> Measure:
 
 
 @about(Subject.CLOSEST, lasting=True)
-def kept_apart(e: Evidence) -> Measure:
+def without_collision(e: Evidence) -> Measure:
     """Closest pair against the distance at which a single pair stores the total initial Q."""
     found, least = e.closest, forbidden_distance(e)
     note = f"closest {found.distance:.4g} at t = {found.time:.3g}; Q(0) allows no pair below {least:.2g}"
@@ -60,7 +60,7 @@ def _stated(_: str) -> Sequence[Claim]:
         Claim("velocities-agree", THEOREM, "All velocities become the same.", general.velocities_agree, connected),
         Claim("distances-settle", "sec. I", "Pairwise distances become constant.", general.distances_settle, connected),
         Claim("all-apart", THEOREM, "No two agents collide.", general.all_apart),
-        Claim("apart-by", THEOREM, "No two agents come closer than Q(0) allows.", kept_apart),
+        Claim("apart-by", THEOREM, "No two agents come closer than Q(0) allows.", without_collision),
         Claim("stationary", THEOREM, "The limit is stationary: the forces of every agent balance.",
               general.forces_vanish, connected),
         Claim("minimal", THEOREM, "The limit minimises every agent's potential.", general.agents_at_their_minimum,

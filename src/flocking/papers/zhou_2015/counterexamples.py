@@ -41,8 +41,8 @@ def indicator() -> Demonstration:
     """(1): in the band r - eps <= d < r an unlinked pair gets both values as printed, a linked pair none."""
     unlinked, linked = printed_indicator(False, 3.95), printed_indicator(True, 3.95)
     net, q = system.graph(), np.array([[0.0, 0.0], [3.95, 0.0]])
-    kept = [int(net.update(q, np.array([[False, memory], [memory, False]]))[0, 1]) for memory in (False, True)]
-    right = sum(values == {value} for values, value in zip((unlinked, linked), kept, strict=True))
+    unchanged = [int(net.update(q, np.array([[False, memory], [memory, False]]))[0, 1]) for memory in (False, True)]
+    right = sum(values == {value} for values, value in zip((unlinked, linked), unchanged, strict=True))
     return Demonstration(
         float(right),
         2.0,

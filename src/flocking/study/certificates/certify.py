@@ -30,9 +30,9 @@ from flocking.study.certificates.world_certificates import DELAY as WORLD_DELAY
 from flocking.study.certificates.world_certificates import KEYS as WORLD_KEYS
 from flocking.study.certificates.world_certificates import world_certificates
 
-Family = tuple[Callable[[Scenario], tuple[Certificate, ...]], str, tuple[str, ...]]
+CertificateGroup = tuple[Callable[[Scenario], tuple[Certificate, ...]], str, tuple[str, ...]]
 
-FAMILIES: tuple[Family, ...] = (
+CERTIFICATE_GROUPS: tuple[CertificateGroup, ...] = (
     (energy_and_limits, "energy", (*ENERGY_KEYS, LIMIT_KEY)),
     (consensus_certificates, "spectrum", CONSENSUS_KEYS), (alignment_certificates, "alignment", ALIGNMENT_KEYS),
     (switching_certificates, "switching", SWITCHING), (directed_certificates, "directed", DIRECTED_KEYS),
@@ -74,13 +74,13 @@ def certify(scenario: Scenario) -> Certificates:
     """
     if not isinstance(scenario, Scenario):
         raise InvalidInput("certify", "scenario", "must be a Scenario", scenario)
-    found = tuple(each for family in FAMILIES for each in _answers(family, scenario))
+    found = tuple(each for group in CERTIFICATE_GROUPS for each in _answers(group, scenario))
     return Certificates(scenario.name, found)
 
 
-def _answers(family: Family, scenario: Scenario) -> tuple[Certificate, ...]:
+def _answers(group: CertificateGroup, scenario: Scenario) -> tuple[Certificate, ...]:
     """The certificates of one kind; refused where the law has a formula that is not written with exact numbers."""
-    of, source, keys = family
+    of, source, keys = group
     try:
         return of(scenario)
     except FormulaError as error:

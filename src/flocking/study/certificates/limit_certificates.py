@@ -121,8 +121,8 @@ def energy_and_limits(scenario: Scenario) -> tuple[Certificate, ...]:
     limits = _limits(ideal, body, {each.key: each for each in found})
     if not limits.granted:
         return (*energy_certificates(EnergySetting(scenario)), limits)
-    kept = Hypothesis("limits of the bodies never act", True, limits.statement)
-    return (*(replace(each, hypotheses=(*each.hypotheses, kept)) for each in found), limits)
+    inactive = Hypothesis("limits of the bodies never act", True, limits.statement)
+    return (*(replace(each, hypotheses=(*each.hypotheses, inactive)) for each in found), limits)
 
 
 def _limits(ideal: EnergySetting, body: Limited, found: dict[str, Certificate]) -> Certificate:

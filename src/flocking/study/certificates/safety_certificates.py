@@ -142,7 +142,9 @@ def _paths_apart(scenario: Scenario, control: SafetyFilter) -> Hypothesis:
         own, theirs = nearest_points(paths[i], q[i + 1 :] - q[i], paths[i + 1 :])
         least = min(least, float(np.linalg.norm(own - theirs, axis=1).min()))
     statement = "stopping paths are the distance apart at the start"
-    return Hypothesis(statement, least > control.kept * (1.0 + ROUNDING), f"the nearest are {least:.6g} apart")
+    return Hypothesis(
+        statement, least > control.guarded_distance * (1.0 + ROUNDING), f"the nearest are {least:.6g} apart"
+    )
 
 
 def _clear(scenario: Scenario, control: SafetyFilter) -> Hypothesis:
@@ -157,7 +159,9 @@ def _clear(scenario: Scenario, control: SafetyFilter) -> Hypothesis:
             away = own[0] + place - ball.centre.at(0.0)[0]
             least = min(least, float(np.linalg.norm(away)) - ball.radius)
     statement = "stopping paths are the clearance away from obstacles at the start"
-    return Hypothesis(statement, least > control.kept_clearance * (1.0 + ROUNDING), f"the nearest is {least:.6g} away")
+    return Hypothesis(
+        statement, least > control.guarded_clearance * (1.0 + ROUNDING), f"the nearest is {least:.6g} away"
+    )
 
 
 def _paths(scenario: Scenario, control: SafetyFilter) -> Array:

@@ -65,7 +65,7 @@ class SampledConsensus:
             return Hypothesis(statement, False, "none is lost")
         if self.delayed_samples:
             return Hypothesis(statement, False, f"they are {self.delayed_samples} periods late")
-        if self.kept or int(messages.expires_in_nanoseconds or 0) > self._ticks:
+        if self.uses_older_samples or int(messages.expires_in_nanoseconds or 0) > self._ticks:
             return Hypothesis(statement, False, "older ones are used")
         noise = messages.noise
         return Hypothesis(
@@ -126,9 +126,9 @@ class SampledConsensus:
                 return Hypothesis(statement, False, "samples expire before they arrive")
             if self.probability and age > (self.delayed_samples + 1) * self._ticks:
                 return Hypothesis(statement, False, "a lost sample is replaced by older ones for a time")
-        if self.kept and self.order == 2:
+        if self.uses_older_samples and self.order == 2:
             return Hypothesis(statement, False, "lost positions and velocities are replaced by older ones")
-        return Hypothesis(statement, True, "older ones are used" if self.kept else "left out")
+        return Hypothesis(statement, True, "older ones are used" if self.uses_older_samples else "left out")
 
     def _noise(self) -> Hypothesis:
         noise = None if self.messages is None else self.messages.noise
@@ -138,7 +138,9 @@ class SampledConsensus:
         )
 
     def _size(self) -> Hypothesis:
-        size = self.n * self.order * (self.delayed_samples + 1) + (int(self._links.sum()) if self.kept else 0)
+        size = self.n * self.order * (self.delayed_samples + 1) + (
+            int(self._links.sum()) if self.uses_older_samples else 0
+        )
         most = LARGEST_RANDOM if self.probability else LARGEST_SYSTEM
         return Hypothesis(f"at most {most} numbers are remembered for an axis", size <= most, f"{size}")
 
@@ -184,7 +186,7 @@ class SampledConsensus:
         return isinstance(loss, Bernoulli) and loss.paired
 
     @property
-    def kept(self) -> bool:
+    def uses_older_samples(self) -> bool:
         """Whether an older sample is used where one is lost."""
         return bool(self.probability) and self.messages is not None and self.messages.expires is None
 
@@ -212,7 +214,7 @@ class SampledConsensus:
     @property
     def holds_common_motion(self) -> bool:
         """Whether `recursion` holds how all move together, no disagreement: samples that are late or kept change it."""
-        return self.delayed_samples > 0 or self.kept
+        return self.delayed_samples > 0 or self.uses_older_samples
 
     @property
     def motion(self) -> str:
@@ -232,7 +234,7 @@ class SampledConsensus:
             The period; the delay keeps its number of periods.
         """
         links, block = np.argwhere(self._links), self.n * self.order
-        size = block * (self.delayed_samples + 1) + (len(links) if self.kept else 0)
+        size = block * (self.delayed_samples + 1) + (len(links) if self.uses_older_samples else 0)
         builder = _Builder(size, self.n * self.order)
         steady = np.zeros((size, size))
         steady[:block, :block] = np.eye(block)
@@ -241,13 +243,13 @@ class SampledConsensus:
         for k in range(self.delayed_samples):
             steady[(k + 1) * block : (k + 2) * block, k * block : (k + 1) * block] = np.eye(block)
         memory = size - len(links)
-        if self.kept:
+        if self.uses_older_samples:
             steady[memory:, memory:] = np.eye(len(links))
         groups = self._groups(links)
         for members in groups:
             for link in members:
                 i, j = (int(x) for x in links[link])
-                if self.kept:
+                if self.uses_older_samples:
                     self._remember(builder, period, i, j, memory + link)
                 else:
                     self._couple(builder, period, i, j)
@@ -293,7 +295,7 @@ class SampledConsensus:
         ones = np.zeros((2, full.size))
         for k in range(self.delayed_samples + 1):
             ones[0, k * block : k * block + n] = 1.0
-        if self.kept:
+        if self.uses_older_samples:
             ones[0, (self.delayed_samples + 1) * block :] = 1.0
         ones[1, n:block] = 1.0
         if self.order == 2 and not self.holds_common_motion:

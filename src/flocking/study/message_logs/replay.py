@@ -30,7 +30,7 @@ SAME_FORCE = 1e-7
 """Difference of two computations of a force, relative to 1 and to it: steep potentials amplify the rounding of
 positions, 1e-16 of them, by up to their second derivative, for which this leaves 1e9."""
 
-MOST_FINDINGS = 20
+MOST_ERRORS = 20
 """Findings that are listed."""
 
 Uses = dict[tuple[int, int], int]
@@ -74,7 +74,7 @@ class Replay:
     undecided
         Acts in which rounding leaves open what was to be used.
     wrong
-        The first `MOST_FINDINGS` things that are wrong, in order of time.
+        The first `MOST_ERRORS` things that are wrong, in order of time.
     """
 
     acts: int
@@ -254,7 +254,7 @@ class _Replaying:
 
     def result(self) -> Replay:
         wrong = sorted([*self._acts(), *self._ticks(), *self._frames()], key=lambda w: w.time)
-        return Replay(len(self.log.ticks), len(self.log.uses), self.undecided, tuple(wrong[:MOST_FINDINGS]))
+        return Replay(len(self.log.ticks), len(self.log.uses), self.undecided, tuple(wrong[:MOST_ERRORS]))
 
     def _finding(self, instant: float, agent: int, entry: int | None, what: str) -> WrongEntry:
         return WrongEntry(self.world.base + instant * NANOSECOND, agent, entry, what)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from flocking.study.sweeps.parametrised_scenarios import ParametrisedScenario
 
 
-def sweep_schema(families: Mapping[str, ParametrisedScenario]) -> dict[str, object]:
+def sweep_schema(scenarios: Mapping[str, ParametrisedScenario]) -> dict[str, object]:
     """JSON schema of sweep files, for editors that complete and check TOML.
 
     A file that it accepts is accepted by `flocking.study.sweeps.sweep_file.parse_sweep` unless it asks for too many
@@ -15,7 +15,7 @@ def sweep_schema(families: Mapping[str, ParametrisedScenario]) -> dict[str, obje
 
     Parameters
     ----------
-    families
+    scenarios
         Families of scenarios that a file may name.
     """
     from flocking.study.scenario_files.scenario_schema import json_schema
@@ -29,8 +29,8 @@ def sweep_schema(families: Mapping[str, ParametrisedScenario]) -> dict[str, obje
     assert isinstance(shared, dict)
     definitions = {**shared, **own_definitions}
     head = {"$schema": scenario.pop("$schema"), "title": "flocking sweep"}
-    parts["scenario"] = {"anyOf": [{"type": "string", "enum": sorted(families)}, scenario]}
-    own = {name: measure[0] for family in families.values() for name, measure in family.measures.items()}
+    parts["scenario"] = {"anyOf": [{"type": "string", "enum": sorted(scenarios)}, scenario]}
+    own = {name: measure[0] for parametrised in scenarios.values() for name, measure in parametrised.measures.items()}
     described = {name: text for name, (text, _) in MEASURES.items()} | own
     measures = parts["measures"]
     assert isinstance(measures, dict)
@@ -38,13 +38,13 @@ def sweep_schema(families: Mapping[str, ParametrisedScenario]) -> dict[str, obje
     return {
         "$defs": definitions, "type": "object", "additionalProperties": False, "required": list(REQUIRED),
         "properties": {name: parts[name] for name in SECTIONS},
-        "allOf": [_options_of(name, family) for name, family in families.items()], **head,
+        "allOf": [_options_of(name, parametrised) for name, parametrised in scenarios.items()], **head,
     }  # fmt: skip
 
 
-def _options_of(name: str, family: ParametrisedScenario) -> dict[str, object]:
+def _options_of(name: str, parametrised: ParametrisedScenario) -> dict[str, object]:
     """What a file that names a family may fix, vary and draw at random."""
-    options = {option: dict(value.schema) for option, value in family.options.items()}
+    options = {option: dict(value.schema) for option, value in parametrised.options.items()}
     spaced = {"$ref": "#/$defs/Spaced"}
     axes = {
         option: {"anyOf": [{"type": "array", "items": value}, *([spaced] if value.get("type") == "number" else [])]}

@@ -91,7 +91,7 @@ class SweepFile:
 
 def read_sweep_file(
     path: str | Path,
-    families: Mapping[str, ParametrisedScenario],
+    scenarios: Mapping[str, ParametrisedScenario],
     *,
     most_runs: int = MOST_RUNS,
     most_agents: int = MOST_AGENTS,
@@ -102,7 +102,7 @@ def read_sweep_file(
     ----------
     path
         The file.
-    families
+    scenarios
         Families of scenarios it may name.
     most_runs
         Runs it may ask for.
@@ -122,13 +122,13 @@ def read_sweep_file(
     except UnicodeDecodeError as error:
         raise SweepFileError(str(path), [f"file: must be UTF-8 text; byte {error.start} is not"]) from None
     return parse_sweep(
-        text, families, source=str(path), name=file.stem, most_runs=most_runs, most_agents=most_agents
+        text, scenarios, source=str(path), name=file.stem, most_runs=most_runs, most_agents=most_agents
     )  # fmt: skip
 
 
 def parse_sweep(
     text: str,
-    families: Mapping[str, ParametrisedScenario],
+    scenarios: Mapping[str, ParametrisedScenario],
     *,
     source: str = "sweep",
     name: str = "sweep",
@@ -141,7 +141,7 @@ def parse_sweep(
     ----------
     text
         The text.
-    families
+    scenarios
         Families of scenarios it may name.
     source
         Its name in error messages.
@@ -166,7 +166,7 @@ def parse_sweep(
         raise SweepFileError(source, list(error.problems)) from None
     found, problems = read_sections(data)
     lines = [str(problem) for problem in problems]
-    reader = _Reader(found, families, most_agents, lines)
+    reader = _Reader(found, scenarios, most_agents, lines)
     grid, sample = reader.grid(), reader.sample()
     plan: Plan | None = None
     try:
@@ -195,7 +195,7 @@ class _Reader:
     ----------
     found
         The valid sections.
-    families
+    scenarios
         Families that may be named.
     most_agents
         Agents a scenario in the file may ask for.
@@ -204,19 +204,19 @@ class _Reader:
     """
 
     def __init__(
-        self, found: Sections, families: Mapping[str, ParametrisedScenario], most_agents: int, lines: list[str]
+        self, found: Sections, scenarios: Mapping[str, ParametrisedScenario], most_agents: int, lines: list[str]
     ) -> None:
         self._found, self._lines, self._most_agents = found, lines, most_agents
         self._reported: set[str] = set()
         self._scenario = found.get("scenario")
-        self._family: ParametrisedScenario | None = None
+        self._parametrised: ParametrisedScenario | None = None
         if isinstance(self._scenario, str):
-            self._family = families.get(self._scenario)
-            if self._family is None:
+            self._parametrised = scenarios.get(self._scenario)
+            if self._parametrised is None:
                 self.report(
-                    "scenario", "must be a family of scenarios", self._scenario, nearest(self._scenario, families)
+                    "scenario", "must be a family of scenarios", self._scenario, nearest(self._scenario, scenarios)
                 )
-        self.more = self._family.measures if self._family else {}
+        self.more = self._parametrised.measures if self._parametrised else {}
 
     def report(self, place: str, rule: str, value: object = None, fix: str = "") -> None:
         """Add a fault."""
@@ -263,17 +263,17 @@ class _Reader:
 
     def _is_option(self, place: str, name: str) -> bool:
         """Whether the family has this option; reports a fault where it has not."""
-        if self._family is None or name in self._family.options:
+        if self._parametrised is None or name in self._parametrised.options:
             return True
-        known = self._family.options
+        known = self._parametrised.options
         self.report(place, "is no option of this family", None, nearest(name, known) if known else "")
         return False
 
     def _checked(self, place: str, name: str, value: object) -> object:
         """A value checked by the option of the family; for a scenario in the file only finite."""
-        if self._family is not None:
+        if self._parametrised is not None:
             try:
-                return self._family.options[name].check(value)
+                return self._parametrised.options[name].check(value)
             except RefusedError as refused:
                 self.report(place, refused.rule, value, refused.fix)
         elif isinstance(value, float) and not math.isfinite(value):
@@ -283,7 +283,7 @@ class _Reader:
     def make(self, grid: Mapping[str, list[object]], sample: Sample | None) -> Callable[..., Scenario] | None:
         """The function that makes the scenarios."""
         options = self._found.get("options", {})
-        if self._family is not None:
+        if self._parametrised is not None:
             chosen_options = {
                 name: self._checked(f"options.{name}", name, value)
                 for name, value in options.items()
@@ -292,7 +292,7 @@ class _Reader:
             for name in chosen_options:
                 if name in grid or (sample is not None and name in sample.ranges):
                     self.report(f"options.{name}", "must not be fixed and vary at once")
-            return FixedOptions(self._family, chosen_options)
+            return FixedOptions(self._parametrised, chosen_options)
         if isinstance(self._scenario, dict):
             if options:
                 self.report("options", "is for families of scenarios; write the values into [scenario]")

@@ -72,10 +72,10 @@ def processor_time(processes: Iterable[int]) -> float | None:
             seconds[int(name)] = sum(map(int, fields[11:15])) / ticks
     if not seconds:
         return None
-    family = set(processes)
+    tree = set(processes)
     grown = True
     while grown:
-        further = {child for child, parent in parents.items() if parent in family} - family
-        family |= further
+        further = {child for child, parent in parents.items() if parent in tree} - tree
+        tree |= further
         grown = bool(further)
-    return sum(seconds.get(process, 0.0) for process in family)
+    return sum(seconds.get(process, 0.0) for process in tree)

@@ -22,7 +22,7 @@ def test_counted_lengths_are_those_of_the_lists(monkeypatch, dimension, side):
     """Against a k-d tree; the small box has fewer cells along an axis than the sample looks at."""
     agents, sorter = sorted_agents(1000 if side > 5 else 150, dimension, side)
     monkeypatch.setattr(skins, "SAMPLE", 10**6)
-    limits = 1.2 * (1 + np.array(skins.SKINS[:10]))
+    limits = 1.2 * (1 + np.array(skins.SKIN_SHARES[:10]))
     found = skins._lengths(agents, sorter, limits)
     q = agents[sorter.order, :dimension]
     for limit, rows in zip(limits, found, strict=True):

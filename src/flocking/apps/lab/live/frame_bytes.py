@@ -29,7 +29,7 @@ MOST_ENERGIES = 500
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RequestedParts:
     """What pages request of a frame beside its agents and links.
 
     Parameters
@@ -79,7 +79,7 @@ def placed(q: Array, space: Space) -> tuple[Array, Array, list[float | None]]:
     return here, centre, [float(x) if np.isfinite(x) else None for x in lengths]
 
 
-def packed(frame: Frame, requested: Wanted, *, live: bool = True) -> bytes:
+def packed(frame: Frame, requested: RequestedParts, *, live: bool = True) -> bytes:
     """A frame as bytes.
 
     Parameters
@@ -100,7 +100,9 @@ def packed(frame: Frame, requested: Wanted, *, live: bool = True) -> bytes:
     return b"".join([struct.pack("<I", len(text)), text, *(np.ascontiguousarray(a).tobytes() for a in arrays)])
 
 
-def _group(state: State, scenario: Scenario, requested: Wanted) -> tuple[dict[str, object], list[NDArray[np.generic]]]:
+def _group(
+    state: State, scenario: Scenario, requested: RequestedParts
+) -> tuple[dict[str, object], list[NDArray[np.generic]]]:
     q, centre, box = placed(state.q, scenario.space)
     pairs, count = link_pairs(state)
     names = [name for name in scenario.agents.directions if state.columns[name].shape[1] == state.dimension]

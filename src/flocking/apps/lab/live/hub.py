@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from flocking.apps.lab.access.web_server import WebServer
 from flocking.apps.lab.experiment.clock import Clock, Frame
-from flocking.apps.lab.live.frame_bytes import Wanted, packed
+from flocking.apps.lab.live.frame_bytes import RequestedParts, packed
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
@@ -49,7 +49,7 @@ class Tab:
         """Whether the page has drawn the last frame that it was sent."""
         self.looking: float | None = None
         """Time of the record that it looks at; None for the present."""
-        self.requested = Wanted()
+        self.requested = RequestedParts()
 
     def tell(self, message: Message | bytes) -> None:
         """Send a message, from any thread."""
@@ -108,7 +108,7 @@ class Hub:
         self.tabs: set[Tab] = set()
         self.sent = 0
         """Frames that were sent to pages."""
-        self._last: tuple[Frame, Wanted, bytes] | None = None
+        self._last: tuple[Frame, RequestedParts, bytes] | None = None
         self._quick = ThreadPoolExecutor(1, "flocking-lab-orders")
         self._slow = ThreadPoolExecutor(SLOW_ORDERS, "flocking-lab-slow-orders")
         self._thread = threading.Thread(target=self._run, name="flocking-lab-frames", daemon=True)
@@ -149,7 +149,7 @@ class Hub:
 
     def _bytes(self, frame: Frame) -> bytes:
         every = [tab.requested for tab in tuple(self.tabs)]
-        requested = Wanted(any(w.energies for w in every), any(w.virtual_agents for w in every))
+        requested = RequestedParts(any(w.energies for w in every), any(w.virtual_agents for w in every))
         last = self._last
         if last is not None and last[0] is frame and last[1] == requested:
             return last[2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from flocking.apps.lab.live.frame_bytes import Wanted
+from flocking.apps.lab.live.frame_bytes import RequestedParts
 from flocking.apps.lab.live.hub import Tab
 from flocking.apps.lab.live.lab import SLOWEST, Lab
 from flocking.apps.lab.panels.agent_forces import agent_content
@@ -203,7 +203,7 @@ def _close_run(page: Lab, _: Tab, __: Order) -> None:
 
 
 def _wants(page: Lab, tab: Tab, order: Order) -> None:
-    tab.requested = Wanted(bool(order.get("energies")), bool(order.get("virtual_agents")))
+    tab.requested = RequestedParts(bool(order.get("energies")), bool(order.get("virtual_agents")))
     page.past.look(tab, tab.looking)
 
 

@@ -161,7 +161,7 @@ class DomainSession(TilesSession):
             return
         particles, options = self._particles, self.options
         velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
-        checks.links_kept(particles, self.step, self.time)
+        checks.links_stay(particles, self.step, self.time)
         self._update_ledger()
         rows: Array | None = None
         if self._shares is not None:

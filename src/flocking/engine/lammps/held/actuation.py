@@ -16,7 +16,7 @@ from flocking.model.state import State
 class RankActuation(HeldActuation):
     """The way from the forces that agents computed to what acts, for the agents of one rank.
 
-    Numbers of the bodies are looked up by the numbers of agents, and gusts drawn by them, on any rank. Wanted forces,
+    Numbers of the bodies are looked up by the numbers of agents, and gusts drawn by them, on any rank. Desired forces,
     lagged ones and headings are asked from the rank that had the agent.
 
     Parameters
@@ -33,7 +33,7 @@ class RankActuation(HeldActuation):
 
     def columns_here(self, n: int) -> AnyArray:
         """All that belongs to the ``n`` agents of this rank at the last step, shape (n, `width`)."""
-        parts = [self.wanted[:, :n].T]
+        parts = [self.desired[:, :n].T]
         parts += [] if self.lag is None else [self.lag[:, :n].T]
         parts += [] if self.heading is None else [self.heading[:n]]
         return np.concatenate(parts, axis=1).astype(np.float64)
@@ -54,7 +54,7 @@ class RankActuation(HeldActuation):
             Number of the agent at each place.
         """
         m = self.m
-        self.wanted = np.ascontiguousarray(columns[:, :m].T.astype(self.dtype))
+        self.desired = np.ascontiguousarray(columns[:, :m].T.astype(self.dtype))
         end = m
         if self.lag is not None:
             self.lag = np.ascontiguousarray(columns[:, m : 2 * m].T.astype(self.dtype))

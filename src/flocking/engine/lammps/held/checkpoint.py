@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import TypedDict, cast
 
 import numpy as np
@@ -26,8 +26,8 @@ from flocking.engine.lammps.domains.checkpoint import LinkRows
 from flocking.engine.protocol.session import Packed
 from flocking.engine.tiles.checkpoint import flattened, restored
 from flocking.engine.tiles.checkpoint_form import check_records
-from flocking.engine.tiles.held.checkpoint import ANY, MOST_STEPS, NUMBERS, LedgerFields
-from flocking.engine.tiles.held.held_ledger import POWERS
+from flocking.engine.tiles.held.checkpoint import ANY, MOST_STEPS, NUMBERS
+from flocking.engine.tiles.held.held_ledger import POWERS, LedgerFields
 from flocking.engine.tiles.held.memory import HeldMemory
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.records import RecordsMemory
@@ -82,7 +82,7 @@ def pack_held_ranks(memory: HeldMemory, carried: Carried) -> Packed:
     arrays: Arrays = {}
     store, ledger = memory.particles.store, memory.ledger
     data = {name: getattr(memory, name) for name in (*NUMBERS, "steps", "step_length", "acted")} | {
-        "ledger": {f.name: getattr(ledger, f.name) for f in fields(ledger)}, "rows": carried.rows,
+        "ledger": ledger.stored(), "rows": carried.rows,
         "links": carried.links, "waiting": [when for when, _, _ in memory.waiting],
         "samples": None if store is None else [store.off, store.speeds.table], "records": memory.records.memory(),
     }  # fmt: skip

@@ -111,16 +111,16 @@ class HeldRankParticles(RankParticles, HeldParticles):
         return self.m + sum(own) + len(self.waiting) * (1 + self.m)
 
     def well_formed(self, columns: AnyArray) -> bool:
-        """Whether all that `columns` of anybody hold is finite, but for forces that act or are wanted now.
+        """Whether all that `columns` of anybody hold is finite, but for forces that act now or are to.
 
         Parameters
         ----------
         columns
             Shape (N, `width`).
         """
-        m, wanted = self.m, self.m + (0 if self.store is None else self.store.width)
-        own = columns[:, wanted:] if self.actuation is None else columns[:, wanted + m :]
-        return bool(np.isfinite(columns[:, m:wanted]).all() and np.isfinite(own).all())
+        m, forces = self.m, self.m + (0 if self.store is None else self.store.width)
+        own = columns[:, forces:] if self.actuation is None else columns[:, forces + m :]
+        return bool(np.isfinite(columns[:, m:forces]).all() and np.isfinite(own).all())
 
     def hold_columns(self, columns: AnyArray) -> None:
         """Hold what belongs to the agents that are here now.

@@ -45,8 +45,8 @@ class RankSampleStore(SampleStore):
     def columns(self) -> AnyArray:
         """All that belongs to an agent, in a row for each agent of this rank."""
         n, m2, count = self.n, self.rows.shape[1], self.depth + 1
-        kept = (self.rows, self.truth) if self.keeps_truth else (self.rows,)
-        parts = [x.reshape(count, self.size, m2)[:, :n].transpose(1, 0, 2).reshape(n, count * m2) for x in kept]
+        tables = (self.rows, self.truth) if self.keeps_truth else (self.rows,)
+        parts = [x.reshape(count, self.size, m2)[:, :n].transpose(1, 0, 2).reshape(n, count * m2) for x in tables]
         errors = self.errors[:, : self.n].T if self.correlated else np.zeros((self.n, 0))
         return np.concatenate([*parts, errors], axis=1).astype(np.float64)
 
@@ -68,15 +68,15 @@ class RankSampleStore(SampleStore):
         first
             The place of the first copy.
         """
-        kept, m2 = self.keeps_truth, self.rows.shape[1]
+        both, m2 = self.keeps_truth, self.rows.shape[1]
         self.n, self._first, self.size = n, first, len(columns)
         self._ranks.agree(self.check_room)
         width = m2 * (self.depth + 1)
         self._rooms.clear()
         self.rows = self._by_place(columns[:, :width])
-        self.truth = self._by_place(columns[:, width : 2 * width]) if kept else self.rows
+        self.truth = self._by_place(columns[:, width : 2 * width]) if both else self.rows
         if self.correlated:
-            self.errors = np.ascontiguousarray(columns[:, 2 * width if kept else width :].T)
+            self.errors = np.ascontiguousarray(columns[:, 2 * width if both else width :].T)
 
     def _by_place(self, columns: AnyArray) -> Reals:
         """Samples in the order of `rows`, from those of each agent side by side."""

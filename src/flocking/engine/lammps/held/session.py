@@ -233,7 +233,7 @@ class HeldDomainSession(DomainSession, HeldTilesSession):
             store.off, store.speeds.rows = off.copy(), speeds.tolist()
         memory.step_length, memory.steps, memory.acted = found["step_length"], found["steps"], found["acted"]
         memory.time, memory.looked, memory.farthest = found["time"], found["looked"], found["farthest"]
-        memory.ledger_ends, memory.ledger = found["ledger_ends"], HeldLedger(**found["ledger"])
+        memory.ledger_ends, memory.ledger = found["ledger_ends"], HeldLedger.restored(found["ledger"])
         # The first rank alone has records on disk.
         counts = stored.counts if self.ranks.first else dict.fromkeys(stored.counts, 0)
         self.records.recall_memory(found["records"], counts, stored.read)

@@ -174,18 +174,18 @@ class EventBlocks:
         """
         n = len(memory.ticked)
         truth, acts = self._truth(memory, settings), self._acts(memory, settings)
-        kept = self._records(records, n, len(truth.links))
+        native_records = self._records(records, n, len(truth.links))
         motion, work = _movement(memory), _work(memory.motion.coefficients.shape, len(truth.crossings))
         most = max(1, min(MOST_EVENTS, WORK // n**2))
         scenario = settings.scenario
         bounds = Bounds(scenario.start.t, end, most, scenario.tolerance, settings.rule)
         events, outcome, instant = event_block(
             _schedules(memory, settings), self._sending(memory), motion, acts, _known(memory),
-            self._known_law(memory, settings.law), truth, kept, bounds, work,
+            self._known_law(memory, settings.law), truth, native_records, bounds, work,
         )  # fmt: skip
         self._put_back(memory, truth, acts)
-        _put_on_record(records, kept)
-        met = (truth.counts[CROSSINGS], kept.counts[SWITCHES], int(truth.law.pairs.offsets[-1]))
+        _put_on_record(records, native_records)
+        met = (truth.counts[CROSSINGS], native_records.counts[SWITCHES], int(truth.law.pairs.offsets[-1]))
         if 2 * max(*map(int, met), int(memory.knowledge.links.sum())) > self._room or outcome == UNWATCHED:
             self._room *= 2
         return Taken(events, instant if outcome == UNWATCHED else None, work.changed)
@@ -354,18 +354,18 @@ def _chances(loss: Loss | None) -> Array:
     return np.array([loss.floor, loss.range, loss.exponent]) if isinstance(loss, DistanceLoss) else np.zeros(0)
 
 
-def _put_on_record(records: Recorder, kept: Records) -> None:
-    rows, switches, frames, acts, uses = (int(kept.counts[x]) for x in (ROWS, SWITCHES, FRAMES, ACTS, USES))
-    records.trace += [LedgerRow(*row) for row in kept.trace[:rows].tolist()]
-    records.switches += [_switch_row(*row) for row in kept.switches[:switches].tolist()]
+def _put_on_record(records: Recorder, native_records: Records) -> None:
+    rows, switches, frames, acts, uses = (int(native_records.counts[x]) for x in (ROWS, SWITCHES, FRAMES, ACTS, USES))
+    records.trace += [LedgerRow(*row) for row in native_records.trace[:rows].tolist()]
+    records.switches += [_switch_row(*row) for row in native_records.switches[:switches].tolist()]
     if frames:
-        t = kept.frame_times[:frames].tolist()
-        records.frames(t, kept.q[:frames], kept.p[:frames], kept.links[:frames], [])
+        t = native_records.frame_times[:frames].tolist()
+        records.frames(t, native_records.q[:frames], native_records.p[:frames], native_records.links[:frames], [])
     assert records.log is not None
     if acts:
-        records.log.ticks.extend(kept.acts[:acts])
-        records.log.forces.extend(kept.forces[:acts])
-        records.log.uses.extend(kept.uses[:uses])
+        records.log.ticks.extend(native_records.acts[:acts])
+        records.log.forces.extend(native_records.forces[:acts])
+        records.log.uses.extend(native_records.uses[:uses])
 
 
 def _switch_row(t: float, i: float, j: float, breaks: float, graph: float, speed: float, relative: float) -> SwitchRow:

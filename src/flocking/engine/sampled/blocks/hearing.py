@@ -32,14 +32,14 @@ NEAR = 1e-12
 """Difference of a draw and a probability of exponentials within which two libraries may disagree: some thousand units
 of rounding."""
 
-WHOLE = 4503599627370496.0
-"""2**52: from there on numbers are whole, and adding it rounds smaller ones to the nearest even whole number."""
+INTEGERS_FROM = 4503599627370496.0
+"""2**52: from there on numbers are integers, and adding it rounds smaller ones to the nearest even whole number."""
 
 
 def round_half_even(x: float) -> float:
     """The nearest whole number, the even one of two, as NumPy's ``rint``; for native functions."""
     size = abs(x)
-    return math.copysign((size + WHOLE) - WHOLE if size < WHOLE else size, x)
+    return math.copysign((size + INTEGERS_FROM) - INTEGERS_FROM if size < INTEGERS_FROM else size, x)
 
 
 def is_bad(sending: Sending, one: int, two: int, sample: int) -> bool:
@@ -174,9 +174,11 @@ def measure(
         for c in range(2 * m):
             value = work.q[j, c] if c < m else work.p[j, c - m]
             if sending.noisy:
-                kept = 0.0 if k == 0 else sending.memory[j]
+                correlation = 0.0 if k == 0 else sending.memory[j]
                 normal = sending.normals[k - sending.first[j], j, c]
-                memory.errors[j, c] = kept * memory.errors[j, c] + np.sqrt(1.0 - kept * kept) * normal
+                memory.errors[j, c] = (
+                    correlation * memory.errors[j, c] + np.sqrt(1.0 - correlation * correlation) * normal
+                )
                 value += sending.deviations[0 if c < m else 1] * memory.errors[j, c]
             step = sending.resolution if c < m else sending.velocity_resolution
             if step != 0.0:

@@ -215,13 +215,13 @@ def watch(motion: Movement, truth: Truth, bounds: Bounds, work: Work, seconds: f
         some = some or rules.ways[g] > 0
     if not some:
         return True
-    kept = 0
+    remaining = 0
     for row in range(truth.counts[CROSSINGS]):
         if not (work.changed[int(x[row, 1])] or work.changed[int(x[row, 2])]):
             for c in range(4):
-                x[kept, c] = x[row, c]
-            kept += 1
-    truth.counts[CROSSINGS] = kept
+                x[remaining, c] = x[row, c]
+            remaining += 1
+    truth.counts[CROSSINGS] = remaining
     series(motion, seconds, work.S)
     size = 0.0
     for i in range(work.q.shape[0]):
@@ -231,13 +231,13 @@ def watch(motion: Movement, truth: Truth, bounds: Bounds, work: Work, seconds: f
     count = find_pair_events(
         paths, work.length, work.changed, truth.links, rules.ways, rules.appear, rules.break_, size, work.fresh
     )
-    if count < 0 or count > work.fresh.shape[0] or kept + count > x.shape[0]:
+    if count < 0 or count > work.fresh.shape[0] or remaining + count > x.shape[0]:
         return False
     for row in range(count):
-        x[kept + row, 0] = seconds + work.fresh[row, 0]
+        x[remaining + row, 0] = seconds + work.fresh[row, 0]
         for c in range(1, 4):
-            x[kept + row, c] = work.fresh[row, c]
-    truth.counts[CROSSINGS] = kept + count
+            x[remaining + row, c] = work.fresh[row, c]
+    truth.counts[CROSSINGS] = remaining + count
     return True
 
 

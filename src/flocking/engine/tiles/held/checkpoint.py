@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from typing import TypedDict, cast
 
 import numpy as np
@@ -27,7 +27,8 @@ from flocking.engine.fixed_step.step_counts import time_slack
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.tiles.checkpoint import flattened, restored
 from flocking.engine.tiles.checkpoint_form import check_lists, check_records, stored_options
-from flocking.engine.tiles.held.held_ledger import POWERS, HeldLedger
+from flocking.engine.tiles.held.held_actuation import ActuationFields
+from flocking.engine.tiles.held.held_ledger import POWERS, HeldLedger, LedgerFields
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.held.memory import HeldMemory
 from flocking.engine.tiles.kernels.tile_sums import SUMS
@@ -51,24 +52,6 @@ class SampleFields(TypedDict):
     errors: Array
     off: Array
     speeds: Array
-
-
-class ActuationFields(TypedDict):
-    """Fields of what stands between the desired and the acting forces, with the names of `HeldActuation`."""
-
-    wanted: Reals
-    lag: Reals | None
-    heading: Array | None
-
-
-class LedgerFields(TypedDict):
-    """Fields of the ledger, with the names of `HeldLedger`."""
-
-    integrals: Array
-    powers: Array
-    jumped: float
-    sums: dict[str, float]
-    wanted: float
 
 
 class HeldFields(TypedDict):
@@ -109,7 +92,7 @@ def pack_held(memory: HeldMemory) -> Packed:
         "crowd": ParticleMemory.of(particles, copied=False), "force": particles.force, "known": particles.known,
         "margin": particles.search.margin, "samples": None if particles.store is None else particles.store.memory(),
         "known_rooms": [b.capacity for b in particles.known_builders],
-        "ledger": {f.name: getattr(ledger, f.name) for f in fields(ledger)},
+        "ledger": ledger.stored(),
         "waiting": [list(each) for each in memory.waiting], "records": memory.records.memory(),
     }  # fmt: skip
     if particles.actuation is not None:
@@ -156,7 +139,7 @@ def recall_held(packed: Packed, stored: Stored, memory: HeldMemory) -> None:
         particles.store.recall(**found["samples"])
     if particles.actuation is not None:
         now = int(found["steps"]) * int(found["step_length"])
-        particles.actuation.recall(**found["actuation"], now=now, ids=particles.ids)
+        particles.actuation.recall(found["actuation"], now, particles.ids)
     particles.recall_known(found["force"], found["known"], found["known_rooms"])
     memory.step_length, memory.steps, memory.acted = (
         int(found["step_length"]),
@@ -165,7 +148,7 @@ def recall_held(packed: Packed, stored: Stored, memory: HeldMemory) -> None:
     )
     for name in NUMBERS:
         setattr(memory, name, float(cast(float, data[name])))  # type: ignore[index]
-    memory.ledger = HeldLedger(**found["ledger"])
+    memory.ledger = HeldLedger.restored(found["ledger"])
     memory.waiting = [(int(when), who.copy(), u.copy()) for when, who, u in found["waiting"]]
     memory.records.recall_memory(found["records"], stored.counts, stored.read)
 
@@ -194,8 +177,8 @@ def _actuation(particles: HeldParticles) -> dict[str, Form[dict[str, object]]]:
         return {}
     lag = Nothing() if found.lag is None else Table(particles.dtype, found.lag.shape)
     heading = Nothing() if found.heading is None else Table("f8", found.heading.shape)
-    wanted = Table(particles.dtype, found.wanted.shape, finite=False)
-    return {"actuation": Names({"wanted": wanted, "lag": lag, "heading": heading})}
+    desired = Table(particles.dtype, found.desired.shape, finite=False)
+    return {"actuation": Names({"wanted": desired, "lag": lag, "heading": heading})}
 
 
 def _check(data: object, scenario: Scenario, particles: HeldParticles) -> None:

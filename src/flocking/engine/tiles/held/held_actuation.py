@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypedDict
+
 import numpy as np
 
 from flocking.arrays import Array, Numbers, Numbers32, Reals
@@ -25,15 +27,23 @@ SMOOTH = 1.0 / 32.0
 leaves out less than rounding, see `flocking.engine.sampled.motion.SERIES_SHARE`."""
 
 
+class ActuationFields(TypedDict):
+    """Fields of what stands between the desired and the acting forces, by their names in files."""
+
+    wanted: Reals
+    lag: Reals | None
+    heading: Array | None
+
+
 @native
-def exert(first, last, wanted, kinds, numbers, gusts, target):  # type: ignore[no-untyped-def]
-    """Put what the agents of some tiles make of the forces that they want into ``target``.
+def exert(first, last, desired, kinds, numbers, gusts, target):  # type: ignore[no-untyped-def]
+    """Put what the bodies of some tiles make of the desired forces into ``target``.
 
     Parameters
     ----------
     first, last
         Range of tiles, without the last.
-    wanted, target
+    desired, target
         Shape (m, size).
     kinds
         Kind of each stage, in order.
@@ -43,22 +53,22 @@ def exert(first, last, wanted, kinds, numbers, gusts, target):  # type: ignore[n
     gusts
         What each stage adds, shape (stages, m, size); rows of stages that limit are not read.
     """
-    m = wanted.shape[0]
+    m = desired.shape[0]
     for tile in range(first, last):
         base = tile * 16
         for k in range(m):
-            store(target[k], base, load(wanted[k], base))
+            store(target[k], base, load(desired[k], base))
         for stage in range(kinds.shape[0]):
             most = load(numbers[stage], base) if numbers.shape[1] > 1 else spread(numbers[stage, 0])
             if kinds[stage] == 2:
                 for k in range(m):
                     u = double_of(load(target[k], base)) + load(gusts[stage, k], base)
-                    store(target[k], base, narrow(u, wanted[0, 0]))
+                    store(target[k], base, narrow(u, desired[0, 0]))
             elif kinds[stage] == 1:
                 for k in range(m):
                     u = double_of(load(target[k], base))
                     u = select(u > most, most, select(u < -most, -most, u))
-                    store(target[k], base, narrow(u, wanted[0, 0]))
+                    store(target[k], base, narrow(u, desired[0, 0]))
             else:
                 square = spread(0.0)
                 for k in range(m):
@@ -68,7 +78,7 @@ def exert(first, last, wanted, kinds, numbers, gusts, target):  # type: ignore[n
                 share = select(length > most, most / length, spread(1.0))
                 for k in range(m):
                     u = double_of(load(target[k], base))
-                    store(target[k], base, narrow(u * share, wanted[0, 0]))
+                    store(target[k], base, narrow(u * share, desired[0, 0]))
 
 
 class _Source:
@@ -114,7 +124,7 @@ class HeldActuation:
 
     Attributes
     ----------
-    wanted
+    desired
         The forces that agents computed last and that have begun to act, shape (m, size).
     beside
         What acts beside a lagged force, shape (m, size); empty where nothing lags.
@@ -132,7 +142,7 @@ class HeldActuation:
         n, m = state.q.shape
         size = len(ids)
         self.n, self.m, self.dtype, self.workers = n, m, dtype, workers
-        self.wanted: Reals = np.zeros((m, size), dtype)
+        self.desired: Reals = np.zeros((m, size), dtype)
         chain, inner = chain_of(body)
         self._sources: list[_Source] = []
         self._stages: list[tuple[int, float | Array | _Source]] = []
@@ -180,7 +190,7 @@ class HeldActuation:
             Place of each agent before the sort, shape (n,).
         """
         n = self.n
-        for rows in (self.wanted, self.lag, self.beside if self.lag is not None else None):
+        for rows in (self.desired, self.lag, self.beside if self.lag is not None else None):
             if rows is not None:
                 rows[:, :n] = rows[:, order]
                 rows[:, n:] = rows[:, n - 1 : n]
@@ -192,23 +202,24 @@ class HeldActuation:
         if self.constants is not None:
             self.constants.reorder()
 
-    def memory(self) -> dict[str, object]:
+    def memory(self) -> ActuationFields:
         """What the bodies go on from, not copied; gusts are functions of the time."""
-        return {"wanted": self.wanted, "lag": self.lag, "heading": self.heading}
+        return {"wanted": self.desired, "lag": self.lag, "heading": self.heading}
 
-    def recall(self, wanted: Reals, lag: Reals | None, heading: Array | None, now: int, ids: Numbers32) -> None:
+    def recall(self, fields: ActuationFields, now: int, ids: Numbers32) -> None:
         """Go on from what `memory` gave.
 
         Parameters
         ----------
-        wanted, lag, heading
-            See the attributes.
+        fields
+            What `memory` gave.
         now
             Nanosecond of the last step.
         ids
             As for `act`.
         """
-        self.wanted = wanted.copy()
+        lag, heading = fields["lag"], fields["heading"]
+        self.desired = fields["wanted"].copy()
         self.lag = None if lag is None else lag.copy()
         self.heading = None if heading is None else heading.copy()
         self.take_gusts(now, ids)
@@ -251,7 +262,7 @@ class HeldActuation:
                 gusts[stage] = what.values.T
             else:
                 numbers[stage] = np.asarray(what)[ids] if np.ndim(what) else what
-        self.workers.each(exert, size // 16, self.wanted, kinds, numbers, gusts, target)
+        self.workers.each(exert, size // 16, self.desired, kinds, numbers, gusts, target)
         self._blow()
 
     def _blow(self) -> None:

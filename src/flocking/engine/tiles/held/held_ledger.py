@@ -6,6 +6,7 @@ What the forces that act do beyond those of the law on the true state and the tr
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypedDict
 
 import numpy as np
 
@@ -17,6 +18,16 @@ from flocking.model.law import Scenario
 
 POWERS = ("work", "dissipated", "supplied", "departed")
 """What is integrated."""
+
+
+class LedgerFields(TypedDict):
+    """Fields of the ledger, by their names in files."""
+
+    integrals: Array
+    powers: Array
+    jumped: float
+    sums: dict[str, float]
+    wanted: float
 
 
 @dataclass
@@ -33,7 +44,7 @@ class HeldLedger:
         Change of energy at switches of true links so far.
     sums
         Sums over all agents at the last look.
-    wanted
+    law_power
         Power of the forces of the law at the last look, in the frame of the energy.
     """
 
@@ -41,11 +52,23 @@ class HeldLedger:
     powers: Array = field(default_factory=lambda: np.zeros(4))
     jumped: float = 0.0
     sums: dict[str, float] = field(default_factory=dict)
-    wanted: float = 0.0
+    law_power: float = 0.0
+
+    @classmethod
+    def restored(cls, fields: LedgerFields) -> HeldLedger:
+        """The ledger that a checkpoint holds, see `stored`."""
+        return cls(fields["integrals"], fields["powers"], fields["jumped"], fields["sums"], fields["wanted"])
+
+    def stored(self) -> LedgerFields:
+        """Its fields by their names in files; arrays are not copied."""
+        return {
+            "integrals": self.integrals, "powers": self.powers, "jumped": self.jumped, "sums": self.sums,
+            "wanted": self.law_power,
+        }  # fmt: skip
 
     def copy(self) -> HeldLedger:
         """A deep copy."""
-        return HeldLedger(self.integrals.copy(), self.powers.copy(), self.jumped, dict(self.sums), self.wanted)
+        return HeldLedger(self.integrals.copy(), self.powers.copy(), self.jumped, dict(self.sums), self.law_power)
 
     def look(self, particles: HeldParticles, powers: Array, length: float, *, jumps: bool) -> None:
         """Take the sums of the last pass of the law over the true state.
@@ -67,7 +90,7 @@ class HeldLedger:
         self.sums = read.sums
         if jumps:
             self.jumped += read.sums["jumped"]
-        self.powers, self.wanted = now, float(powers[2])
+        self.powers, self.law_power = now, float(powers[2])
 
     def act(self, powers: Array) -> None:
         """Take forces that act from now on.
@@ -77,7 +100,7 @@ class HeldLedger:
         powers
             Their power, and that in the frame of the energy, shape (2,).
         """
-        self.powers = np.array([powers[0], self.powers[1], self.powers[2], powers[1] - self.wanted])
+        self.powers = np.array([powers[0], self.powers[1], self.powers[2], powers[1] - self.law_power])
 
     @property
     def energy(self) -> float:
@@ -114,7 +137,7 @@ def powers_of(scenario: Scenario, particles: HeldParticles, t: float) -> Array:
     return np.asarray(particles.group_sum(found.sum(axis=0)))
 
 
-def wanted_power(scenario: Scenario, particles: HeldParticles, t: float) -> float:
+def power_of_law(scenario: Scenario, particles: HeldParticles, t: float) -> float:
     """Power of the forces of the law in the frame of the energy.
 
     Called after a pass that left the rates of change of the velocities under the law in the other array.

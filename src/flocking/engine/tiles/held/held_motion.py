@@ -11,8 +11,8 @@ import numpy as np
 from flocking.arrays import Array, Numbers32, Reals
 from flocking.engine.fixed_step.step_counts import LARGEST_SQUARE
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
-from flocking.engine.tiles.simd.interleaved_arrays import column
 from flocking.engine.tiles.simd.reductions import total
+from flocking.engine.tiles.simd.row_transposition import column
 from flocking.engine.tiles.simd.vectors import double_of, load, numbers_from, select, spread
 from flocking.formula.native.functions import native
 from flocking.model.bodies.body import Body

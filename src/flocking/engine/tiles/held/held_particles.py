@@ -189,13 +189,13 @@ class HeldParticles(ParticleArrays):
         parameters = self.parameters
         self.workers.each(
             self.control, self.tiles, float(t), self.acting, own, self.agents, self.n, *lists, parameters.P,
-            parameters.A, self.ids, parameters.seeds, parameters.matrices, self.results.means, self.wanted,
+            parameters.A, self.ids, parameters.seeds, parameters.matrices, self.results.means, self.desired,
         )  # fmt: skip
 
     @property
-    def wanted(self) -> Reals:
+    def desired(self) -> Reals:
         """The forces that agents computed last, shape (m, size)."""
-        return self.force if self.actuation is None else self.actuation.wanted
+        return self.force if self.actuation is None else self.actuation.desired
 
     def exert(self, now: int, *, gusts: bool) -> None:
         """Let bodies make of the forces that agents computed last what acts from the nanosecond ``now`` on.

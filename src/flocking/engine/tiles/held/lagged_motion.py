@@ -102,7 +102,7 @@ class LagConstants:
         self.time_constant = time_constant
         self._point, self._n, self._dtype = point, n, dtype
         self._sorted: dict[float, Reals] = {}
-        self._kept: dict[float, Array] = {}
+        self._coefficients: dict[float, Array] = {}
 
     def reorder(self) -> None:
         """Forget what belongs to the order before."""
@@ -116,15 +116,15 @@ class LagConstants:
         ids
             Number of the agent at each place, shape (size,).
         """
-        if h not in self._kept:
-            if len(self._kept) > 1:
+        if h not in self._coefficients:
+            if len(self._coefficients) > 1:
                 # That of the steps, and that of the last frame between two steps.
-                other = list(self._kept)[-1]
-                del self._kept[other]
+                other = list(self._coefficients)[-1]
+                del self._coefficients[other]
                 self._sorted.pop(other, None)
-            self._kept[h] = lag_coefficients(self._point, self.time_constant, self._n, h)
+            self._coefficients[h] = lag_coefficients(self._point, self.time_constant, self._n, h)
         if h not in self._sorted:
-            rows = self._kept[h]
+            rows = self._coefficients[h]
             self._sorted[h] = np.ascontiguousarray((rows[ids] if rows.ndim > 1 else rows[None]).astype(self._dtype))
         return self._sorted[h]
 

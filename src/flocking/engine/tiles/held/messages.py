@@ -185,10 +185,10 @@ class SampleStore:
         order
             Place of each agent before the sort, shape (n,).
         """
-        kept = self.keeps_truth
-        for name in ("rows", "truth") if kept else ("rows",):
+        both = self.keeps_truth
+        for name in ("rows", "truth") if both else ("rows",):
             setattr(self, name, self._sorted(name, order))
-        if not kept:
+        if not both:
             self.truth = self.rows
         if self.correlated:
             self.errors[:, : self.n] = self.errors[:, order]

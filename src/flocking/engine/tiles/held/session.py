@@ -227,7 +227,7 @@ class HeldTilesSession(HeldTruth):
         changed = bool(tick.any() and not self._latency)
         while self._memory.waiting and self._memory.waiting[0][0] == now:
             _, agents, force = self._memory.waiting.pop(0)
-            particles.wanted[:, particles.places_of(agents)] = force.T
+            particles.desired[:, particles.places_of(agents)] = force.T
             changed = True
         gusts = self._gusts_begin()
         if changed or gusts:
@@ -244,14 +244,14 @@ class HeldTilesSession(HeldTruth):
             self._guarded(lambda: particles.rebuild(self.step))
         particles.acting[: particles.n] = 1 if len(tick) == 1 else tick[particles.ids[: particles.n]]
         particles.all_act = len(tick) == 1
-        before = particles.wanted.copy() if self._latency else None
+        before = particles.desired.copy() if self._latency else None
         particles.act(t, now)
         if before is not None:
             agents = particles.numbers_of(tick)
             self._memory.waiting.append(
-                (now + self._latency, agents, particles.wanted[:, particles.places_of(agents)].T.copy())
+                (now + self._latency, agents, particles.desired[:, particles.places_of(agents)].T.copy())
             )
-            particles.wanted[:] = before
+            particles.desired[:] = before
 
     def _change_gains(self, t: float, seconds: float) -> None:
         """Take scheduled gains; what they change of the energy is a jump of the ledger."""

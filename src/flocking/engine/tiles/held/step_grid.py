@@ -49,14 +49,14 @@ def grid_times(scenario: Scenario) -> list[GridTime]:
     return [*found, GridTime("Held", "latency", np.array([control.latency_in_nanoseconds]))]
 
 
-def held_step(scenario: Scenario, wanted: float | None, resolves: float) -> int:
+def held_step(scenario: Scenario, requested: float | None, resolves: float) -> int:
     """Length of the steps in nanoseconds.
 
     Parameters
     ----------
     scenario
         Its control is held.
-    wanted
+    requested
         The requested step; None to choose one.
     resolves
         Longest step that is chosen.
@@ -67,10 +67,10 @@ def held_step(scenario: Scenario, wanted: float | None, resolves: float) -> int:
         When a time of the world is no whole number of steps, or none is suitable.
     """
     times = grid_times(scenario)
-    if wanted is not None:
-        step = round(wanted * PER_SECOND)
+    if requested is not None:
+        step = round(requested * PER_SECOND)
         if step < 1:
-            raise InvalidInput("TilesOptions", "step", f"must be at least {NANOSECOND:g} under held control", wanted)
+            raise InvalidInput("TilesOptions", "step", f"must be at least {NANOSECOND:g} under held control", requested)
         for each in times:
             wrong = each.times[each.times % step != 0]
             if wrong.size:

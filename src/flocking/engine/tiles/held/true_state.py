@@ -12,7 +12,7 @@ from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.tiles import checks
-from flocking.engine.tiles.held.held_ledger import powers_of, wanted_power
+from flocking.engine.tiles.held.held_ledger import power_of_law, powers_of
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.held.memory import HeldMemory
 from flocking.engine.tiles.session import TilesSession
@@ -77,7 +77,7 @@ class HeldTruth(TilesSession):
                 None,
             )
         if self.options.ledger:
-            powers = [*powers_of(self.scenario, particles, t), wanted_power(self.scenario, particles, t)]
+            powers = [*powers_of(self.scenario, particles, t), power_of_law(self.scenario, particles, t)]
             self._memory.ledger.look(particles, np.array(powers), length, jumps=not hold)
             self._add_row(seconds)
         self._memory.looked = seconds

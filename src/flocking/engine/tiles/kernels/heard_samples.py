@@ -102,7 +102,7 @@ class HeardSamples:
         """Import lines of the generated module."""
         return (
             "\nfrom flocking.engine.tiles.simd.counter_random import drawn_unit\n"
-            "from flocking.engine.tiles.simd.interleaved_arrays import fetch_ahead\n"
+            "from flocking.engine.tiles.simd.row_transposition import fetch_ahead\n"
             "from flocking.engine.tiles.simd.reductions import bits_of\n"
             "from flocking.engine.tiles.simd.vectors import double_of, nearest_of\n"
         )
@@ -180,8 +180,8 @@ class HeardSamples:
         lines = [f"for step in range(count{number}[tile]):"]
         lines += ["    " + x for x in [*loaded, *self._news(timed=self.jitter), *self._searched(number)]]
         # Older samples lie in no order: the processor does not load them ahead by itself.
-        kept = f" & np.uint32({BEST})" * self.keeps_channels
-        ahead = [f"best = best{kept}", "behind = count - best", *_SPOT_LINES, "fetch_ahead(S, spots, 0)"]
+        mask = f" & np.uint32({BEST})" * self.keeps_channels
+        ahead = [f"best = best{mask}", "behind = count - best", *_SPOT_LINES, "fetch_ahead(S, spots, 0)"]
         lines += ["    " + x for x in ahead]
         if not self.alike:
             return lines

@@ -67,8 +67,11 @@ def _source(kind: MeasureKind) -> str:
         lines += ["agent = widen(load(ids, base))", "zero = agent & np.uint64(0)"]
         lines += ["number = zero + (load(numbers, base) if numbers.shape[0] > 1 else spread(numbers[0]))"]
         if kind.correlated:
-            lines += ["kept = load(memory, base) if memory.shape[0] > 1 else spread(memory[0])"]
-            lines += ["kept = select(number == np.uint64(0), spread(0.0), kept)", "new = root(1.0 - kept * kept)"]
+            lines += ["correlation = load(memory, base) if memory.shape[0] > 1 else spread(memory[0])"]
+            lines += [
+                "correlation = select(number == np.uint64(0), spread(0.0), correlation)",
+                "new = root(1.0 - correlation * correlation)",
+            ]
         word = int(Purpose.NOISE) << PURPOSE_SHIFT
         for k in axes:
             words = f"number, np.uint64({word}), agent, zero + np.uint64({k}), np.uint64(key), np.uint64(key2)"
@@ -79,7 +82,7 @@ def _source(kind: MeasureKind) -> str:
             ]  # fmt: skip
         for k in range(2 * kind.dimension):
             if kind.correlated:
-                lines += [f"e{k} = kept * load(errors[{k}], base) + new * e{k}"]
+                lines += [f"e{k} = correlation * load(errors[{k}], base) + new * e{k}"]
                 lines += [f"store(errors[{k}], base, select(hold, load(errors[{k}], base), e{k}))"]
     for part, letter in enumerate("qp"):
         squares = []
@@ -101,7 +104,7 @@ def _source(kind: MeasureKind) -> str:
     text += indented(lines, 2)
     header = "import numpy as np\n\n"
     header += "from flocking.engine.tiles.simd.counter_random import open_unit, philox_words\n"
-    header += "from flocking.engine.tiles.simd.interleaved_arrays import LOADERS, STORERS\n"
+    header += "from flocking.engine.tiles.simd.row_transposition import LOADERS, STORERS\n"
     header += "from flocking.engine.tiles.simd.reductions import highest\n"
     header += "from flocking.engine.tiles.simd.vectors import (\n    double_of, float_bits, float_of, float_of_bits, "
     header += "floor_of, integer_of, load, narrow, nearest_of, root, select, spread, store, widen,\n)\n"

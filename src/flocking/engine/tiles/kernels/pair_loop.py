@@ -119,12 +119,12 @@ def _link_lines(kind: GraphKind, number: int, *, by_agent: bool) -> list[str]:
     if not kind.memory:
         return [*lines, "linked = other & inside"]
     enter = "inside" if kind.uneven else f"(square < enter{number})"
-    kept = "select(linked, j | LINKED, j)"
+    flagged = "select(linked, j | LINKED, j)"
     return [
         *lines,
         "was = other & (entry > NUMBER)",
         f"linked = select(hold, was, other & inside & (was | {enter}))",
-        f"store(rows{number}, at, {f'select(hold, entry, {kept})' if by_agent else kept})",
+        f"store(rows{number}, at, {f'select(hold, entry, {flagged})' if by_agent else flagged})",
     ]
 
 

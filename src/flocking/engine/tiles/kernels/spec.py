@@ -20,7 +20,7 @@ from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
 from flocking.model.world.safety_filters import SafetyFilter
 
-SCHEMES = {2: ("verlet", "damped", "rk4"), 1: ("rk4", "euler")}
+INTEGRATORS = {2: ("verlet", "damped", "rk4"), 1: ("rk4", "euler")}
 """Names of the integrators by the order of agents, the default one first: half-step-velocity Verlet (as in LAMMPS), the
 same with exponential damping, Runge-Kutta of order 4, and the forward Euler method."""
 
@@ -179,7 +179,7 @@ def held_refusals(scenario: Scenario) -> Iterator[str]:
         yield "obstacles under held control yet; leave Avoid out"
 
 
-def scheme_of(scheme: str | None, order: int) -> str:
+def integrator_of(scheme: str | None, order: int) -> str:
     """The requested integrator, or the default one for agents of an order.
 
     Parameters
@@ -194,7 +194,7 @@ def scheme_of(scheme: str | None, order: int) -> str:
     InvalidInput
         If it does not integrate such agents.
     """
-    names = SCHEMES[order]
+    names = INTEGRATORS[order]
     if scheme is None:
         return names[0]
     if scheme not in names:

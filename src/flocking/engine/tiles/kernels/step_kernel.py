@@ -254,7 +254,7 @@ def module_header(spec: KernelSpec, kernels: str) -> str:
     used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in kernels}
     header = "import math\n\nimport numpy as np\n\n"
     header += f"from flocking.engine.tiles.simd.vectors import ({', '.join(_PRIMITIVES)})\n"
-    header += "from flocking.engine.tiles.simd.interleaved_arrays import GATHERERS, LOADERS, STORERS\n"
+    header += "from flocking.engine.tiles.simd.row_transposition import GATHERERS, LOADERS, STORERS\n"
     header += "from flocking.engine.tiles.simd.reductions import highest, lowest, total\n"
     header += "from flocking.engine.tiles.simd.inverse_square_root import inverse_root\n"
     header += "from flocking.formula.native.functions import native\n\n"

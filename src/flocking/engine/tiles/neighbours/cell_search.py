@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from flocking.arrays import Array, Numbers, Numbers32, Reals
 from flocking.engine.tiles.neighbours.cell_list import cell_of
 from flocking.engine.tiles.neighbours.nearest_image import to_nearest
-from flocking.engine.tiles.simd.interleaved_arrays import LOADERS
 from flocking.engine.tiles.simd.packing import pack, room_like
 from flocking.engine.tiles.simd.reductions import highest
+from flocking.engine.tiles.simd.row_transposition import LOADERS
 from flocking.engine.tiles.simd.vectors import WIDTH, load, narrow, numbers_from, select, spread, store
 from flocking.formula.native.functions import native
 
@@ -100,8 +100,8 @@ class ListRoom(NamedTuple):
     numbers: NDArray[np.uint32]
 
 
-class Kept(NamedTuple):
-    """Candidates that are kept: numbers, coordinates, and the neighbours of one agent among them, shape (BEHIND,)."""
+class Candidates(NamedTuple):
+    """Candidates near a tile: numbers, coordinates, and the neighbours of one agent among them, shape (BEHIND,)."""
 
     who: NDArray[np.uint32]
     x: Reals
@@ -137,7 +137,7 @@ def search(first_chunk: int, last_chunk: int, cells: Cells, reach: Reach, room: 
     """
     tiles = room.first.shape[0]
     agents = cells.agents
-    kept = Kept(
+    candidates = Candidates(
         np.empty(BEHIND, np.uint32), room_like(agents, BEHIND), room_like(agents, BEHIND), room_like(agents, BEHIND),
         np.empty(BEHIND, np.uint32),
     )  # fmt: skip
@@ -150,7 +150,7 @@ def search(first_chunk: int, last_chunk: int, cells: Cells, reach: Reach, room: 
             base = tile * WIDTH
             own = numbers_from(base)
             store(found, 0, own ^ own)
-            _search_tile(cells, reach, kept, room.rows, base, cursor, end, found)
+            _search_tile(cells, reach, candidates, room.rows, base, cursor, end, found)
             held = load(found, 0)
             most = np.int64(highest(held))
             needed += most
@@ -167,7 +167,7 @@ def search(first_chunk: int, last_chunk: int, cells: Cells, reach: Reach, room: 
 
 
 def _search_tile(
-    cells: Cells, reach: Reach, kept: Kept, rows: NDArray[np.uint32], base: int, cursor: int, end: int,
+    cells: Cells, reach: Reach, candidates: Candidates, rows: NDArray[np.uint32], base: int, cursor: int, end: int,
     found: NDArray[np.uint32],
 ) -> None:  # fmt: skip
     """Find the neighbours of the agents of one tile, from row ``cursor`` on; their numbers are written to ``found``."""
@@ -213,11 +213,11 @@ def _search_tile(
                         behind = int(cells.start[row * shape[0] + b])
                     while at < behind:
                         if filled > ROOM - WIDTH:
-                            _test(cells, reach, kept, filled, rows, base, lane, last, cursor, end, found)
+                            _test(cells, reach, candidates, filled, rows, base, lane, last, cursor, end, found)
                             filled = 0
-                        filled += _keep(cells, around, kept, filled, at, behind)
+                        filled += _keep(cells, around, candidates, filled, at, behind)
                         at += WIDTH
-        _test(cells, reach, kept, filled, rows, base, lane, last, cursor, end, found)
+        _test(cells, reach, candidates, filled, rows, base, lane, last, cursor, end, found)
         lane = last
 
 
@@ -265,7 +265,7 @@ def _gap(x: float, low: float, high: float, box: Reals, k: int, m: int) -> float
     return select(away > none, away, none)  # type: ignore[no-any-return]
 
 
-def _keep(cells: Cells, around: Box, kept: Kept, filled: int, at: int, behind: int) -> int:
+def _keep(cells: Cells, around: Box, candidates: Candidates, filled: int, at: int, behind: int) -> int:
     """Keep the candidates near a box among the agents from ``at`` on, at most 16, those before ``behind``; how many."""
     agents, box = cells.agents, cells.box
     first = min(at, agents.shape[0] - WIDTH)
@@ -283,16 +283,16 @@ def _keep(cells: Cells, around: Box, kept: Kept, filled: int, at: int, behind: i
         square = square + beyond_z * beyond_z
     limit = narrow(spread(np.float64(around.limit) * (1.0 + DOUBT)), x)
     near = (square < limit) & (who >= np.uint32(at)) & (who < np.uint32(behind))
-    pack(kept.x, filled, x, near)
-    pack(kept.y, filled, y, near)
+    pack(candidates.x, filled, x, near)
+    pack(candidates.y, filled, y, near)
     if agents.shape[1] == 6:
-        pack(kept.z, filled, z, near)
-    return pack(kept.who, filled, who, near)  # type: ignore[no-any-return]
+        pack(candidates.z, filled, z, near)
+    return pack(candidates.who, filled, who, near)  # type: ignore[no-any-return]
 
 
 def _test(
-    cells: Cells, reach: Reach, kept: Kept, filled: int, rows: NDArray[np.uint32], base: int, first: int, last: int,
-    cursor: int, end: int, found: NDArray[np.uint32],
+    cells: Cells, reach: Reach, candidates: Candidates, filled: int, rows: NDArray[np.uint32], base: int,
+    first: int, last: int, cursor: int, end: int, found: NDArray[np.uint32],
 ) -> None:  # fmt: skip
     """List the candidates that are kept and within reach of the agents ``first`` to ``last - 1`` of a tile."""
     agents, box = cells.agents, cells.box
@@ -304,19 +304,19 @@ def _test(
         limit = reach.each[i] if reach.each.shape[0] > 1 else reach.square
         count = np.int64(0)
         for k in range(0, filled, WIDTH):
-            dx, dy = load(kept.x, k) - own_x, load(kept.y, k) - own_y
+            dx, dy = load(candidates.x, k) - own_x, load(candidates.y, k) - own_y
             if box.shape[0]:
                 dx, dy = to_nearest(dx, box, 0, m), to_nearest(dy, box, 1, m)
             square = dx * dx + dy * dy
             if three:
-                dz = load(kept.z, k) - own_z
+                dz = load(candidates.z, k) - own_z
                 if box.shape[0]:
                     dz = to_nearest(dz, box, 2, m)
                 square = square + dz * dz
-            who = load(kept.who, k)
+            who = load(candidates.who, k)
             near = (square < limit) & (who != np.uint32(i)) & (numbers_from(k) < np.uint32(filled))
-            count += pack(kept.hits, count, who, near)
+            count += pack(candidates.hits, count, who, near)
         before = np.int64(found[lane])
         for number in range(min(count, end - cursor - before)):
-            rows[cursor + before + number, lane] = kept.hits[number]
+            rows[cursor + before + number, lane] = candidates.hits[number]
         found[lane] = np.uint32(before + count)

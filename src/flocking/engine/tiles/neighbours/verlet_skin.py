@@ -18,7 +18,7 @@ from flocking.model.space import OPEN, Space
 LEAST_STRIDE = 1e-12
 """Stride in a step, relative to the cutoff, that counts as the least: a group at rest keeps its lists for good."""
 
-SKINS = tuple(0.04 * 1.25**k for k in range(15))
+SKIN_SHARES = tuple(0.04 * 1.25**k for k in range(15))
 """Skins tried, as fractions of the cutoff."""
 
 FIRST_SKIN = 0.25
@@ -107,7 +107,7 @@ def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float, space
     m, grid = agents.shape[1] // 2, sorter.grid
     axes = zip(grid.inverse[:m], grid.shape, space.lengths or (np.inf,) * m, strict=False)
     inverse = max((x for x, count, length in axes if count > 5 or not np.isfinite(length)), default=0.0)
-    skins = np.array([s for s in SKINS if cutoff * (1.0 + s) * inverse <= 2.0] or SKINS[:1]) * cutoff
+    skins = np.array([s for s in SKIN_SHARES if cutoff * (1.0 + s) * inverse <= 2.0] or SKIN_SHARES[:1]) * cutoff
     rows = _lengths(agents, sorter, cutoff + skins, space)
     steps = np.maximum(1.0, skins / max(stride, LEAST_STRIDE * cutoff))
     cost = PASS_COST + rows + (REBUILD_COST + REBUILD_ROW_COST * rows) / steps

@@ -1,4 +1,4 @@
-"""Lanes that are kept, side by side in memory: what a search over sixteen candidates at a time writes."""
+"""Lanes that are selected, side by side in memory: what a search over sixteen candidates at a time writes."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ def _compressed(builder: ir.IRBuilder, at: ir.Value, lanes: ir.Value, mask: ir.V
     """Write all lanes with those of ``mask`` first, by an AVX-512 instruction; the place behind these."""
     size = 8 if name in ("f8", "u8") else 4
     for first in range(0, WIDTH, 64 // size):
-        some, kept = (_part(builder, x, first, 64 // size) for x in (lanes, mask))
+        some, selected = (_part(builder, x, first, 64 // size) for x in (lanes, mask))
         suffix = f"v{64 // size}" + {"f8": "f64", "f4": "f32", "u8": "i64", "u4": "i32"}[name]
         function = declared(
-            builder, f"llvm.x86.avx512.mask.compress.{suffix}", some.type, [some.type, some.type, kept.type]
+            builder, f"llvm.x86.avx512.mask.compress.{suffix}", some.type, [some.type, some.type, selected.type]
         )
-        packed = builder.call(function, [some, ir.Constant(some.type, None), kept])
+        packed = builder.call(function, [some, ir.Constant(some.type, None), selected])
         written = builder.store(packed, builder.bitcast(at, some.type.as_pointer()))
         written.align = size
-        at = builder.gep(at, [_set_bits(builder, kept)])
+        at = builder.gep(at, [_set_bits(builder, selected)])
     return at
 
 
@@ -52,11 +52,11 @@ def _pack(builder: ir.IRBuilder, values: Value, place: Value, lanes: Value, mask
     found, x = array(values), number(lanes)
     if x.kind.name != found.kind.element.name:
         raise UntranslatableError(f"lanes {x.kind} in an array of {found.kind.element}")
-    begin, kept = builder.gep(found.data, [index(builder, place)]), number(mask).code
+    begin, selected = builder.gep(found.data, [index(builder, place)]), number(mask).code
     if has_feature("avx512f"):
-        end = _compressed(builder, begin, x.code, kept, x.kind.name)
+        end = _compressed(builder, begin, x.code, selected, x.kind.name)
     else:
-        end = _one_by_one(builder, begin, x.code, kept)
+        end = _one_by_one(builder, begin, x.code, selected)
     taken = builder.sub(builder.ptrtoint(end, _U8), builder.ptrtoint(begin, _U8))
     return Number(I8, builder.udiv(taken, ir.Constant(_U8, found.kind.bytes)))
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from flocking.engine.tiles.simd.interleaved_arrays import GATHERERS, LOADERS, STORERS
 from flocking.engine.tiles.simd.inverse_square_root import inverse_root
+from flocking.engine.tiles.simd.row_transposition import GATHERERS, LOADERS, STORERS
 from flocking.engine.tiles.simd.vectors import load, store
 from flocking.formula.native.functions import native
 
