@@ -1,7 +1,8 @@
-"""The page on the architecture leads to the right file for each of many tasks, and names every folder."""
+"""The page on the architecture draws every folder, and the table of tasks leads to the right file for each of them."""
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 
@@ -10,7 +11,12 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "src" / "flocking"
 PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
-ROWS = dict(re.findall(r"^\| (.+?) \| `([^`]+)` \|$", PAGE, re.MULTILINE))
+TASKS = (ROOT / "docs" / "where_to_change.md").read_text(encoding="utf-8")
+INSIDE = (ROOT / "docs" / "inside.md").read_text(encoding="utf-8")
+ROWS = dict(re.findall(r"^\| (.+?) \| `([^`]+)` \|$", TASKS, re.MULTILINE))
+MOST_LINES = 72
+"""Lines of a printed page."""
+ENGINES = ("exact", "sampled", "delayed", "discrete", "tiles", "lammps")
 
 HOMES = {
     "change what goes with an agent that changes ranks under held control": "class HeldRankParticles(",
@@ -184,7 +190,28 @@ def test_the_plan_names_every_folder():
     assert named - folders == {"src", "flocking"}
 
 
+def test_the_plan_is_one_figure_on_one_page():
+    assert PAGE.count("```text") == PAGE.count("```") // 2 == 1
+    assert len(PAGE.splitlines()) <= MOST_LINES
+
+
 def test_files_named_in_the_text_are_there():
-    text = PAGE.split("## How it works")[1]
-    for name in re.findall(r"`([a-z_/]+\.py)`", text):
+    text = INSIDE.split("## How it works")[1]
+    names = re.findall(r"`([a-z_/]+\.py)`", text)
+    assert len(names) > 30
+    for name in names:
         assert [p for p in SOURCE.rglob(Path(name).name) if p.as_posix().endswith(f"/{name}")], name
+
+
+def engines_named(text: str) -> set[str]:
+    """Names of engines among the texts of a file, docstrings apart."""
+    values = {node.value for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant)}
+    return {name for name in ENGINES if name in values}
+
+
+def test_no_file_of_the_study_names_an_engine():
+    """What the page says of the account that a run has of its fidelity."""
+    assert "No file of `study/` names an\nengine" in INSIDE
+    found = {path.name: engines_named(path.read_text()) for path in (SOURCE / "study").rglob("*.py")}
+    assert {name: engines for name, engines in found.items() if engines} == {}
+    assert engines_named('"""The exact engine."""\nif run.fidelity.engine == "exact":\n    pass\n') == {"exact"}

@@ -1,4 +1,4 @@
-"""The journeys drawn on the page of the architecture are the ways that data go, in their order, no file twice.
+"""The journeys drawn on `docs/inside.md` name the files that data reach, in the order in which they reach them first.
 
 A journey follows one thing: a formula by a number in it, a scenario by its name, the value of a slider. A file is
 reached when a function of it is given something in which that is found.
@@ -22,7 +22,7 @@ from flocking.formula import compiled
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "src" / "flocking"
-PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "inside.md").read_text(encoding="utf-8")
 DRAWN = PAGE.split("## Three journeys")[1].split("```")[1].removeprefix("text\n")
 JOURNEYS = {
     title: re.findall(r"^  (\S+\.py) ", files, re.MULTILINE)
@@ -166,7 +166,7 @@ WAYS = {
 }
 
 
-def test_three_journeys_are_drawn_and_pass_no_file_twice():
+def test_three_journeys_are_drawn_and_name_no_file_twice():
     assert set(JOURNEYS) == set(WAYS)
     for title, files in JOURNEYS.items():
         assert len(files) == len(set(files)) > 10, title
