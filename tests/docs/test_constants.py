@@ -75,14 +75,14 @@ def unnamed(text: str, least: float = np.inf) -> Iterator[str]:
                     yield f"line {node.lineno}: {node.value}"
 
 
-def numbers_of(node: ast.AST) -> Iterator[ast.Constant]:
-    """Real numbers in a statement, those of functions inside it apart."""
+def numbers_of(node: ast.AST, kind: type[int] | type[float] = float) -> Iterator[ast.Constant]:
+    """Numbers of a kind in a statement, those of functions inside it apart."""
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
         return
-    if isinstance(node, ast.Constant) and isinstance(node.value, float):
+    if isinstance(node, ast.Constant) and type(node.value) is kind:
         yield node
     for child in ast.iter_child_nodes(node):
-        yield from numbers_of(child)
+        yield from numbers_of(child, kind)
 
 
 def test_numbers_in_functions_have_names() -> None:
@@ -101,3 +101,69 @@ def test_numbers_without_a_name_are_found() -> None:
     text = "A = 1e-12\ndef f(x, y=1e-5):\n    def g():\n        return 0.9 * x\n    return g() + 2.0 * max(x, 1e-12)\n"
     assert sorted(unnamed(text)) == ["line 4: 0.9", "line 5: 1e-12"]
     assert list(unnamed(text, DRAWN)) == ["line 5: 1e-12"]
+
+
+LARGEST_PLAIN = 32
+"""Counts up to here are mostly numbers of axes, columns, bits or characters, which their formula shows."""
+
+PERCENT = 100
+INTEGERS = {
+    "apps/lab/access/web_server.py": "status codes of HTTP and of closed WebSockets",
+    "apps/lab/live/hub.py": "status codes of closed WebSockets",
+    "engine/c_export/elementary_functions.py": "widths and biases of IEEE 754 formats, by the name of their property",
+    "engine/tiles/simd/vectors.py": "bits of a type",
+    "model/typesetting/symbols.py": "the code of a backslash",
+    "show/style.py": "settings of matplotlib, by their names",
+}
+"""Files whose integers in functions need no name, and why."""
+LAB = {"apps/lab/panels/saved_files.py": {201}, "apps/lab/scene/points.py": {2000}}
+"""Numbers of the lab that still have no name."""
+
+
+def unnamed_integers(text: str) -> Iterator[tuple[int, int]]:
+    """Line and value of large integers inside functions and in their decorators.
+
+    Percents, masks of all bits, permissions of files, and exponents of two are apart.
+    """
+    lines = text.splitlines()
+    for function in ast.walk(ast.parse(text)):
+        if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+            continue
+        nodes = [*function.body, *function.decorator_list]
+        exponents = {
+            x.right
+            for node in nodes
+            for x in ast.walk(node)
+            if isinstance(x, ast.BinOp) and isinstance(x.op, ast.Pow) and ast.unparse(x.left) in ("2", "2.0")
+        }
+        exponents |= {x.operand for x in exponents if isinstance(x, ast.UnaryOp)}
+        for node in nodes:
+            for number in numbers_of(node, int):
+                octal = lines[number.lineno - 1].encode()[number.col_offset :].startswith(b"0o")
+                mask = number.value & (number.value + 1) == 0 and number.value >= 255
+                plain = number.value <= LARGEST_PLAIN or number.value == PERCENT
+                if not (plain or mask or octal or number in exponents):
+                    yield number.lineno, number.value
+
+
+def test_large_integers_in_functions_have_names() -> None:
+    """Papers apart, as above."""
+    root = Path(flocking.__file__).parent
+    found = {
+        path.relative_to(root).as_posix(): set(unnamed_integers(path.read_text()))
+        for path in SOURCES
+        if path.relative_to(root).parts[0] != "papers"
+    }
+    # An exception that is not needed any more goes.
+    assert {path for path in INTEGERS if found[path]} == set(INTEGERS)
+    left = {
+        path: numbers
+        for path, numbers in found.items()
+        if path not in INTEGERS and not {value for _, value in numbers} <= LAB.get(path, set())
+    }
+    assert left == {}
+
+
+def test_large_integers_without_a_name_are_found() -> None:
+    text = "A = 4096\n@lru_cache(maxsize=4096)\ndef f(x, y=500):\n    return x[:200] & 0xFFFF, 2.0**-53, 2**64, 100, 0o700\n"
+    assert sorted(unnamed_integers(text)) == [(2, 4096), (4, 200)]

@@ -35,6 +35,9 @@ CHECK_INTERVAL = 16
 ABANDONED_AFTER = 3600.0
 """Seconds after which a temporary file is taken for one of a process that was killed."""
 
+MOST_OF_NAME = 80
+"""Most characters that a temporary file takes from the name of its own: file systems allow 255 with what is added."""
+
 CHECKSUM_PREFIX = "# sha256 "
 """First line of a text file: this and the SHA-256 of the rest."""
 DIGEST_BYTES = 32
@@ -176,7 +179,7 @@ def _written_completely(path: Path) -> Iterator[BinaryIO]:
     temporary = None
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name[:80]}.", suffix=".tmp")
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name[:MOST_OF_NAME]}.", suffix=".tmp")
         with os.fdopen(handle, "wb") as file:
             yield file
             file.flush()

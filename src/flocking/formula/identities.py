@@ -10,6 +10,9 @@ if TYPE_CHECKING:
 
 SAMPLES = 3
 """Random points at which an identity is tried: formulas that differ agree at one by chance only."""
+LEAST_PART, MOST_PART, PARTS = 100, 999, 500
+"""Values of symbols are fractions from 1/5 to 2 with a denominator of 500: no overflow, and seldom a special value."""
+
 DIGITS = 40
 """Digits of the values that are compared."""
 ROUNDING = 1e-25
@@ -41,7 +44,7 @@ def is_zero(expression: sympy.Expr) -> bool:
     names = sorted(expression.free_symbols, key=str)
     addends = sympy.Add.make_args(expression)
     for _ in range(SAMPLES):
-        point = {name: sympy.Rational(draw.randint(100, 999), 500) for name in names}
+        point = {name: sympy.Rational(draw.randint(LEAST_PART, MOST_PART), PARTS) for name in names}
         values = [a.xreplace(point).evalf(DIGITS) for a in addends]
         total, scale = sum(values), sum(abs(v) for v in values)
         if total.is_comparable and scale.is_comparable and abs(total) > ROUNDING * scale:

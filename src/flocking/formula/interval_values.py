@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 DIGITS = 40
 """Digits of irrational numbers in a formula before they are rounded outwards."""
 
+MOST_NUMBERS = 4096
+"""Numbers whose enclosures are stored: a formula is evaluated many times, and the store is bounded."""
+
 COMPARISONS = {"StrictLessThan": ("<", False), "LessThan": ("<", False),
                "StrictGreaterThan": (">", True), "GreaterThan": (">", True)}  # fmt: skip
 """Relations by the names of their classes in SymPy, with whether the sides are exchanged."""
@@ -135,7 +138,7 @@ class IntervalValues(ExpressionVisitor[Interval]):
         return FormulaError("intervals", name, "has no enclosure", str(node))
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=MOST_NUMBERS)
 def _number(node: sympy.Expr) -> Interval:
     """The number of a node, enclosed; formulas are evaluated many times."""
     if node.is_Rational:

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 
+MOST_NODES = 4096
+"""Nodes whose kind is stored: the nodes of a few formulas are visited again and again, and the store is bounded."""
+
+
 @cache
 def _classes() -> tuple[tuple[Any, str], ...]:
     """Classes of nodes with the names of their methods; the first that fits counts, as a symbol is a Boolean too."""
@@ -25,7 +29,7 @@ def _classes() -> tuple[tuple[Any, str], ...]:
     )  # fmt: skip
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=MOST_NODES)
 def _kind_of(node: sympy.Basic, folds_numbers: bool) -> str:
     """The name of the method for a node."""
     import sympy

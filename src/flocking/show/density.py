@@ -36,6 +36,8 @@ STONE, STONE_EDGE = "#4E6B78", "#A9C0CA"
 """Obstacles."""
 SPAN = (0.3, 8.0)
 """Default range of densities relative to the reference."""
+OUTLINE_POINTS = 91
+"""Points of an obstacle's outline, four degrees apart on a circle: among cells corners are not seen."""
 CELLS = 480
 """Default number of cells along the longer side of a picture."""
 MARGIN = 0.04
@@ -112,7 +114,7 @@ def density(
         extent=(left, right, down, up), interpolation="bilinear", gid="density", zorder=0.2,
     )  # fmt: skip
     if obstacles is not None:
-        outlines = [o.outline(91) for o in obstacles]
+        outlines = [o.outline(OUTLINE_POINTS) for o in obstacles]
     else:
         outlines = own_outlines(what, stated) if isinstance(what, Run) else []
     for outline in outlines:

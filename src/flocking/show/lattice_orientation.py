@@ -17,6 +17,9 @@ LIGHTNESS, CHROMA = 0.72, 0.118
 TURN = 0.08
 """Hue of a lattice along x, as a fraction of the circle."""
 
+RING_POINTS = 361
+"""Points of the ring of colours, a degree apart."""
+
 _TO_CUBES = np.array(
     [
         [1.0, 0.3963377774, 0.2158037573],
@@ -64,7 +67,7 @@ def wheel(axes: Axes, color: str) -> Axes:
     from matplotlib.collections import PolyCollection
 
     inset = axes.inset_axes((0.015, 0.015, 0.2, 0.2))
-    angle = np.linspace(0.0, 2 * np.pi, 361)
+    angle = np.linspace(0.0, 2 * np.pi, RING_POINTS)
     middle = 0.5 * (angle[1:] + angle[:-1])
     ring = np.stack([np.stack([s * np.cos(angle), s * np.sin(angle)], axis=1) for s in (0.62, 1.0)])
     pieces = np.stack([ring[0, :-1], ring[1, :-1], ring[1, 1:], ring[0, 1:]], axis=1)

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 ROW = 0.24
 """Height of a conclusion, in inches."""
 
+SLANT = 60
+"""Rotation of labels in degrees: steep enough that neighbours do not overlap."""
+
 STATES = {"shown": GREEN, "refuted": VERMILION, "open": ORANGE}
 """What a level says of a conclusion, and its colour."""
 
@@ -109,7 +112,7 @@ def _label(axes: Axes, one: Varied, keys: list[str], levels: list[float]) -> Non
         axes.plot([], [], "o", color=color, ms=4, mfc=theme().ground if state == "open" else color, label=state)
     axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
     axes.set_yticks(np.arange(len(keys)), keys)
-    axes.set_xticks(np.arange(len(levels) + 1), ["ideal", *(f"{level:.3g}" for level in levels)], rotation=60)
+    axes.set_xticks(np.arange(len(levels) + 1), ["ideal", *(f"{level:.3g}" for level in levels)], rotation=SLANT)
     axes.set_xlim(-0.5, len(levels) + 0.5)
     axes.set_ylim(len(keys) - 0.5, -0.5)
     axes.set_xlabel(one.name)

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+SAMPLES = 600
+"""Distances of the potential's curve, chosen by eye: its bends show no corners."""
+
+
 @in_style
 def phase(run: Run, pair: tuple[int, int] | None = None, *, axes: Axes | None = None) -> Axes:
     """Draw (r, dr/dt) of a pair, with the law's potential in the background.
@@ -72,7 +76,7 @@ def _checked_pair(run: Run, pair: tuple[int, int] | None) -> tuple[int, int]:
 
 def _well(axes: Axes, potential: Potential, low: float, high: float, run: Run) -> None:
     radius = float(np.max(run.scenario.law.graph.break_radius))
-    r = np.linspace(low, high, 600)
+    r = np.linspace(low, high, SAMPLES)
     inside = r < radius
     if not inside.any():
         return

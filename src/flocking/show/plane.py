@@ -37,6 +37,15 @@ DIRECTION_SHARE = 0.045
 DIRECTION_COLORS = (VERMILION, GREEN)
 """Colours of the lines of the first and of the second direction of a body."""
 
+OUTLINE_POINTS = 181
+"""Points of an obstacle's outline, two degrees apart on a circle: at the size of print corners are not seen."""
+
+LEADER_SIZE = 70
+"""Area of a leader's mark in square points, chosen by eye."""
+
+FEW_LINKS = 60
+"""Number of links up to which lines have their full width; more of them are thinner, so that agents stay visible."""
+
 TRAIL_STEPS = 1000
 """Smallest distance of the points of a path, relative to the span of the picture."""
 
@@ -165,7 +174,7 @@ def net(
     # A path that leaves the box would be drawn across the box.
     paths = _lift(past) if trails and len(past) > 1 and lives.is_open else None
     given = obstacles if obstacles is not None else ()
-    outlines = [] if space else [np.asarray(o.outline(181), dtype=np.float64) for o in given]
+    outlines = [] if space else [np.asarray(o.outline(OUTLINE_POINTS), dtype=np.float64) for o in given]
     own = own_outlines(what, state) if obstacles is None else []
     points = [
         q,
@@ -248,7 +257,7 @@ def own_outlines(what: Run | State, state: State) -> list[Array]:
         return []
     terms = [t for t in what.scenario.law.body_terms if isinstance(t, ObstacleTerm)]
     obstacles = {id(o): o for term in terms for o in term.obstacles}
-    return [o.outline(181, state.t) for o in obstacles.values()]
+    return [o.outline(OUTLINE_POINTS, state.t) for o in obstacles.values()]
 
 
 def _leaders(what: Run | State, state: State, leader: bool | Leader) -> list[tuple[Reals, Reals]]:
@@ -307,7 +316,7 @@ def _draw_links(axes: Axes, q: Reals, links: Links, space: Space, budget: int, n
     shown = pairs[_evenly(len(pairs), budget)]
     if len(shown) < len(pairs):
         notes.append(f"{len(shown):,} of {len(pairs):,} links drawn")
-    width = float(np.clip(0.7 * (60.0 / max(len(shown), 60)) ** 0.35, 0.15, 0.7))
+    width = float(np.clip(0.7 * (FEW_LINKS / max(len(shown), FEW_LINKS)) ** 0.35, 0.15, 0.7))
     _line_collection(axes, _link_lines(q, shown, space), colors=theme().faint, linewidths=width, zorder=1, gid="links")
 
 
@@ -360,7 +369,7 @@ def _draw_directions(axes: Axes, q: Reals, directions: Mapping[str, Reals], span
 def _draw_leader(axes: Axes, x: Reals, v: Reals, seconds: float) -> None:
     look: _DotLook = {
         "marker": "h",
-        "s": 70,
+        "s": LEADER_SIZE,
         "color": PURPLE,
         "edgecolors": theme().ink,
         "linewidths": 0.6,

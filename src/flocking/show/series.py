@@ -24,6 +24,9 @@ ROUNDING = 1e-9
 LEAST_MARGIN = 1e-12
 """Margin of a curve that is zero throughout, so that its axis has a height."""
 
+MOST_VECTORS = 500
+"""Lines up to which a picture keeps them as vectors: files of more are large and slow to open."""
+
 LEADER_LINES = {"solid": "-", "dashed": (0, (5, 2)), "none": None}
 AGENT_LINES: dict[str, object] = {"solid": "-", "dotted": (0, (1.0, 1.2))}
 ABOUT = ("leader", "mean")
@@ -177,7 +180,7 @@ def agent_lines(
     axes.add_collection(
         LineCollection(
             lines, colors=colors, linewidths=1.0 if few else 0.6, linestyles=[AGENT_LINES[line]],
-            alpha=1.0 if few else float(np.clip(12 / n, 0.06, 0.7)), gid="agents", rasterized=n > 500,
+            alpha=1.0 if few else float(np.clip(12 / n, 0.06, 0.7)), gid="agents", rasterized=n > MOST_VECTORS,
         ),
         autolim=False,
     )  # fmt: skip

@@ -20,6 +20,8 @@ FINE, FAILED_RUNS, INTERRUPTED = 0, 1, 130
 """Exit codes: success, some runs failed, and, as shells have it, 128 + 2 after the interrupt signal."""
 LONGEST_SUMMARY = 60
 """Rows printed at most, about a screen; the file has all of them."""
+MOST_FAILURES = 100
+"""Failures that the JSON output lists; their number is given, and the stored table has all."""
 
 
 def sweep(
@@ -151,7 +153,7 @@ def _print(
         about = {
             "sweep": file.name, "runs": table.plan.size, "done": len(table), "failed": len(failures),
             "status": table.status, "out": str(folder), "files": [str(path) for path in written],
-            "summary": rows, "failures": failures[:100], "seconds": seconds,
+            "summary": rows, "failures": failures[:MOST_FAILURES], "seconds": seconds,
         }  # fmt: skip
         print(json.dumps(about, indent=2, allow_nan=False, ensure_ascii=False, default=str))
         return

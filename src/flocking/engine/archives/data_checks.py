@@ -19,6 +19,10 @@ IntegerNumber = int | np.integer
 RealNumber = float | np.floating | IntegerNumber
 
 
+SHOWN = 60
+"""Most characters of a value of a file that a message repeats: enough to recognise it, and a message stays a line."""
+
+
 def squarable(kind: DTypeLike) -> float:
     """Largest number of a floating-point type whose square, summed a million times, does not overflow."""
     return float(np.sqrt(np.finfo(np.dtype(kind).type).max)) / 2**10
@@ -44,7 +48,7 @@ class Form(ABC, Generic[Checked_co]):
 
 def _refuse(name: str, rule: str, found: object) -> MalformedError:
     text = repr(found)
-    return MalformedError(f"{name} must {rule}, not {text if len(text) <= 60 else text[:57] + '...'}")
+    return MalformedError(f"{name} must {rule}, not {text if len(text) <= SHOWN else text[:SHOWN] + '...'}")
 
 
 @dataclass(frozen=True)
@@ -246,7 +250,7 @@ class Names(Form[dict[str, object]]):
             if form is not None:
                 form.check(x, f"{name}: {key}" if name else key)
             elif not self.others:
-                raise MalformedError(f"{name} must not hold {str(key)[:40]!r}")
+                raise MalformedError(f"{name} must not hold {str(key)[:SHOWN]!r}")
         return value
 
 

@@ -22,6 +22,9 @@ EXPONENTS = (1025.0, -1076.0), (129.0, -152.0)
 """Binary exponents in double and in single precision above which exp overflows, and below which it is zero: the largest
 number is below 2^1024 and 2^128, half the smallest 2^-1075 and 2^-150."""
 
+ENDLESS = 2000
+"""Size of an exponent beyond which the exponential overflows or is zero in either precision: the rest is not needed."""
+
 DIGITS = 60
 """Decimal digits with which coefficients are computed: more than three times those of a double."""
 
@@ -321,7 +324,7 @@ class _Writer:
             f"        found = (b > {zero}) ? {zero} : (found * found);\n    }}\n"
             f"    else if ((a > {zero}) && (a <= {x.upper()}LARGEST))\n    {{\n        {real} below;\n"
             f"        const {real} above = {x}log_of(a, &below);\n        const {real} p = above * b;\n"
-            f"        if ((p > {self.number(-2000)}) && (p < {self.number(2000)}))\n        {{\n"
+            f"        if ((p > {self.number(-ENDLESS)}) && (p < {self.number(ENDLESS)}))\n        {{\n"
             f"            found = {x}exp_of(p, {x}product_rest(above, b, p) + (below * b));\n        }}\n"
             f"        else\n        {{\n            found = {x}exp_of(p, {zero});\n        }}\n    }}\n"
             f"    else\n    {{\n        /* NaN. */\n    }}\n    return found;\n}}\n"

@@ -36,7 +36,6 @@ def message_source(law: ExportedLaw, name: str, c: CSource) -> str:
                 f"        for (k = 0u; k < {X}DIMENSION; k++)\n        {{\n"
                 f"            memory->normals[slot][k] = ({x}real)0;\n        }}\n"
             )
-    below = f"(agent < {X}AGENTS)" if law.n < 65536 else "(1 == 1)"
     return f"""\
 /* The first place in the order whose sender is not below another. */
 static uint16_t {x}place(const {x}memory *memory, uint16_t sender)
@@ -59,7 +58,7 @@ int32_t {x}begin({x}memory *memory, uint16_t agent)
 {{
     uint32_t k;
     uint32_t g;
-    if (!{below})
+    if (!(agent < {X}AGENTS))
     {{
         return {X}NO_AGENT;
     }}

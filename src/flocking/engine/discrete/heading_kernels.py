@@ -20,6 +20,9 @@ GROWTH, GROWTH_2 = WEYL
 TURN, UNIT = 2.0 * math.pi, 2.0**-53
 """A full turn, and the unit of numbers of 53 bits below 1."""
 
+SHIFT = 67108864
+"""2**26: 27 bits of one word stand before 26 of the next."""
+
 
 class Cells(NamedTuple):
     """The torus, its cells, and the smallest square of a distance that is not below the radius."""
@@ -189,11 +192,11 @@ def turn(first, last, cells, rule, tick, start, agents, keep, means):  # type: i
                         k = (k + GROWTH) & 0xFFFFFFFF
                         m = (m + GROWTH_2) & 0xFFFFFFFF
                     if rule.vectorial == 1:
-                        angle = TURN * ((float((d >> 5) * 67108864 + (e >> 6)) + 0.5) * UNIT)
+                        angle = TURN * ((float((d >> 5) * SHIFT + (e >> 6)) + 0.5) * UNIT)
                         desired_x = desired_x / rule.speed + rule.noise * math.cos(angle)
                         desired_y = desired_y / rule.speed + rule.noise * math.sin(angle)
                     else:
-                        angle = rule.noise * ((float((a >> 5) * 67108864 + (b >> 6)) + 0.5) * UNIT - 0.5)
+                        angle = rule.noise * ((float((a >> 5) * SHIFT + (b >> 6)) + 0.5) * UNIT - 0.5)
                         turn_c = math.cos(angle)
                         turn_s = math.sin(angle)
                 size = math.sqrt(desired_x * desired_x + desired_y * desired_y)

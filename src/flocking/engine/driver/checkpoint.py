@@ -8,13 +8,16 @@ from pathlib import Path
 from typing import BinaryIO
 
 from flocking.engine.archives.archive import UNREADABLE, read_archive, write_archive
-from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.archives.data_checks import SHOWN, MalformedError
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.errors import StorageError
 
 ENGINE = "engine"
 """Key of the engine's name in a checkpoint."""
+
+MOST_OF_REASON = 200
+"""Most characters of another library's reason: those that quote data would fill the screen."""
 
 
 def write_checkpoint(engine: str, packed: Packed, file: BinaryIO) -> None:
@@ -56,7 +59,7 @@ def read_checkpoint(data: bytes | Path, engine: str, where: Path) -> Packed:
     try:
         numbers, arrays = read_archive(data)
         if (found := numbers.pop(ENGINE, None)) != engine:
-            raise MalformedError(f"{ENGINE} must be {engine!r}, not {str(found)[:40]!r}")
+            raise MalformedError(f"{ENGINE} must be {engine!r}, not {str(found)[:SHOWN]!r}")
     except UNREADABLE as error:
         raise _useless(where, error) from None
     return numbers, arrays
@@ -77,4 +80,6 @@ def restored(engine: Engine, packed: Packed, stored: Stored, where: Path, change
 
 
 def _useless(where: Path, error: BaseException) -> StorageError:
-    return StorageError(f"{where}: not a checkpoint from which this version can continue ({str(error)[:200]}).")
+    return StorageError(
+        f"{where}: not a checkpoint from which this version can continue ({str(error)[:MOST_OF_REASON]})."
+    )

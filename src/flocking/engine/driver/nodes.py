@@ -29,6 +29,8 @@ COMPILERS = ("cc", "gcc", "clang")
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
 """Flags of the compiler for a shared object."""
+MOST_OF_OUTPUT = 500
+"""Most characters of a compiler's output in an error: its first lines name the first fault."""
 
 
 def compiled_law(scenario: Scenario, folder: Path) -> Path:
@@ -61,7 +63,7 @@ def compiled_law(scenario: Scenario, folder: Path) -> Path:
         [compiler, *FLAGS, "-o", str(place), str(folder / "law.c")], capture_output=True, text=True, check=False
     )
     if done.returncode:
-        raise StorageError(f"The exported law does not compile: {done.stderr.strip()[:500]}")
+        raise StorageError(f"The exported law does not compile: {done.stderr.strip()[:MOST_OF_OUTPUT]}")
     return place
 
 

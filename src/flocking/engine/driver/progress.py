@@ -15,6 +15,8 @@ QUIET_SECONDS = 2.0
 """Duration in seconds below which a run shows no progress."""
 LINE_SECONDS = 10.0
 """Wall time in seconds between two lines, and before the first, if there is no terminal for a bar."""
+STOPS = 100
+"""Stops of a session for its progress, a percent apart."""
 
 
 def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
@@ -25,7 +27,7 @@ def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
     now
         Time of the session.
     """
-    times = np.linspace(scenario.start.t, scenario.t_end, 101)
+    times = np.linspace(scenario.start.t, scenario.t_end, STOPS + 1)
     if often:
         times = np.union1d(times, scenario.frame_times)
     return [float(t) for t in times if now < t < scenario.t_end] + [scenario.t_end]

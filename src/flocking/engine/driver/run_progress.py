@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
+SPEED_SECONDS = 120
+"""Seconds of the past whose runs the time left is computed from: runs differ, and the load of a machine changes."""
+
 
 class Progress:
     """A bar on a terminal, a line below a notebook's cell; nothing elsewhere.
@@ -47,7 +50,7 @@ class Progress:
             TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[failed]}"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
         )  # fmt: skip
-        self._bar = Bar(*columns, console=console, transient=True, speed_estimate_period=120)
+        self._bar = Bar(*columns, console=console, transient=True, speed_estimate_period=SPEED_SECONDS)
         self._task = self._bar.add_task("runs", total=self._total, completed=self._done, failed="")
         self._bar.start()
         return self

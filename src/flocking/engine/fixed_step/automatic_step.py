@@ -23,6 +23,9 @@ CONTACT = 1e-12
 SLOWEST = 1e-9
 """Rate that counts as the least of a leader's spring: its limit of the step is far above the largest step."""
 
+LEAST_STEPS = 100
+"""Least steps of a run however slow its motion, so that its curves have points enough to be drawn."""
+
 SAMPLE = 4000
 """Number of sampled agents."""
 
@@ -84,7 +87,7 @@ def largest_step(
         Velocities at the start, shape (N, m), for agents of order 1; those of the state otherwise.
     """
     span = scenario.t_end - scenario.start.t
-    limits = [LARGEST, span / 100 if span > 0 else LARGEST, resolving_step(scenario, sampled, scheme)]
+    limits = [LARGEST, span / LEAST_STEPS if span > 0 else LARGEST, resolving_step(scenario, sampled, scheme)]
     limits += [PERIODS / rate for rate in _rates_of_bodies(scenario) if rate > 0]
     for pairs in sampled:
         if pairs is not None and len(pairs.agent) and scenario.law.singular_at_zero():

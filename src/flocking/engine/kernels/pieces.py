@@ -29,6 +29,9 @@ MARGIN = 1e-12
 STEP = 1e-4
 """Relative step over a border with which continuations are probed, and then a hundredth of it."""
 
+FINER = 100
+"""Ratio of the two distances from an edge at which its sides are compared: a gap linear in it falls as far."""
+
 LEAST_SCALE = 1e-3
 """Borders nearer to 0 are probed as if they were at this distance, so that the steps do not vanish."""
 
@@ -132,7 +135,7 @@ def _goes_on(edge: float, inwards: float, side: float, shape: Callable[[float, f
     """Whether the formulas of the piece around ``side`` are continuous beyond its edge."""
     scale = max(abs(edge), LEAST_SCALE)
     gaps = []
-    for step in (STEP, STEP / 100):
+    for step in (STEP, STEP / FINER):
         before, after = (shape(d, side, d) for d in (edge + inwards * step * scale, edge - inwards * step * scale))
         gaps.append((np.abs(after - before), np.abs(before) + np.abs(after)))
     (coarse, size), (fine, _) = gaps

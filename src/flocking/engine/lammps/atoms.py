@@ -28,6 +28,9 @@ TOO_LARGE = 0.125
 MOST_SEARCHED = 20_000
 """Largest number of agents whose neighbours are searched pair by pair if no cells fit the box."""
 
+SORT_EVERY = 1000
+"""Steps between two sorts of the atoms of LAMMPS in memory: its own default."""
+
 
 class LammpsError(Exception):
     """LAMMPS reported an error. ``alone``: on this rank only.
@@ -169,7 +172,7 @@ class Atoms:
             # Sorting of agents in memory uses a separate grid.
             self.command(
                 f"neighbor {self.deck.skin!r} {search}", f"neigh_modify binsize {size!r}",
-                f"atom_modify sort {0 if size else 1000} 0.0",
+                f"atom_modify sort {0 if size else SORT_EVERY} 0.0",
             )  # fmt: skip
             if self._begun:
                 self._rerun_setup()

@@ -25,6 +25,9 @@ MAKING = 60.0
 """Time in seconds without writes after which a partly written folder counts as abandoned."""
 
 
+MOST_OF_REASON = 300
+"""Most characters of another library's reason: some quote the data that they cannot read."""
+
 RUN_STAYS = "What was committed before stays readable; free some space and continue with `flocking resume`."
 """Message for a run on a full disk."""
 SWEEP_STAYS = "What was committed before stays readable; free some space and run the same sweep again to continue it."
@@ -193,7 +196,7 @@ def read_soundly(folder: Path) -> Iterator[None]:
             raise KeyboardInterrupt from None
         if starved(error):
             raise StorageError(f"{folder}: {NO_MEMORY}") from None
-        reason = f"{type(error).__name__}: {error}"[:300]
+        reason = f"{type(error).__name__}: {error}"[:MOST_OF_REASON]
         raise StorageError(f"{folder}: the file was damaged or comes from elsewhere ({reason}).") from error
     except MemoryError:
         raise StorageError(f"{folder}: {NO_MEMORY}") from None

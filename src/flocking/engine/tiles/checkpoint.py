@@ -9,7 +9,7 @@ from typing import TypedDict, cast
 import numpy as np
 
 from flocking.engine.archives.archive import PLAIN, Arrays
-from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.archives.data_checks import SHOWN, MalformedError
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.protocol.session import Stored
 from flocking.engine.runs.run import Closest
@@ -96,7 +96,7 @@ def restored(data: object, arrays: Arrays) -> object:
     if "dict" in data:
         return {name: restored(x, arrays) for name, x in data["dict"].items()}
     if data["part"] not in PARTS:
-        raise MalformedError(f"a checkpoint contains no part named {str(data['part'])[:40]}")
+        raise MalformedError(f"a checkpoint contains no part named {str(data['part'])[:SHOWN]}")
     return PARTS[data["part"]](**{name: restored(x, arrays) for name, x in data["of"].items()})
 
 

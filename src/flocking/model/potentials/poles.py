@@ -22,11 +22,14 @@ STEEPER = 1e4
 SAMPLES, FAR = 402, 4.0
 """Number of distances between two borders of pieces, and largest distance relative to the last border."""
 
+MOST_REMEMBERED = 1024
+"""Potentials whose properties are stored: sweeps change numbers of one for each run, and the store is bounded."""
+
 MAY_END = re.compile(r"sqrt\(|log\(|\*\*\s*(?!-?\d+(?![\d./])|\(-?\d+\))")
 """What may have no real value: roots, logarithms, and powers unless their exponent is a whole number."""
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=MOST_REMEMBERED)
 def poles(potential: Potential) -> tuple[float, ...]:
     """Positive distances r0 with psi(r) unbounded as r -> r0 from below, ascending.
 
@@ -44,7 +47,7 @@ def poles(potential: Potential) -> tuple[float, ...]:
     return tuple(r for r in found if _diverges(potential, r))
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=MOST_REMEMBERED)
 def sides(potential: Potential, pole: float) -> tuple[str, str]:
     """Behaviour of the potential below and above a pole: ``"rises"``, ``"falls"`` or ``"ends"``.
 
@@ -63,7 +66,7 @@ def sides(potential: Potential, pole: float) -> tuple[str, str]:
     return found[0], found[1]
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=MOST_REMEMBERED)
 def acts_only_beyond(potential: Potential, radius: float) -> float | None:
     """Smallest distance at which a potential has a slope, if it has none below ``radius``; else None.
 
@@ -81,7 +84,7 @@ def acts_only_beyond(potential: Potential, radius: float) -> float | None:
     return None
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=MOST_REMEMBERED)
 def without_value(potential: Potential, radius: float) -> float | None:
     """A distance below ``radius`` from which on a potential has no real value or slope; None if none was found.
 

@@ -34,6 +34,9 @@ SUSPICIOUS, WRONG = 1e-9, 1e-10
 DIGITS, CHECKED_STATES = 40, 40
 """Digits of the second evaluation, and approximate number of states in which it is made; limits the time."""
 
+MOST_REMEMBERED = 256
+"""Terms whose balance is stored: every law checks its own again, and the store of expressions is bounded."""
+
 EQUAL_FACTORS = 1e-6
 """Largest relative spread of equal factors in several states; they are computed with 40 digits and rounded."""
 
@@ -171,7 +174,7 @@ Fault = tuple[str, str, object, str]
 """Parameter, rule, value and fix of an error."""
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=MOST_REMEMBERED)
 def _fault(
     parts: tuple[sympy.Expr, ...],
     symbols: tuple[sympy.Symbol, ...],

@@ -28,6 +28,9 @@ COUNTS = (8, 12, 16, 24, 32, 48, 64, 96)
 ACCURACY, POOREST = 1e-12, 1e-10
 """Largest error relative to the largest value of the integral: in general, and with the most coefficients."""
 
+MOST_REMEMBERED = 256
+"""Integrals that are stored: a run asks for that of its law again and again, and the store is bounded."""
+
 PLACES = 1001
 """Distances at which the error is measured."""
 
@@ -139,7 +142,7 @@ def newton_value(coefficients: Array, places: Array) -> Array:
     return found
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=MOST_REMEMBERED)
 def fall_of(potential: Potential, graph: Smooth) -> Fall | None:
     """The integral of the slope of a graph's weight times a potential; None if no polynomial is accurate enough.
 

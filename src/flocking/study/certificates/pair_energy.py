@@ -16,6 +16,9 @@ from flocking.study.certificates.pieces import factored
 if TYPE_CHECKING:
     import sympy
 
+MOST_ENERGIES = 64
+"""Pair energies that are stored: those of a law, which all its certificates ask for; each holds its boxes."""
+
 BOXES = 512
 """Intervals into which a range of distances is divided at first, and of which each round looks at most at 8 times as
 many."""
@@ -266,7 +269,7 @@ class IntegratedEnergy(PairEnergy):
         return Interval(np.where(same, at.lo, -np.inf), np.where(same, at.hi, np.inf))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=MOST_ENERGIES)
 def energy_of(symbol: sympy.Symbol, value: sympy.Expr, end: float) -> PairEnergy:
     """The energy of a pair, the same object for the same formula: what it found of it is not sought again.
 

@@ -19,6 +19,9 @@ from flocking.model.law import Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 
+MOST_INTERVALS = 4096
+"""Matrices that are stored, one for each length of an interval: ticks repeat few lengths, and the store is bounded."""
+
 
 class Piece(NamedTuple):
     """An agent when something about its force changes.
@@ -216,7 +219,7 @@ class ForcedMotion:
         return np.array([q for q, _ in both]), np.array([p for _, p in both])
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=MOST_INTERVALS)
 def _change_within(s: float, tau: float, body: tuple[float, float] | None) -> Array:
     """The matrix that leads an agent a time on, by the exponential of that of its linear equation, shape (3, 5).
 

@@ -12,6 +12,9 @@ from flocking.model.checks import number
 from flocking.model.potentials.potential import Potential
 from flocking.study.potentials.potential_shape import MOST_MINIMA, SAMPLES, Limit, Minimum, Shape, same, shape_of
 
+SAMPLES_BEYOND = 61
+"""Distances beyond the radius at which the slope is computed, four in each decade."""
+
 
 @dataclass(frozen=True)
 class PropertyRow:
@@ -258,7 +261,7 @@ class Properties:
         if self.radius is None:
             return PropertyRow(name, None, NO_RADIUS)
         R = self.radius
-        samples = [R * (1 + 10.0**k) for k in np.linspace(-9, 6, 61)]
+        samples = [R * (1 + 10.0**k) for k in np.linspace(-9, 6, SAMPLES_BEYOND)]
         slopes = [(abs(float(self.shape.slope(x))), x) for x in samples]
         worst = max(slopes, key=lambda pair: np.inf if np.isnan(pair[0]) else pair[0])
         holds = bool(worst[0] <= ROUNDING)

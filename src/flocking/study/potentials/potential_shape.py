@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 DISTANCES = (1e-6, 1e6)
 """Nearest and farthest distance at which the formula must have a real value."""
 
+MOST_ROOT_STEPS = 60
+"""Most steps of a root's search from a bracket; no root is found where they do not suffice."""
+
 SAME_ROOT = 1e-14
 """Relative difference of two roots that count as one: they have more digits, their brackets may share an end."""
 
@@ -271,7 +274,7 @@ def _root(function: Callable[[Number], Number], a: float, b: float) -> Number | 
         a, b = a * (1 - BRACKET), b * (1 + BRACKET)
     low, high = context.mpf(a), context.mpf(b)
     try:
-        root = context.findroot(function, (low, high), solver="anderson", verify=False, maxsteps=60)
+        root = context.findroot(function, (low, high), solver="anderson", verify=False, maxsteps=MOST_ROOT_STEPS)
     except (ValueError, ZeroDivisionError, TypeError):
         return None
     return root if low <= root <= high else None

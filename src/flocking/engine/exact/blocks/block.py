@@ -66,9 +66,10 @@ MOST_LINKS = 64_000_000
 """Most bytes of the link matrices of these frames."""
 
 WORK = 100_000_000
-"""Approximate work of one native call, in pairs looked at; to follow a linked one costs some 200 times as much. Ctrl-C
-and limits of wall time take effect at its end, after some hundredths of a second.
-"""
+"""Approximate work of one native call, in pairs looked at. Ctrl-C and limits of wall time take effect at its end, after
+some hundredths of a second."""
+LINKED_COST = 200
+"""Approximate cost to follow a linked pair, in pairs looked at: it only decides how many steps a call may take."""
 
 
 SHORT_SLICE = 0.05
@@ -179,7 +180,7 @@ def take_block(
         if not 0.0 < memory.step < np.inf:
             return None
     n, pairs, size = dynamics.n, len(dynamics.pairs[0]), len(memory.y)
-    most = min(MOST_STEPS, MOST_STATES // (16 * size), WORK // (n * n + 200 * pairs + 1))
+    most = min(MOST_STEPS, MOST_STATES // (16 * size), WORK // (n * n + LINKED_COST * pairs + 1))
     room = 1 if seconds < SHORT_SLICE else max(1, most)
     solution = _solution(memory, known, stepper.slopes, energies)
     switching = switching_tables(dynamics, links)

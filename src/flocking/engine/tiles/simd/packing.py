@@ -12,6 +12,9 @@ from flocking.formula.native.primitives import Primitive
 
 _U4, _U8 = ir.IntType(32), ir.IntType(64)
 
+REGISTER = 64
+"""Bytes of an AVX-512 register."""
+
 
 def _part(builder: ir.IRBuilder, value: ir.Value, first: int, count: int) -> ir.Value:
     lanes = ir.Constant(ir.VectorType(_U4, count), list(range(first, first + count)))
@@ -26,9 +29,9 @@ def _set_bits(builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
 def _compressed(builder: ir.IRBuilder, at: ir.Value, lanes: ir.Value, mask: ir.Value, name: str) -> ir.Value:
     """Write all lanes with those of ``mask`` first, by an AVX-512 instruction; the place behind these."""
     size = 8 if name in ("f8", "u8") else 4
-    for first in range(0, WIDTH, 64 // size):
-        some, selected = (_part(builder, x, first, 64 // size) for x in (lanes, mask))
-        suffix = f"v{64 // size}" + {"f8": "f64", "f4": "f32", "u8": "i64", "u4": "i32"}[name]
+    for first in range(0, WIDTH, REGISTER // size):
+        some, selected = (_part(builder, x, first, REGISTER // size) for x in (lanes, mask))
+        suffix = f"v{REGISTER // size}" + {"f8": "f64", "f4": "f32", "u8": "i64", "u4": "i32"}[name]
         function = declared(
             builder, f"llvm.x86.avx512.mask.compress.{suffix}", some.type, [some.type, some.type, selected.type]
         )
