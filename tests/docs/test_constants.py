@@ -165,5 +165,5 @@ def test_large_integers_in_functions_have_names() -> None:
 
 
 def test_large_integers_without_a_name_are_found() -> None:
-    text = "A = 4096\n@lru_cache(maxsize=4096)\ndef f(x, y=500):\n    return x[:200] & 0xFFFF, 2.0**-53, 2**64, 100, 0o700\n"
+    text = "A = 4096\n@cache(4096)\ndef f(x, y=500):\n    return x[:200] & 0xFFFF, 2.0**-53, 2**64, 100, 0o700\n"
     assert sorted(unnamed_integers(text)) == [(2, 4096), (4, 200)]

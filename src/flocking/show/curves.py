@@ -20,7 +20,8 @@ INSIDE = 1e-9
 """Share of an interval by which a curve is drawn inside its ends, where the formula may have poles."""
 
 FARTHEST = 1e3
-"""Distance up to which the minimum of a potential without a radius is looked for."""
+"""Distance up to which the minimum of a potential without a radius is looked for, a convention: in most units
+distances of agents are near 1."""
 
 NEAREST = 1e-6
 """Least distance at which the minimum is looked for, relative to the farthest; six decades show any."""

@@ -39,7 +39,8 @@ SPAN = (0.3, 8.0)
 OUTLINE_POINTS = 91
 """Points of an obstacle's outline, four degrees apart on a circle: among cells corners are not seen."""
 CELLS = 480
-"""Default number of cells along the longer side of a picture."""
+"""Default number of cells along the longer side of a picture: one for each dot of an axis 4.8 inches
+long at 100 dots an inch, the resolution on a screen."""
 MARGIN = 0.04
 """Margin around the group as a fraction of the side."""
 

@@ -21,7 +21,7 @@ ROUNDINGS = 16.0
 """Rounding units of the largest coordinate by which cells are wider, since wrapping a coordinate rounds it."""
 
 MOST_CELLS = 2
-"""Largest number of cells for each agent."""
+"""Largest number of cells for each agent, a bound on memory for a group that is spread thin."""
 
 GROWTH = 1.2
 """Room for pairs, by the number found the last time."""

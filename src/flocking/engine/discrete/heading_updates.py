@@ -34,7 +34,8 @@ WIDER = 1.0 + 1e-9
 """Share of the radius by which cells are wider at least."""
 
 MOST_CELLS = 4
-"""Largest number of cells for each agent, where there are more than `FEWEST_CELLS` along an axis."""
+"""Largest number of cells for each agent, where there are more than `FEWEST_CELLS` along an axis: a bound on memory and
+on the cells that are counted in every step."""
 
 FARTHEST = 1e6
 """Distance from the origin in radii up to which wrapping a coordinate rounds it by less than `WIDER` makes room for."""

@@ -50,7 +50,8 @@ straight, and its curvature must not make the next step too long again.
 """
 
 MOST_CELLS = 4096
-"""Undecided intervals at which the search ends; extrema that are left then are not protected."""
+"""Undecided intervals at which the search ends, a bound on its time and memory; extrema that are left then are not
+protected."""
 
 MOST_KNOWN = 1000
 """Formulas whose zones are cached; a thousand laws are more than one process uses at a time."""

@@ -41,7 +41,7 @@ found."""
 KEYS = ("velocity_difference", "alignment_diameter", "alignment_rate")
 
 FARTHEST = 1e150
-"""Largest diameter that is looked for."""
+"""Largest diameter that is looked for: its square, 1e300, does not overflow."""
 
 REFINED, TRIES = 1e-12, 24
 """First relative distance of the ends of the bound of the diameter from its estimate, and how often it is tried with

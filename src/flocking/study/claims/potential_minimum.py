@@ -11,7 +11,8 @@ MINIMUM_ERROR = 1e-12
 """Absolute tolerance of the located minimum; near one a value depends on its place by the square of the error."""
 
 FARTHEST = 1e4
-"""Where the search ends for a graph without a break radius."""
+"""Where the search ends for a graph without a break radius, a convention: in most units distances of agents
+are near 1."""
 
 GRID = 4001
 """Points of the logarithmic and of the linear grid: minima further apart than 0.4 % of their distance are separated."""
