@@ -23,7 +23,7 @@ ROUNDED = 1.0 + 1e-12
 """Factor by which the norm of an acceleration may exceed its bound by rounding."""
 
 SHARES = 32
-"""Parts into which the way from braking to the desired acceleration is divided, and the last part again: an acceleration
+"""Parts into which the way from braking to the desired acceleration is divided, and then the last part: an acceleration
 1/1024 of the way further was tried and does not keep the planes."""
 
 ROUNDING = 64 * float(np.finfo(np.float64).eps)
