@@ -121,7 +121,7 @@ class Decomposition:
         at = np.empty(int(ids.max(initial=0)) + 1, np.int64)
         at[ids] = np.arange(n)
         here = at[self._numbers[:count] - 1]
-        self._set_places(q[here], np.arange(count))
+        self._set_places(q[here])
         for k, table in enumerate(tables):
             self._column(k)[:count] = 0
             self._column(k)[:count, : table.shape[1]] = table[here]
@@ -131,16 +131,17 @@ class Decomposition:
         return self._residents(m)
 
     def exchanged(
-        self, received: Indices, q: AnyArray, p: AnyArray, tables: list[Numbers32], cutoff: float, n: int
+        self, ids: Numbers32, q: AnyArray, p: AnyArray, tables: list[Numbers32], cutoff: float, n: int
     ) -> Residents | None:  # fmt: skip
         """Send agents to the ranks of their domains; None if LAMMPS lost some, which have to be placed again.
 
+        Those that stay are received in the order in which they are given, except for some that fill the places of
+        those that leave.
+
         Parameters
         ----------
-        received
-            Index that each agent had when they were received, shape (n,).
-        q, p, tables
-            See `Residents`.
+        ids, q, p, tables
+            See `Residents`; the agents of this rank in any order.
         cutoff
             As for `place`.
         n
@@ -150,12 +151,15 @@ class Decomposition:
         self._widen([t.shape[1] for t in tables])
         self._set_cutoff(cutoff)
         if count:
-            self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[received, :m] = self._space.wrapped(q)
-            self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[received, :m] = p
-        self._set_places(q, received)
+            # All that LAMMPS has of an agent is written anew, its number too: so the order of agents is free, and the
+            # one in which they lie in memory is the cheapest, here and for LAMMPS.
+            np.add(ids, 1, out=self._numbers)
+            self._lammps.numpy.extract_atom("x", nelem=count, dim=3)[:, :m] = self._space.wrapped(q)
+            self._lammps.numpy.extract_atom("v", nelem=count, dim=3)[:, :m] = p
+        self._set_places(q)
         for k, table in enumerate(tables):
             column = self._column(k)[:count]
-            column[received, : table.shape[1]], column[:, table.shape[1] :] = table, 0
+            column[:, : table.shape[1]], column[:, table.shape[1] :] = table, 0
         self._command("run 0 post no")
         if self._counted() != n:
             return None
@@ -207,11 +211,11 @@ class Decomposition:
             found = self._lammps.numpy.extract_atom("d2_places", nelem=count, dim=m).reshape(count, m)
         return found
 
-    def _set_places(self, q: AnyArray, received: Indices) -> None:
+    def _set_places(self, q: AnyArray) -> None:
         """Let positions travel with the agents where those of LAMMPS are images."""
         if not self._space.is_open and len(q):
             m = q.shape[1]
-            self._lammps.numpy.extract_atom("d2_places", nelem=len(q), dim=m).reshape(len(q), m)[received] = q
+            self._lammps.numpy.extract_atom("d2_places", nelem=len(q), dim=m).reshape(len(q), m)[:] = q
 
     @property
     def _count(self) -> int:

@@ -66,15 +66,19 @@ def among(ascending: NDArray[np.integer], numbers: NDArray[np.integer]) -> NDArr
 
 
 def newcomers(before: NDArray[np.integer], now: NDArray[np.integer]) -> int:
-    """Number of numbers that were not there before.
+    """Number of numbers that were not there before; fast where most are in the same places.
 
     Parameters
     ----------
     before, now
         Numbers; each occurs once.
     """
-    both = np.sort(np.concatenate([before, now]))
-    return len(now) - int(np.count_nonzero(both[1:] == both[:-1]))
+    both = min(len(before), len(now))
+    # A number in its old place is no newcomer, and occurs nowhere else.
+    differ = before[:both] != now[:both]
+    old, new = (np.concatenate([x[:both][differ], x[both:]]) for x in (before, now))
+    found = np.sort(np.concatenate([old, new]))
+    return len(new) - int(np.count_nonzero(found[1:] == found[:-1]))
 
 
 def sent(comm: Comm, to: NDArray[np.integer], rows: AnyArray) -> tuple[AnyArray, Numbers]:

@@ -64,7 +64,6 @@ class RankParticles(SharedParticles):
         self.migrated = 0
         self._limit = memory_limit
         self._copies: Copies | None = None
-        self._own: Numbers32 | None = None
         # Before the first rebuild the agents are divided by their numbers.
         cut = [state.n * k // ranks.size for k in (ranks.rank, ranks.rank + 1)]
         self._begin: tuple[State, list[Numbers32] | None] | None = (state, tables)
@@ -130,8 +129,11 @@ class RankParticles(SharedParticles):
         given = skin if skin is not None else self.search.given_skin
         width = float(given if given is not None else self._next_skin or FIRST_SKIN * cutoff)
         reach = cutoff + self.search.margin + width
+        first = self._begin is not None
         came = self._exchanged(reach)
         before, further = self.ids[: self.n].copy(), np.ascontiguousarray(self.body_rows.further[:, : self.n].T)
+        # Before the first exchange agents are divided by their numbers, not by space.
+        self.migrated += 0 if first else newcomers(before, came.ids)
         self._take(came)
         if self.moving:
             self._sort_all(reach)
@@ -160,7 +162,7 @@ class RankParticles(SharedParticles):
         tables = self._tables() if begin is None else [t[self._part] for t in begin[1] or []]
         if self._decomposition is None:
             return Residents(self.ids[:n].copy(), q.copy(), p.copy(), tables, NOBODY, np.zeros(0, np.int64))
-        there = self._decomposition.exchanged(self._received, q, p, tables, reach, self.everyone)
+        there = self._decomposition.exchanged(self.ids[:n], q, p, tables, reach, self.everyone)
         if there is None:
             there = self._placed_again(q, p, tables, reach)
         return there
@@ -218,15 +220,12 @@ class RankParticles(SharedParticles):
         if self._decomposition is None and self.ranks.size == 1:
             requested, self._copies = NOBODY, None
         else:
-            own = np.sort(came.ids)
             linked = fixed_partners(came.ids, self.spec.graphs, self.radii.edges, self.everyone)
             requested = np.unique(np.concatenate([came.near, linked]))
-            requested = requested[~among(own, requested)].astype(np.int32)
-            visible = np.arange(len(own)) if any(kind.fixed for kind in self.spec.graphs) else came.visible
+            visible = np.arange(len(came.ids)) if any(kind.fixed for kind in self.spec.graphs) else came.visible
+            # An own agent that is near through an image is near a border of the domain.
+            requested = requested[~among(np.sort(came.ids[visible]), requested)].astype(np.int32)
             self._copies = Copies(self.ranks.comm, came.ids[visible], visible, requested)
-            if self._own is not None:
-                self.migrated += newcomers(self._own, own)
-            self._own = own
         self._hold(came.ids, came.q, came.p, len(requested))
         self._received = np.arange(self.n)
         if self._copies is not None:
