@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.driver.registry import chosen_engine
-from flocking.errors import FlockingError
+from flocking.engine.driver.registry import chosen_engine, engine_named
+from flocking.engine.lammps.checks import check_supported
+from flocking.errors import FlockingError, UnsupportedLaw
 
 LAW = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
 
@@ -61,3 +64,49 @@ def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: st
 def test_where_no_engine_runs_it_the_right_one_says_why(made: fk.Scenario, said: str) -> None:
     with pytest.raises(FlockingError, match=said):
         fk.start(made)
+
+
+WORLDS = [
+    {},
+    {"control": fk.Held(0.1)},
+    {"information": fk.Delayed(0.1)},
+    {"information": fk.Messages(0.1)},
+    {"control": fk.Held(0.1), "information": fk.Messages(0.1)},
+    {"control": fk.Held(0.1), "information": fk.Delayed(0.1)},
+]
+BODIES = [
+    fk.PointMass(),
+    fk.Limited(fk.PointMass(), speed=1.0),
+    fk.Lagged(fk.Limited(fk.PointMass(), force=1.0), 0.2),
+    fk.Limited(fk.Lagged(fk.PointMass(), 0.2), rate=2.0),
+    fk.Mixture((fk.PointMass(), fk.Unicycle(0.1)), [0, 0, 1, 1]),
+]
+LAWS = [
+    LAW,
+    fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)]),
+    fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0, functional=True)]),
+]
+
+
+def refused_by(engine: str, made: fk.Scenario) -> str:
+    """Why an engine does not run a scenario; pair styles of LAMMPS have checks of their own."""
+    if engine != "pair styles":
+        return engine_named(engine).why_not(made)
+    try:
+        check_supported(made)
+    except UnsupportedLaw as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("world", WORLDS, ids=lambda world: " ".join(type(x).__name__ for x in world.values()))
+@pytest.mark.parametrize("engine", ["exact", "sampled", "tiles", "delayed", "lammps", "pair styles"])
+def test_an_engine_that_a_refusal_names_as_the_way_out_runs_the_scenario(engine: str, world: dict) -> None:
+    """What a refusal says after "use" is tried, as a reader would."""
+    for bodies in BODIES:
+        for law in LAWS:
+            made = scenario(law=law, bodies=bodies, **world)
+            said = refused_by(engine, made)
+            others = [x for part in re.findall(r"[Uu]se engine=([^,.]+)", said) for x in re.findall(r"'(\w+)'", part)]
+            assert all(not refused_by(other, made) for other in others if other != "auto"), said
+            assert "another engine" not in said.lower(), said

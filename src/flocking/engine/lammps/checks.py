@@ -16,7 +16,7 @@ MOST_AGENTS = 2**31 - 1
 """Largest number of atoms in a build of LAMMPS with 32-bit atom numbers."""
 
 
-def _refusal(what: str, way_out: str = "Use engine='tiles' or 'exact'.") -> UnsupportedLaw:
+def _refusal(what: str, way_out: str) -> UnsupportedLaw:
     return UnsupportedLaw(f"LAMMPS cannot run {what}. {way_out}")
 
 
@@ -34,10 +34,10 @@ def check_supported(scenario: Scenario) -> None:
     n, dimension = scenario.start.q.shape
     if n > MOST_AGENTS:
         raise InvalidInput("Scenario", "start", f"must have at most {MOST_AGENTS} agents for LAMMPS", n)
-    if body := refused_body(agents):
-        raise _refusal(body, "Use engine='exact'.")
     for name, part in left_out(scenario, ()).items():
         raise _refusal(f"{name}={type(part).__name__}(...): it would be left out", "Use forces='kernels'.")
+    if body := refused_body(agents):
+        raise _refusal(body, "Use engine='exact'.")
     if not scenario.space.is_open:
         raise _refusal(f"{type(scenario.space).__name__} space, only open space", "Use engine='exact'.")
     if dimension not in (2, 3):
@@ -45,7 +45,10 @@ def check_supported(scenario: Scenario) -> None:
     for graph in law.graphs:
         breaks = graph.break_radius
         if not (graph.follows_radii and isinstance(breaks, float)):
-            raise _refusal(f"the graph {type(graph).__name__}: its pair styles select pairs by one distance")
+            way_out = (
+                "Use engine='exact'." if graph.moves and not graph.follows_radii else "Use engine='tiles' or 'exact'."
+            )
+            raise _refusal(f"the graph {type(graph).__name__}: its pair styles select pairs by one distance", way_out)
         gap = breaks - float(graph.appear_radius)
         if gap > 0:
             raise _refusal(
@@ -57,7 +60,9 @@ def check_supported(scenario: Scenario) -> None:
             raise _refusal(f"{type(term).__name__} with a graph functional", "Use engine='exact'.")
     for leader in Layout(law, scenario.energy).leaders():
         if not leader.closed_form:
-            raise _refusal(f"the leader {type(leader).__name__}, whose position has no closed form")
+            raise _refusal(
+                f"the leader {type(leader).__name__}, whose position has no closed form", "Use engine='exact'."
+            )
     for owner, owned in Layout(law, scenario.energy).owners():
         for name, value in owned.items():
             if isinstance(value, PairWeights):
@@ -72,4 +77,7 @@ def check_supported(scenario: Scenario) -> None:
                 and owner.startswith("term")
                 and scenario.law.terms[int(owner[4:])] in law.pair_terms
             ):
-                raise _refusal(f"one {name} per agent in a pair term: its pair forces are equal and opposite")
+                raise _refusal(
+                    f"one {name} per agent in a pair term: its pair forces are equal and opposite",
+                    "Use engine='tiles' or 'exact'.",
+                )

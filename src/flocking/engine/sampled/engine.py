@@ -39,9 +39,14 @@ class SampledEngine(Engine):
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Refuse what has no closed form, and kinds of information that this engine does not support."""
         if not isinstance(scenario.control, Held):
+            told = isinstance(scenario.information, Messages)
+            way_out = (
+                "No engine runs messages under continuous control: give control=fk.Held(period), of a short period."
+                if told
+                else "engine='auto' chooses another one for continuous control."
+            )
             raise UnsupportedLaw(
-                "engine='sampled' needs control=Held(...): between two ticks it moves agents in closed form. "
-                "Use another engine for continuous control."
+                f"engine='sampled' needs control=Held(...): between two ticks it moves agents in closed form. {way_out}"
             )
         if not isinstance(scenario.information, Instant | Messages):
             raise UnsupportedLaw("engine='sampled' supports no information but Instant and Messages.")

@@ -132,8 +132,13 @@ def check_supported(scenario: Scenario) -> None:
     law, agents = scenario.law, scenario.agents
     n, dimension = scenario.start.q.shape
 
+    # Under held control the engine for small groups is another one, which does not run everything either.
+    way_out = (
+        "Use engine='exact'." if scenario.control.ideal else "engine='auto' chooses one that does, if there is one."
+    )
+
     def refuse(what: str) -> UnsupportedLaw:
-        return UnsupportedLaw(f"The tiled engine cannot run {what}. Use engine='exact'.")
+        return UnsupportedLaw(f"The tiled engine cannot run {what}. {way_out}")
 
     for why in held_refusals(scenario):
         raise UnsupportedLaw(f"The tiled engine cannot run {why}.")
