@@ -110,14 +110,13 @@ def test_saturation_before_the_hold_is_caught(monkeypatch):
 
 def test_a_limit_that_is_left_out_is_caught(monkeypatch):
     monkeypatch.setattr(SampledSession, "in_blocks", False)
-    monkeypatch.setattr(Actuation, "exerted", lambda self, agents, force: force)
+    monkeypatch.setattr(Actuation, "exerted", lambda self, agents, force, p: force)
     assert "from where the logged forces lead" in str(fk.replay(fk.simulate(scenario(**WORLD), progress=False)))
 
 
 @pytest.mark.parametrize(
     ("bodies", "words"),
     [
-        (fk.Limited(fk.PointMass(), force=1.0, speed=2.0), "a largest speed would act between two ticks"),
         (fk.Lagged(fk.Limited(fk.PointMass(), force=1.0), 0.1), "a limit of what a lagged body exerts would act"),
         (
             fk.Limited(fk.Lagged(fk.SingleIntegrator(), 0.1), speed=1.0),

@@ -55,6 +55,10 @@ BODIES = {
     "limited by axis, periodic": lambda: _made(
         space=fk.Periodic([110.0, 120.0]), bodies=fk.Limited(fk.PointMass(), force=4.0, shape="box")
     ),
+    "largest speeds, each by itself": lambda: _made(
+        control=fk.Held(PERIODS, phase=PHASES, latency=0.12), frames=8,
+        bodies=fk.Limited(fk.PointMass(np.linspace(1, 2, N), 0.3), force=40.0, speed=38.0 + 0.02 * EACH),
+    ),
     "lagged, each by itself": lambda: _made(
         control=fk.Held(PERIODS, phase=PHASES, latency=0.12), frames=8,
         bodies=fk.Lagged(fk.PointMass(np.linspace(1, 2, N), 0.3), 0.05 + 0.001 * EACH),

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from flocking.arrays import Mask
 from flocking.errors import UnsupportedLaw
 from flocking.model.bodies.actuators import Lagged, Limited
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.disturbances import Disturbed
+from flocking.model.bodies.mixtures import Mixture
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.bodies.unicycles import Unicycle
 from flocking.model.bodies.wrapped import WrappedBody
@@ -27,6 +31,24 @@ def chain_of(body: Body) -> tuple[list[WrappedBody], Body]:
     return found, body
 
 
+def members_of(body: Body) -> list[tuple[Mask, list[WrappedBody], Body]]:
+    """Groups of agents with a chain of their own: who they are, shape (N,) or (1,) for all, and as `chain_of` gives.
+
+    Parameters
+    ----------
+    body
+        What the agents are; each body of a `Mixture` is a group.
+    """
+    chain, inner = chain_of(body)
+    if not isinstance(inner, Mixture):
+        return [(np.ones(1, dtype=bool), chain, inner)]
+    return [
+        ((inner.kinds == k) & rows, chain + further, last)
+        for k, each in enumerate(inner.bodies)
+        for rows, further, last in members_of(each)
+    ]
+
+
 def check_bodies(engine: str, body: Body) -> None:
     """Refuse bodies that do not move in closed form while a force is held.
 
@@ -42,7 +64,15 @@ def check_bodies(engine: str, body: Body) -> None:
     UnsupportedLaw
         When there is one; the message names it.
     """
-    chain, inner = chain_of(body)
+    members = members_of(body)
+    for _, chain, inner in members:
+        _check_chain(engine, chain, inner)
+        if len(members) > 1 and any(isinstance(x, Lagged) for x in chain):
+            raise UnsupportedLaw(f"engine={engine!r} moves no Lagged agents in a Mixture. Leave the lag out.")
+
+
+def _check_chain(engine: str, chain: list[WrappedBody], inner: Body) -> None:
+    """Refuse a chain of bodies that does not move in closed form while a force is held."""
     strange = [x for x in chain if type(x) not in (Limited, Lagged, Disturbed)]
     point = type(inner) is Unicycle or inner.structure in (PointMass().structure, SingleIntegrator().structure)
     if strange or not point:
@@ -52,26 +82,29 @@ def check_bodies(engine: str, body: Body) -> None:
             f"not {name}."
         )
     lagged = any(isinstance(x, Lagged) for x in chain)
+    gusty = inner.order == 2 and any(isinstance(x, Disturbed) for x in chain)
     behind = False
     for each in chain:
         if isinstance(each, Limited):
-            if each.speed is not None and body.order == 2:
-                raise UnsupportedLaw(
-                    f"engine={engine!r} holds forces, and a largest speed would act between two ticks. Limit the force "
-                    "alone."
-                )
             if (behind and each.force is not None) or (lagged and each.speed is not None):
                 raise UnsupportedLaw(
                     f"engine={engine!r} holds forces, and a limit of what a lagged body exerts would act between two "
                     "ticks. Limit the force before the lag, as Limited(Lagged(...), force=...) does."
                 )
+            if gusty and each.speed is not None:
+                raise UnsupportedLaw(
+                    f"engine={engine!r} scales held forces back to a largest speed, which a gust between two ticks "
+                    "would exceed. Leave the speed or the gusts out."
+                )
         behind = behind or isinstance(each, Lagged)
 
 
 def point_of(body: Body) -> Body:
-    """The body without what stands between it and the desired force; of a unicycle its hand point, a point mass."""
+    """The body without what stands between it and the desired force: points, such as the hand point of a unicycle."""
     inner = chain_of(body)[1]
-    return PointMass(inner.masses, inner.damping) if isinstance(inner, Unicycle) else inner
+    if isinstance(inner, Mixture) and inner.order == 1:
+        return SingleIntegrator()
+    return PointMass(inner.masses, inner.damping) if isinstance(inner, Unicycle | Mixture) else inner
 
 
 def of_points(scenario: Scenario) -> Scenario:

@@ -105,7 +105,7 @@ class Motion:
             self.lag = np.zeros((n, m)) if lag is None else np.array(lag, dtype=np.float64)
             self.beside = actuation.beside(everyone)
         if actuation is not None and actuation.gusts:
-            self.force = actuation.exerted(everyone, self.force)
+            self.force = actuation.exerted(everyone, self.force, p)
         self.heading = None if heading is None else np.array(heading, dtype=np.float64)
         self._restart(everyone, np.asarray(q, dtype=np.float64), np.asarray(p, dtype=np.float64))
 
@@ -262,7 +262,12 @@ class Motion:
         if self.heading is None or self._offset is None:
             return None
         s = np.asarray(time - self.begin[agents] * NANOSECOND)
-        return turned(self.coefficients[:, agents], self._offset[agents], s, self.heading[agents])
+        # In a mixture others have no heading: theirs is zero.
+        turns = np.isfinite(self._offset[agents])
+        found = np.array(self.heading[agents])
+        C = self.coefficients[:, agents][:, turns]
+        found[turns] = turned(C, self._offset[agents][turns], s[turns], found[turns])
+        return found
 
     def exert(self, time: int, agents: Indices, force: Array | None = None, beside: Array | None = None) -> None:
         """Begin new pieces of ``agents`` at ``time`` nanoseconds, under another force where one is given.

@@ -85,7 +85,8 @@ class SampledSession(ImperfectSession):
         self.waiting: list[tuple[int, Indices, Array]] = []
         self.desired = np.zeros((self.n, self.m))
         """The forces that agents computed last and that have begun to act, shape (N, m)."""
-        self.actuation = Actuation(scenario.agents, self.n, self.m)
+        periods = np.asarray(self._ticks.period * NANOSECOND, dtype=np.float64)
+        self.actuation = Actuation(scenario.agents, self.n, self.m, periods)
         columns = start.columns
         self.motion = Motion(
             start.q, start.p, scenario.agents, self.actuation, columns.get(APPLIED), columns.get(HEADING)
@@ -240,7 +241,8 @@ class SampledSession(ImperfectSession):
 
     def _exert(self, instant: int, agents: Indices) -> None:
         """Let the forces that ``agents`` computed last act on their bodies from an ``instant`` on."""
-        given = self.actuation.exerted(agents, self.desired[agents])
+        p = self.motion.at(instant * NANOSECOND, agents)[1]
+        given = self.actuation.exerted(agents, self.desired[agents], p)
         self.motion.exert(instant, agents, given, self.actuation.beside(agents))
 
     def _cross_range(self) -> None:

@@ -148,7 +148,9 @@ def _differences(run: Run, world: LoggedWorld) -> dict[str, Array]:
 
         # Not the logged force: equal arguments then give equal bits, and a difference that is exactly zero.
         before = law(mine, received(used))
-        found["limits"][row] = world.motion.exerted(agent, log.forces[row]) - log.forces[row]
+        exerted = world.motion.exerted(row, agent)
+        if exerted is not None:
+            found["limits"][row] = exerted - log.forces[row]
         if noisy:
             now = law(own, exact(used))
             found["noise"][row], before = before - now, now

@@ -14,6 +14,7 @@ from flocking.engine.runs.message_log import MessageLog
 from flocking.model.bodies.actuators import APPLIED, Lagged, Limited
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.disturbances import Disturbed
+from flocking.model.bodies.mixtures import Mixture
 from flocking.model.bodies.wrapped import WrappedBody
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
@@ -67,29 +68,26 @@ class ForcedMotion:
         self.rows: list[list[int]] = [[-1] for _ in range(self.n)]
         """Acts of the log whose forces these are; -1 for none."""
         none, lagged = np.zeros(self.m), start.columns.get(APPLIED, np.zeros_like(start.q))
-        self._chain: list[WrappedBody] = []
-        inner: Body = bodies
-        while isinstance(inner, WrappedBody):
-            self._chain.append(inner)
-            inner = inner.body
-        self.follows_desired = not any(isinstance(x, Lagged | Disturbed) for x in self._chain)
+        self._held = np.broadcast_to(np.asarray(scenario.control.period, dtype=np.float64), self.n)
+        self._chains = [_chain_of(bodies, agent) for agent in range(self.n)]
+        """What stands between the desired force of each agent and its motion, the outermost first."""
+        parts = {id(x): x for chain in self._chains for x in chain}.values()
+        self.follows_desired = not any(isinstance(x, Lagged | Disturbed) for x in parts)
         """Whether forces act at once, and nothing else does."""
         self._forces = [none] * self.n
         """The force that each agent computed last and that has begun to act."""
-        self._lagged = any(isinstance(x, Lagged) for x in self._chain)
+        self._lagged = any(isinstance(x, Lagged) for x in parts)
         self._pieces: list[list[Piece]] = [
-            [Piece(q, p, *self._given(i, none, 0), lagged[i])]
+            [Piece(q, p, *self._given(i, none, 0, p), lagged[i])]
             for i, (q, p) in enumerate(zip(start.q, start.p, strict=True))
         ]
         changes: list[tuple[int, int, int]] = [
             (instant + latency, agent, row) for row, (instant, agent, _) in enumerate(log.ticks.tolist())
         ]
         last = scenario.t_end - start.t
-        for source in self._chain:
-            if isinstance(source, Disturbed):
-                period = round(source.period * PER_SECOND)
-                for at in range(period, math.ceil(last * PER_SECOND) + 1, period):
-                    changes += [(at, agent, -1) for agent in range(self.n)]
+        for period in {round(x.period * PER_SECOND) for x in parts if isinstance(x, Disturbed)}:
+            for at in range(period, math.ceil(last * PER_SECOND) + 1, period):
+                changes += [(at, agent, -1) for agent in range(self.n)]
         for at, agent, row in sorted(changes):
             self._change(at, agent, row, none if row < 0 else log.forces[row])
 
@@ -100,7 +98,7 @@ class ForcedMotion:
             row = self.rows[agent][-1]
             force = self._forces[agent]
         self._forces[agent] = force
-        piece = Piece(q, p, *self._given(agent, force, at), lag)
+        piece = Piece(q, p, *self._given(agent, force, at, p), lag)
         if self.begins[agent][-1] == at and at > 0:
             # Two changes at one instant: the first one never acts.
             self.rows[agent][-1], self._pieces[agent][-1] = row, piece
@@ -109,10 +107,16 @@ class ForcedMotion:
         self.rows[agent].append(row)
         self._pieces[agent].append(piece)
 
-    def _given(self, agent: int, force: Array, at: int) -> tuple[Array, Array]:
-        """What acts from an instant on, or what a lagged force tends to, and what acts beside the latter."""
+    def _given(self, agent: int, force: Array, at: int, p: Array) -> tuple[Array, Array]:
+        """What acts from an instant on, or what a lagged force tends to, and what acts beside the latter.
+
+        Parameters
+        ----------
+        p
+            The velocity at the instant.
+        """
         found, beside, behind, speeds = force, np.zeros(self.m), False, []
-        for part in self._chain:
+        for part in self._chains[agent]:
             if isinstance(part, Disturbed):
                 number = at // round(part.period * PER_SECOND)
                 strength = float(np.broadcast_to(np.asarray(part.sigma, dtype=np.float64), self.n)[agent])
@@ -125,8 +129,26 @@ class ForcedMotion:
                     speeds.append(part.speed)
             behind = behind or isinstance(part, Lagged)
         for speed in reversed(speeds):
-            found = self._limited(agent, found, speed, "ball")
+            if self.order == 1:
+                found = self._limited(agent, found, speed, "ball")
+            else:
+                found = self._slowed(agent, found, speed, p)
         return found, beside
+
+    def _slowed(self, agent: int, force: Array, most: float | Array, p: Array) -> Array:
+        """The force that acts instead of one under which the agent would be too fast when the next one begins.
+
+        It leads to the velocity in the same direction that is as large as the largest speed, or as what damping leaves
+        of a larger one.
+        """
+        limit = float(np.broadcast_to(np.asarray(most, dtype=np.float64), self.n)[agent])
+        none, span = np.zeros(self.m), float(self._held[agent])
+        free, last = (self._pushed(agent, Piece(none, p, u, none, none), span)[1] for u in (none, force))
+        allowed, speed = max(limit, math.hypot(*free)), math.hypot(*last)
+        if speed <= allowed:
+            return force
+        one = self._pushed(agent, Piece(none, none, none + 1.0, none, none), span)[1]
+        return (last / speed * allowed - free) / one
 
     def _limited(self, agent: int, force: Array, most: float | Array, shape: str) -> Array:
         limit = float(np.broadcast_to(np.asarray(most, dtype=np.float64), self.n)[agent])
@@ -135,9 +157,11 @@ class ForcedMotion:
         length = math.hypot(*force)
         return force if length <= limit else force / length * limit
 
-    def exerted(self, agent: int, force: Array) -> Array:
-        """What an ``agent`` exerts of a ``force`` that it computed, shape (m,): a limit acts on what is held."""
-        return self._given(agent, force, 0)[0]
+    def exerted(self, row: int, agent: int) -> Array | None:
+        """What an ``agent`` exerts of the force of act ``row`` of the log, shape (m,); None where that never acts."""
+        if row not in self.rows[agent]:
+            return None
+        return self._pieces[agent][self.rows[agent].index(row)].force
 
     def piece(self, agent: int, instant: float) -> int:
         """Which piece of an agent's motion it is on until an ``instant``, that nanosecond included."""
@@ -180,7 +204,7 @@ class ForcedMotion:
     def _lag_of(self, agent: int) -> tuple[float, float]:
         """Time constant of an agent's lag, and its largest rate."""
         tau, most = math.inf, math.inf
-        for part in self._chain:
+        for part in self._chains[agent]:
             if isinstance(part, Lagged):
                 tau = float(np.broadcast_to(np.asarray(part.time_constant, dtype=np.float64), self.n)[agent])
             if isinstance(part, Limited) and part.rate is not None:
@@ -217,6 +241,18 @@ class ForcedMotion:
         """
         both = [self.state(agent, seconds, instant) for agent in range(self.n)]
         return np.array([q for q, _ in both]), np.array([p for _, p in both])
+
+
+def _chain_of(body: Body, agent: int) -> list[WrappedBody]:
+    """What stands between the desired force of an agent and its motion, the outermost first."""
+    found: list[WrappedBody] = []
+    while isinstance(body, WrappedBody | Mixture):
+        if isinstance(body, Mixture):
+            body = body.bodies[int(body.kinds[agent])]
+        else:
+            found.append(body)
+            body = body.body
+    return found
 
 
 @lru_cache(maxsize=MOST_INTERVALS)

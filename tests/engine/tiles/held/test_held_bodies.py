@@ -23,6 +23,8 @@ START = fk.start.box(N, side=10, speed=1, seed=3)
 BODIES = {
     "limited": fk.Limited(fk.PointMass(VARIED, 0.3), force=VARIED),
     "limited by axis": fk.Limited(fk.PointMass(), force=0.7, shape="box"),
+    "largest speed": fk.Limited(fk.PointMass(), speed=0.8),
+    "largest speeds": fk.Limited(fk.Unicycle(0.2, VARIED, 0.3 * VARIED), force=VARIED, speed=VARIED[::-1]),
     "limited order 1": fk.Limited(fk.SingleIntegrator(), speed=0.5),
     "lagged": fk.Lagged(fk.PointMass(VARIED, 0.3), VARIED),
     "lagged order 1": fk.Lagged(fk.SingleIntegrator(), 0.2),
@@ -63,7 +65,7 @@ def test_the_motion_is_that_of_the_closed_form(name, world):
     assert np.abs(fk.simulate(free, engine="sampled", progress=False).q - exact.q).max() > 1e-3 or name == "unicycles"
 
 
-@pytest.mark.parametrize("name", ["limited", "lagged", "wind", "a chain"])
+@pytest.mark.parametrize("name", ["limited", "largest speeds", "lagged", "wind", "a chain"])
 def test_what_bodies_do_beyond_the_law_departs(name):
     """To order 2 in the step where powers are smooth between ticks, that of the quadrature of the other engine."""
     law = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("r**2/200")), fk.Consensus(0.01)])
@@ -108,12 +110,13 @@ def test_speeds_within_a_step_are_bounded():
     assert most <= fastest[0] < 30 * most
 
 
-@pytest.mark.parametrize("name", ["limited", "wind", "a chain", "lagged order 1"])
+@pytest.mark.parametrize("name", ["limited", "largest speed", "wind", "a chain", "lagged order 1"])
 def test_pieces_threads_and_resuming_give_the_same_bits(name):
     n = 2200
     start = fk.start.hexagonal(n, spacing=1.9, noise=0.2, speed=1.0, seed=1)
     bodies = {
         "limited": fk.Limited(fk.PointMass(), force=np.linspace(0.2, 1.0, n)),
+        "largest speed": fk.Limited(fk.PointMass(), speed=np.linspace(0.2, 1.0, n)),
         "wind": fk.Lagged(fk.Disturbed(fk.PointMass(), 0.3, 0.05), np.linspace(0.1, 0.3, n)),
         "a chain": fk.Limited(fk.Lagged(fk.Disturbed(fk.Unicycle(0.1), 0.2, 0.04), 0.3), force=1.0),
         "lagged order 1": fk.Lagged(fk.SingleIntegrator(), 0.2),
@@ -142,7 +145,7 @@ def test_links_in_frames_between_steps_are_those_of_the_distances():
 
 
 @pytest.mark.parametrize(("bodies", "named"), [
-    (fk.Limited(fk.PointMass(), speed=1.0), "largest speed"),
+    (fk.Limited(fk.Disturbed(fk.PointMass(), 0.1, 0.05), speed=1.0), "largest speed"),
     (fk.Limited(fk.Lagged(fk.PointMass(), 0.2), force=1.0, rate=2.0), "largest rate"),
     (fk.Lagged(fk.Limited(fk.PointMass(), force=1.0), 0.2), "between two ticks"),
     (fk.Quadrotor(), "Quadrotor"),

@@ -21,14 +21,15 @@ class RankActuation(HeldActuation):
 
     Parameters
     ----------
-    body, state, dtype, ids, workers
+    body, state, dtype, ids, workers, periods
         As for `HeldActuation`; ``state`` holds all agents, ``ids`` those here.
     """
 
     def __init__(
-        self, body: Body, state: State, dtype: type[np.float32] | type[np.float64], ids: Numbers32, workers: Workers
-    ) -> None:
-        super().__init__(body, state, dtype, ids, workers)
+        self, body: Body, state: State, dtype: type[np.float32] | type[np.float64], ids: Numbers32, workers: Workers,
+        periods: float | Array,
+    ) -> None:  # fmt: skip
+        super().__init__(body, state, dtype, ids, workers, periods)
         self._widths = body.widths(self.m)
 
     def columns_here(self, n: int) -> AnyArray:

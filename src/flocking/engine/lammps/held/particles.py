@@ -63,7 +63,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
 
     def new_actuation(self, body: Body, start: State) -> RankActuation:
         """See `HeldParticles.new_actuation`."""
-        return RankActuation(body, start, self.dtype, self.ids[: self.size], self.workers)
+        return RankActuation(body, start, self.dtype, self.ids[: self.size], self.workers, self._periods)
 
     def _resize(self) -> None:
         super()._resize()

@@ -119,6 +119,8 @@ class Movement(NamedTuple):
         Binomials of a and k in row k, shape (degree + 1, degree + 1).
     limits, boxed
         Largest forces, in the order in which they act, shape (limits, N), and whether each axis is limited by itself.
+    speed, speed_terms
+        As in `flocking.engine.sampled.actuation.Actuation`; without largest speeds ``speed`` is of shape (0,).
     """
 
     order: int
@@ -131,6 +133,8 @@ class Movement(NamedTuple):
     binomials: Array
     limits: Array
     boxed: Mask
+    speed: Array
+    speed_terms: Array
 
 
 class Acts(NamedTuple):

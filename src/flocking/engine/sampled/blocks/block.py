@@ -142,7 +142,9 @@ class EventBlocks:
 
     @staticmethod
     def can(memory: SampledMemory) -> bool:
-        """Whether the native loop supports all of a session: no lag, gusts, headings, obstacles, filters or changes.
+        """Whether the native loop supports all of a session.
+
+        It moves point masses and single integrators, limited or not, without obstacles, filters or changes.
 
         Parameters
         ----------
@@ -151,7 +153,8 @@ class EventBlocks:
         """
         motion, messages = memory.motion, memory.knowledge.messages
         plain = type(motion) is Motion and motion.lag is None and motion.heading is None
-        alone = not memory.actuation.gusts and not memory.obstacle_ranges.groups and memory.filter is None
+        actuation, obstacles = memory.actuation, memory.obstacle_ranges.groups
+        alone = actuation.one_chain and not actuation.gusts and not obstacles and memory.filter is None
         if messages is None:
             return plain and alone
         loss, noise = messages.loss, messages.noise
@@ -325,11 +328,13 @@ def _schedules(memory: SampledMemory, settings: Settings) -> Schedules:
 
 def _movement(memory: SampledMemory) -> Movement:
     motion = memory.motion
-    limits, boxed = memory.actuation.largest_forces
+    actuation = memory.actuation
+    limits, boxed = actuation.largest_forces
+    speed = np.zeros(0) if actuation.speed is None else actuation.speed
     masses, rate = (np.ascontiguousarray(x[:, 0]) for x in (motion.masses, motion.rate))
     return Movement(
         motion.order, masses, rate, motion.begin, motion.longest, motion.coefficients, motion.force,
-        binomials(motion.degree), limits, boxed,
+        binomials(motion.degree), limits, boxed, speed, actuation.speed_terms,
     )  # fmt: skip
 
 

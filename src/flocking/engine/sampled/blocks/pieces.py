@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array, Mask
+from flocking.engine.kernels.held_speeds import fit_speed
 from flocking.engine.sampled.blocks.arrays import Acts, Movement, Schedules, Work
 from flocking.engine.sampled.piece_series import LONGEST_PIECE, shift_pieces
 from flocking.formula.native.functions import native_apart
@@ -93,13 +94,15 @@ def exert(motion: Movement, i: int, instant: int, force: Array, other: bool) -> 
     motion.begin[i] = instant
 
 
-def limit(motion: Movement, i: int, force: Array) -> None:
+def limit(motion: Movement, i: int, p: Array, force: Array) -> None:
     """Scale a row of ``force`` back to the limits of agent ``i``; for native functions.
 
     Parameters
     ----------
     motion
         Its limits.
+    p
+        Velocities now, shape (N, m).
     """
     m = force.shape[1]
     for stage in range(motion.limits.shape[0]):
@@ -115,6 +118,8 @@ def limit(motion: Movement, i: int, force: Array) -> None:
             if size > most:
                 for k in range(m):
                     force[i, k] *= most / size
+    if motion.speed.shape[0] > 0:
+        fit_speed(i, p, force, motion.speed, motion.speed_terms)
 
 
 def renew(motion: Movement, instant: int, changed: Mask) -> bool:
@@ -186,7 +191,7 @@ def hold(motion: Movement, acts: Acts, work: Work, instant: int, count: int) -> 
     motion, acts
         The motion and the forces.
     work
-        Takes who changes.
+        Velocities now; takes who changes.
     count
         How many wait.
     """
@@ -197,7 +202,7 @@ def hold(motion: Movement, acts: Acts, work: Work, instant: int, count: int) -> 
             acts.desired[i, k] = work.u[i, k] = acts.what[begun, k]
         acts.applied[i] += 1
         work.changed[i] = True
-        limit(motion, i, work.u)
+        limit(motion, i, work.p, work.u)
         exert(motion, i, instant, work.u, True)
         begun += 1
     for row in range(begun, count):

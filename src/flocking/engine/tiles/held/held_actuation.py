@@ -9,6 +9,7 @@ import numpy as np
 from flocking.arrays import Array, Numbers, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.headings import turned
+from flocking.engine.kernels.held_speeds import fit_speed, speed_terms
 from flocking.engine.protocol.body_chains import chain_of
 from flocking.engine.tiles.held.lagged_motion import LagConstants
 from flocking.engine.tiles.simd.vectors import double_of, load, narrow, root, select, spread, store
@@ -81,6 +82,36 @@ def exert(first, last, desired, kinds, numbers, gusts, target):  # type: ignore[
                     store(target[k], base, narrow(u * share, desired[0, 0]))
 
 
+@native
+def slow_down(first, last, agents, exerted, begun, most, terms, target):  # type: ignore[no-untyped-def]
+    """Put forces of the agents of some tiles under which they are not too fast into ``target``, where they begin.
+
+    Parameters
+    ----------
+    first, last
+        Range of tiles, without the last.
+    agents
+        Positions and velocities, shape (size, 2m).
+    exerted, target
+        Shape (m, size).
+    begun
+        Whose forces begin to act, shape (size,); those of others stay.
+    most, terms
+        See `flocking.engine.kernels.held_speeds.fit_speed`, shapes (size,) and (2, size), or (1,) and (2, 1) for all.
+    """
+    m = exerted.shape[0]
+    p, force, limit, own = np.empty((1, m)), np.empty((1, m)), np.empty(1), np.empty((2, 1))
+    for i in range(first * 16, last * 16):
+        if begun[i]:
+            row = i if most.shape[0] > 1 else 0
+            limit[0], own[0, 0], own[1, 0] = most[row], terms[0, row], terms[1, row]
+            for k in range(m):
+                p[0, k], force[0, k] = np.float64(agents[i, m + k]), np.float64(exerted[k, i])
+            fit_speed(0, p, force, limit, own)
+            for k in range(m):
+                target[k, i] = force[0, k]
+
+
 class _Source:
     """One source of gusts: its body, the number of the gust in force, and its values by place, shape (size, m)."""
 
@@ -121,6 +152,8 @@ class HeldActuation:
         Number of the agent at each place, pads included, shape (size,).
     workers
         Threads to use.
+    periods
+        How long each force is held, in seconds, one or one for each agent.
 
     Attributes
     ----------
@@ -137,8 +170,9 @@ class HeldActuation:
     """
 
     def __init__(
-        self, body: Body, state: State, dtype: type[np.float32] | type[np.float64], ids: Numbers32, workers: Workers
-    ) -> None:
+        self, body: Body, state: State, dtype: type[np.float32] | type[np.float64], ids: Numbers32, workers: Workers,
+        periods: float | Array,
+    ) -> None:  # fmt: skip
         n, m = state.q.shape
         size = len(ids)
         self.n, self.m, self.dtype, self.workers = n, m, dtype, workers
@@ -149,6 +183,7 @@ class HeldActuation:
         self._behind: list[_Source] = []
         lag: Lagged | None = None
         last: list[tuple[int, float | Array | _Source]] = []
+        speeds: list[float | Array] = []
         for part in chain:
             if isinstance(part, Disturbed):
                 source = _Source(part, m)
@@ -162,9 +197,17 @@ class HeldActuation:
             elif isinstance(part, Limited):
                 if part.force is not None:
                     self._stages.append((BOX if part.shape == "box" else BALL, part.force))
-                if part.speed is not None:
+                if part.speed is not None and body.order == 1:
                     last.insert(0, (BALL, part.speed))
+                elif part.speed is not None:
+                    speeds.append(part.speed)
         self._stages += last
+        self._speeds: tuple[Array, Array] | None = None
+        if speeds:
+            numbers = (*speeds, inner.masses, inner.damping, periods)
+            count = n if any(np.ndim(x) for x in numbers) else 1
+            most = np.min([np.broadcast_to(x, count) for x in speeds], axis=0)
+            self._speeds = np.asarray(most, dtype=np.float64), speed_terms(inner, count, periods)
         self.constants = None if lag is None else LagConstants(inner, lag.time_constant, n, dtype)
         self.offset = inner.offset if isinstance(inner, Unicycle) else None
         self._rate = float(np.max(np.asarray(inner.damping) / np.asarray(inner.masses))) if inner.order == 2 else 0.0
@@ -244,13 +287,17 @@ class HeldActuation:
 
     # Forces.
 
-    def act(self, ids: Numbers32, target: Reals) -> None:
+    def act(self, ids: Numbers32, target: Reals, agents: Reals, begun: Numbers32 | None = None) -> None:
         """Put what acts, or what a lagged force tends to, into ``target``, shape (m, size).
 
         Parameters
         ----------
         ids
             Number of the agent at each place, shape (size,).
+        agents
+            Positions and velocities now, shape (size, 2m).
+        begun
+            Whose forces begin to act, shape (size,); those of all when absent.
         """
         size = target.shape[1]
         kinds: Numbers = np.array([kind for kind, _ in self._stages], dtype=np.int64)
@@ -262,7 +309,14 @@ class HeldActuation:
                 gusts[stage] = what.values.T
             else:
                 numbers[stage] = np.asarray(what)[ids] if np.ndim(what) else what
-        self.workers.each(exert, size // 16, self.desired, kinds, numbers, gusts, target)
+        into = target if self._speeds is None else np.empty_like(target)
+        self.workers.each(exert, size // 16, self.desired, kinds, numbers, gusts, into)
+        if self._speeds is not None:
+            most, terms = self._speeds
+            if len(most) > 1:
+                most, terms = most[ids], np.ascontiguousarray(terms[:, ids])
+            marked = np.ones(size, np.int32) if begun is None else begun
+            self.workers.each(slow_down, size // 16, agents, into, marked, most, terms, target)
         self._blow()
 
     def _blow(self) -> None:

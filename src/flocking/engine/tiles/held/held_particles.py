@@ -18,6 +18,7 @@ from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.model.bodies.body import Body
 from flocking.model.law import Scenario
 from flocking.model.state import State
+from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
 
 SPARE = 1.25
@@ -53,6 +54,8 @@ class HeldParticles(ParticleArrays):
         self.acting: Numbers32 = np.zeros(self.size, np.int32)
         self.all_act = False
         self.actuation: HeldActuation | None = None
+        assert isinstance(scenario.control, Held)
+        self._periods = np.asarray(scenario.control.period, dtype=np.float64)
         self.motion = HeldMotion(scenario.agents, self.everyone, self.dtype)
         self.control_spec = control_spec(spec, scenario.law.graphs)
         self.store: SampleStore | None = None
@@ -89,7 +92,7 @@ class HeldParticles(ParticleArrays):
         start
             The start of all agents.
         """
-        return HeldActuation(body, start, self.dtype, self.ids[: self.size], self.workers)
+        return HeldActuation(body, start, self.dtype, self.ids[: self.size], self.workers, self._periods)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents with their forces, and rebuild all lists."""
@@ -197,11 +200,13 @@ class HeldParticles(ParticleArrays):
         """The forces that agents computed last, shape (m, size)."""
         return self.force if self.actuation is None else self.actuation.desired
 
-    def exert(self, now: int, *, gusts: bool) -> None:
+    def exert(self, now: int, begun: Numbers32 | None = None, *, gusts: bool) -> None:
         """Let bodies make of the forces that agents computed last what acts from the nanosecond ``now`` on.
 
         Parameters
         ----------
+        begun
+            Whose forces begin to act, see `HeldActuation.act`.
         gusts
             Whether gusts begin.
         """
@@ -209,7 +214,7 @@ class HeldParticles(ParticleArrays):
             return
         if gusts:
             self.actuation.take_gusts(now, self.ids[: self.size])
-        self.actuation.act(self.ids[: self.size], self.force)
+        self.actuation.act(self.ids[: self.size], self.force, self.agents[: self.size], begun)
 
     @property
     def acting_force(self) -> Reals:

@@ -225,13 +225,16 @@ class HeldTilesSession(HeldTruth):
         if tick.any():
             self._tick(t, tick)
         changed = bool(tick.any() and not self._latency)
+        begun = particles.acting if changed else np.zeros_like(particles.acting)
         while self._memory.waiting and self._memory.waiting[0][0] == now:
             _, agents, force = self._memory.waiting.pop(0)
-            particles.desired[:, particles.places_of(agents)] = force.T
+            places = particles.places_of(agents)
+            particles.desired[:, places] = force.T
+            begun[places] = 1
             changed = True
         gusts = self._gusts_begin()
         if changed or gusts:
-            particles.exert(now, gusts=gusts)
+            particles.exert(now, begun, gusts=gusts)
             changed = True
         if changed and self.options.ledger:
             self._memory.ledger.act(powers_of(self.scenario, particles, t))
