@@ -193,7 +193,7 @@ class Running:
     def processor_time(self) -> float:
         """Seconds of processor time that it has taken so far, and all processes that it started."""
         waited_for = sum(map(int, _about(self.process)[13:15])) / TICKS
-        return waited_for + math.fsum(map(_processor_time, self.left()))
+        return waited_for + math.fsum(map(processor_time_of, self.left()))
 
     def left(self) -> list[int]:
         """Its own process and those that it started, where they have not ended."""
@@ -219,7 +219,7 @@ class Running:
         return Ended(code, _text(self.out), _text(self.err), seconds)
 
 
-def _processor_time(process: int) -> float:
+def processor_time_of(process: int) -> float:
     """Seconds of processor time of one process; 0 where it has ended."""
     try:
         return time.clock_gettime(~process << 3 | 2)  # Linux' number of the clock of a process
