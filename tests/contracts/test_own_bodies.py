@@ -49,6 +49,8 @@ for wrong, says in (
 
 run = fk.simulate(found, progress=False, save=sys.argv[1] + "/run")
 assert np.abs(run.residual).max() < 1e-9 and run.columns["force"][0].tolist() == json.loads(GIVEN)
+fast = fk.simulate(found, engine="tiles", step=0.005, progress=False)
+assert np.abs(fast.q - run.q).max() < 1e-7 and np.abs(fast.columns["force"] - run.columns["force"]).max() < 1e-6
 stored = fk.read_run(sys.argv[1] + "/run")
 assert stored.columns["force"].tobytes() == run.columns["force"].tobytes()
 assert to_data(stored.scenario) == to_data(found)

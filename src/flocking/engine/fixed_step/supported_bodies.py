@@ -7,11 +7,16 @@ from flocking.errors import UnsupportedLaw
 from flocking.model.bodies.actuators import Lagged, Limited
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.disturbances import Disturbed
+from flocking.model.bodies.mixtures import Mixture
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.bodies.unicycles import Unicycle
+from flocking.model.bodies.wrapped import WrappedBody
 
 STRUCTURES = (PointMass().structure, SingleIntegrator().structure)
 """Structures of the supported bodies."""
+
+WRAPPERS = (Limited, Lagged, Disturbed)
+"""What may stand between the desired force and a body, with limits and gusts that kernels know."""
 
 
 def refused_body(body: Body) -> str:
@@ -32,24 +37,36 @@ def is_point(body: Body) -> bool:
     return body.structure in STRUCTURES
 
 
-def refused_in_tiles(body: Body, *, held: bool) -> str:
+def is_known(body: Body) -> bool:
+    """Whether a body is a point or a unicycle, limited, lagged or disturbed: its rates are known in closed form."""
+    chain, inner = chain_of(body)
+    return all(type(part) in WRAPPERS for part in chain) and (is_point(inner) or type(inner) is Unicycle)
+
+
+def refused_in_tiles(body: Body, dimension: int, *, held: bool) -> str:
     """Description of a body that the tiled engine does not run for an error message; empty if it does.
+
+    Under continuous control any body runs whose rates alone change its columns: what acts only at times, or is set by
+    the clock, is known to kernels as `Limited` and `Disturbed` state it.
 
     Parameters
     ----------
     body
         The agents of a scenario.
+    dimension
+        Dimension of space.
     held
         Whether forces are held between ticks.
     """
     chain, inner = chain_of(body)
-    for part in chain:
-        if type(part) not in (Limited, Lagged, Disturbed):
-            return f"{type(part).__name__} agents"
-    if not is_point(inner) and type(inner) is not Unicycle:
-        return f"{type(inner).__name__} agents, only points and unicycles, limited, lagged or disturbed"
+    own = next((part for part in chain if type(part) not in WRAPPERS), inner)
     if not held:
-        return ""
+        return _not_by_rates_alone(own, dimension)
+    if own is not inner:
+        return f"{type(own).__name__} agents under held control"
+    if not is_point(inner) and type(inner) is not Unicycle:
+        only = "only points and unicycles, limited, lagged or disturbed"
+        return f"{type(inner).__name__} agents under held control, {only}"
     try:
         check_bodies("tiles", body)
     except UnsupportedLaw as error:
@@ -57,3 +74,24 @@ def refused_in_tiles(body: Body, *, held: bool) -> str:
     if any(isinstance(part, Limited) and part.rate is not None for part in chain):
         return "a largest rate of a lagged force under held control, which ends between two steps"
     return ""
+
+
+def _not_by_rates_alone(body: Body, dimension: int) -> str:
+    """What changes a body beside its rates, for an error message; empty if nothing does."""
+    name = type(body).__name__
+    if body.discrete:
+        return f"{name} agents, whose velocities are set at ticks"
+    if body.held(dimension):
+        return f"{name} agents, of which something acts only at times or is set by the clock"
+    if body.order == 2 and not has_energy_of_points(body):
+        return f"{name} agents, whose kinetic energy is another one than that of points"
+    return ""
+
+
+def has_energy_of_points(body: Body) -> bool:
+    """Whether the kinetic energy of a body is that of a point mass, m |w|^2/2."""
+    if isinstance(body, WrappedBody):
+        return has_energy_of_points(body.body)
+    if isinstance(body, Mixture):
+        return all(has_energy_of_points(each) for each in body.bodies)
+    return type(body).kinetic is Body.kinetic

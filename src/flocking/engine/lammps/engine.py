@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 
+from flocking.engine.fixed_step.supported_bodies import is_known
 from flocking.engine.lammps import library
 from flocking.engine.lammps.domains.checkpoint import stored_options as domain_options
 from flocking.engine.lammps.domains.options import DomainOptions
@@ -89,6 +90,11 @@ def _check_kernels(scenario: Scenario) -> None:
         check_messages(scenario)
     except UnsupportedLaw as error:
         raise UnsupportedLaw(f"engine='lammps' runs the kernels of the tiled engine. {error}") from None
+    if not is_known(scenario.agents):
+        raise UnsupportedLaw(
+            f"engine='lammps' cannot run {type(scenario.agents).__name__} agents on ranks, only points and unicycles, "
+            "limited, lagged or disturbed. Use engine='tiles'."
+        )
 
 
 def _threads_of_a_rank(ranks: Ranks) -> int:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs, largest_step, resolving_step
+from flocking.engine.fixed_step.automatic_step import PERIODS, SAMPLE, SampledPairs, largest_step, resolving_step
+from flocking.engine.fixed_step.supported_bodies import is_known
+from flocking.engine.tiles.body_check import BodyCheck
 from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.model.law import Scenario
@@ -23,7 +25,17 @@ def choose(particles: ParticleArrays, scenario: Scenario, scheme: str) -> float:
     """
     sampled = [_sampled(particles, number) for number in range(len(particles.lists))]
     moving = particles.X[particles.m :, : particles.n].T.astype(np.float64) if particles.spec.order == 1 else None
-    return largest_step(scenario, sampled, scheme, moving)
+    limit = largest_step(scenario, sampled, scheme, moving)
+    return limit if is_known(scenario.agents) else min(limit, _body_step(particles, scenario))
+
+
+def _body_step(particles: ParticleArrays, scenario: Scenario) -> float:
+    """The largest step that resolves what bodies of other kinds than those of the library add at the start."""
+    t = scenario.start.t
+    particles.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
+    places = np.arange(0, particles.n, max(1, particles.n // SAMPLE))
+    rate = BodyCheck(scenario, float(np.finfo(particles.dtype).eps)).fastest_rate(particles, places, t)
+    return PERIODS / rate if rate > 0 else np.inf
 
 
 def resolves(particles: ParticleArrays, scenario: Scenario, scheme: str) -> float:

@@ -51,33 +51,25 @@ class BodyCheck:
         t
             The time.
         since
-            A time from which the gusts in force blow.
+            A time from which the gusts in force blow, and whose scheduled numbers apply.
 
         Raises
         ------
         LawNotObeyed
             When a rate is another one.
         """
-        scenario, m = self.scenario, particles.m
-        bodies, names = scenario.agents, further_names(particles.spec)
-        columns = [f"column_{name}_{k}" for name, width in bodies.widths(m).items() for k in range(width)]
-        values = {f"u{k}": particles.body_rows.controls[k, places] for k in range(m)}
-        values |= {f"p{k}": particles.X[m + k, places] for k in range(m)}
-        values |= {name: particles.body_rows.further[k, places] for k, name in enumerate(columns)}
-        state = {name: x.astype(np.float64) for name, x in values.items()}
-        state |= {f"w{k}": state[f"p{k}"] for k in range(m)} | {f"q{k}": np.zeros(len(places)) for k in range(m)}
-        given = self._numbers(particles.ids[places], since)
-        moved = "p" if bodies.order == 2 else "q"
-        desired = [*(f"rate_{moved}{k}" for k in range(m)), *(f"rate_{name}" for name in names)]
+        m, bodies = particles.m, self.scenario.agents
+        state, given, desired = self._asked(particles, places, t, since)
         found = np.concatenate([particles.Y[m:, places], particles.body_rows.slopes[:, places]]).astype(np.float64)
         stated, acting = self._stated(state, given, desired)
         # What limits take away may be nearly all of a rate, whose rounding then is that of the rate before.
         free = {name: np.zeros(len(places)) for name in acting}
+        relative = {f"w{k}" for k in range(m)}
         reach, signs = np.zeros_like(stated), np.random.default_rng(len(places))
         for limits in (acting, free):
             about = self._stated(state, given | limits, desired, follow=False)[0]
             reach += np.abs(about)
-            for name in (*(f"u{k}" for k in range(m)), *(f"p{k}" for k in range(m)), *columns):
+            for name in (name for name in state if name not in relative):
                 nudged = state | {name: state[name] * (1.0 + NUDGE * signs.choice([-1.0, 1.0], len(places)))}
                 reach += np.abs(self._stated(nudged, given | limits, desired, follow=False)[0] - about) / NUDGE
         wrong = ~(np.abs(found - stated) <= UNITS * self.rounding * reach)
@@ -90,6 +82,52 @@ class BodyCheck:
                 time=t, agents=(int(particles.ids[places[agent]]),),
             )  # fmt: skip
 
+    def fastest_rate(self, particles: ParticleArrays, places: Indices, t: float) -> float:
+        """Largest modulus of an eigenvalue of what bodies add to the motion, under the forces of the last pass.
+
+        The rates of positions, velocities and columns are differentiated by these, at the agents at some places.
+
+        Parameters
+        ----------
+        particles
+            The agents, after a pass that left the state as it was.
+        places
+            Indices of those looked at.
+        t
+            The time.
+        """
+        m, second = particles.m, self.scenario.agents.order == 2
+        state, given, desired = self._asked(particles, places, t, t)
+        moving = [name for name in state if name[0] not in "uw" and (second or name[0] != "p")]
+        about = self._stated(state, given, desired)[0]
+        rows = np.zeros((len(places), len(moving), len(moving)))
+        first = m if second else 0
+        for k in range(first):
+            rows[:, k, moving.index(f"p{k}")] = 1.0
+        for column, name in enumerate(moving):
+            change = NUDGE * np.maximum(np.abs(state[name]), 1.0)
+            moved = self._stated(state | {name: state[name] + change}, given, desired)[0]
+            rows[:, first:, column] = ((moved - about) / change).T
+        finite = np.isfinite(rows).all(axis=(1, 2))
+        return float(np.abs(np.linalg.eigvals(rows[finite])).max(initial=0.0))
+
+    def _asked(
+        self, particles: ParticleArrays, places: Indices, t: float, since: float
+    ) -> tuple[dict[str, Array], dict[str, Array], list[str]]:
+        """State and numbers of agents by their names in formulas, and the names of the rates of what they have."""
+        m, bodies = particles.m, self.scenario.agents
+        columns = [f"column_{name}_{k}" for name, width in bodies.widths(m).items() for k in range(width)]
+        values = {f"q{k}": particles.X[k, places] for k in range(m)}
+        values |= {f"p{k}": particles.X[m + k, places] for k in range(m)}
+        values |= {name: particles.body_rows.further[k, places] for k, name in enumerate(columns)}
+        values |= {f"u{k}": particles.body_rows.controls[k, places] for k in range(m)}
+        state = {name: x.astype(np.float64) for name, x in values.items()}
+        state |= {f"w{k}": state[f"p{k}"] for k in range(m)}
+        given = self._numbers(particles.ids[places], since) | {"t": np.full(len(places), t)}
+        moved = "p" if bodies.order == 2 else "q"
+        names = [*(f"rate_{moved}{k}" for k in range(m)), *(f"rate_{x}" for x in further_names(particles.spec))]
+        return state, given, names
+
     def _numbers(self, agents: Numbers32, since: float) -> dict[str, Array]:
         """Numbers of the agents that are in force from a time on, by their names in formulas."""
         scenario, m = self.scenario, self.scenario.start.dimension
@@ -100,7 +138,7 @@ class BodyCheck:
         drawn = scenario.agents.drawn(elapsed, scenario.start.n, m)
         for name, row in self._layout.held_rows(m).items():
             found[f"A{row}"] = drawn[name][agents] if name in drawn else np.zeros(len(agents))
-        return found | {"t": np.full(len(agents), since)}
+        return found
 
     def _stated(
         self, state: dict[str, Array], given: dict[str, Array], desired: list[str], *, follow: bool = True

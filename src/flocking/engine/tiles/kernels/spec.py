@@ -144,7 +144,7 @@ def check_supported(scenario: Scenario) -> None:
         raise UnsupportedLaw(f"The tiled engine cannot run {why}.")
     if not isinstance(scenario.space, SPACES):
         raise refuse(f"{type(scenario.space).__name__} space")
-    if body := refused_in_tiles(agents, held=not scenario.control.ideal):
+    if body := refused_in_tiles(agents, dimension, held=not scenario.control.ideal):
         raise refuse(body)
     if dimension not in (2, 3):
         raise refuse(f"{dimension} dimensions, only 2 or 3")
