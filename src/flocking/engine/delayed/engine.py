@@ -8,7 +8,7 @@ from functools import partial
 from flocking.engine.delayed.session import DelayedOptions, DelayedSession
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.engine import Engine
-from flocking.engine.protocol.repeats import Repeats
+from flocking.engine.protocol.repeats import Repeats, counted_steps
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
@@ -67,6 +67,7 @@ class DelayedEngine(Engine):
             tuple(partial(_finer, run.scenario, *each) for each in FINER),
             "with more accurate steps",
             f"the last with {tolerance:g} of the tolerance and steps up to {step:g} of the delay",
+            counted_steps(run),
         )
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:

@@ -11,7 +11,7 @@ from flocking.engine.discrete.random_rounding import RandomRoundingDiscreteSessi
 from flocking.engine.discrete.session import DiscreteOptions, DiscreteSession
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.engine import Engine
-from flocking.engine.protocol.repeats import Repeats
+from flocking.engine.protocol.repeats import Repeats, counted_steps
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.runs.run import Run
@@ -73,9 +73,8 @@ class DiscreteEngine(Engine):
         if run.fidelity.ledger.kind != "forces":
             return None
         how = "with errors larger than those of rounding"
-        return Repeats(
-            tuple(partial(RandomRoundingDiscreteSession, run.scenario, seed) for seed in SEEDS), how, how, DISCRETE_WORK
-        )
+        opened = tuple(partial(RandomRoundingDiscreteSession, run.scenario, seed) for seed in SEEDS)
+        return Repeats(opened, how, how, counted_steps(run), DISCRETE_WORK)
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""

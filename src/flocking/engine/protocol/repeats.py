@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from flocking.engine.protocol.session import Session
+from flocking.engine.runs.run import Run
 
 MOST_WORK = 1e7
 """Largest work of a run that is repeated, in evaluations of pairs: about a minute, and its repetitions three."""
@@ -24,6 +25,8 @@ class Repeats:
         What differs in all of them from the run, in words.
     how
         What differs in the last, in words.
+    steps
+        Number of steps of the run; None where it is not known.
     most_work
         Largest work of a run that is repeated, in evaluations of pairs.
     """
@@ -31,4 +34,11 @@ class Repeats:
     sessions: tuple[Callable[[], Session], ...]
     kind: str
     how: str
+    steps: int | None
     most_work: float = MOST_WORK
+
+
+def counted_steps(run: Run) -> int | None:
+    """Number of steps that an engine recorded of a run; None where it did not."""
+    steps = run.provenance.get("steps")
+    return steps if isinstance(steps, int) else None

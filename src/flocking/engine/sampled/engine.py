@@ -8,7 +8,7 @@ from functools import partial
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.body_chains import check_bodies, point_of
 from flocking.engine.protocol.engine import Engine
-from flocking.engine.protocol.repeats import Repeats
+from flocking.engine.protocol.repeats import Repeats, counted_steps
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.runs.run import Run
@@ -66,7 +66,8 @@ class SampledEngine(Engine):
         if run.fidelity.ledger.kind != "estimate":
             return None
         how = "with errors larger than those of rounding"
-        return Repeats(tuple(partial(RandomRoundingSession, run.scenario, seed) for seed in SEEDS), how, how)
+        opened = tuple(partial(RandomRoundingSession, run.scenario, seed) for seed in SEEDS)
+        return Repeats(opened, how, how, counted_steps(run))
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""

@@ -95,8 +95,8 @@ def repetitions_of(run: Run) -> Repetitions:
         raise NotResolvable("")
     if run.fidelity.changed:
         raise NotResolvable("a run that was changed while it went on is not repeated")
-    steps = run.provenance.get("steps")
-    if not run.finished or not isinstance(steps, int):
+    steps = repeats.steps
+    if not run.finished or steps is None:
         raise NotResolvable("a run that has not finished is not repeated")
     if not steps * (STEP + run.n**2) <= repeats.most_work:
         raise NotResolvable(f"{steps} steps of {run.n} agents are too many to repeat")
