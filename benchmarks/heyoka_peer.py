@@ -48,7 +48,10 @@ def scenario(n: int, tolerance: float, *, switching: bool) -> fk.Scenario:
 
 def taylor(n: int, tolerance: float) -> Callable[[], list[Event]]:
     """The same motion in heyoka: a function that runs it and returns the events."""
-    import heyoka as hy
+    try:
+        import heyoka as hy
+    except ImportError:
+        raise SystemExit("This measures beside heyoka, which is not here: pip install heyoka") from None
 
     agents = [hy.make_vars(*(f"{name}{i}" for name in ("x", "y", "u", "v"))) for i in range(n)]
     forces: list[tuple[list[Any], list[Any]]] = [([], []) for _ in range(n)]
