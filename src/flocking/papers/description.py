@@ -49,6 +49,8 @@ class Paper:
         Its definition of a potential, if it has one.
     titles
         Titles of scenarios by their names, such as ``"Fig. 9: a hundred agents gather around a sink"``.
+    questions
+        What is asked of each scenario, by its name, in one sentence that the claims about it answer.
     """
 
     key: str
@@ -64,10 +66,15 @@ class Paper:
     home: str = ""
     potential_definition: Definition | None = None
     titles: Mapping[str, str] = field(default_factory=dict)
+    questions: Mapping[str, str] = field(default_factory=dict)
 
     def title_of(self, scenario: str) -> str:
         """Title of the scenario of this name; its name where it has none."""
         return self.titles.get(scenario, scenario)
+
+    def question_of(self, scenario: str) -> str:
+        """What is asked of the scenario of this name, in one sentence; empty where nothing is stated."""
+        return self.questions.get(scenario, "")
 
     @property
     def citation(self) -> str:

@@ -40,6 +40,18 @@ PAPER = Paper(
         "cucker-smale-2007-unstable": "Two agents with a delay beyond the limit of stability",
         "cucker-smale-2007-discrete": "Twenty agents in discrete time",
     },
+    questions={
+        "cucker-smale-2007": "Do all velocities become the same for an exponent below 1/2?",
+        "cucker-smale-2007-critical": "Do all velocities become the same for the exponent 1/2, too?",
+        "cucker-smale-2007-sharp": "Do all velocities become the same for exponent 1, under a condition on the start?",
+        "cucker-smale-2007-pair": "To which distance do two agents tend that are slow enough for each other?",
+        "cucker-smale-2007-parting": "Do two agents part for ever that are too fast for each other?",
+        "cucker-smale-2007-delayed": "Do velocities agree when neighbours are known late?",
+        "cucker-smale-2007-reaction": "Do velocities agree when all states are known late, the own one too?",
+        "cucker-smale-2007-monotone": "Does the relative velocity never turn when the delay is short?",
+        "cucker-smale-2007-unstable": "Do differences of velocities shrink beyond the limit of stability?",
+        "cucker-smale-2007-discrete": "Do all velocities become the same in discrete time, too?",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

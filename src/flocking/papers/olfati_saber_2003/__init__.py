@@ -30,6 +30,12 @@ PAPER = Paper(
         "olfati-saber-2003-free": "Protocol (34) alone, thirty agents near a lattice",
         "olfati-saber-2003-smooth": "Protocol (35) alone, thirty agents near a lattice",
     },
+    questions={
+        "olfati-saber-2003": "Does the flock split at the obstacles, squeeze through the gap and rejoin?",
+        "olfati-saber-2003-sink": "Does a scattered group gather around a sink as one rigid flock?",
+        "olfati-saber-2003-free": "Do velocities agree under protocol (34), whose energy jumps where links appear?",
+        "olfati-saber-2003-smooth": "Do velocities agree under protocol (35), whose energy does not jump at links?",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

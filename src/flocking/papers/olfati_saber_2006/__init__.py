@@ -41,6 +41,19 @@ PAPER = Paper(
         "olfati-saber-2006-network": "The setting of a published network simulator",
         "olfati-saber-2006-network-held": "The same with control held for 0.2, as the simulator runs it",
     },
+    questions={
+        "olfati-saber-2006": "Do 150 agents end in one flock that follows the gamma-agent?",
+        "olfati-saber-2006-fragments": "Do forty agents without a common goal gather in one flock?",
+        "olfati-saber-2006-space": "Do fifty agents in space end in one flock that follows the gamma-agent?",
+        "olfati-saber-2006-gentle": "Do ten agents stay apart that have less energy than one collision needs?",
+        "olfati-saber-2006-pressed": "Does a strong pull of the goal press agents together until they merge?",
+        "olfati-saber-2006-split": "Does the flock split at the obstacles and rejoin behind them?",
+        "olfati-saber-2006-squeeze": "Do all agents squeeze through the gap and end in one flock behind it?",
+        "olfati-saber-2006-firm": "Does a larger gain at obstacles keep all agents out of them?",
+        "olfati-saber-2006-against": "Does an agent enter an obstacle that it is led straight at?",
+        "olfati-saber-2006-network": "Does the simulator's flock split, rejoin and stay out of its obstacles?",
+        "olfati-saber-2006-network-held": "Does the simulator's flock split and rejoin when control is held for 0.2?",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

@@ -29,6 +29,12 @@ PAPER = Paper(
         "reynolds-1987-comparison-small": "Comparison of frameworks, small: 200 birds",
         "reynolds-1987-comparison-large": "Comparison of frameworks, large: 400 birds",
     },
+    questions={
+        "reynolds-1987": "Do 200 boids that separate, align and stay close end as one polarised flock?",
+        "reynolds-1987-sequential": "Does one polarised flock form, too, when boids move one after another?",
+        "reynolds-1987-comparison-small": "Do 200 birds of speed 1 become one polarised flock?",
+        "reynolds-1987-comparison-large": "Do 400 birds of speed 1 become one polarised flock?",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

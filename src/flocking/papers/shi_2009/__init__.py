@@ -46,6 +46,16 @@ PAPER = Paper(
         "shi-2009-partial": "Fig. 10: law (4), acceleration known to some",
         "shi-2009-partial-disconnected": "Fig. 11: law (4), acceleration known to some, start not connected",
     },
+    questions={
+        "shi-2009": "Do all agents track a leader whose acceleration all know, and whose velocity only some?",
+        "shi-2009-all-informed": "Do all agents track a leader whose velocity and acceleration all know?",
+        "shi-2009-disconnected": "Is the leader tracked from a start that is not connected?",
+        "shi-2009-uniform": "Does the centre of mass move as Theorem 3 predicts, and do all agents track the leader?",
+        "shi-2009-velocity-only": "How far does the mean velocity stay from a leader's of unknown acceleration?",
+        "shi-2009-position": "How far does the mean velocity stay from the leader's with position feedback?",
+        "shi-2009-partial": "Do velocities agree when only some agents know the leader's acceleration?",
+        "shi-2009-partial-disconnected": "Do velocities agree from an unconnected start, with only some informed?",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

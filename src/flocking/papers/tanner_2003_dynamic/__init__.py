@@ -34,6 +34,9 @@ PAPER = Paper(
     titles={
         "tanner-2003-dynamic": "Sec. VII: ten agents, linked while closer than R",
     },
+    questions={
+        "tanner-2003-dynamic": "Do velocities agree without collisions while links come and go with the distance?",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

@@ -29,6 +29,10 @@ PAPER = Paper(
         "tanner-2003-fixed": "Sec. V: ten agents in a random connected graph",
         "tanner-2003-fixed-complete": "The same with every pair linked",
     },
+    questions={
+        "tanner-2003-fixed": "Do velocities agree over fixed links, and do linked agents never collide?",
+        "tanner-2003-fixed-complete": "Do velocities agree, and do no two agents collide, when every pair is linked?",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

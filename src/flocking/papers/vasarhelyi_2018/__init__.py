@@ -32,6 +32,13 @@ PAPER = Paper(
         "vasarhelyi-2018-obstacles": "The optimised flock among three obstacles",
         "vasarhelyi-2018-alone": "One agent in free space",
     },
+    questions={
+        "vasarhelyi-2018": "Do directions correlate, without collisions, with the parameters of the released file?",
+        "vasarhelyi-2018-program": "Do directions correlate, without collisions, as the released program runs it?",
+        "vasarhelyi-2018-optimized": "Do directions correlate, without collisions, with the optimised parameters?",
+        "vasarhelyi-2018-obstacles": "Does the optimised flock stay correlated, apart and together among obstacles?",
+        "vasarhelyi-2018-alone": "Does a lone agent reach the speed of the flock on a straight line?",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

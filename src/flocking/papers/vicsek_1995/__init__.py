@@ -37,6 +37,19 @@ PAPER = Paper(
         "vicsek-1995-bands": "Later work: bands beside the transition",
         "vicsek-1995-fluctuations": "Later work: giant fluctuations in an ordered group",
     },
+    questions={
+        "vicsek-1995": "Is the motion ordered on a wide torus, with strong noise?",
+        "vicsek-1995-gathering": "Is the motion ordered at low density, with weak noise?",
+        "vicsek-1995-ordered": "Is the motion ordered at high density, with weak noise?",
+        "vicsek-1995-small": "Are forty agents ordered at noise 1?",
+        "vicsek-1995-noiseless": "Do headings within half a turn become the same without noise?",
+        "vicsek-1995-random": "Are headings independent when noise reaches all angles evenly?",
+        "vicsek-1995-vectorial": "Does vectorial noise of 0.4 leave an ordered motion?",
+        "vicsek-1995-middle": "Does the order parameter change between two phases half way down the curve?",
+        "vicsek-1995-phases": "Is the group disordered at times and ordered at others at the transition?",
+        "vicsek-1995-bands": "Is the density of an ordered group one wave beside the transition?",
+        "vicsek-1995-fluctuations": "Do numbers of agents in boxes deviate as N^0.8 in an ordered group?",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

@@ -26,6 +26,10 @@ PAPER = Paper(
         "zhou-2015": "Ten agents without a leader",
         "zhou-2015-leader": "Ten agents with a virtual leader",
     },
+    questions={
+        "zhou-2015": "Do ten agents agree on one velocity, stay connected and never collide?",
+        "zhou-2015-leader": "Do ten agents take on the leader's velocity, stay connected and never collide?",
+    },
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

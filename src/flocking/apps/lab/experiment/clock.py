@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.engine.runs.run import SwitchRow
-from flocking.errors import FlockingError, SimulationError
+from flocking.errors import FlockingError, InvalidInput, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -22,6 +22,9 @@ SMOOTHING = 0.9
 ACTION_SECONDS = 60.0
 """Wall seconds after which an awaited action counts as failed: a slice ends in a twentieth of one, compilation in a
 few."""
+
+CLOSED_LOOK = 0.1
+"""Wall seconds between two checks of an awaited action whether the clock was stopped: the lab's end waits for them."""
 
 FRAME_SECONDS = 1 / 60
 """Time between two pictures: the rate of most screens."""
@@ -149,6 +152,11 @@ class Clock:
             Of actions waiting under one key only the last is done.
         timeout
             Seconds to wait at most.
+
+        Raises
+        ------
+        InvalidInput
+            When it was not done in that time, in which case it may be done later, or the clock was stopped before.
         """
         done = threading.Event()
 
@@ -159,7 +167,14 @@ class Clock:
                 done.set()
 
         self.post(finish, key)
-        done.wait(timeout)
+        late = time.monotonic() + timeout
+        while not done.wait(CLOSED_LOOK):
+            if not self._thread.is_alive() and self._closed:
+                raise InvalidInput("lab", "order", "needs a lab that is open", "one that was closed")
+            if time.monotonic() > late:
+                raise InvalidInput(
+                    "lab", "order", f"must be reached within {timeout:g} s", "a longer step", "It may be done later."
+                )
 
     def play(self) -> None:
         """Let time run."""

@@ -133,16 +133,28 @@ def _kick(event: Event, scenario: Scenario, base: Scenario, state: State) -> Out
 
 
 def _place(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
-    """One agent at another place ``to``: its links are those of the graph's rule there."""
-    (agent,) = _agents([event["agent"]], state.n)
+    """One agent at another place ``to``."""
+    agents = _agents([event["agent"]], state.n)
+    return Outcome(scenario, base, _placed(scenario, state, agents, _vector("to", event["to"], state.dimension)))
+
+
+def _shift(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
+    """Some agents, moved ``by`` the same vector."""
+    agents = _agents(event["agents"], state.n)
+    to = state.q[agents] + _vector("by", event["by"], state.dimension)
+    return Outcome(scenario, base, _placed(scenario, state, agents, to))
+
+
+def _placed(scenario: Scenario, state: State, agents: Indices, to: Array) -> State:
+    """The state with some agents at other places: their links are those of the graph's rule there."""
     q = np.array(state.q)
-    q[agent] = _vector("to", event["to"], state.dimension)
+    q[agents] = to
     links = None
     if state.links is not None:
         links = np.array(state.links)
         found = scenario.law.graph.links_in(scenario.space, q, scenario.agents.headings)
-        links[agent], links[:, agent] = found[agent], found[:, agent]
-    return Outcome(scenario, base, replace(state, q=q, links=links))
+        links[agents], links[:, agents] = found[agents], found[:, agents]
+    return replace(state, q=q, links=links)
 
 
 def _kill(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
@@ -265,8 +277,9 @@ def _vector(name: str, given: object, dimension: int) -> Array:
 
 
 _KINDS: dict[str, Callable[[Event, Scenario, Scenario, State], Outcome]] = {
-    "set": _set, "scale": _scale, "move": _move, "kick": _kick, "place": _place, "kill": _kill, "add": _add,
-    "cut": _cut, "term": _term, "drop": _drop, "obstacle": _obstacle, "remove": _remove, "clear obstacles": _clear,
+    "set": _set, "scale": _scale, "move": _move, "kick": _kick, "place": _place, "shift": _shift, "kill": _kill,
+    "add": _add, "cut": _cut, "term": _term, "drop": _drop, "obstacle": _obstacle, "remove": _remove,
+    "clear obstacles": _clear,
 }  # fmt: skip
 
 

@@ -44,7 +44,7 @@ LONGEST_NOTE = 400
 """Characters of a message, which covers part of the scene."""
 RECORD_SECONDS = 0.25
 """Least seconds between two times that pages are sent the record of the run."""
-QUIET_CHANGES = frozenset({"set", "scale", "move", "kick", "place"})
+QUIET_CHANGES = frozenset({"set", "scale", "move", "kick", "place", "shift"})
 """Events after which the controls of the law stay the same ones."""
 
 

@@ -101,11 +101,12 @@ class Measuring:
         number, judged, pause = 0, 0.0, JUDGE_SECONDS
         while not self._clock.closed:
             frame = self._clock.next_frame(number, timeout=READ_SECONDS)
-            begin = time.perf_counter()
+            begin, reading = time.perf_counter(), time.thread_time()
             at_rest = not self._clock.running
             if frame is not None:
                 number = frame.number
                 self._guarded(self._read, frame)
+                reading = time.thread_time() - reading
             elif not at_rest:
                 continue
             last = self._clock.frame
@@ -117,7 +118,8 @@ class Measuring:
                 judged = time.perf_counter()
                 pause = max(JUDGE_SECONDS, PATIENCE * (time.thread_time() - used))
             if frame is not None:
-                time.sleep(max(READ_SECONDS, 2 * (time.perf_counter() - begin)))
+                # Judgements do not count: after a slow one curves would have a gap of twice its length.
+                time.sleep(max(READ_SECONDS, 2 * reading))
 
     def _guarded(self, act: Callable[[Frame], None], frame: Frame) -> None:
         try:

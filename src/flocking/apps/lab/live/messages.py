@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.apps.lab.live.hub import Message
-from flocking.apps.lab.panels.catalogue import about
+from flocking.apps.lab.panels.catalogue import about, challenges
 from flocking.apps.lab.panels.controls import values_of
 from flocking.apps.lab.panels.ready_terms import TERMS
 from flocking.engine.runs.run import Run
@@ -27,7 +27,8 @@ def scenario_message(name: str, experiment: Experiment, speed: float) -> dict[st
     return {
         "kind": "scenario", "name": name, "seed": experiment.original.seed, "n": scenario.start.n,
         "d": scenario.start.dimension, "start": float(scenario.start.t), "end": float(scenario.t_end),
-        "engine": experiment.engine, "speed": speed, "terms": list(TERMS), **about(name, scenario),
+        "engine": experiment.engine, "speed": speed, "terms": list(TERMS), "challenges": challenges(),
+        **about(name, scenario),
     }  # fmt: skip
 
 

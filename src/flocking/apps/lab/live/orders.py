@@ -30,7 +30,9 @@ SLOW = frozenset(
 )  # fmt: skip
 """Kinds of orders that compute for long, or wait for the clock."""
 
-EVENTS = frozenset({"kick", "place", "kill", "add", "cut", "term", "drop", "obstacle", "remove", "clear obstacles"})
+EVENTS = frozenset(
+    {"kick", "place", "shift", "kill", "add", "cut", "term", "drop", "obstacle", "remove", "clear obstacles"}
+)
 """Kinds of events that a page sends as they are; values of parts and moved objects are orders of their own."""
 
 
@@ -157,8 +159,10 @@ def _small_picture(page: Lab, _: Tab, order: Order) -> Answer:
 
 def _agent(page: Lab, _: Tab, order: Order) -> Answer:
     frame = page.clock.frame
-    agent = integer("lab", "agent", order["agent"], least=0)
-    return agent_content(frame.scenarios[0], frame.states[0], agent)
+    agent, run = integer("lab", "agent", order["agent"], least=0), integer("lab", "run", order.get("run", 0), least=0)
+    if run >= len(frame.states):
+        raise InvalidInput("lab", "run", f"must be one of 0..{len(frame.states) - 1}", run)
+    return agent_content(frame.scenarios[run], frame.states[run], agent)
 
 
 def _compare(page: Lab, _: Tab, order: Order) -> None:

@@ -43,7 +43,9 @@ def catalogue(folder: Folder) -> dict[str, object]:
                 "title": _short(found),
                 "about": found.title,
                 "first": title,
-                "scenarios": [{"name": name, "title": found.title_of(name)} for name in names],
+                "scenarios": [
+                    {"name": name, "title": found.title_of(name), "question": found.question_of(name)} for name in names
+                ],
             }
         )
     groups.append(
@@ -60,12 +62,16 @@ def catalogue(folder: Folder) -> dict[str, object]:
             {"title": "Your files", "about": "In the folder of this lab",
              "scenarios": [{"name": name, "title": name} for name in files]}
         )  # fmt: skip
-    challenges = [{"key": key, "title": x.title, "goal": x.goal} for key, x in CHALLENGES.items()]
-    return {"kind": "catalogue", "groups": groups, "challenges": challenges}
+    return {"kind": "catalogue", "groups": groups, "challenges": challenges()}
+
+
+def challenges() -> list[dict[str, str]]:
+    """Key, title and goal of each challenge."""
+    return [{"key": key, "title": x.title, "goal": x.goal} for key, x in CHALLENGES.items()]
 
 
 def about(name: str, scenario: Scenario) -> dict[str, str]:
-    """Title, one sentence and the paper of an open scenario.
+    """Title, question, paper and size of an open scenario, each a text that may be empty.
 
     Parameters
     ----------
@@ -78,17 +84,16 @@ def about(name: str, scenario: Scenario) -> dict[str, str]:
     n = scenario.start.n
     size = f"{n} agent{'s' if n != 1 else ''} in {scenario.start.dimension} dimensions, until t = {scenario.t_end:g}"
     if name.startswith(CHALLENGE):
-        return {
-            "title": challenge_of(name.removeprefix(CHALLENGE)).title,
-            "paper": "",
-            "short": "",
-            "sentence": f"{size}.",
-        }
+        found = challenge_of(name.removeprefix(CHALLENGE))
+        return {"title": found.title, "question": found.goal, "paper": "", "citation": "", "size": size}
     if known is None:
         title = GROUP_TITLES.get(name, scenario.name or name)
-        return {"title": title, "paper": "", "short": "", "sentence": f"{size}."}
-    found = paper(known[0])
-    return {"title": found.title_of(name), "paper": found.citation, "short": _short(found), "sentence": f"{size}."}
+        return {"title": title, "question": "", "paper": "", "citation": "", "size": size}
+    source = paper(known[0])
+    return {
+        "title": source.title_of(name), "question": source.question_of(name),
+        "paper": f"{_short(source)}: {source.title}", "citation": source.citation, "size": size,
+    }  # fmt: skip
 
 
 def _short(found: Paper) -> str:

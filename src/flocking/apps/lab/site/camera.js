@@ -1,5 +1,7 @@
 // Where points of the world are on the screen. From above a plane lies as it is; groups in space are seen from the side.
 
+const CARDS = 110; // pixels of the cards above and below, as style.css has them
+
 export class Camera {
   constructor() {
     this.scale = 20;
@@ -66,39 +68,43 @@ export class Camera {
     this.pitch = Math.min(Math.max(this.pitch + 0.008 * dy, 0), Math.PI / 2);
   }
 
-  // Fit the view to a group and what is near it.
-  fit(group, width, height, left = 0) {
+  // Fit the view to groups, each seen in a place of this size, and what is near them.
+  fit(groups, width, height, left = 0) {
     this.moved = false;
-    const d = group.d, low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    const d = groups[0].d, low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     const take = (p) => {
       for (let k = 0; k < 3; k++) {
         low[k] = Math.min(low[k], p[k]);
         high[k] = Math.max(high[k], p[k]);
       }
     };
-    for (let i = 0; i < group.n; i++) take([group.q[i * d], d > 1 ? group.q[i * d + 1] : 0, d > 2 ? group.q[i * d + 2] : 0]);
-    group.box.forEach((length, k) => {
-      if (length === null) return;
-      low[k] = -length / 2;
-      high[k] = length / 2;
+    // Where the view follows a group, its places are those around its centre: each of several has its own.
+    const about = groups.map((group) => [0, 1, 2].map((k) => (this.follow ? 0 : (group.centre[k] ?? 0))));
+    groups.forEach((group, g) => {
+      for (let i = 0; i < group.n; i++) take([0, 1, 2].map((k) => about[g][k] + (k < d ? group.q[i * d + k] : 0)));
+      if (group.box.every((length) => length === null)) return;
+      take([0, 1, 2].map((k) => (group.box[k] == null ? low[k] : about[g][k] - group.box[k] / 2)));
+      take([0, 1, 2].map((k) => (group.box[k] == null ? high[k] : about[g][k] + group.box[k] / 2)));
     });
     const size = Math.max(high[0] - low[0], high[1] - low[1], high[2] - low[2], 1e-9);
     const mid = [0, 1, 2].map((k) => (low[k] + high[k]) / 2);
-    for (const s of group.solids) {
-      const at = [0, 1, 2].map((k) => s.position[k] - (group.centre[k] ?? 0));
-      if (at.some((x, k) => Math.abs(x - mid[k]) > 3 * size)) continue;
-      const reach = Math.max(s.radius, ...s.outline.map((p) => Math.hypot(...p)), 0);
-      const room = reach < size ? reach : 0;
-      take(at.map((x) => x - room));
-      take(at.map((x) => x + room));
-    }
+    groups.forEach((group, g) => {
+      for (const s of group.solids) {
+        const at = [0, 1, 2].map((k) => s.position[k] - (group.centre[k] ?? 0) + about[g][k]);
+        if (at.some((x, k) => Math.abs(x - mid[k]) > 3 * size)) continue;
+        const reach = Math.max(s.radius, ...s.outline.map((p) => Math.hypot(...p)), 0);
+        const room = reach < size ? reach : 0;
+        take(at.map((x) => x - room));
+        take(at.map((x) => x + room));
+      }
+    });
     this.yaw = d > 2 ? 0.6 : 0;
     this.pitch = d > 2 ? 0.5 : Math.PI / 2;
-    const middle = [0, 1, 2].map((k) => (low[k] + high[k]) / 2);
-    this.off = this.follow ? middle : middle.map((x, k) => x + (group.centre[k] ?? 0));
+    this.off = [0, 1, 2].map((k) => (low[k] + high[k]) / 2);
     const span = d > 2 ? Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]) : 0;
     const wide = Math.max(d > 2 ? span : high[0] - low[0], size / 8), tall = Math.max(d > 2 ? span : high[1] - low[1], size / 8);
-    this.scale = 0.8 * Math.min((width - left) / wide, height / tall);
+    // In a low scene the cards above and below need more than the usual margin.
+    this.scale = Math.min((0.8 * (width - left)) / wide, Math.max(Math.min(0.8 * height, height - CARDS), 0.4 * height) / tall);
     if (d < 3) this.off[0] -= left / 2 / this.scale; // what covers the left of the scene hides no agent
   }
 }

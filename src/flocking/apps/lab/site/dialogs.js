@@ -38,7 +38,7 @@ export class Dialogs {
   fillTiles() {
     const area = this.box.querySelector("[data-tiles]");
     area.innerHTML = this.catalogue.groups.map((group) => `<section class="paper"><h3>${escaped(group.title)}</h3><p>${escaped(group.about)}</p><div class="tiles">${group.scenarios
-      .map((s) => `<button class="tile" data-name="${escaped(s.name)}"><canvas aria-hidden="true"></canvas><span>${escaped(s.title)}</span><small></small></button>`).join("")}</div></section>`).join("");
+      .map((s) => `<button class="tile" data-name="${escaped(s.name)}"><canvas aria-hidden="true"></canvas><span>${escaped(s.title)}</span>${s.question ? `<q>${escaped(s.question)}</q>` : ""}<small></small></button>`).join("")}</div></section>`).join("");
     const seen = new IntersectionObserver((entries) => {
       for (const entry of entries) {
         if (!entry.isIntersecting) continue;

@@ -6,13 +6,14 @@ import { escaped } from "./timeline.js";
 
 const TOOLS = [
   ["view", "Move the view; click chooses an agent, an obstacle or a leader can be dragged", '<path d="M12 3v18M3 12h18M12 3l-3 3M12 3l3 3M12 21l-3-3M12 21l3-3M3 12l3-3M3 12l3 3M21 12l-3-3M21 12l-3 3"/>'],
-  ["drag", "Drag an agent to another place", '<path d="M8 11V6a1.5 1.5 0 0 1 3 0v5M11 10V4.5a1.5 1.5 0 0 1 3 0V10M14 10.5V6a1.5 1.5 0 0 1 3 0v8c0 4-2 7-5.5 7S6.5 19 5 15.5L4 13a1.5 1.5 0 0 1 2.7-1.2L8 14"/>'],
+  ["drag", "Drag an agent to another place; arrow keys move the chosen ones", '<path d="M8 11V6a1.5 1.5 0 0 1 3 0v5M11 10V4.5a1.5 1.5 0 0 1 3 0V10M14 10.5V6a1.5 1.5 0 0 1 3 0v8c0 4-2 7-5.5 7S6.5 19 5 15.5L4 13a1.5 1.5 0 0 1 2.7-1.2L8 14"/>'],
   ["add", "Click to add an agent with the flock's mean velocity", '<path d="M12 5v14M5 12h14"/>'],
   ["lasso", "Draw around agents to choose them", '<ellipse cx="12" cy="10" rx="8" ry="6" stroke-dasharray="3 2.5"/><path d="M8 15c-1 2 0 4-2 5"/>'],
-  ["kick", "Drag from an agent: it gets a velocity along the arrow; with agents chosen, all of them", '<path d="M4 17h12M12 12l5 5-5 5M4 9c3-4 6 3 9-1s3-4 6-3"/>'],
+  ["kick", "Drag from an agent: it gets a velocity along the arrow; with agents chosen, all of them; arrow keys kick those", '<path d="M4 17h12M12 12l5 5-5 5M4 9c3-4 6 3 9-1s3-4 6-3"/>'],
   ["obstacle", "Drag to add a round obstacle", '<circle cx="12" cy="12" r="7" fill="currentColor"/>'],
   ["erase", "Click to remove an agent or an obstacle", '<path d="M9 6h11v12H9l-6-6zM12 9.5l5 5M17 9.5l-5 5"/>'],
 ];
+const VIEW_STEP = 40, STEP = 10, FAR_STEP = 50; // pixels by which an arrow key moves the view, and chosen agents
 const INKS = ["#ffffff", "#e09f3e", "#7fd1ff", "#ff8fa3", "#b7e36b", "#d6b3ff"];
 
 export class Hands {
@@ -34,8 +35,7 @@ export class Hands {
     canvas.addEventListener("wheel", (e) => {
       e.preventDefault();
       const [x, y] = this.at(e);
-      scene.camera.zoom(Math.exp(-0.0015 * e.deltaY), x, y);
-      scene.repaint();
+      this.zoom(Math.exp(-0.0015 * e.deltaY), x, y);
     }, { passive: false });
     canvas.addEventListener("keydown", (e) => this.key(e));
     this.fingers = new Map();
@@ -66,6 +66,13 @@ export class Hands {
   }
 
   get group() { return this.scene.frame?.groups[0]; }
+
+  zoom(factor, x, y) {
+    const part = this.scene.part(x);
+    if (this.scene.frame) this.scene.within(part.run, (camera) => camera.zoom(factor, part.x, y));
+    this.scene.repaint();
+  }
+
   get dimension() { return this.group?.d ?? 2; }
 
   at(event) {
@@ -73,7 +80,8 @@ export class Hands {
     return [event.clientX - box.left, event.clientY - box.top];
   }
 
-  point(x, y) { return this.scene.camera.point(x, y).slice(0, this.dimension); }
+  // The point of the world at a pixel; a hand that has begun in the part of a run stays in it.
+  point(x, y) { return this.scene.point(x, y, this.held?.run); }
 
   down(event) {
     const [x, y] = this.at(event);
@@ -85,9 +93,12 @@ export class Hands {
       return;
     }
     const agent = this.scene.agentAt(x, y), solid = this.scene.solidAt(x, y), from = [x, y];
-    this.held = { kind: "pan", from, last: from, agent, button: event.button, moved: false };
+    const { run, left } = this.scene.part(x);
+    this.held = { kind: "pan", from, last: from, agent, run, left, button: event.button, moved: false };
+    this.scene.held = true;
     if (this.tool === "view" && solid && solid.path.length && agent === null) {
-      this.held = { ...this.held, kind: "solid", solid, offset: this.scene.camera.world(solid.position).slice(0, 2).map((v, k) => v - from[k]) };
+      const [sx, sy] = this.scene.within(run, (camera) => camera.world(solid.position));
+      this.held = { ...this.held, kind: "solid", solid, offset: [sx + left - x, sy - y] };
     } else if (this.tool === "drag" && agent !== null) this.held.kind = "agent";
     else if (this.tool === "lasso") {
       this.held.kind = "lasso";
@@ -112,9 +123,8 @@ export class Hands {
     if (h.kind === "pinch") {
       if (this.fingers.size > 1) {
         const far = this.spread(), [a, b] = [...this.fingers.values()];
-        scene.camera.zoom(far / h.far, (a[0] + b[0]) / 2, (a[1] + b[1]) / 2);
+        this.zoom(far / h.far, (a[0] + b[0]) / 2, (a[1] + b[1]) / 2);
         h.far = far;
-        scene.repaint();
       }
       return;
     }
@@ -133,20 +143,30 @@ export class Hands {
     scene.repaint();
   }
 
-  origin(h) { return h.agent === null ? h.from : [this.scene.sx[h.agent], this.scene.sy[h.agent]]; }
+  origin(h) {
+    const place = this.scene.places[h.run];
+    return h.agent === null ? h.from : [place.sx[h.agent] + h.left, place.sy[h.agent]];
+  }
 
   up(event) {
     const h = this.held, scene = this.scene, [x, y] = this.at(event);
     this.fingers.delete(event.pointerId);
     if (this.fingers.size) return;
-    this.held = null;
     scene.drawing = null;
+    scene.held = false;
     if (!h) return;
-    const clicked = !h.moved;
+    this.done(h, x, y, event.shiftKey);
+    this.held = null;
+    scene.repaint();
+  }
+
+  done(h, x, y, more) {
+    const scene = this.scene, clicked = !h.moved;
     if (h.kind === "lasso") {
-      const found = clicked ? [] : [...scene.sx.keys()].filter((i) => inside(scene.lasso, scene.sx[i], scene.sy[i]));
+      const { sx, sy } = scene.places[h.run];
+      const found = clicked ? [] : [...sx.keys()].filter((i) => inside(scene.lasso, sx[i] + h.left, sy[i]));
       scene.lasso = null;
-      this.choose(event.shiftKey ? [...scene.chosen, ...found] : found);
+      this.choose(more ? [...scene.chosen, ...found] : found, h.run);
     } else if (h.kind === "agent" && h.moved) this.event({ kind: "place", agent: h.agent, to: this.point(x, y) });
     else if (h.kind === "kick" && h.moved) {
       const a = this.point(...this.origin(h)), b = this.point(x, y);
@@ -164,14 +184,14 @@ export class Hands {
       else if (solid?.kind === "obstacle") this.event({ kind: "remove", path: solid.of });
     } else if (h.kind === "pan" && clicked) {
       if (h.agent === null) this.choose([]);
-      else if (scene.chosen.has(h.agent)) this.choose([...scene.chosen].filter((i) => i !== h.agent));
-      else this.choose([...scene.chosen, h.agent]);
+      else if (scene.chosen.has(h.agent)) this.choose([...scene.chosen].filter((i) => i !== h.agent), h.run);
+      else this.choose([...scene.chosen, h.agent], h.run);
     }
-    scene.repaint();
   }
 
   cancel() {
     this.held = this.scene.lasso = this.scene.drawing = null;
+    this.scene.held = false;
     this.fingers.clear();
     this.scene.repaint();
   }
@@ -189,7 +209,9 @@ export class Hands {
     } catch { /* the refusal is shown */ }
   }
 
-  choose(agents) {
+  // Choose agents; of one the forces in a run are shown.
+  choose(agents, run = 0) {
+    this.run = run;
     this.scene.chosen = new Set([...agents].sort((a, b) => a - b));
     this.scene.forces = null;
     this.asked = null;
@@ -203,7 +225,8 @@ export class Hands {
     box.hidden = !agents.length;
     if (!agents.length) return;
     const names = agents.length > 12 ? `${agents.slice(0, 12).join(", ")} and ${agents.length - 12} more` : agents.join(", ");
-    box.innerHTML = `<b>agent${agents.length > 1 ? "s" : ""} ${names}</b><div data-forces></div>
+    const where = (this.scene.frame?.groups.length ?? 1) > 1 && agents.length === 1 ? `, ${this.run ? "second" : "first"} run` : "";
+    box.innerHTML = `<b>agent${agents.length > 1 ? "s" : ""} ${names}${where}</b><div data-forces></div>
       <label>kick by <input type="number" step="any" min="0" value="${this.speed ?? 1}" aria-label="Kick speed" style="width:5em"></label>
       <button data-do="kick">kick</button><button data-do="kill">remove</button><button data-do="cut">cut links</button><button data-do="clear">clear</button>`;
     const speed = box.querySelector("input");
@@ -227,15 +250,15 @@ export class Hands {
   // A frame was painted: of one chosen agent the forces are asked for, a few times a second.
   async frame(frame) {
     if (this.scene.chosen.size !== 1 || !frame.live || this.asking) return;
-    const [agent] = this.scene.chosen;
-    if (this.asked === `${agent} ${frame.t} ${frame.version}` || performance.now() - (this.askedAt ?? 0) < 200) return;
+    const [agent] = this.scene.chosen, run = frame.groups[this.run] ? this.run : 0, asked = `${run} ${agent} ${frame.t} ${frame.version}`;
+    if (this.asked === asked || performance.now() - (this.askedAt ?? 0) < 200) return;
     this.asking = true;
-    this.asked = `${agent} ${frame.t} ${frame.version}`;
+    this.asked = asked;
     this.askedAt = performance.now();
     try {
-      const found = await this.link.ask("agent", { agent }, true);
-      if (this.scene.chosen.size === 1 && this.scene.chosen.has(agent)) {
-        this.scene.forces = { agent, list: found.forces.map((f, k) => ({ ...f, colour: INKS[k % INKS.length] })), found };
+      const found = await this.link.ask("agent", { agent, run }, true);
+      if (this.scene.chosen.size === 1 && this.scene.chosen.has(agent) && this.run === run) {
+        this.scene.forces = { run, agent, list: found.forces.map((f, k) => ({ ...f, colour: INKS[k % INKS.length] })), found };
         this.showForces();
         this.scene.repaint();
       }
@@ -252,25 +275,29 @@ export class Hands {
   }
 
   hover(place) {
-    const agent = place ? this.scene.agentAt(...place) : null, box = this.parts.hover;
-    if (agent !== this.scene.hovered) {
-      this.scene.hovered = agent;
-      this.scene.repaint();
-    }
+    const scene = this.scene, agent = place ? scene.agentAt(...place) : null, box = this.parts.hover;
+    const run = agent === null ? 0 : scene.part(place[0]).run, before = scene.hovered;
+    scene.hovered = agent === null ? null : { run, agent };
+    if (before?.agent !== scene.hovered?.agent || before?.run !== scene.hovered?.run) scene.repaint();
     box.hidden = agent === null;
     if (agent === null) return;
-    const { p, d, pairs, linked } = this.group, speed = Math.hypot(...p.subarray(agent * d, agent * d + d));
+    const groups = scene.frame.groups, { p, d, pairs, linked } = groups[run], speed = Math.hypot(...p.subarray(agent * d, agent * d + d));
     let count = 0;
     for (const i of pairs) count += i === agent;
     box.style.left = `${place[0]}px`;
     box.style.top = `${place[1]}px`;
-    box.textContent = `agent ${agent} · speed ${short(speed)}${linked ? ` · ${count} neighbour${count === 1 ? "" : "s"}` : ""}\nclick for its forces`;
+    const which = groups.length > 1 ? `, ${run ? "second" : "first"} run` : "";
+    box.textContent = `agent ${agent}${which} · speed ${short(speed)}${linked ? ` · ${count} neighbour${count === 1 ? "" : "s"}` : ""}\nclick for its forces`;
+    // It stays within the scene.
+    const room = scene.size(), { offsetWidth, offsetHeight } = box;
+    if (place[0] + 28 + offsetWidth > room.width) box.style.left = `${Math.max(place[0] - offsetWidth - 28, 0)}px`;
+    if (place[1] + 28 + offsetHeight > room.height) box.style.top = `${Math.max(place[1] - offsetHeight - 28, 0)}px`;
   }
 
   key(event) {
-    const step = 40, cam = this.scene.camera, { width, height } = this.scene.size();
-    const moves = { ArrowLeft: [step, 0], ArrowRight: [-step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
-    if (moves[event.key]) cam.pan(...moves[event.key]);
+    const cam = this.scene.camera, { width, height } = this.scene.size();
+    const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+    if (ways[event.key]) this.arrow(...ways[event.key], event.shiftKey);
     else if (event.key === "+" || event.key === "=") cam.zoom(1.2, width / 2, height / 2);
     else if (event.key === "-") cam.zoom(1 / 1.2, width / 2, height / 2);
     else if (event.key === "0") this.scene.aim();
@@ -280,6 +307,20 @@ export class Hands {
     else return;
     event.preventDefault();
     this.scene.repaint();
+  }
+
+  // An arrow key, as the hand is: it moves the view, or moves or kicks the chosen agents.
+  arrow(right, down, far) {
+    const agents = [...this.scene.chosen];
+    if (!agents.length || !["drag", "kick"].includes(this.tool)) {
+      this.scene.camera.pan(-VIEW_STEP * right, -VIEW_STEP * down);
+      return;
+    }
+    const { width, height } = this.scene.size(), [x, y] = [width / 2, height / 2], step = far ? FAR_STEP : STEP;
+    const from = this.scene.point(x, y, 0), to = this.scene.point(x + step * right, y + step * down, 0);
+    const by = to.map((v, k) => v - from[k]), length = Math.hypot(...by);
+    if (this.tool === "drag") this.event({ kind: "shift", agents, by });
+    else if (length > 0) this.event({ kind: "kick", agents, velocity: by.map((v) => (v * (this.speed ?? 1)) / length) });
   }
 }
 

@@ -17,7 +17,10 @@ export class LawPanel {
     this.numbers = document.createElement("dl");
     this.numbers.className = "numbers";
     this.counted = 0;
-    new ResizeObserver(() => this.fitFormula()).observe(area);
+    new ResizeObserver(() => {
+      this.fitFormula();
+      this.drawPlots();
+    }).observe(area);
   }
 
   scenario(message) {
@@ -199,7 +202,7 @@ export class LawPanel {
 
   adding() {
     const box = document.createElement("div");
-    box.append(fragment('<h3>Another term</h3><div class="row" style="grid-template-columns:1fr auto"><select aria-label="Term to add"></select><button class="small">add</button></div>'));
+    box.append(fragment('<h3>Another term</h3><div class="row adding"><select aria-label="Term to add"></select><button class="small">add</button></div>'));
     const choice = box.querySelector("select");
     choice.append(...(this.terms ?? []).map((t) => new Option(t, t)));
     box.querySelector("button").onclick = () => this.link.send("add term", { name: choice.value });

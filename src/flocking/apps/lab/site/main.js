@@ -51,8 +51,8 @@ link.onState = (open, told) => {
 
 link.on("scenario", (message) => {
   at("title").textContent = message.title;
-  at("sentence").textContent = [message.short, message.sentence].filter(Boolean).join(" · ");
-  at("sentence").title = message.paper;
+  for (const name of ["question", "paper", "size"]) at(name).textContent = message[name];
+  at("paper").title = message.citation;
   document.title = `${message.title} · flocking lab`;
   scene.span = Math.max(message.end - message.start, 1e-12);
   timeline.scenario(message);

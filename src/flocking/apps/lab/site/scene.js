@@ -3,13 +3,17 @@
 import { Camera } from "./camera.js";
 import { binned, gradient, wheel, css } from "./colours.js";
 import { AXES, crossed, edges, halves, wedges } from "./boxes.js";
+import { density } from "./density.js";
 import { flocks, speeds } from "./frames.js";
+import { marks, shapes } from "./marks.js";
 
 const MOST_TRAILS = 500, MOST_DARTS = 10000;
 const TRAIL_SHARE = 1 / 25; // length of a trail in time, as a share of the scenario
 
 const REST = 1e-9; // speeds below it are shown as none
 const TOOLS_WIDTH = 52; // pixels of the scene under its hands, as style.css has them
+const BELOW_CARDS = 66; // pixels from above at which nothing covers the names of the runs
+const WIDEST = 16; // a view widens to so many times its first fit: one agent that flees leaves the others visible
 
 export class Scene {
   constructor(canvas) {
@@ -18,8 +22,8 @@ export class Scene {
     this.camera = new Camera();
     this.look = { colour: "speed", links: true, trails: false, virtual: false, light: false };
     this.chosen = new Set();
-    this.hovered = null;
-    this.forces = null; // of the chosen agent: [{term, force, colour}]
+    this.hovered = null; // {run, agent}
+    this.forces = null; // of the chosen agent: {run, agent, list: [{term, force, colour}]}
     this.lasso = null;
     this.drawing = null; // a shape that a hand is making: {kind, from, to}
     this.past = [];
@@ -27,6 +31,10 @@ export class Scene {
     this.frame = null;
     this.span = 1;
     this.needsFit = true;
+    this.widens = false; // whether the view is to be fitted anew because agents have left it
+    this.held = false; // whether a hand holds something, so that the view must stay
+    this.widest = 0; // pixels a unit has at least when the view widens by itself
+    this.places = []; // of each run: {sx, sy}, pixels of its agents within its part of the scene
     this.painted = 0;
     this.after = () => {};
     new ResizeObserver(() => this.repaint()).observe(canvas);
@@ -83,12 +91,10 @@ export class Scene {
     c.fillStyle = this.dark ? "#0f1720" : "#f7f9fb";
     c.fillRect(0, 0, width, height);
     if (this.frame) {
-      const count = this.frame.groups.length, each = width / count;
-      if (this.needsFit) {
-        this.camera.fit(this.frame.groups[0], each, height, TOOLS_WIDTH);
-        this.needsFit = false;
-      }
-      this.frame.groups.forEach((group, k) => {
+      const groups = this.frame.groups, each = width / groups.length;
+      this.aimed(groups, each, height);
+      this.places = [];
+      groups.forEach((group, k) => {
         c.save();
         c.translate(k * each, 0);
         c.beginPath();
@@ -98,18 +104,61 @@ export class Scene {
         this.group(group, k, each, height);
         c.restore();
       });
-      if (count > 1) {
+      if (groups.length > 1) {
         c.fillStyle = this.dark ? "#2a3948" : "#c9d2da";
         c.fillRect(each - 0.5, 0, 1, height);
-        this.text("first", 64, height - 16);
-        this.text(`second${this.second ? `: ${this.second}` : ""}`, each + 16, height - 16);
+        this.text("first", 64, BELOW_CARDS);
+        this.text(`second${this.second ? `: ${this.second}` : ""}`, each + 16, BELOW_CARDS);
       }
-      this.camera.look(this.frame.groups[0].centre, each, height);
+      [this.sx, this.sy] = [this.places[0].sx, this.places[0].sy];
+      this.camera.look(groups[0].centre, each, height);
+      this.widen(each, height);
     }
+    shapes(this);
     this.painted++;
     const fresh = this.fresh;
     this.fresh = false;
     this.after(fresh);
+  }
+
+  // Fit the view where that is due.
+  aimed(groups, each, height) {
+    if (!this.needsFit && !this.widens) return;
+    const camera = this.camera;
+    camera.fit(groups, each, height, TOOLS_WIDTH);
+    if (this.needsFit) this.widest = camera.scale / WIDEST;
+    else camera.scale = Math.max(camera.scale, this.widest);
+    this.needsFit = this.widens = false;
+  }
+
+  // A view that follows its runs, and that no hand has moved, widens when agents leave it.
+  widen(each, height) {
+    const { camera, places } = this, out = ({ sx, sy }) => sx.some((x, i) => x < 0 || x > each || sy[i] < 0 || sy[i] > height);
+    if (camera.moved || !camera.follow || this.held || camera.scale <= this.widest || !places.some(out)) return;
+    this.widens = true;
+    this.repaint();
+  }
+
+  // The run that a pixel of the scene shows, and the pixel's place within that run's part.
+  part(x) {
+    const count = this.frame?.groups.length ?? 1, each = this.canvas.getBoundingClientRect().width / count;
+    const run = Math.min(Math.max(Math.floor(x / each), 0), count - 1);
+    return { run, x: x - run * each, left: run * each };
+  }
+
+  // What a function gives while the camera looks at a run.
+  within(run, act) {
+    const groups = this.frame.groups, { width, height } = this.size(), each = width / groups.length;
+    this.camera.look(groups[run].centre, each, height);
+    const found = act(this.camera);
+    this.camera.look(groups[0].centre, each, height);
+    return found;
+  }
+
+  // The point of the world at a pixel of the scene, seen in a run: that of the pixel unless it is named.
+  point(x, y, run = this.part(x).run) {
+    const each = this.size().width / this.frame.groups.length;
+    return this.within(run, (camera) => camera.point(x - run * each, y)).slice(0, this.frame.groups[run].d);
   }
 
   text(words, x, y, colour) {
@@ -128,14 +177,16 @@ export class Scene {
       sy[i] = at[1];
       if (depth) depth[i] = at[2];
     }
-    if (k === 0) [this.sx, this.sy] = [sx, sy];
+    this.places[k] = { sx, sy };
     edges(this, group);
     this.solids(group);
     if (this.look.links) this.links(group, sx, sy);
     if (this.look.trails && n <= MOST_TRAILS) this.trails(k);
     const values = this.values(group);
-    if (n >= MOST_DARTS) this.density(group, sx, sy, values, width, height);
-    else {
+    if (n >= MOST_DARTS) {
+      this.legend = { ...values, high: values.high > REST ? values.high : 0 };
+      density(this, group, sx, sy, values, width, height);
+    } else {
       this.agents(group, sx, sy, depth, values);
       wedges(this, group, sx, sy);
     }
@@ -145,7 +196,7 @@ export class Scene {
       c.strokeRect(x - 3, y - 3, 6, 6);
     }
     this.leaders(group);
-    if (k === 0) this.marks(group, sx, sy);
+    marks(this, group, k, sx, sy);
   }
 
   grid(width, height) {
@@ -278,37 +329,6 @@ export class Scene {
     });
   }
 
-  // Many agents as a picture of their density: each cell shines by how many are in it, in their mean colour.
-  density(group, sx, sy, { kind, values, low, high }, width, height) {
-    this.legend = { kind, low, high: high > REST ? high : 0 };
-    const cell = group.n > 50000 ? 2 : 3, w = Math.ceil(width / cell), h = Math.ceil(height / cell);
-    const count = new Float32Array(w * h), red = new Float32Array(w * h), green = new Float32Array(w * h), blue = new Float32Array(w * h);
-    const { bin, colours } = binned(kind, group, values ?? speeds(group), low, high, this.dark);
-    const inks = colours.map((x) => (x[0] === "#" ? [1, 3, 5].map((k) => parseInt(x.slice(k, k + 2), 16)) : x.match(/\d+/g).map(Number)));
-    for (let i = 0; i < group.n; i++) {
-      const x = Math.floor(sx[i] / cell), y = Math.floor(sy[i] / cell);
-      if (x < 0 || y < 0 || x >= w || y >= h) continue;
-      const k = y * w + x, ink = inks[bin[i]];
-      count[k]++;
-      red[k] += ink[0];
-      green[k] += ink[1];
-      blue[k] += ink[2];
-    }
-    this.shade ??= document.createElement("canvas");
-    [this.shade.width, this.shade.height] = [w, h];
-    const context = this.shade.getContext("2d"), image = context.createImageData(w, h);
-    for (let k = 0; k < w * h; k++) {
-      if (!count[k]) continue;
-      image.data[4 * k] = red[k] / count[k];
-      image.data[4 * k + 1] = green[k] / count[k];
-      image.data[4 * k + 2] = blue[k] / count[k];
-      image.data[4 * k + 3] = 255 * (1 - Math.exp(-0.9 * count[k]));
-    }
-    context.putImageData(image, 0, 0);
-    this.context.imageSmoothingEnabled = false;
-    this.context.drawImage(this.shade, 0, 0, w * cell, h * cell);
-  }
-
   leaders(group) {
     const c = this.context, cam = this.camera;
     for (const s of group.solids) {
@@ -323,79 +343,13 @@ export class Scene {
     }
   }
 
-  marks(group, sx, sy) {
-    const c = this.context;
-    c.strokeStyle = "#ff4fd0";
-    c.lineWidth = 2;
-    for (const i of this.chosen) {
-      if (i >= group.n) continue;
-      c.beginPath();
-      c.arc(sx[i], sy[i], 10, 0, 7);
-      c.stroke();
-    }
-    if (this.hovered !== null && this.hovered < group.n) {
-      c.strokeStyle = "#ffffff";
-      c.lineWidth = 1.2;
-      c.beginPath();
-      c.arc(sx[this.hovered], sy[this.hovered], 11, 0, 7);
-      c.stroke();
-    }
-    if (this.forces && this.forces.agent < group.n) {
-      const most = Math.max(...this.forces.list.map((f) => Math.hypot(...f.force)), 1e-12);
-      for (const f of this.forces.list) {
-        const size = Math.hypot(...f.force);
-        if (size > 1e-3 * most) this.arrow(sx[this.forces.agent], sy[this.forces.agent], f.force, (70 * size) / most, f.colour);
-      }
-    }
-    if (this.lasso) {
-      c.strokeStyle = "#ff4fd0";
-      c.setLineDash([5, 4]);
-      c.lineWidth = 1.4;
-      c.beginPath();
-      this.lasso.forEach(([x, y], k) => (k ? c.lineTo(x, y) : c.moveTo(x, y)));
-      c.closePath();
-      c.stroke();
-      c.setLineDash([]);
-    }
-    if (this.drawing) {
-      const { kind, from, to } = this.drawing;
-      c.strokeStyle = "#ffffff";
-      c.lineWidth = 1.4;
-      c.beginPath();
-      if (kind === "obstacle") c.arc(from[0], from[1], Math.hypot(to[0] - from[0], to[1] - from[1]), 0, 7);
-      else {
-        c.moveTo(...from);
-        c.lineTo(...to);
-      }
-      c.stroke();
-    }
-  }
-
-  arrow(x, y, vector, length, colour) {
-    const c = this.context, cam = this.camera, [px, py, pz] = [vector[0], vector[1] ?? 0, vector[2] ?? 0];
-    const right = cam.cy * px + cam.sy * py, ahead = -cam.sy * px + cam.cy * py, up = cam.sp * ahead + cam.cp * pz;
-    const size = Math.hypot(px, py, pz), dx = (length * right) / size, dy = (-length * up) / size, flat = Math.hypot(dx, dy);
-    if (flat < 2) return;
-    const [ux, uy] = [dx / flat, dy / flat];
-    c.strokeStyle = c.fillStyle = colour;
-    c.lineWidth = 2;
-    c.beginPath();
-    c.moveTo(x, y);
-    c.lineTo(x + dx - 4 * ux, y + dy - 4 * uy);
-    c.stroke();
-    c.beginPath();
-    c.moveTo(x + dx, y + dy);
-    c.lineTo(x + dx - 8 * ux - 4 * uy, y + dy - 8 * uy + 4 * ux);
-    c.lineTo(x + dx - 8 * ux + 4 * uy, y + dy - 8 * uy - 4 * ux);
-    c.fill();
-  }
-
-  // The agent nearest to a pixel of the first group, within some pixels; null for none.
+  // The agent nearest to a pixel, within some pixels, of the run that is seen there; null for none.
   agentAt(x, y, within = 14) {
-    if (!this.sx) return null;
+    const part = this.part(x), place = this.places[part.run];
+    if (!place) return null;
     let best = null, least = within * within;
-    for (let i = 0; i < this.sx.length; i++) {
-      const far = (this.sx[i] - x) ** 2 + (this.sy[i] - y) ** 2;
+    for (let i = 0; i < place.sx.length; i++) {
+      const far = (place.sx[i] - part.x) ** 2 + (place.sy[i] - y) ** 2;
       if (far < least) [best, least] = [i, far];
     }
     return best;
@@ -403,18 +357,20 @@ export class Scene {
 
   // The obstacle or leader at a pixel; null for none.
   solidAt(x, y) {
-    const group = this.frame?.groups[0];
-    if (!group) return null;
-    for (const s of [...group.solids].reverse()) {
-      if (s.kind === "leader" || !s.outline.length) {
-        const [sx, sy] = this.camera.world(s.position);
-        if (Math.hypot(sx - x, sy - y) <= Math.max(s.kind === "leader" ? 14 : 0, s.radius * this.camera.scale)) return s;
-        continue;
+    if (!this.frame) return null;
+    const part = this.part(x), { solids } = this.frame.groups[part.run];
+    return this.within(part.run, (camera) => {
+      for (const s of [...solids].reverse()) {
+        if (s.kind === "leader" || !s.outline.length) {
+          const [sx, sy] = camera.world(s.position);
+          if (Math.hypot(sx - part.x, sy - y) <= Math.max(s.kind === "leader" ? 14 : 0, s.radius * camera.scale)) return s;
+          continue;
+        }
+        const corners = s.outline.map((p) => camera.world(p.map((v, k) => v + s.position[k])));
+        if (inside(corners, part.x, y)) return s;
       }
-      const corners = s.outline.map((p) => this.camera.world(p.map((v, k) => v + s.position[k])));
-      if (inside(corners, x, y)) return s;
-    }
-    return null;
+      return null;
+    });
   }
 
   legendHtml() {

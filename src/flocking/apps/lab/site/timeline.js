@@ -3,6 +3,7 @@
 import { short } from "./scene.js";
 
 const NAMES = { energy: "energy", departed: "departed energy", "velocity spread": "velocity spread", connectivity: "connectivity" };
+const ROUNDING = 1e-5; // of recorded times, as a share of the axis: they come with six digits
 // Shapes of lamps: they differ without their colours, too.
 const SHAPES = {
   "holds": '<circle cx="5" cy="5" r="4.5"/>',
@@ -12,6 +13,8 @@ const SHAPES = {
   "not yet": '<circle cx="5" cy="5" r="3.6"/>',
   "not resolved": '<path d="M5 1 9 5 5 9 1 5z"/>',
 };
+// What the lamps and strips mean, in the order of a legend.
+const WORDS = ["holds", "fails", "hypothesis not met", "not yet", "not resolved", "known to fail"];
 export const styleClass = (style) => `s-${style.replaceAll(" ", "-")}`;
 export const lamp = (style) => `<svg class="lamp ${styleClass(style)}" viewBox="0 0 10 10" aria-hidden="true">${SHAPES[style] ?? SHAPES["not resolved"]}</svg>`;
 
@@ -52,6 +55,7 @@ export class Timeline {
   }
 
   scenario(message) {
+    this.challenges = message.challenges;
     this.first = message.start;
     this.end = message.end;
     this.parts.speed.value = message.speed;
@@ -158,6 +162,8 @@ export class Timeline {
     if (axis) {
       const box = axis.getBoundingClientRect(), here = p.time.getBoundingClientRect();
       p.cursor.style.left = `${box.left - here.left + (box.width * this.percent(t)) / 100}px`;
+      // Through all strips, or through the curves alone while there is none.
+      p.cursor.style.top = `${(p.strips.querySelector(".strip") ? p.strips : p.curves).getBoundingClientRect().top - here.top}px`;
     }
     this.values();
   }
@@ -176,9 +182,12 @@ export class Timeline {
         : r.too_many ? `Claims are judged for up to ${r.too_many} agents.` : r.fault || (this.now <= this.first ? "Claims appear here when the run has begun: press play."
           : r.few ? "Claims are judged from three measured moments on: step again, or press play." : "Judging the motion since the last intervention …");
       rows.push(`<p class="empty">${escaped(why)}</p>`);
+      if (!this.stored && this.now <= this.first && this.challenges?.length) {
+        rows.push(`<p class="empty offers">Or try a challenge: ${this.challenges.map((c) => `<button class="small" data-challenge="${escaped(c.key)}" title="${escaped(c.goal)}">${escaped(c.title)}</button>`).join(" ")}</p>`);
+      }
     } else {
       const at = r.record.judged;
-      rows.unshift(`<p class="empty" style="padding:2px 0">Judged up to t = ${short(at)}, by the motion ${r.former ? "before the last intervention; what follows it is judged as time goes on" : "since the last intervention"}.</p>`);
+      rows.unshift(`<p class="empty" style="padding:2px 0">Judged up to t = ${short(at)}, by the motion ${r.former ? "before the last intervention; what follows it is judged as time goes on" : "since the last intervention"}.</p>${this.legend()}`);
     }
     const html = rows.join("");
     if (html === this.shownStrips) return;
@@ -189,6 +198,15 @@ export class Timeline {
       button.onclick = () => this.explain(button.dataset.claim);
       if (button.dataset.claim === focused) button.focus();
     }
+    for (const button of this.parts.strips.querySelectorAll("[data-challenge]")) {
+      button.onclick = () => this.link.send("load", { name: `challenge: ${button.dataset.challenge}` });
+    }
+  }
+
+  // Lamp, pattern and word of each state that the claims are in or were in.
+  legend() {
+    const r = this.record, seen = new Set([...r.claims.map((c) => c.style), ...Object.values(r.record.strips).flat().map(([, word]) => word)]);
+    return `<p class="key">${WORDS.filter((w) => seen.has(w)).map((w) => `<span>${lamp(w)}<i class="${styleClass(w)}"></i>${w}</span>`).join("")}</p>`;
   }
 
   strip(claim) {
@@ -264,7 +282,7 @@ export class Timeline {
   }
 
   values() {
-    const t = this.looking ?? this.now;
+    const t = (this.looking ?? this.now) + ROUNDING * this.span();
     for (const cell of this.parts.curves.querySelectorAll("[data-value]")) {
       const found = this.points(cell.dataset.value).map((points) => {
         let value = null;
