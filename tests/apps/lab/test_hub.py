@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import threading
+import time
 from types import SimpleNamespace
 
+import pytest
+
+from flocking.apps.lab.experiment.clock import Clock
+from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.apps.lab.live import hub as hubs
 from flocking.apps.lab.live.hub import Hub, Tab
 from flocking.apps.lab.live.lab import Lab
 from flocking.apps.lab.live.past import Past
+from flocking.errors import InvalidInput
+from tests.apps.lab.conftest import ten
 
 
 def test_a_page_that_connects_while_a_frame_comes_gets_that_frame(monkeypatch):
@@ -79,3 +86,20 @@ def test_the_record_that_was_looked_up_last_is_told_last():
     measuring.join()
     pausing.join()
     assert told == [0, 1]
+
+
+def test_an_order_that_waits_for_the_clock_is_refused_as_soon_as_the_lab_has_ended():
+    """The end of the lab waits for it: a minute, while it waited for a clock that had stopped."""
+    clock = Clock([Experiment(ten())])
+    clock.begin()
+    clock.close()
+    begin = time.monotonic()
+    with pytest.raises(InvalidInput, match="open"):
+        clock.do(lambda: None)
+    assert time.monotonic() - begin < 10
+
+
+def test_what_is_not_reached_in_time_does_not_count_as_done():
+    clock = Clock([Experiment(ten())])  # its thread has not begun
+    with pytest.raises(InvalidInput, match="later"):
+        clock.do(lambda: None, timeout=0.3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -96,3 +97,27 @@ def test_a_judgement_of_the_former_run_is_dropped(measuring, monkeypatch: pytest
     made.judge(clock.frame)
     assert made.verdicts == []
     assert made.timeline.strips == {}
+
+
+def test_curves_go_on_soon_after_a_judgement_that_took_long(monkeypatch) -> None:
+    clock = Clock([Experiment(ten())])
+    made = Measuring(clock, lambda: None)
+    read, judged, slow = [], [], 1.5
+
+    def judge(self: Measuring, frame: object) -> None:
+        begin = time.perf_counter()
+        time.sleep(slow)
+        judged.append((begin, time.perf_counter()))
+
+    monkeypatch.setattr(Measuring, "judge", judge)
+    monkeypatch.setattr(Measuring, "_read", lambda self, frame: read.append(time.perf_counter()))
+    clock.begin()
+    clock.play()
+    made.begin()
+    end = time.monotonic() + 60
+    while (not judged or not any(t > judged[0][1] for t in read)) and time.monotonic() < end:
+        time.sleep(0.01)
+    clock.close()
+    made.join()
+    after = min(t for t in read if t > judged[0][1])
+    assert after - judged[0][1] < slow  # twice that while the pause counted the judgement, too

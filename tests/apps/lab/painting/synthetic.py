@@ -9,7 +9,8 @@ import numpy as np
 
 SHOW = """async ([groups, t]) => {
     const made = groups.map((g) => ({ ...g, q: Float32Array.from(g.q.flat()), p: Float32Array.from(g.p.flat()),
-        pairs: Uint32Array.from(g.pairs.flat()), axes: [], directions: [], energy: null, virtual: new Float32Array(0) }));
+        pairs: Uint32Array.from(g.pairs.flat()), axes: [], directions: [], energy: null,
+        virtual: new Float32Array(0) }));
     lab.scene.show({ number: 1e6 + t, t, live: true, version: [0], groups: made });
     await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done))));
 }"""
