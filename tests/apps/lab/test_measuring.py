@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import time
+import threading
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from flocking.apps.lab.experiment.clock import Clock
@@ -99,25 +100,42 @@ def test_a_judgement_of_the_former_run_is_dropped(measuring, monkeypatch: pytest
     assert made.timeline.strips == {}
 
 
-def test_curves_go_on_soon_after_a_judgement_that_took_long(monkeypatch) -> None:
+def test_measurements_go_on_while_claims_are_judged(monkeypatch) -> None:
     clock = Clock([Experiment(ten())])
     made = Measuring(clock, lambda: None)
-    read, judged, slow = [], [], 1.5
+    read: list[float] = []
+    begun, enough = threading.Event(), threading.Event()
 
-    def judge(self: Measuring, frame: object) -> None:
-        begin = time.perf_counter()
-        time.sleep(slow)
-        judged.append((begin, time.perf_counter()))
+    def judge(frame: object) -> None:
+        begun.set()
+        enough.wait(60)
 
-    monkeypatch.setattr(Measuring, "judge", judge)
-    monkeypatch.setattr(Measuring, "_read", lambda self, frame: read.append(time.perf_counter()))
+    def reading(frame: object) -> None:
+        if begun.is_set():
+            read.append(frame.time)
+            if len(read) > 3:
+                enough.set()
+
+    for name, act in (("judge", judge), ("_read", reading)):
+        act.__name__ = name
+        monkeypatch.setattr(made, name, act)
     clock.begin()
     clock.play()
     made.begin()
-    end = time.monotonic() + 60
-    while (not judged or not any(t > judged[0][1] for t in read)) and time.monotonic() < end:
-        time.sleep(0.01)
+    assert enough.wait(60), "no curve goes on while a judgement takes its time"
     clock.close()
     made.join()
-    after = min(t for t in read if t > judged[0][1])
-    assert after - judged[0][1] < slow  # twice that while the pause counted the judgement, too
+    assert (np.diff(read) > 0).all()
+
+
+def test_a_fault_of_a_judgement_stays_until_one_succeeds(measuring) -> None:
+    clock, made = measuring
+
+    def judge(_: object) -> None:
+        raise ValueError("no")
+
+    made._guarded(judge, clock.frame)
+    made._guarded(made._read, clock.frame)
+    assert "ValueError: no" in made.content()["fault"]
+    made._guarded(made.judge, clock.frame)
+    assert made.fault == ""

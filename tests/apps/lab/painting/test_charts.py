@@ -119,3 +119,25 @@ def test_the_number_beside_a_curve_is_that_of_the_moment_at_which_it_is_read(pag
     assert value.text_content() == "7"
     tab.ask("() => lab.timeline.look(12)")
     assert value.text_content() == "5"
+
+
+def test_what_is_said_of_a_recorded_moment_and_branched_from_is_what_is_painted(page, tab):
+    page.clock.speed = 4.0
+    tab.press("Play")
+    tab.wait(lambda: page.experiment.time > 4.0, "time runs")
+    tab.press("Pause")
+    tab.wait(lambda: not page.clock.running, "it stands still")
+    times = page.measuring.timeline.times
+    assert len(times) > 3
+    k = int(np.argmax(np.diff(times)))
+    tab.ask("(t) => lab.timeline.look(t)", (times[k] + times[k + 1]) / 2)
+    tab.wait(lambda: tab.ask("() => lab.scene.frame.live === false"), "the record is shown")
+    state = page.measuring.timeline.at((times[k] + times[k + 1]) / 2)[0]
+    tab.wait(lambda: tab.ask("() => lab.timeline.looking") == state.t, "the moment is named that is shown")
+    tab.drawn()
+    assert tab.tab.locator("#clock").text_content() == f"t = {state.t:.4g}"
+    shown = [tab.agent(i) for i in range(10)]
+    assert shown == pytest.approx(np.array([tab.on_screen(place) for place in state.q]), abs=0.01)
+    tab.press("branch here")
+    tab.wait(lambda: page.experiment.time == state.t, "it goes on from there")
+    assert np.array_equal(page.experiment.state.q, state.q)

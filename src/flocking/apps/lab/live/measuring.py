@@ -1,4 +1,4 @@
-"""Measurements and verdicts while a run goes on, computed on a thread of their own."""
+"""Measurements and verdicts while a run goes on, each computed on a thread of its own."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ class Measuring:
         self.reads = 0
         self.challenge = ""
         """Name of the challenge that is tried, as in `challenge_of`; empty for none."""
-        self.fault = ""
-        """Why the last measurement failed; empty when it did not."""
+        self._faults: dict[str, str] = {}
+        self._last_read: Frame | None = None
         self._certified: tuple[float, Law, Certificates | None] | None = None
         self._judged_frame = -1
         self._judged_version = 0
@@ -65,16 +65,21 @@ class Measuring:
         """Number of the last frame of a run that another took the place of."""
         self._lock = threading.Lock()
         self._judging = threading.Lock()
-        self._thread = threading.Thread(target=self._run, name="flocking-lab-measurements", daemon=True)
+        self._threads = [
+            threading.Thread(target=run, name=f"flocking-lab-{name}", daemon=True)
+            for name, run in (("measurements", self._keep_reading), ("claims", self._keep_judging))
+        ]
 
     def begin(self) -> None:
-        """Start reading."""
-        self._thread.start()
+        """Start reading and judging."""
+        for thread in self._threads:
+            thread.start()
 
     def join(self) -> None:
-        """Wait for the thread; the clock must be closed."""
-        if self._thread.is_alive():
-            self._thread.join()
+        """Wait for the threads; the clock must be closed."""
+        for thread in self._threads:
+            if thread.is_alive():
+                thread.join()
 
     def reset(self) -> None:
         """Clear all measurements, as for another run; called between steps of the clock."""
@@ -94,41 +99,54 @@ class Measuring:
     def _begin_anew(self) -> None:
         self.history.clear()
         self.verdicts, self._judged_frame = [], -1
+        self._last_read = None
         # A frame of the former run may be measured or judged just now: its result must not enter the new record.
         self._former = self._clock.frame.number
 
-    def _run(self) -> None:
-        number, judged, pause = 0, 0.0, JUDGE_SECONDS
+    def _keep_reading(self) -> None:
+        number = 0
         while not self._clock.closed:
             frame = self._clock.next_frame(number, timeout=READ_SECONDS)
-            begin, reading = time.perf_counter(), time.thread_time()
-            at_rest = not self._clock.running
-            if frame is not None:
-                number = frame.number
-                self._guarded(self._read, frame)
-                reading = time.thread_time() - reading
-            elif not at_rest:
+            if frame is None:
                 continue
-            last = self._clock.frame
+            number, used = frame.number, time.thread_time()
+            if self._guarded(self._read, frame):
+                self._last_read = frame
+            time.sleep(max(READ_SECONDS, 2 * (time.thread_time() - used)))
+
+    def _keep_judging(self) -> None:
+        """Judge on a thread of its own: claims may take seconds, in which measurements go on."""
+        judged, pause = 0.0, JUDGE_SECONDS
+        while not self._clock.closed:
+            time.sleep(READ_SECONDS)
+            last = self._last_read
+            if last is None or last.states[0].n > MOST_CLAIMS:
+                continue
             # A run that stands still is judged once more: else its lamps would be those of a moment before.
-            due = begin - judged > pause if not at_rest else self._judged_frame != last.number
-            if due and last.states[0].n <= MOST_CLAIMS:
+            at_rest = not self._clock.running and last is self._clock.frame
+            due = self._judged_frame != last.number if at_rest else time.perf_counter() - judged > pause
+            if due:
                 used = time.thread_time()
                 self._guarded(self.judge, last)
                 judged = time.perf_counter()
                 pause = max(JUDGE_SECONDS, PATIENCE * (time.thread_time() - used))
-            if frame is not None:
-                # Judgements do not count: after a slow one curves would have a gap of twice its length.
-                time.sleep(max(READ_SECONDS, 2 * reading))
 
-    def _guarded(self, act: Callable[[Frame], None], frame: Frame) -> None:
+    def _guarded(self, act: Callable[[Frame], None], frame: Frame) -> bool:
+        """Do it, and say whether it succeeded."""
+        fault = ""
         try:
             act(frame)
-            self.fault = ""
         except Exception as error:  # a measure may fail for a changed law
-            self.fault = f"The measurements failed: {type(error).__name__}: {error}"
+            fault = f"The measurements failed: {type(error).__name__}: {error}"
             self._judged_frame = frame.number
+        self._faults[act.__name__] = fault
         self._changed()
+        return not fault
+
+    @property
+    def fault(self) -> str:
+        """Why the last measurement or judgement failed; empty when neither did."""
+        return next((fault for fault in self._faults.values() if fault), "")
 
     def _read(self, frame: Frame) -> None:
         numbers = [_numbers(frame, k) for k in range(len(frame.states))]

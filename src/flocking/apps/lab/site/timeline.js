@@ -130,10 +130,11 @@ export class Timeline {
     this.draw();
   }
 
-  // The present time of a frame, between two records.
+  // The time of a frame: of the present, or of the recorded moment that is shown, which is the last up to the one asked
+  // for. What is said of it, and what a run branches from, is what is seen.
   frame(frame) {
-    if (!frame.live || this.stored) return;
-    this.now = frame.t;
+    if (frame.live && !this.stored) this.now = frame.t;
+    else if (!frame.live && this.looking !== null) this.looking = frame.t;
     this.place();
   }
 
