@@ -202,7 +202,7 @@ robustness: $(CLUSTER_READY) $(LAB_READY) $(NODES_READY)
 TIMES ?= 20
 LOAD ?= 6
 TIMED := tests/machines tests/apps/test_process.py tests/apps/test_cli.py tests/apps/commands tests/apps/lab tests/cluster \
-	tests/engine/outside tests/engine/discrete/test_heading_updates.py tests/study/sample_files tests/engine/test_interruption.py tests/engine/driver/test_slices.py tests/engine/driver/test_progress.py tests/engine/driver/test_ensembles.py \
+	tests/engine/outside tests/engine/discrete/test_heading_updates.py tests/study/sample_files tests/engine/test_interruption.py tests/engine/driver/test_slices.py tests/engine/driver/test_progress.py tests/engine/driver/test_waits.py tests/engine/driver/test_ensembles.py \
 	tests/engine/reference/test_controller.py tests/engine/nodes \
 	tests/engine/storage/test_storage_kill.py tests/engine/storage/test_storage_creation.py tests/engine/storage/test_storage_resume.py \
 	tests/engine/storage/test_zarr_thread.py tests/engine/tiles/test_stored_sessions.py tests/engine/tiles/test_refusals.py \

@@ -19,8 +19,15 @@ from tests.apps.test_cli import call
         ("Give it one: Potential(..., k=1.0). The", "Give it one: parameters = {k = 1.0}. The"),
         ("velocity, or gamma_agents=False.", "velocity, or gamma_agents = false."),
         ("Draw them with velocities='sphere', or", 'Draw them with velocities = "sphere", or'),
-        ("information=Delayed(tau) with", 'information = {kind = "delayed"} with'),
+        ("information=Delayed(tau) with", 'information = {kind = "delayed", tau = ...} with'),
         ("a graph of its own, with over=.", "a graph of its own, with over."),
+        ("answer: control=Held(period=0.05, latency=0.02).",
+         'answer: control = {kind = "held", period = 0.05, latency = 0.02}.'),
+        ("Give agents=Agents(headings=...).", 'Give agents = {kind = "agents", headings = ...}.'),
+        ("give keep_frames=False (--no-frames) and observe=True (--observe).", "give --no-frames and --observe."),
+        ("Save it with save=folder (--out FOLDER), or", "Save it with --out FOLDER, or"),
+        ("closed must be True or False; got None.", "closed must be true or false; got None."),
+        ("mean must be None where no mean is taken", "mean must be absent where no mean is taken"),
         # What was given is quoted as it is.
         ("k must hold; got Limited(k=1). Use engine='exact'.", "k must hold; got Limited(k=1). Use --engine exact."),
         ("nothing of Python (as here) = stays", "nothing of Python (as here) = stays"),
@@ -28,6 +35,13 @@ from tests.apps.test_cli import call
 )  # fmt: skip
 def test_python_becomes_keys_and_flags(text, said):
     assert in_files(text) == said
+
+
+def test_a_potential_that_is_checked_by_itself_names_the_flag(capsys):
+    code, _, said = call(capsys, "check", "1/r + 1/(R - r)")
+    assert code == 2
+    assert "-p R=1.0" in said
+    assert "parameters" not in said
 
 
 def test_a_file_with_a_parameter_without_value_is_answered_in_its_own_words(tmp_path, capsys):

@@ -170,11 +170,21 @@ def test_the_wheel_and_the_source_distribution_are_installed_and_pass_the_quick_
     place = call(tree, bin / "python", "-c", "import flocking; print(flocking.__file__)").strip()
     assert place.startswith(str(tmp_path / "clean"))
     wanted = os.environ.get("FLOCKING_WHEEL_TESTS", "").split() or quick_tests()
-    shown = call(tree, bin / "python", "-m", "pytest", "-v", "-p", "no:xdist", *wanted, *APART, seconds=7200)
+    # What is written as it runs can be read before the end, which takes an hour and more.
+    record = tmp_path / "quick_tests.txt"
+    print(f"\n{form} on Python {version_of(python)}: {record}", flush=True)
+    words = [bin / "python", "-m", "pytest", "-v", "-p", "no:xdist", "--durations=20", *wanted, *APART]
+    with record.open("w") as out:
+        ended = subprocess.run(words, cwd=tree, stdout=out, stderr=subprocess.STDOUT, timeout=LONGEST)
+    shown = record.read_text()
+    assert ended.returncode == 0, shown[-6000:]
     counted = re.search(r"=+ (.*\bpassed\b.*) =+$", shown.rstrip())
     assert counted is not None
     print(f"\n{form} on Python {version_of(python)}: {counted.group(1)}")
 
+
+LONGEST = 6 * 3600
+"""Seconds after which the quick tests of one installation are given up, by convention."""
 
 APART = ("--deselect", "tests/test_floors.py::test_style_holds")
 """Style is that of lines of the source tree, which is not there; how imports are sorted depends on its place."""

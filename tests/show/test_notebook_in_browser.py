@@ -25,8 +25,8 @@ CELLS = {
     "sweep": "table = fk.sweep(lambda gain, seed: scenario.with_(law=fk.Law(law.graph, [fk.Consensus(gain)])),\n"
     "    grid={'gain': [0.5, 1.0]}, seeds=2, workers=1)\ntable",
     "sweep figure": "table.plot('gain', 'velocity_spread')",
-    "progress": "from flocking.engine.driver import progress, run_progress\n"
-    "progress.QUIET_SECONDS = run_progress.QUIET_SECONDS = 0.0\ndone = fk.simulate(scenario.with_(t_end=40.0))",
+    "progress": "from flocking.engine.driver import waits\n"
+    "waits.QUIET_SECONDS = 0.0\ndone = fk.simulate(scenario.with_(t_end=40.0))",
     "progress of runs": "done = fk.simulate_many([scenario] * 60)",
     "lab": "page = fk.lab(scenario)\npage",
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from cyclopts import App, CycloptsError, Parameter
@@ -118,6 +118,7 @@ def _run(words: Sequence[str]) -> int:
         return INTERRUPTED
 
     app = command_line()
+    command: Callable[..., object] | None = None
     try:
         if (address_space() or LEAST_ADDRESS_SPACE) < LEAST_ADDRESS_SPACE:
             raise MemoryError
@@ -131,7 +132,7 @@ def _run(words: Sequence[str]) -> int:
     except FlockingError as error:
         if interruption.comes_of_interrupt(error):
             raise
-        return BAD_INPUT if getattr(error, "reported_elsewhere", False) else refused(_said(error))
+        return BAD_INPUT if getattr(error, "reported_elsewhere", False) else refused(_said(error, command))
     except BrokenPipeError:
         # The reader of the output closed it.
         return FINE
@@ -145,11 +146,11 @@ def _run(words: Sequence[str]) -> int:
         return refused(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error))
 
 
-def _said(error: Exception) -> str:
+def _said(error: Exception, command: Callable[..., object] | None) -> str:
     """The message of an error, in the words of files and flags."""
     from flocking.apps.hint_words import in_files
 
-    return in_files(str(error))
+    return in_files(str(error), getattr(command, "__name__", ""))
 
 
 def _memory() -> tuple[str, str]:

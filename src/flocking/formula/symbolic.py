@@ -31,7 +31,7 @@ def to_sympy(formula: Formula, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
     if missing:
         raise FormulaError(
             formula.owner, "formula", f"uses the undefined name {sorted(missing)[0]!r}", formula.text,
-            "Give every parameter a value, as in Potential('1/r + 1/(R - r)', R=4).",
+            "Give every parameter a value, as in Potential(..., R=4).",
         )  # fmt: skip
     try:
         result = _build(formula.tree, values)

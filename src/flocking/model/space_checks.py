@@ -40,7 +40,7 @@ def check_space(space: Space, graphs: Iterable[Graph], terms: Iterable[BodyTerm]
     owner = type(space).__name__
     if len(space.lengths) != dimension:
         raise InvalidInput(
-            owner, "lengths", f"must be {dimension}, one for each axis", list(space.lengths), "Give None for open axes."
+            owner, "lengths", f"must be {dimension}, one for each axis", list(space.lengths), "Give inf for open axes."
         )
     for graph in graphs:
         _check_graph(owner, graph, min(space.lengths))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from flocking.engine.driver.simulate import simulate
+from flocking.engine.driver.waits import Wait, counted
 from flocking.engine.runs.run import Run
 from flocking.model.law import Scenario
 from flocking.papers import paper
@@ -127,7 +128,8 @@ def _verdicts(run: Run, name: str) -> dict[str, Verdict]:
 
 def table(mutants: Callable[[], tuple[str, ...]] | None = None) -> list[Caught]:
     """All mutants, one row each."""
-    return [catch(name) for name in (mutants() if mutants else tuple(CASES))]
+    with Wait("mutants"):
+        return [catch(name) for name in counted(mutants() if mutants else tuple(CASES), "mutants")]
 
 
 __all__ = ["CASES", "Caught", "catch", "declared", "table"]

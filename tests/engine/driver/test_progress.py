@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.driver import notebook_line, progress, run_progress
+from flocking.engine.driver import notebook_line, progress, waits
 from flocking.engine.driver.progress import Progress, stops
 from flocking.engine.driver.run_progress import Progress as Runs
 
@@ -28,25 +28,28 @@ def clock(monkeypatch):
 
     made = Clock()
     monkeypatch.setattr(progress, "time", made)
+    monkeypatch.setattr(waits, "time", made)
+    # No looks in between: the clock moves by hand.
+    monkeypatch.setattr(waits, "TICK_SECONDS", 1e6)
     return made
 
 
 def test_lines_tell_time_speed_and_what_is_left(clock, capsys):
-    with Progress(True, scenario(), lines=True) as bar:
+    with Progress(True, scenario()) as bar:
         bar.show(0.0, 0)
         for second in range(1, 31):
             clock.now = 100.0 + second
             bar.show(second, 1000 * second)
     said = capsys.readouterr().err.splitlines()
     assert said == [
-        "four: t = 10 of 50 (20 %), 1e+03 agent-steps/s, about 40 s left",
-        "four: t = 20 of 50 (40 %), 1e+03 agent-steps/s, about 30 s left",
-        "four: t = 30 of 50 (60 %), 1e+03 agent-steps/s, about 20 s left",
+        "four: t = 2 of 50 (4 %), 1e+03 agent-steps/s, about 48 s left",
+        "four: t = 12 of 50 (24 %), 1e+03 agent-steps/s, about 38 s left",
+        "four: t = 22 of 50 (44 %), 1e+03 agent-steps/s, about 28 s left",
     ]
 
 
 def test_what_is_left_of_a_run_that_goes_on_counts_from_where_it_went_on(clock, capsys):
-    with Progress(True, scenario(), lines=True) as bar:
+    with Progress(True, scenario()) as bar:
         bar.show(40.0, 0)
         clock.now = 110.0
         bar.show(45.0, 50)
@@ -55,7 +58,7 @@ def test_what_is_left_of_a_run_that_goes_on_counts_from_where_it_went_on(clock, 
 
 @pytest.mark.parametrize(("wanted", "seconds"), [(True, 1.9), (False, 100.0)])
 def test_short_and_unwatched_runs_say_nothing(clock, capsys, wanted, seconds):
-    with Progress(wanted, scenario(), lines=True) as bar:
+    with Progress(wanted, scenario()) as bar:
         clock.now += seconds
         bar.show(25.0, 1000)
     assert capsys.readouterr().err == ""
@@ -84,7 +87,7 @@ def test_below_a_cell_of_a_notebook_one_line_is_written_over(clock, monkeypatch,
     monkeypatch.setattr(notebook_line, "in_notebook", lambda: True)
     monkeypatch.setattr(notebook_line, "import_module", lambda name: SimpleNamespace(display=display))
     monkeypatch.setattr(notebook_line, "time", clock)
-    with Progress(True, scenario(), lines=True) as bar:
+    with Progress(True, scenario()) as bar:
         bar.show(0.0, 0)
         clock.now += 1.9
         bar.show(1.0, 10)
@@ -97,7 +100,6 @@ def test_below_a_cell_of_a_notebook_one_line_is_written_over(clock, monkeypatch,
     said.clear()
     runs = Runs(True, 10, 2)
     runs._begin = clock.now - 4.0
-    monkeypatch.setattr(run_progress, "time", clock)
     with runs as bar:
         bar.advance(4, 1)
     assert said == ["runs: 6 of 10, 1 failed, about 4 s left"]

@@ -185,8 +185,8 @@ class Told:
 
 def test_ctrl_c_is_answered_while_steps_shrink(monkeypatch, capsys):
     told = Told(monkeypatch)
-    monkeypatch.setattr("flocking.engine.driver.progress.LINE_SECONDS", 0.0)
-    monkeypatch.setattr("flocking.engine.driver.progress.QUIET_SECONDS", 0.0)
+    monkeypatch.setattr("flocking.engine.driver.waits.LINE_SECONDS", 0.0)
+    monkeypatch.setattr("flocking.engine.driver.waits.QUIET_SECONDS", 0.0)
     run = fk.simulate(collapsing())
     assert time.process_time() - told.pressed < 3.0
     assert run.status.startswith("interrupted at t = 0.00")

@@ -76,25 +76,30 @@ def audit(
 def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> int:
     from flocking.apps.commands.certify_command import certificate_rows, print_promises
     from flocking.apps.reproduction.run_page import write_run_page
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.storage.stored_runs import read_run
     from flocking.papers.auditing import audit as audit_run
     from flocking.study.certificates.beside.guaranteed_claims import WITH_GUARANTEE, guarantee_of
     from flocking.study.certificates.certify import certify
     from flocking.study.message_logs.replay import replay as replay_run
 
-    run = read_run(folder)
-    again = replay_run(run) if replay else None
-    report = audit_run(run)
-    scenario = report.run.scenario
-    certificates = certify(scenario)
-    promised = certificate_rows(report.run, certificates)
-    broken = any(row["kept"] is False for row in promised)
-    # A run that breaks a promise is not one of the declared scenario: of it nothing is guaranteed.
-    shown = [r for r in report.results if r.verdict in WITH_GUARANTEE and not broken]
-    proofs = {r.claim.key: guarantee_of(r.claim, certificates, scenario) for r in shown}
-    proven = {key: proof.key for key, proof in proofs.items() if proof is not None}
-    if html is not None:
-        write_run_page(report, html, stated={"stored run": str(folder)}, source=folder.name)
+    with Wait("audit"):
+        stage("reading the run")
+        run = read_run(folder)
+        stage("replaying the messages")
+        again = replay_run(run) if replay else None
+        report = audit_run(run)
+        scenario = report.run.scenario
+        certificates = certify(scenario)
+        stage("holding the run against its guarantees")
+        promised = certificate_rows(report.run, certificates)
+        broken = any(row["kept"] is False for row in promised)
+        # A run that breaks a promise is not one of the declared scenario: of it nothing is guaranteed.
+        shown = [r for r in report.results if r.verdict in WITH_GUARANTEE and not broken]
+        proofs = {r.claim.key: guarantee_of(r.claim, certificates, scenario) for r in shown}
+        proven = {key: proof.key for key, proof in proofs.items() if proof is not None}
+        if html is not None:
+            write_run_page(report, html, stated={"stored run": str(folder)}, source=folder.name)
     if as_json:
         found = {} if again is None else {"replay": again.as_dict()}
         print_json(report.as_dict() | {"certificates": promised, "guaranteed": proven} | found)
@@ -118,6 +123,7 @@ def _audit_samples(
     html: Path | None, as_json: bool,
 ) -> int:  # fmt: skip
     from flocking.apps.tables import print_facts
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.errors import InvalidInput
     from flocking.papers.auditing import paper_claims
     from flocking.study.claims.audit import audit as audit_claims
@@ -130,17 +136,20 @@ def _audit_samples(
         raise InvalidInput("audit", "source", f"must be {kinds}", str(path), "There is neither folder nor file.")
     if path.suffix.lower() not in ENDINGS:
         raise InvalidInput("audit", "source", f"must be {kinds}", str(path))
-    samples = read_samples(path, columns=columns, time_step=time_step)
-    scenario = None if law is None else _law(law, samples)
-    motion = motion_of(samples, scenario, radius=radius)
-    claims = None if scenario is None else paper_claims(scenario.name)
-    report = motion.audit() if claims is None else audit_claims(motion.run, claims)
-    if html is not None:
-        from flocking.apps.reproduction.run_page import write_run_page
+    with Wait("audit"):
+        stage("reading the samples")
+        samples = read_samples(path, columns=columns, time_step=time_step)
+        scenario = None if law is None else _law(law, samples)
+        stage("estimating what the samples leave out")
+        motion = motion_of(samples, scenario, radius=radius)
+        claims = None if scenario is None else paper_claims(scenario.name)
+        report = motion.audit() if claims is None else audit_claims(motion.run, claims)
+        if html is not None:
+            from flocking.apps.reproduction.run_page import write_run_page
 
-        write_run_page(
-            report, html, law_declared=law is not None, stated=_facts(path, samples, motion, law), source=path.name
-        )
+            write_run_page(
+                report, html, law_declared=law is not None, stated=_facts(path, samples, motion, law), source=path.name
+            )
     if as_json:
         print_json({**report.as_dict(), **_facts(path, samples, motion, law)})
     else:

@@ -46,9 +46,12 @@ def certify(
     """
     from flocking.apps.scenario_names import find_scenario
     from flocking.apps.tables import print_table
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.study.certificates.certify import certify as certificates_of
 
-    found = certificates_of(find_scenario(scenario, seed, most_agents))
+    with Wait("certify"):
+        stage("reading the scenario")
+        found = certificates_of(find_scenario(scenario, seed, most_agents))
     if as_json:
         print(json.dumps(found.as_dict(), indent=2, allow_nan=False))
         return 0

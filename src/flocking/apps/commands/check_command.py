@@ -41,11 +41,14 @@ def check(
         Print JSON.
     """
     from flocking.apps.tables import print_table
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.model.potentials.potential import Potential
     from flocking.papers.potential_definitions import check_potential
 
     potential = Potential(formula, **_named_values(parameter or []))
-    report = check_potential(potential, radius=radius, definition=definition)
+    with Wait("check"):
+        stage("finding the shape of the potential")
+        report = check_potential(potential, radius=radius, definition=definition)
     if as_json:
         print_json(report.as_dict())
     else:

@@ -69,7 +69,7 @@ def margins(
     if papers:
         if scenario is not None or cluster is not None:
             raise InvalidInput("margins", "papers", "takes no scenario and no cluster", scenario or cluster)
-        return _of_papers(out or Path("out") / "margins" / "papers", workers, progress=not as_json)
+        return _of_papers(out or Path("out") / "margins" / "papers", workers)
     if scenario is None:
         raise InvalidInput("margins", "scenario", "must be given", None, "Name one, or a TOML file, or use --papers.")
     from flocking.apps.scenario_names import find_scenario
@@ -91,7 +91,7 @@ def margins(
         VARIED if vary is None else tuple(word.strip() for word in vary.split(",")),
         levels=_levels(levels or []), seeds=SEEDS if seeds is None else seeds, period=period, t_end=t_end,
         width=width, share=share, most_runs=MOST_RUNS if most_runs is None else most_runs, out=folder,
-        workers=workers, cluster=cluster, progress=not as_json,
+        workers=workers, cluster=cluster, progress=True,
     )  # fmt: skip
     if found.status == "interrupted":
         print(f"flocking: interrupted; {found.runs} runs are stored in {folder}; the same command continues.",
@@ -124,14 +124,14 @@ def margins(
     return FINE
 
 
-def _of_papers(folder: Path, workers: int | None, *, progress: bool) -> int:
+def _of_papers(folder: Path, workers: int | None) -> int:
     """Compute the stored tables again, and say of each whether it is the stored one."""
     from flocking.engine.storage.atomic_files import write_file
     from flocking.papers.stored_margins import FILE, PLANS, as_text, computed_margins, is_stored, stored_margins
 
     different = 0
     for key in PLANS:
-        found = computed_margins(key, out=folder / key, workers=workers, progress=progress)
+        found = computed_margins(key, out=folder / key, workers=workers, progress=True)
         if found.status == "interrupted":
             print(f"flocking: interrupted; the same command continues in {folder}.", file=sys.stderr)
             return INTERRUPTED

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -86,7 +85,7 @@ def reproduce(
         first_seed=first_seed,
         out=out,
         workers=workers,
-        progress=not as_json and sys.stderr.isatty(),
+        progress=True,
     )
     if as_json:
         print_json(
@@ -145,9 +144,12 @@ def equations(*papers: str, as_json: Json = False) -> int:
         Print JSON.
     """
     from flocking.apps.tables import print_table
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.papers.tables import equation_table
 
-    rows = [row.as_dict() for row in equation_table(_keys(papers))]
+    with Wait("equations"):
+        stage("computing the counter-examples")
+        rows = [row.as_dict() for row in equation_table(_keys(papers))]
     if as_json:
         print_json(rows)
         return FINE

@@ -50,6 +50,7 @@ def plot(
     most_agents
         Largest number of agents a file may ask for.
     """
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.errors import InvalidInput
     from flocking.show.plot import KINDS, plot
     from flocking.show.style import FORMATS, check_writable, save
@@ -73,9 +74,12 @@ def plot(
     base = place if out is None else out.with_suffix("") if known else out
     check_writable("save", base)
     for name in kinds:
-        made = plot(run, name, theme=theme) if time is None else plot(run, name, theme=theme, time=time)
-        named = base.with_name(f"{base.name}-{name}") if out is None or len(kinds) > 1 else base
-        for file in save(made, named, (format_name,) if known else ("svg", "png")):
+        with Wait("plot"):
+            stage(f"drawing {name}")
+            made = plot(run, name, theme=theme) if time is None else plot(run, name, theme=theme, time=time)
+            named = base.with_name(f"{base.name}-{name}") if out is None or len(kinds) > 1 else base
+            files = save(made, named, (format_name,) if known else ("svg", "png"))
+        for file in files:
             print(file)
     return DRAWN
 
@@ -132,6 +136,7 @@ def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int |
     """The run named by a user, and the path of its pictures without kind and ending."""
     from flocking.apps.scenario_names import find_scenario
     from flocking.engine.driver.simulate import simulate
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.storage.stored_runs import read_run
     from flocking.errors import InvalidInput, SimulationError
 
@@ -142,10 +147,12 @@ def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int |
         if seed is not None:
             raise InvalidInput(owner, "seed", "can be given for a scenario only", seed, "This run has been computed.")
         resolved = folder.resolve()
-        return read_run(folder), resolved.with_name(resolved.name)
+        with Wait(owner):
+            stage("reading the run")
+            return read_run(folder), resolved.with_name(resolved.name)
     scenario = find_scenario(source, seed, most_agents)
     try:
-        run = simulate(scenario, progress=sys.stderr.isatty())
+        run = simulate(scenario)
     except SimulationError as error:
         if error.run is None:
             raise

@@ -86,9 +86,7 @@ def run(
     options = {**chosen.command_line_options, **options, **_named_options(option or [])}
     # Names of other arguments of `simulate` are refused here.
     options_of(chosen, options)
-    return _print_run(
-        lambda: simulate(found, engine=chosen.name, save=out, progress=not as_json, **options), out, as_json
-    )
+    return _print_run(lambda: simulate(found, engine=chosen.name, save=out, **options), out, as_json)
 
 
 def _named_options(texts: Sequence[str]) -> dict[str, object]:
@@ -123,7 +121,7 @@ def resume(folder: Path, *, threads: int | None = None, as_json: Json = False) -
     """
     from flocking.engine.driver.resuming import resume as resume_run
 
-    return _print_run(lambda: resume_run(folder, progress=not as_json, threads=threads), folder, as_json)
+    return _print_run(lambda: resume_run(folder, threads=threads), folder, as_json)
 
 
 def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:

@@ -49,6 +49,7 @@ def showcase(
     as_json
         Print JSON.
     """
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.interruption import partial_results
     from flocking.engine.storage.atomic_files import write_file
     from flocking.papers.auditing import audit
@@ -60,18 +61,21 @@ def showcase(
     folder = out or Path("out") / "showcases" / name
     scenario = chosen.scenario(agents=agents, until=until)
     with partial_results():
-        run = chosen.run(folder / "run", scenario, engine=engine, progress=not as_json, threads=threads)
+        run = chosen.run(folder / "run", scenario, engine=engine, progress=True, threads=threads)
     if run.rank:
         return FINE  # only the first rank of the job prints
     if run.status.startswith("interrupted"):
         print(f"flocking: {run.status}; the same command continues it.", file=sys.stderr)
         return INTERRUPTED
-    report = audit(run)
-    summary = chosen.summary_of(run, report)
-    written = [summary.write(folder / f"{name}.npz"), folder / "audit.json"]
-    write_file(written[1], json.dumps(report.as_dict(), indent=2, default=str).encode(), "write the audit")
-    if summary.drawable:
-        written += save(chosen.draw(summary), folder / name, ("png",))
+    with Wait("showcase"):
+        report = audit(run)
+        stage("summing up the run")
+        summary = chosen.summary_of(run, report)
+        written = [summary.write(folder / f"{name}.npz"), folder / "audit.json"]
+        write_file(written[1], json.dumps(report.as_dict(), indent=2, default=str).encode(), "write the audit")
+        if summary.drawable:
+            stage("drawing")
+            written += save(chosen.draw(summary), folder / name, ("png",))
     _print(chosen.title, report, summary, written, as_json)
     return FINE if report["ledger"].verdict == Verdict.HOLDS else DIFFERENT
 

@@ -30,10 +30,13 @@ def info(folder: Path, *, as_json: Json = False) -> int:
     """
     from flocking.apps.commands.run_summary import facts, summary
     from flocking.apps.tables import print_facts
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.storage.stored_runs import read_run, stored_facts
 
-    stored = stored_facts(folder)
-    found = summary(read_run(folder)) if stored["scenario_stored"] else None
+    with Wait("info"):
+        stage("reading every chunk of the run")
+        stored = stored_facts(folder)
+        found = summary(read_run(folder)) if stored["scenario_stored"] else None
     if as_json:
         print_json({**(found or {}), "stored": stored})
         return EQUAL
@@ -69,11 +72,17 @@ def export(
     """
     if to.lower() == "lammps":
         return _export_deck(str(folder), out, step, seed)
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.storage.export_formats import export_run
     from flocking.engine.storage.stored_runs import read_run
 
     place = out or folder.resolve().with_name(f"{folder.resolve().name}.{to.lower()}")
-    print(export_run(read_run(folder), place, to=to))
+    with Wait("export"):
+        stage("reading the run")
+        run = read_run(folder)
+        stage(f"writing {to.lower()}")
+        made = export_run(run, place, to=to)
+    print(made)
     return EQUAL
 
 
@@ -98,10 +107,13 @@ def diff(one: Path, two: Path, *, tolerance: float = 0.0, as_json: Json = False)
     as_json
         Print JSON.
     """
+    from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.runs.compare import first_difference
     from flocking.engine.storage.stored_runs import read_run
 
-    found = first_difference(read_run(one), read_run(two), tolerance=tolerance)
+    with Wait("diff"):
+        stage("reading and comparing the runs")
+        found = first_difference(read_run(one), read_run(two), tolerance=tolerance)
     if as_json:
         about = None if found is None else {**vars(found), "first": str(found.first), "second": str(found.second)}
         print_json({"equal": found is None, "first_difference": about})

@@ -69,7 +69,7 @@ def sweep(
     folder = out or Path("out") / "sweeps" / file.name
     begin = time.monotonic()
     try:
-        table = run_file(file, folder / "results", workers=workers, cluster=cluster, progress=not as_json)
+        table = run_file(file, folder / "results", workers=workers, cluster=cluster, progress=True)
         written = write_results(table, folder, sweep, level)
     except KeyboardInterrupt:
         answered()

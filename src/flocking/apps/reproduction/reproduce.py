@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from flocking.apps.reproduction.claim_pictures import draw_pictures, picture_of
 from flocking.apps.reproduction.film import write_film
 from flocking.apps.reproduction.report import CLAIMS, figures_of, write_report
 from flocking.apps.reproduction.results import Reproduction, claim_rows
+from flocking.engine.driver.waits import Wait
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import write_file
 from flocking.errors import InvalidInput, SimulationError
@@ -25,9 +24,6 @@ from flocking.study.claims.claim import Basis, Claim, Result, Verdict
 from flocking.study.claims.judgement import FEWEST_SEEDS, Judgement
 from flocking.study.claims.settled_run import settled_runs
 from flocking.study.sweeps.worker_pool import WorkerPool, pool
-
-if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
 
 MOST_SEEDS = 10_000
 """Largest number of seeds: more is taken for a typing error."""
@@ -121,7 +117,7 @@ def reproduce(
     workers
         Processes; the number of cores when absent.
     progress
-        Show a progress bar.
+        Show how many runs and pictures are done.
 
     Raises
     ------
@@ -145,19 +141,22 @@ def reproduce(
     found = _Found({}, {})
     first = range(first_seed, first_seed + seeds)
     tasks = _seed_tasks(papers, first) + _counterexample_tasks(papers)
-    with pool(count, None) as workers_pool, _bar(progress, len(tasks) + drawings) as step:
-        found.examine(workers_pool, tasks, step)
+    with (
+        pool(count, None) as workers_pool,
+        Wait("reproduce", len(tasks) + drawings, unit="runs and pictures", shown=progress) as wait,
+    ):
+        found.examine(workers_pool, tasks, wait)
         while further := _further_seed_tasks(papers, found, first):
-            step.more(len(further))
-            found.examine(workers_pool, further, step)
+            wait.more(len(further))
+            found.examine(workers_pool, further, wait)
         again = _runs_to_draw(papers, found)
-        step.more(len(again))
-        found.examine(workers_pool, again, step)
+        wait.more(len(again))
+        found.examine(workers_pool, again, wait)
         errata = dict(zip(papers, workers_pool.results(_errata, ((key,) for key in papers)), strict=True))
         if out is not None:
             for drawn in workers_pool.results(draw, _drawings(papers, found.runs, out)):
                 figures += drawn
-                step()
+                wait.count()
     judgements = {name: found.judgements(p, name) for p in papers.values() for name in p.scenarios()}
     found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, found.runs, first_seed)
     if out is not None:
@@ -212,14 +211,14 @@ class _Found:
     verdicts: dict[str, dict[int | str, Verdicts]]
     runs: dict[str, Run]
 
-    def examine(self, workers_pool: WorkerPool, tasks: Sequence[Task], step: _Steps) -> None:
+    def examine(self, workers_pool: WorkerPool, tasks: Sequence[Task], wait: Wait) -> None:
         """Examine some runs and store the results."""
         for task, (verdicts, run) in zip(tasks, workers_pool.results(examine, ((t,) for t in tasks)), strict=True):
             if task.judged:
                 self.verdicts.setdefault(task.name, {})[task.claim or task.seed] = verdicts
             if run is not None:
                 self.runs[task.name] = run
-            step()
+            wait.count()
 
     def judgements(self, article: Paper, name: str) -> list[Judgement]:
         """Judgements over the runs of a scenario, one per claim."""
@@ -332,44 +331,6 @@ def draw(key: str, what: str | None, runs: tuple[Run, ...], folder: Path) -> lis
     from flocking.show.style import save
 
     return list(save(drawn_figure(article.figures(), what, run, *runs[1:]), folder / f"figure-{what}"))
-
-
-class _Steps:
-    """Counts finished runs, with a bar on a terminal."""
-
-    def __init__(self, bar: Progress | None, task: TaskID | None) -> None:
-        self._bar, self._task = bar, task
-
-    def __call__(self) -> None:
-        if self._bar is not None and self._task is not None:
-            self._bar.advance(self._task)
-
-    def more(self, count: int) -> None:
-        """Increase the total by ``count``."""
-        if self._bar is not None and self._task is not None:
-            self._bar.update(self._task, total=(self._bar.tasks[0].total or 0.0) + count)
-
-
-class _bar:  # noqa: N801
-    def __init__(self, planned: bool, total: int) -> None:
-        self._shown = planned and sys.stderr.isatty()
-        self._total = total
-        self._bar: Progress | None = None
-
-    def __enter__(self) -> _Steps:
-        if not self._shown:
-            return _Steps(None, None)
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-        columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-        self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-        self._bar.start()
-        return _Steps(self._bar, self._bar.add_task("runs", total=self._total))
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
 
 
 __all__ = ["Reproduction", "draw", "errata_rows", "examine", "reproduce"]

@@ -14,6 +14,7 @@ from flocking.apps.reproduction.report_claims import claims_beside_pictures
 from flocking.apps.reproduction.report_page import boxes, contents, facts, page
 from flocking.apps.reproduction.report_provenance import runs_table, software_facts
 from flocking.apps.reproduction.report_scenarios import scenario_section
+from flocking.engine.driver.waits import counted
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import write_file
 from flocking.errors import FlockingError
@@ -108,7 +109,7 @@ def outcome(report: Report) -> str:
 def _draw(report: Report, folder: Path) -> list[str]:
     """Draw the pictures of the claims; return those that cannot be drawn, with the reasons."""
     undrawn = []
-    for name in dict.fromkeys(picture_of(r.claim) for r in report.results):
+    for name in counted(dict.fromkeys(picture_of(r.claim) for r in report.results), "pictures"):
         try:
             draw_pictures(report.run, (name,), folder)
         except (FlockingError, ValueError, KeyError, IndexError) as error:

@@ -10,6 +10,7 @@ from flocking.engine import interruption
 from flocking.engine.driver.progress import Progress, stops
 from flocking.engine.driver.registry import check_name, chosen_engine, engine_named, options_of
 from flocking.engine.driver.session_writer import SessionWriter
+from flocking.engine.driver.waits import Wait, stage
 from flocking.engine.interruption import Deferred, Noted
 from flocking.engine.memory_shortage import starved
 from flocking.engine.protocol.engine import Engine
@@ -158,7 +159,9 @@ def simulate(
     if isinstance(save, str | Path):
         # Before the session is opened, which takes long for a large group.
         check_free(Path(save).resolve())
-    session = open_session(found, scenario, options_of(found, {**options, **fine_option(found, fine)}), plant)
+    with Wait(scenario.name or "simulation", shown=progress and found.team().first):
+        stage("compiling the law and opening the scenario")
+        session = open_session(found, scenario, options_of(found, {**options, **fine_option(found, fine)}), plant)
     return run_session(session, save=save, progress=progress)
 
 
@@ -221,7 +224,7 @@ def _drive(
     status = "finished"
     deferred = Deferred()
     try:
-        with deferred, Progress(progress and team.first, scenario, lines=True) as bar:
+        with deferred, Progress(progress and team.first, scenario) as bar:
             begin = session.steps
             # A saved run can be committed at every frame; otherwise it stops only by wall time.
             for t in [scenario.t_end] if writer is None else stops(scenario, session.time, often=True):

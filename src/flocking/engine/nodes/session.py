@@ -84,7 +84,8 @@ def check_nodes(scenario: Scenario, *, real_time: float | None, exported: bool) 
         if not scenario.control.latency > 0.0:
             raise InvalidInput(
                 "nodes", "real_time", "must be absent for control without latency", real_time,
-                "In real time the latency is the time in which an agent must answer, as in Held(0.05, latency=0.02).",
+                "In real time the latency is the time in which an agent must answer: "
+                "control=Held(period=0.05, latency=0.02).",
             )  # fmt: skip
 
 

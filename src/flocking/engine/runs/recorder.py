@@ -234,8 +234,8 @@ class Recorder:
             raise InvalidInput(
                 "Scenario", "frames", f"must fit in {MOST_FRAME_BYTES / 2**30:g} GiB of memory for {self.n} agents",
                 f"{len(self.frame_times)} frames ({size / 2**30:.3g} GiB)",
-                "Save the run while it goes on (save=folder, --out), ask for fewer frames, or set keep_frames=False "
-                "and observe=True.",
+                "Save the run while it goes on with save=folder (--out FOLDER), ask for fewer frames, or give "
+                "keep_frames=False (--no-frames) and observe=True (--observe).",
             )  # fmt: skip
 
     @property

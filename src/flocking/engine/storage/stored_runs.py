@@ -220,7 +220,7 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
     if about["left_out"]:
         raise StorageError(
             f"{folder}: the run contains no scenario ({about['left_out']}). "
-            "Give it when reading: read_run(folder, scenario=...)."
+            "Give it when reading in Python: read_run(folder, scenario=...)."
         )
     with storage_errors(folder, "read the scenario"):
         text = (folder / SCENARIO).read_bytes()
@@ -257,7 +257,7 @@ def _read(folder: Path, array: zarr.Array, name: str, count: int, begin: int = 0
                 rows = f"frames {first} to {last}" if name in ARRAYS else f"rows {first} to {last}"
                 raise StorageError(
                     f"{folder}: a chunk of {name!r} is damaged ({rows}): {fault}. "
-                    f"Earlier frames can be read with read_run(folder, frames={first})."
+                    f"Earlier frames can be read in Python: read_run(folder, frames={first})."
                 ) from None
         raise StorageError(f"{folder}: the array {name!r} cannot be read: {fault}") from None
 
@@ -269,7 +269,7 @@ def _check_frames(folder: Path, parts: dict[str, AnyArray], first: int) -> None:
             name, k = [n for n in FRAME_PARTS[1:] if n in parts][int(np.argmax(row))], first + at
             raise StorageError(
                 f"{folder}: frame {k} of {name!r} (t = {parts['time'][at]:.9g}) does not match its checksum; the file "
-                f"was damaged. Earlier frames can be read with read_run(folder, frames={k})."
+                f"was damaged. Earlier frames can be read in Python: read_run(folder, frames={k})."
             )
 
 

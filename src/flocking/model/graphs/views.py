@@ -57,7 +57,7 @@ class HeadingGraph(Graph):
             given = "none" if headings is None else f"{len(headings)} headings"
             raise InvalidInput(
                 type(self).__name__, "headings", f"must be given for each of the {n} agents", given,
-                "Give Agents(headings=...) to the scenario or to fk.control.",
+                "Give agents=Agents(headings=...).",
             )  # fmt: skip
         return np.asarray(headings, dtype=np.float64)
 
@@ -203,9 +203,7 @@ class HeadingWeights(PairWeights):
             If there are no headings.
         """
         if headings is None:
-            raise InvalidInput(
-                "SmoothCone", "headings", "must be given", None, "Give Agents(headings=...) to the scenario."
-            )
+            raise InvalidInput("SmoothCone", "headings", "must be given", None, "Give agents=Agents(headings=...).")
         return self.bump(heading_gaps(np.asarray(headings), self.measure) / self.opening, self.onset)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from flocking.engine.driver.waits import counted
 from flocking.errors import FormulaError, InvalidInput
 from flocking.model.law import Scenario
 from flocking.study.certificates.alignment_certificates import KEYS as ALIGNMENT_KEYS
@@ -74,7 +75,9 @@ def certify(scenario: Scenario) -> Certificates:
     """
     if not isinstance(scenario, Scenario):
         raise InvalidInput("certify", "scenario", "must be a Scenario", scenario)
-    found = tuple(each for group in CERTIFICATE_GROUPS for each in _answers(group, scenario))
+    found = tuple(
+        each for group in counted(CERTIFICATE_GROUPS, "kinds of guarantees", _key) for each in _answers(group, scenario)
+    )
     return Certificates(scenario.name, found)
 
 
@@ -86,3 +89,8 @@ def _answers(group: CertificateGroup, scenario: Scenario) -> tuple[Certificate, 
     except FormulaError as error:
         exact = Hypothesis("formulas of the law have exact, finite numbers below 1e100", False, str(error))
         return tuple(decided(key, sources()[source], (exact,)) for key in keys)
+
+
+def _key(group: CertificateGroup) -> str:
+    """Key of the source of a kind of certificates."""
+    return group[1]

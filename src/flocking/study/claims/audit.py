@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
+from flocking.engine.driver.waits import counted
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import listed
@@ -102,4 +103,4 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
         if not isinstance(claim, Claim):
             raise InvalidInput("audit", "claims", "must be claims", claim)
     evidence = Evidence(run)
-    return Report(run, tuple(claim.examine(evidence) for claim in checked))
+    return Report(run, tuple(claim.examine(evidence) for claim in counted(checked, "claims", lambda c: c.key)))

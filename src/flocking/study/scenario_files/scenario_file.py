@@ -243,7 +243,7 @@ def scenario_to_text(scenario: Scenario) -> str:
     if len(text) > LARGEST_FILE:
         raise InvalidInput(
             "write_scenario", "start", f"must fit in {LARGEST_FILE} bytes of text", f"{len(text)} bytes",
-            "Write a run with fk.write_run, or a file with a draw as its start.",
+            "Store a run of it, which has the scenario, or write a file with a draw as its start.",
         )  # fmt: skip
     return text
 

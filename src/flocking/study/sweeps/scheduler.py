@@ -160,7 +160,8 @@ class Scheduler:
             if self._failed_starts >= TRIES:
                 raise SweepError(
                     f"Workers died {TRIES} times before they began a run. Finished runs are stored. "
-                    "Try workers=1 to see the error; a common cause is a make that cannot be unpickled there."
+                    "Try workers=1 (--workers 1) to see the error; a common cause is a make that cannot be unpickled "
+                    "there."
                 )
         if given_up:
             self._give_up(given_up)

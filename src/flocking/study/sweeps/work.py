@@ -165,7 +165,7 @@ def packed(work: Work) -> bytes:
     except Exception as error:
         raise InvalidInput(
             "sweep", "make", f"must be a function that can be sent to other processes ({error})", work.make,
-            "Pass workers=1, or make what it holds inside the function.",
+            "Pass workers=1 (--workers 1), or make what it holds inside the function.",
         ) from None  # fmt: skip
 
 

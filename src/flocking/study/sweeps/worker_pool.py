@@ -133,7 +133,7 @@ class WorkerPool:
                 raise SweepError(
                     f"{self._names(doing())} used no processor time for {idle:.0f} s, while {len(waiting)} tasks wait. "
                     "Finished runs are stored: run the same sweep again to continue it. A make or a measure that waits "
-                    "without end is a common cause; workers=1 shows where."
+                    "without end is a common cause; workers=1 (--workers 1) shows where."
                 )
         return done
 
