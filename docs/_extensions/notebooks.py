@@ -13,7 +13,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-TUTORIALS = ("quick_start", "writing_laws", "own_parts", "from_theorem_to_radio", "before_the_run", "audit_data")
+TUTORIALS = (
+    "quick_start", "formula_to_verdict", "writing_laws", "own_parts", "from_theorem_to_radio", "before_the_run",
+    "audit_data",
+)  # fmt: skip
 """Pages that are notebooks, too."""
 CODE = re.compile(r"^```python\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 IMAGE = re.compile(r"^```\{image\} (\S+)\n((?::.*\n)*)```$", re.MULTILINE)

@@ -1,4 +1,4 @@
-"""The Python code on the pages runs as it stands."""
+"""The Python code on the pages runs as it stands, and prints what stands below it."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ BEFORE = {
     "certificates": "",
     "safety_filter": "",
     "released_programs": "",
+    "export": "",
+    "five_papers": "",
+    "linearisation": "",
     "two_papers": "",
     "large_groups": "import flocking as fk",
     "storage": (
@@ -33,8 +36,12 @@ ELSEWHERE = {"sweeps", "cluster", "lab"}
 """Pages whose code makes hundreds of runs or needs a cluster or a browser; what it calls has tests of its own."""
 
 
+PRINTED = re.compile(r"```python\n(.*?)```(?:\n\n```text\n(.*?)```)?", re.DOTALL)
+
+
 def blocks(page):
-    return re.findall(r"```python\n(.*?)```", (DOCS / f"{page}.md").read_text(), re.DOTALL)
+    """Pieces of code, each with the text that stands below it as what it prints."""
+    return PRINTED.findall((DOCS / f"{page}.md").read_text())
 
 
 def test_every_page_with_code_is_run(notebooks):
@@ -45,9 +52,12 @@ def test_every_page_with_code_is_run(notebooks):
 
 
 @pytest.mark.parametrize("page", sorted(BEFORE))
-def test_code_of_a_page_runs(page, tmp_path, monkeypatch):
+def test_code_of_a_page_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {"__name__": __name__}
     exec(BEFORE[page], names)
-    for block in blocks(page):
+    capsys.readouterr()
+    for block, printed in blocks(page):
         exec(compile(block, f"{page}.md", "exec"), names)
+        shown = capsys.readouterr().out
+        assert not printed or shown.split() == printed.split(), shown

@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-TUTORIALS = ("quick_start", "writing_laws", "own_parts", "from_theorem_to_radio", "before_the_run", "audit_data")
+TUTORIALS = (
+    "quick_start", "formula_to_verdict", "writing_laws", "own_parts", "from_theorem_to_radio", "before_the_run",
+    "audit_data",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TUTORIALS)
