@@ -30,6 +30,7 @@ HOMES = {
     "change what beta- and gamma-agents do": "class Avoid(",
     "add a body": "class PointMass(",
     "change how robots on wheels follow the law": "class Unicycle(",
+    "change what a largest speed makes of held forces": "def fit_speed(",
     "change how large groups of headings are updated": "def turn(",
     "change how bands of large groups are measured": "def waves_of(",
     "change what is stored of the transition in large groups": "class Study:",

@@ -12,6 +12,7 @@ from flocking.model.law import Scenario
 STOPS = 100
 """Stops of a session for its progress, a percent apart."""
 
+
 def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
     """Times at which a session stops before the end of its scenario; ``often``: also at its frames.
 
