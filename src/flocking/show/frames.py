@@ -8,6 +8,7 @@ from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number
 from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.state import State
 
 SAME_TIME = 1e-9
 """Relative difference of a requested time from the ends of a run that counts as none."""
@@ -49,6 +50,27 @@ def leader_at(leader: Leader, time: float) -> tuple[Array, Array]:
     """Position and velocity of a leader, shape (m,) each."""
     q, p, _ = leader.at(time)
     return q, p
+
+
+def leaders_at(what: Run | State, state: State, leader: bool | Leader) -> list[tuple[Array, Array]]:
+    """Positions and velocities of the leaders of a run at the time of a state, shape (m,) each.
+
+    Parameters
+    ----------
+    what
+        A run; a state has no leaders.
+    state
+        The state.
+    leader
+        Whether to take those of the law, or another leader in their place.
+    """
+    chosen: tuple[Leader, ...] = ()
+    if isinstance(leader, Leader):
+        chosen = (leader,)
+    elif leader and isinstance(what, Run):
+        chosen = what.scenario.law.leaders
+    placed = [leader_at(one, state.t) for one in chosen if one.dimension == state.dimension]
+    return [(q, p) for q, p in placed if np.isfinite(q).all()]
 
 
 def leader_track(leader: Leader, times: Array) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
-from flocking.show.frames import frame_at, leader_at
+from flocking.show.frames import frame_at, leaders_at
 from flocking.show.motion import motion_of, thinned_path
 from flocking.show.net_colors import net_colors
 from flocking.show.style import COLUMN, GREEN, PURPLE, VERMILION, axes_or_new, in_style, theme
@@ -168,7 +168,7 @@ def net(
         raise InvalidInput("net", "axes", "must fit the dimension of the agents", axes.name, f"{need}.")
     lives = what.scenario.space if isinstance(what, Run) else OPEN
     q, p = _lift(state.q if lives.is_open else lives.wrapped(state.q)), _lift(state.p)
-    followed = _leaders(what, state, leader)
+    followed = [(_lift(x), _lift(v)) for x, v in leaders_at(what, state, leader)]
     top_speed = max([top_speed, *(float(np.linalg.norm(v)) for _, v in followed)])
 
     # A path that leaves the box would be drawn across the box.
@@ -258,16 +258,6 @@ def own_outlines(what: Run | State, state: State) -> list[Array]:
     terms = [t for t in what.scenario.law.body_terms if isinstance(t, ObstacleTerm)]
     obstacles = {id(o): o for term in terms for o in term.obstacles}
     return [o.outline(OUTLINE_POINTS, state.t) for o in obstacles.values()]
-
-
-def _leaders(what: Run | State, state: State, leader: bool | Leader) -> list[tuple[Reals, Reals]]:
-    chosen: tuple[Leader, ...] = ()
-    if isinstance(leader, Leader):
-        chosen = (leader,)
-    elif leader and isinstance(what, Run):
-        chosen = what.scenario.law.leaders
-    placed = [leader_at(one, state.t) for one in chosen if one.dimension == state.dimension]
-    return [(_lift(q), _lift(p)) for q, p in placed if np.isfinite(q).all()]
 
 
 def _span(points: Sequence[Reals]) -> float:
