@@ -1,4 +1,4 @@
-"""Settings shared by all tests: one profile for drawn examples, interrupts that are heard, counts at the end."""
+"""Settings shared by all tests: a profile for drawn examples, interrupts that arrive, counts and times at the end."""
 
 from __future__ import annotations
 
@@ -6,7 +6,14 @@ import signal
 
 from hypothesis import HealthCheck, settings
 
-from tests.counting import _counts_are_told, pytest_terminal_summary  # noqa: F401 - pytest finds them here
+from tests.counting import (  # noqa: F401 - pytest finds them here
+    _counts_are_told,
+    pytest_runtest_makereport,
+    pytest_runtest_protocol,
+    pytest_sessionfinish,
+    pytest_terminal_summary,
+    pytest_testnodedown,
+)
 
 settings.register_profile(
     "project",
@@ -17,6 +24,6 @@ settings.register_profile(
 )
 settings.load_profile("project")
 
-# A shell starts jobs in the background with interrupts ignored, and processes inherit it: those of the tests must hear.
+# A shell starts jobs in the background with interrupts ignored, and processes inherit it: those of the tests need them.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
