@@ -19,8 +19,20 @@ def session_of(law, state, energy, **options):
     return TilesSession(scenario, TilesOptions(step=0.01, **options))
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(("m", "precision"), [(2, "float64"), (3, "float64"), (2, "float32")])
+QUICK = ("gradient and consensus", "hysteresis", "obstacles")
+"""Laws that the default tests run in space and in single precision; all laws do in the slow ones."""
+
+
+def cases(names, others):
+    """Each law in the plane in double precision, and with each of the other settings; most of those are slow."""
+    found = [(name, 2, "float64") for name in names]
+    for m, precision in others:
+        found += [(name, m, precision) for name in names if name in QUICK]
+        found += [pytest.param(name, m, precision, marks=pytest.mark.slow) for name in names if name not in QUICK]
+    return found
+
+
+@pytest.mark.parametrize(("name", "m", "precision"), cases(NAMES, [(3, "float64"), (2, "float32")]))
 def test_velocities_energies_and_powers_are_those_of_all_pairs(name, m, precision):
     n = 90
     law, energy = laws(n, m)[name]
@@ -273,10 +285,11 @@ def test_a_step_that_is_one_per_cent_too_long_shows(monkeypatch):
         tiled(lattice(LAWS_WITH_GAINS["gradient"](1.0)), step=0.005, scheme="euler")
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "hysteresis"])
-@pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_honest_runs_give_no_alarm(name, precision):
-    law, energy = laws(80)[name]
+@pytest.mark.parametrize(
+    ("name", "m", "precision"), cases([name for name in NAMES if name != "hysteresis"], [(2, "float32")])
+)
+def test_honest_runs_give_no_alarm(name, m, precision):
+    law, energy = laws(80, m)[name]
     start = fk.State(fk.start.hexagonal(80, spacing=0.95, noise=0.05, seed=3).q)
     masses = np.linspace(0.5, 2.0, 80)
     scenario = fk.Scenario(

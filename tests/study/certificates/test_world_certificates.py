@@ -58,7 +58,7 @@ def test_dropped_messages_on_complete_graphs(paired, share):
     assert bound.hi - bound.lo < 1e-4
 
 
-@pytest.mark.parametrize("n", [40, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [20, *(pytest.param(n, marks=pytest.mark.slow) for n in (40, 100))])
 def test_dropped_messages_on_large_complete_graphs(n):
     """The same closed form, T* = 2/(N(1-p) + 2p(N-1)/N), for as many agents as the operator of moments is for."""
     limit = 2 / (n * 0.7 + 0.6 * (n - 1) / n)

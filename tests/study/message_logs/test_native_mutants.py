@@ -48,7 +48,13 @@ MUTANTS = {
 """Changes of the loop, of the world, and words by which an entry is named; nothing where all is as declared."""
 
 
-@pytest.mark.parametrize("name", MUTANTS)
+QUICK = ("unchanged", "late_message_used_early")
+"""Those of the default tests: each is a loop that is compiled anew."""
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in MUTANTS]
+)
 def test_a_broken_native_loop_is_caught(monkeypatch, tmp_path, name):
     changes, parts, words = MUTANTS[name]
     loop, taken = mutated_loop(tmp_path, f"blocks_{name}", changes), []
