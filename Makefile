@@ -148,7 +148,8 @@ bench-check: $(READY)
 bench-mpi: $(MPI_READY)
 	$(BIN)/python benchmarks/mpi.py
 
-# The slow tests: many seeds, long runs, the package built and installed anew; at most an hour on two processors. Random
+# The slow tests: many seeds, long runs, the package built and installed anew. They are meant to take an hour on two free
+# processors; their end states the processor time that they took (tests/counting.py). Random
 # runs are compared with a Taylor integration in C: Debian's gcc, installed where it is missing. Repetitions of kills,
 # signals, full disks, damage and random cases are marked `repeated`: make robustness TIER=slow runs them. Slow tests of an
 # extra are run by the target of that extra.
