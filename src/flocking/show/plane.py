@@ -20,7 +20,17 @@ from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.show.frames import frame_at, leaders_at
 from flocking.show.motion import motion_of, thinned_path
 from flocking.show.net_colors import net_colors
-from flocking.show.style import COLUMN, GREEN, PURPLE, VERMILION, axes_or_new, in_style, theme
+from flocking.show.style import (
+    COLUMN,
+    GREEN,
+    LEADER_SIZE,
+    OUTLINE_POINTS,
+    PURPLE,
+    VERMILION,
+    axes_or_new,
+    in_style,
+    theme,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,15 +46,6 @@ DIRECTION_SHARE = 0.045
 
 DIRECTION_COLORS = (VERMILION, GREEN)
 """Colours of the lines of the first and of the second direction of a body."""
-
-OUTLINE_POINTS = 181
-"""Points of an obstacle's outline, two degrees apart on a circle: at the size of print corners are not seen."""
-
-LEADER_SIZE = 70
-"""Area of a leader's mark in square points, chosen by eye."""
-
-FEW_LINKS = 60
-"""Number of links up to which lines have their full width; more of them are thinner, so that agents stay visible."""
 
 TRAIL_STEPS = 1000
 """Smallest distance of the points of a path, relative to the span of the picture."""
@@ -306,7 +307,7 @@ def _draw_links(axes: Axes, q: Reals, links: Links, space: Space, budget: int, n
     shown = pairs[_evenly(len(pairs), budget)]
     if len(shown) < len(pairs):
         notes.append(f"{len(shown):,} of {len(pairs):,} links drawn")
-    width = float(np.clip(0.7 * (FEW_LINKS / max(len(shown), FEW_LINKS)) ** 0.35, 0.15, 0.7))
+    width = float(np.clip(0.7 * (60.0 / max(len(shown), 60.0)) ** 0.35, 0.15, 0.7))
     _line_collection(axes, _link_lines(q, shown, space), colors=theme().faint, linewidths=width, zorder=1, gid="links")
 
 

@@ -48,7 +48,7 @@ UNBOUNDED = 1e60
 """A distance that is as good as no bound."""
 
 CELLS = 2**16
-"""Cells of the integral of a slope. Any number encloses it; the width of the enclosure falls as its inverse, and an
+"""Cells of the integral of a slope. Every number of them encloses it; the width of the enclosure falls as its inverse, and an
 array of each bound takes half a megabyte."""
 
 NEAREST, FARTHEST = 1e-9, 1e9

@@ -56,7 +56,13 @@ class HeldLedger:
 
     @classmethod
     def restored(cls, fields: LedgerFields) -> HeldLedger:
-        """The ledger that a checkpoint holds, see `stored`."""
+        """The ledger that a checkpoint holds.
+
+        Parameters
+        ----------
+        fields
+            What `stored` gave.
+        """
         return cls(fields["integrals"], fields["powers"], fields["jumped"], fields["sums"], fields["wanted"])
 
     def stored(self) -> LedgerFields:

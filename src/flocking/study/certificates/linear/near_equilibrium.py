@@ -55,8 +55,8 @@ UNSTRESSED = 1e-9
 """Largest force of a link at the equilibrium, relative to its stiffness times its length, that counts as none."""
 
 SHARES = 4096
-"""Parts of the range of b that are looked at for the delay of second order. Any number gives a delay that holds, more
-of them a larger one."""
+"""Parts of the range of b that are looked at for the delay of second order. Every number gives a delay that holds,
+more of them a larger one."""
 
 STEEPEST = (1e-9, 1e-6, 1e-3, 1.0)
 """Relative widenings of the computed largest ratio of H to B that are tried until they are proven."""
