@@ -20,17 +20,7 @@ from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.show.frames import frame_at, leaders_at
 from flocking.show.motion import motion_of, thinned_path
 from flocking.show.net_colors import net_colors
-from flocking.show.style import (
-    COLUMN,
-    GREEN,
-    LEADER_SIZE,
-    OUTLINE_POINTS,
-    PURPLE,
-    VERMILION,
-    axes_or_new,
-    in_style,
-    theme,
-)
+from flocking.show.style import COLUMN, GREEN, OUTLINE_POINTS, PURPLE, VERMILION, axes_or_new, in_style, theme
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -360,7 +350,7 @@ def _draw_directions(axes: Axes, q: Reals, directions: Mapping[str, Reals], span
 def _draw_leader(axes: Axes, x: Reals, v: Reals, seconds: float) -> None:
     look: _DotLook = {
         "marker": "h",
-        "s": LEADER_SIZE,
+        "s": 70.0,
         "color": PURPLE,
         "edgecolors": theme().ink,
         "linewidths": 0.6,

@@ -35,9 +35,6 @@ COLUMN, PAGE = 3.4, 7.0
 OUTLINE_POINTS = 181
 """Points of an obstacle's outline, two degrees apart on a circle: at the size of print corners are not seen."""
 
-LEADER_SIZE = 70
-"""Area of a leader's mark in square points, chosen by eye."""
-
 FORMATS = ("svg", "png", "pdf")
 
 

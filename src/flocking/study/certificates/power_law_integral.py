@@ -18,8 +18,8 @@ by
 (scale/r)^2 = 1e-16 there, below rounding."""
 
 CELLS = 4096
-"""Number of cells of the midpoint rule. Every number of them encloses the integral; the width falls as its inverse third power
-until rounding: the curvature of a cell, enclosed, is multiplied by its length to the third."""
+"""Number of cells of the midpoint rule. Every number of them encloses the integral; the width falls as its inverse
+third power until rounding: the curvature of a cell, enclosed, is multiplied by its length to the third."""
 
 PARTS, NODES = 256, 6
 """Parts of Gauss' rule for an estimate, and the nodes of each."""
