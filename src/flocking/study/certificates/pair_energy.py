@@ -48,8 +48,8 @@ UNBOUNDED = 1e60
 """A distance that is as good as no bound."""
 
 CELLS = 2**16
-"""Cells of the integral of a slope. Every number of them encloses it; the width falls as its inverse, and an array of each
-bound takes half a megabyte."""
+"""Cells of the integral of a slope. Every number of them encloses it; the width falls as its inverse, and an array of
+each bound takes half a megabyte."""
 
 NEAREST, FARTHEST = 1e-9, 1e9
 """Smallest and largest distance, relative to the scale of the pair, that the first division separates."""
