@@ -1,6 +1,7 @@
 """Scenarios on which the kernels on many ranks are held against brute force and the tiled engine.
 
-Borders of the domains fly with a group as a whole; a group that turns, and streams through each other, cross them.
+Borders of the domains fly with a group as a whole. So groups turn in open space, or fly through space that repeats:
+every agent crosses the borders again and again.
 """
 
 from __future__ import annotations
@@ -15,21 +16,12 @@ from tests.engine.tiles.laws import PerAgentRadii, structural
 from tests.engine.tiles.laws import shi as shi_potential
 from tests.engine.tiles.laws import zhou as zhou_law
 from tests.mpi.laws import law, start
+from tests.mpi.turning import lattice_in_box, turning
 
 N = 150
-STEPS = 25
-STEP = 0.01
-COMMON = (60.0, 35.0, 10.0)
-"""Velocity of the group as a whole."""
-TURNING = 2.0
-"""Rate at which it turns: half a radian in a run, by which distances grow by an eighth."""
-
-
-def _flying(state, share=1.0):
-    p = state.p + share * np.array(COMMON[: state.dimension])
-    away = state.q - state.q.mean(axis=0)
-    p[:, 0], p[:, 1] = p[:, 0] - TURNING * away[:, 1], p[:, 1] + TURNING * away[:, 0]
-    return fk.State(state.q, p, state.t)
+STEP, T_END = 0.01, 1.0
+PAPER_STEPS, PAPER_STEP = 250, 0.002
+"""Steps of the scenarios of papers, and their length."""
 
 
 def _lattice(dimension, side, n=N, speed=1.0, seed=3):
@@ -37,15 +29,18 @@ def _lattice(dimension, side, n=N, speed=1.0, seed=3):
     return fk.State(state.q * side / 5.6, state.p)
 
 
-def _even(dimension):
-    """A lattice so even that no pair is near the radius of Zhou's law, where its potential is infinite."""
-    rng = np.random.default_rng(5)
-    each = int(np.ceil(N ** (1 / dimension)))
-    places = np.stack(np.meshgrid(*[np.arange(each)] * dimension), axis=-1).reshape(-1, dimension)[:N]
-    return fk.State(2.15 * places + rng.uniform(-0.03, 0.03, places.shape), 0.3 * rng.normal(size=places.shape))
+def _zhou(*counts):
+    """So even a lattice that no pair is near the radius of Zhou's law, where its potential is infinite."""
+    state, space = lattice_in_box(counts, 2.15, 0.3, 2.0)
+    return zhou_law(), state, {"space": space}
 
 
 BOTH = np.arange(2 * N)
+NEAR = fk.Hysteresis(6.4, 1.0)
+DRAGS = {"olfati-saber (58), obstacles": 10.0, "schedule": 1.0}
+"""Velocity gains of navigation, which would stop a group that turns."""
+SETTLED = {"tanner I", "tanner I, all linked", "cucker-smale", "order 1, directed"}
+"""Cases with fixed graphs alone: agents are divided by their numbers, and none changes its rank."""
 
 
 def _crossing(graph, dimension=2):
@@ -54,11 +49,11 @@ def _crossing(graph, dimension=2):
     way = np.where(np.arange(2 * N) % 2, 1.0, -1.0)[:, None]
     psi = fk.Potential("(r - 7)**2/2")
     found = fk.Law(graph, [fk.Gradient(psi), fk.Consensus(0.3)])
-    return found, fk.State(state.q, state.p + way * np.array([150.0, 20.0, 5.0][:dimension]), 0.0), {}
+    return found, fk.State(state.q, state.p + way * np.array([40.0, 20.0, 5.0][:dimension]), 0.0), {}
 
 
-def _repeating(lengths, graph, n=2 * N, share=1.0):
-    """Streams through each other in space that repeats; most agents start some lengths away from the box."""
+def _repeating(lengths, graph, n=2 * N, share=1.0, flight=1.0):
+    """Streams through each other in space that repeats, which fly through it together; most start lengths away."""
     rng = np.random.default_rng(11)
     finite = np.array([x if x else 40.0 for x in lengths])
     each = int(np.ceil(n ** (1 / len(lengths))))
@@ -67,6 +62,7 @@ def _repeating(lengths, graph, n=2 * N, share=1.0):
     q += np.array([x or 0.0 for x in lengths]) * rng.integers(-3, 4, q.shape)
     way = np.where(np.arange(n) % 2, 1.0, -1.0)[:, None] * share
     p = 4.0 * rng.normal(size=q.shape) + way * np.array([150.0, 70.0, 40.0][: len(lengths)])
+    p += flight * np.array([x or 0.0 for x in lengths])
     found = fk.Law(graph, [fk.Gradient(fk.Potential("(r - 7)**2/2")), fk.Consensus(0.3)])
     return found, fk.State(q, p), {"space": fk.Periodic(lengths)}
 
@@ -90,11 +86,11 @@ def _every_part():
     weights = fk.HashedWeights(0.2, 1.0, seed=7)
     terms = [
         fk.Gradient(shi_potential()),
-        fk.Consensus(rng.uniform(0.5, 2, N), weights=weights),
+        fk.Consensus(rng.uniform(0.05, 0.2, N), weights=weights),
         track,
         fk.Compensate(),
     ]
-    return fk.Law(fk.Proximity(4.0), terms), _lattice(2, 2.0), {"agents": agents}
+    return fk.Law(fk.Proximity(4.0), terms), _lattice(2, 2.0), {"agents": agents, "step": 0.004}
 
 
 def _matrix():
@@ -117,8 +113,17 @@ def _scheduled():
     return fk.Law(fk.Smooth(8.4, 0.8), [fk.Gradient(structural(7.0)), track]), _lattice(2, 5.6), {}
 
 
-def _fixed(graph):
-    return fk.Law(graph, [fk.Gradient(fk.Potential("(r - 7)**2/20")), fk.Consensus(0.3)]), _lattice(2, 5.6), {}
+def _fixed(graph, gain=0.3):
+    return fk.Law(graph, [fk.Gradient(fk.Potential("(r - 7)**2/20")), fk.Consensus(gain)]), _lattice(2, 5.6), {}
+
+
+def _alignment():
+    return fk.Law(fk.Complete(), [fk.CuckerSmale(0.05, 0.4, 3.0)]), _lattice(2, 5.6), {}
+
+
+def _and_near(made, state, more):
+    """The same beside a graph by distance: under fixed graphs alone ranks have the same agents for good."""
+    return fk.Law(made.graph, [*made.terms, fk.Gradient(fk.Potential("(r - 5)**2/20"), over=NEAR)]), state, more
 
 
 def _of(name, dimension=2):
@@ -132,8 +137,8 @@ def _flow(name, m=2):
 
 
 CASES = {
-    "zhou in the plane": lambda: (zhou_law(), _even(2), {}),
-    "zhou in space": lambda: (zhou_law(), _even(3), {}),
+    "zhou in the plane": lambda: _zhou(12, 12),
+    "zhou in space": lambda: _zhou(5, 5, 5),
     "streams with hysteresis": lambda: _crossing(fk.Hysteresis(8.4, 1.0)),
     "streams with hysteresis in space": lambda: _crossing(fk.Hysteresis(8.4, 1.0), 3),
     "streams": lambda: _crossing(fk.Proximity(8.4)),
@@ -141,10 +146,15 @@ CASES = {
     "streams in a periodic channel": lambda: _repeating([90.0, None], fk.Proximity(8.4)),
     "streams in periodic space of three axes": lambda: _repeating([40.0, 30.0, 35.0], fk.Hysteresis(8.4, 1.0)),
     "streams in the smallest periodic space": lambda: (
-        *_repeating([17.0, 60.0], fk.Hysteresis(8.4, 1.0), 40)[:2], {"space": fk.Periodic([17.0, 60.0]), "skin": 9.0}
+        *_repeating([17.0, 60.0], fk.Hysteresis(8.4, 1.0), 40, flight=3.0)[:2],
+        {"space": fk.Periodic([17.0, 60.0]), "skin": 9.0},
     ),
     "tanner I": lambda: _fixed(fk.Fixed.random_connected(N, 0.05, 1)),
-    "tanner I, all linked": lambda: _fixed(fk.Fixed.complete(N)),
+    "tanner I, all linked": lambda: _fixed(fk.Fixed.complete(N), 0.02),
+    "cucker-smale": _alignment,
+    "tanner I and near agents": lambda: _and_near(*_fixed(fk.Fixed.random_connected(N, 0.05, 1))),
+    "tanner I, all linked, and near agents": lambda: _and_near(*_fixed(fk.Fixed.complete(N), 0.02)),
+    "cucker-smale and near agents": lambda: _and_near(*_alignment()),
     "tanner II": lambda: _of("tanner II (5)"),
     "shi, hashed weights and gains of each agent": _every_part,
     "shi, matrix weights and the centre of mass": _matrix,
@@ -170,36 +180,75 @@ CASES = {
                                                {**_flow("tracked in the centre of mass")[2], "scheme": "euler"}),
     "order 1, obstacles": lambda: _flow("obstacles and pulls"),
     "order 1, directed": lambda: _flow("directed"),
+    "order 1, directed, and near agents": lambda: _and_near(*_flow("directed")),
     "streams, lagged": lambda: _bodied(
-        fk.Lagged(fk.PointMass(1.0 + 0.01 * BOTH, 0.3), 0.05 + 0.001 * BOTH), _crossing(fk.Hysteresis(8.4, 1.0))
+        fk.Lagged(fk.PointMass(1.0 + 0.01 * BOTH, 0.3), 0.05 + 0.001 * BOTH),
+        _repeating([90.0, 80.0], fk.Hysteresis(8.4, 1.0)),
     ),
-    "streams, a chain of bodies": lambda: _bodied(_chain(), _crossing(fk.Hysteresis(8.4, 1.0))),
+    "streams, a chain of bodies": lambda: _bodied(_chain(), _repeating([90.0, 80.0], fk.Hysteresis(8.4, 1.0))),
     "streams, limited, periodic": lambda: _bodied(
         fk.Limited(fk.PointMass(), force=5.0 + 0.01 * BOTH), _repeating([90.0, None], fk.Proximity(8.4))
     ),
     "streams, limited force and rate, in space": lambda: _bodied(
-        fk.Limited(fk.Lagged(fk.PointMass(), 0.2), force=8.0, rate=200.0), _crossing(fk.Proximity(8.4), 3)
+        fk.Limited(fk.Lagged(fk.PointMass(), 0.2), force=8.0, rate=200.0),
+        _repeating([40.0, 30.0, 35.0], fk.Proximity(8.4)),
     ),
     "order 1, lagged in gusts and limited": lambda: _bodied(
-        fk.Limited(fk.Lagged(fk.Disturbed(fk.SingleIntegrator(), 0.3, 0.05), 0.1), speed=2.0),
+        fk.Limited(fk.Lagged(fk.Disturbed(fk.SingleIntegrator(), 0.3, 0.05), 0.02), speed=40.0),
         _flow("gradient and consensus"),
     ),
 }  # fmt: skip
+
+
+PAIRS = 60
+"""Pairs at the radii: as many at the one at which links break as at the one at which they appear."""
+
+
+def _at_the_radii(space):
+    """Pairs across the border of two ranks, whose distance is a radius within a few units in the last place.
+
+    Half of them are linked and at the radius at which links break, half are not and at that at which they appear. All
+    fly with one velocity: rounding moves them about the radius.
+    """
+    rng, graph = np.random.default_rng(9), fk.Hysteresis(4.0, 0.3)
+    k = np.arange(PAIRS)
+    radius = np.where(k % 2, graph.break_radius, graph.appear_radius) * (1 + np.finfo(float).eps * (k // 2 % 9 - 4))
+    angle, middle = rng.uniform(-1, 1, PAIRS), rng.uniform(-0.3, 0.3, PAIRS)
+    half = 0.5 * radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    centre = np.stack([middle, 12.0 * (k - k.mean())], axis=1)
+    # Two agents far off make the group longer along the first axis, across which it is divided.
+    q = np.concatenate([centre - half, centre + half, [[-1000.0, 0.0], [1000.0, 0.0]]])
+    links = np.zeros((len(q), len(q)), dtype=bool)
+    broken = k[k % 2 == 1]
+    links[broken, broken + PAIRS] = links[broken + PAIRS, broken] = True
+    state = fk.State(q, np.tile([0.37, 0.21], (len(q), 1)), links=links)
+    return fk.Law(graph, [fk.Consensus(0.0)]), state, {"space": space, "skin": 0.004}
+
+
+EDGES = {
+    "pairs at the radii": lambda: _at_the_radii(fk.Open()),
+    "pairs at the radii, periodic": lambda: _at_the_radii(fk.Periodic([2100.0, 800.0])),
+}
 
 
 def case(name):
     """Scenario of a case, and the options that it needs."""
     if name in PAPER_NAMES:
         found = _of_papers()[name](0)
-        return found.with_(t_end=found.start.t + 0.02, frames=3), {"step": 0.001}
-    made, state, more = CASES[name]()
-    # Lists hold while the group flies as a whole: a thin skin makes agents be exchanged at nearly every step.
+        found = found.with_(t_end=found.start.t + PAPER_STEPS * PAPER_STEP, frames=3)
+        return found, {"step": PAPER_STEP} | _thin_skin(found.law)
+    made, state, more = (CASES | EDGES)[name]()
+    options = {"step": STEP} | _thin_skin(made)
+    options |= {name: more.pop(name) for name in ("scheme", "skin", "step") if name in more}
+    if "space" not in more:
+        made, state = turning(made, state, more.get("agents"), drag=DRAGS.get(name, 0.0))
+    return fk.Scenario(made, state, t_end=T_END, frames=4, name=name, **more), options
+
+
+def _thin_skin(made):
+    """Lists hold while the group flies as a whole: a thin skin makes agents be exchanged at nearly every step."""
     reach = [float(np.max(graph.break_radius)) for graph in made.graphs if graph.moves]
-    options = {"step": STEP} | ({"skin": 0.004 * max(reach)} if reach else {})
-    options |= {name: more.pop(name) for name in ("scheme", "skin") if name in more}
-    state = state if "streams" in name else _flying(state)
-    steps = 2 * STEPS if "streams" in name else STEPS
-    return fk.Scenario(made, state, t_end=steps * STEP, frames=4, name=name, **more), options
+    return {"skin": 0.004 * max(reach)} if reach else {}
 
 
 def _of_papers():

@@ -19,13 +19,17 @@ def computed(name, **more):
     session.advance(scenario.t_end)
     migrated = session.ranks.comm.allreduce(session._particles.migrated)
     links, owned = session.state.links, session.ranks.comm.gather(session._particles.n)
+    particles = session._particles
+    owner = np.zeros(particles.everyone, int)
+    owner[particles.ids[: particles.n]] = session.ranks.rank
+    owner = session.ranks.comm.allreduce(owner)
     run = session.run()
     session.close()
     columns = {f"column {name}": values for name, values in run.columns.items()}
     return columns | {
         "begin": begin, "t": run.t, "q": run.q, "p": run.p, "links": run.links, "trace": run.trace,
         "closest": [run.closest_linked.distance, *run.closest_linked.pair], "migrated": migrated, "last_links": links,
-        "owned": owned, "gap": session.law_gaps.gap, "checks": session.law_gaps.checks,
+        "owned": owned, "owner": owner, "gap": session.law_gaps.gap, "checks": session.law_gaps.checks,
     }, session.ranks  # fmt: skip
 
 

@@ -58,7 +58,7 @@ def test_single_precision(tmp_path):
     made, options = case("streams with hysteresis")
     made = made.with_(t_end=0.1)
     reference = fk.evaluate(made.law, made.start)
-    scale = reference.pair_force_sum + 1.0
+    scale = reference.pair_force_sum + np.linalg.norm(reference.u, axis=1) + 1.0
     error = np.linalg.norm(found["begin"] - reference.u, axis=1) / scale
     assert 1e-9 < error.max() < 1e-5
     run = fk.simulate(made, engine="tiles", precision="float32", threads=1, progress=False, **options)
