@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 
+from flocking.engine.lammps.domains.decomposition import Decomposition
 from flocking.engine.lammps.domains.options import DomainOptions
 from flocking.engine.lammps.domains.session import DomainSession
 from tests.mpi.domain_cases import case
@@ -14,10 +15,13 @@ from tests.mpi.domain_cases import case
 def computed(name, **more):
     """What a session gives for a case, on the first rank."""
     scenario, options = case(name)
+    placed, place = [], Decomposition.place
+    Decomposition.place = lambda self, *arguments: (placed.append(1), place(self, *arguments))[1]
     session = DomainSession(scenario, DomainOptions(threads=1, **options, **more))
     begin = session.accelerations()
     session.advance(scenario.t_end)
     migrated = session.ranks.comm.allreduce(session._particles.migrated)
+    Decomposition.place = place
     links, owned = session.state.links, session.ranks.comm.gather(session._particles.n)
     particles = session._particles
     owner = np.zeros(particles.everyone, int)
@@ -29,7 +33,7 @@ def computed(name, **more):
     return columns | {
         "begin": begin, "t": run.t, "q": run.q, "p": run.p, "links": run.links, "trace": run.trace,
         "closest": [run.closest_linked.distance, *run.closest_linked.pair], "migrated": migrated, "last_links": links,
-        "owned": owned, "owner": owner, "gap": session.law_gaps.gap, "checks": session.law_gaps.checks,
+        "owned": owned, "owner": owner, "placed": len(placed), "gap": session.law_gaps.gap, "checks": session.law_gaps.checks,
     }, session.ranks  # fmt: skip
 
 

@@ -94,6 +94,12 @@ def test_agents_cross_the_borders_of_ranks_hundreds_of_times(found, name):
     assert found[1, name]["migrated"] == 0
 
 
+@pytest.mark.parametrize("name", ["streams in the smallest periodic space"])
+def test_agents_that_fly_past_a_domain_between_two_exchanges_are_placed_again(found, name):
+    """Lists hold while a group flies as a whole; in space that repeats the domains stay where they are."""
+    assert found[4, name]["placed"] > 1
+
+
 POINTS_IN_PERIODIC_SPACE = tuple(name for name in CASES if "periodic" in name and is_point(case(name)[0].agents))
 """The actuators of further bodies do not exert all of a force, and gusts are no forces of pairs."""
 

@@ -249,7 +249,8 @@ class Decomposition:
             "units lj", f"dimension {m}", f"boundary {' '.join(kinds)}", "atom_style atomic",
             "newton off", "atom_modify sort 0 0.0", "comm_style tiled", "comm_modify vel no", "neighbor 0.0 bin",
             "neigh_modify every 1 delay 0 check no", f"region all block {box}", "create_box 1 all", "mass 1 1.0",
-            "thermo_style custom step", "thermo 1000000000",
+            # Agents that went farther than to the next domain are counted here, and placed again.
+            "thermo_style custom step", "thermo_modify lost ignore", "thermo 1000000000",
         )  # fmt: skip
         if not self._space.is_open:
             self._command(f"fix places all property/atom d2_places {m}")
