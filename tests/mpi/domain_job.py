@@ -33,7 +33,8 @@ def computed(name, **more):
     return columns | {
         "begin": begin, "t": run.t, "q": run.q, "p": run.p, "links": run.links, "trace": run.trace,
         "closest": [run.closest_linked.distance, *run.closest_linked.pair], "migrated": migrated, "last_links": links,
-        "owned": owned, "owner": owner, "placed": len(placed), "gap": session.law_gaps.gap, "checks": session.law_gaps.checks,
+        "owned": owned, "owner": owner, "placed": len(placed), "gap": session.law_gaps.gap,
+        "checks": session.law_gaps.checks,
     }, session.ranks  # fmt: skip
 
 
