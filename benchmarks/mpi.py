@@ -2,6 +2,11 @@
 
     make bench-mpi
     python benchmarks/mpi.py [--agents 100000 1000000] [--steps 25] [--repeats 1] [--only kernels tiles] [--json FILE]
+    python benchmarks/mpi.py --figures [--json FILE]
+
+``--figures`` measures all that the documentation states: five series of 3,000 steps of 100,000 agents and of 600 of a
+million, one contender after the other in each series, and the ratios within each series. Pair styles take fewer steps
+of 100,000 agents alone.
 
 Protocol (34) on a disturbed lattice, step 0.01, no ledger. Each contender runs in its own process, one after the
 other, the order turning with every repeat; the median is given, and the best: another process on one of the cores holds
@@ -32,6 +37,19 @@ CONTENDERS = (
 )  # fmt: skip
 WAITING = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "MPIR_CVAR_POLLS_BEFORE_YIELD": "20"}
 """Ranks that wait sleep instead of asking again and again."""
+SERIES = 5
+"""Series of ``--figures``."""
+WINDOWS = {100_000: 3000, 1_000_000: 600}
+"""Steps of each series of ``--figures``: several exchanges of agents, one in 100 to 450 steps, are among them."""
+FEWER = 20
+"""Pair styles take so many times fewer steps: each takes about as many times longer."""
+RATIOS = (
+    ("two ranks over one", ("kernels", 1), ("kernels", 2)),
+    ("one rank over tiles on one thread", ("tiles", 1), ("kernels", 1)),
+    ("tiles, two threads over one", ("tiles", 1), ("tiles", 2)),
+    ("two ranks over pair styles on two ranks", ("pair styles", 2), ("kernels", 2)),
+)
+"""Names of ratios of speeds, and the contenders whose times a step are divided."""
 FIRST = "FLOCKING_BENCHMARK_FIRST"
 """Environment variable that is set if measured steps run before all other processes, as real-time ones."""
 
@@ -63,7 +81,7 @@ def timed(owner: type, name: str, found: list[float]) -> None:
 
 
 def contend(engine: str, workers: int, agents: int, steps: int) -> None:
-    """Run in a process of its own; the first rank prints seconds a step (wall, processor, work) and GiB."""
+    """Run in a process of its own; the first rank prints seconds a step (wall, processor, work), GiB, lists built."""
     spent: list[float] = []
     if engine == "kernels":
         from flocking.engine.lammps.domains.copies import Copies
@@ -82,6 +100,8 @@ def contend(engine: str, workers: int, agents: int, steps: int) -> None:
         go_first(True)
         session.advance(session.time + 5 * STEP)
     spent.clear()
+    lists = None if engine == "pair styles" else session._particles.search
+    built = lists.rebuilds if lists else 0
     begin, worked = time.perf_counter(), time.process_time()
     session.advance(session.time + steps * STEP)
     found = [time.perf_counter() - begin, time.process_time() - worked]
@@ -100,7 +120,7 @@ def contend(engine: str, workers: int, agents: int, steps: int) -> None:
         # Messages are collective: all ranks have the same number of calls.
         least = [min(each) for each in zip(*(calls for _, _, calls in every), strict=True)]
     found[2] += sum(least)
-    print(json.dumps([*(x / steps for x in found), memory]))
+    print(json.dumps([*(x / steps for x in found), memory, lists.rebuilds - built if lists else 0]))
 
 
 def measured(engine: str, workers: int, agents: int, steps: int) -> list[float]:
@@ -112,12 +132,61 @@ def measured(engine: str, workers: int, agents: int, steps: int) -> list[float]:
     return [float(x) for x in json.loads(done.stdout.strip().splitlines()[-1])]
 
 
+def ratios(times: dict[tuple[str, int], list[list[float]]]) -> dict[str, list[float]]:
+    """Ratios of the speeds within each series, by their names; those of wall time, and of work."""
+    found = {}
+    for name, one, other in RATIOS:
+        if one in times and other in times:
+            for kind, k in (("", 0), (", work", 2)):
+                pairs = zip(times[one], times[other], strict=True)
+                found[name + kind] = [a[k] / b[k] for a, b in pairs]
+    return found
+
+
+def series(
+    agents: int, steps: int, repeats: int, contenders: tuple[tuple[str, int], ...], *, fewer: int = 1
+) -> dict[tuple[str, int], list[list[float]]]:
+    """What each contender measured in each series, in which they take turns."""
+    times: dict[tuple[str, int], list[list[float]]] = {c: [] for c in contenders}
+    for repeat in range(repeats):
+        turn = repeat % len(contenders)
+        for engine, workers in contenders[turn:] + contenders[:turn]:
+            many = steps // fewer if engine == "pair styles" else steps
+            times[engine, workers].append(measured(engine, workers, agents, many))
+    return times
+
+
+def report(agents: int, times: dict[tuple[str, int], list[list[float]]]) -> list[dict[str, object]]:
+    """Print what was measured with some agents: medians, and the least and the largest; ratios with their worst end."""
+    found: list[dict[str, object]] = []
+    for (engine, workers), values in times.items():
+        wall, spent, work, memory = (statistics.median(v[k] for v in values) for k in range(4))
+        found.append(
+            {"engine": engine, "workers": workers, "agents": agents, "measured": values, "median": wall,
+             "processor": spent, "work": work, "gib": memory, "load": os.getloadavg()[0],
+             "processors": os.cpu_count()}
+        )  # fmt: skip
+        least, most = (1e3 * f(v[0] for v in values) for f in (min, max))
+        print(
+            f"{agents:8d} agents  {engine:11s} x{workers}  {1e3 * wall:8.3f} ms/step ({least:.3f} to {most:.3f})"
+            f"  processor {1e3 * spent:8.3f}  work {1e3 * work:.3f}  {1e-6 * agents / wall:.2f} M agent-steps/s"
+            f"  {memory:.2f} GiB  lists built {[int(v[4]) for v in values]}",
+            flush=True,
+        )
+    for name, each in ratios(times).items():
+        found.append({"ratio": name, "agents": agents, "series": each})
+        shown = ", ".join(f"{x:.2f}" for x in each)
+        print(f"{agents:8d} agents  {name}: median {statistics.median(each):.2f}, worst {min(each):.2f}  ({shown})")
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--agents", type=int, nargs="+", default=[100_000, 1_000_000])
     parser.add_argument("--steps", type=int, default=25)
     parser.add_argument("--repeats", type=int, default=1)
     parser.add_argument("--only", nargs="+", default=["kernels", "tiles", "pair styles"])
+    parser.add_argument("--figures", action="store_true", help="all that the documentation states")
     parser.add_argument("--first", action="store_true", help="measured steps run before all other processes (root)")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--contender", nargs=4)
@@ -128,31 +197,19 @@ def main() -> None:
         engine, workers, agents, steps = asked.contender
         contend(engine, int(workers), int(agents), int(steps))
         return
-    found = []
-    for agents in asked.agents:
+    found: list[dict[str, object]] = []
+    for agents in WINDOWS if asked.figures else asked.agents:
         contenders = tuple(c for c in CONTENDERS if c[0] in asked.only)
-        times: dict[tuple[str, int], list[list[float]]] = {c: [] for c in contenders}
-        for repeat in range(asked.repeats):
-            turn = repeat % len(contenders)
-            for contender in contenders[turn:] + contenders[:turn]:
-                times[contender].append(measured(*contender, agents, asked.steps))
-        for (engine, workers), values in times.items():
-            wall, spent, work, memory = (statistics.median(v[k] for v in values) for k in range(4))
-            found.append(
-                {"engine": engine, "workers": workers, "agents": agents, "measured": values, "median": wall,
-                 "processor": spent, "work": work, "gib": memory, "load": os.getloadavg()[0],
-                 "processors": os.cpu_count()}
-            )  # fmt: skip
-            print(
-                f"{agents:8d} agents  {engine:11s} x{workers}  {1e3 * wall:8.2f} ms/step"
-                f"  best {1e3 * min(v[0] for v in values):8.2f}  processor {1e3 * spent:8.2f} ms/step"
-                f" (best {1e3 * min(v[1] for v in values):.2f})  work {1e3 * work:.2f}"
-                f" (best {1e3 * min(v[2] for v in values):.2f})  {1e-6 * agents / wall:.2f} M agent-steps/s"
-                f"  {memory:.2f} GiB",
-                flush=True,
+        if asked.figures:
+            kept = tuple(
+                c for c in contenders if c[0] != "pair styles" or c == ("pair styles", 2) and agents <= 100_000
             )
-    if asked.json:
-        asked.json.write_text(json.dumps(found, indent=2))
+            times = series(agents, WINDOWS[agents], SERIES, kept, fewer=FEWER)
+        else:
+            times = series(agents, asked.steps, asked.repeats, contenders)
+        found += report(agents, times)
+        if asked.json:
+            asked.json.write_text(json.dumps(found, indent=2))
 
 
 if __name__ == "__main__":
