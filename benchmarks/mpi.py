@@ -201,9 +201,8 @@ def main() -> None:
     for agents in WINDOWS if asked.figures else asked.agents:
         contenders = tuple(c for c in CONTENDERS if c[0] in asked.only)
         if asked.figures:
-            kept = tuple(
-                c for c in contenders if c[0] != "pair styles" or c == ("pair styles", 2) and agents <= 100_000
-            )
+            extra = {("pair styles", 2)} if agents <= 100_000 else set()
+            kept = tuple(c for c in contenders if c[0] != "pair styles" or c in extra)
             times = series(agents, WINDOWS[agents], SERIES, kept, fewer=FEWER)
         else:
             times = series(agents, asked.steps, asked.repeats, contenders)
