@@ -69,10 +69,23 @@ def test_laws_and_spaces(name, space):
     assert (run.links == exact.links).mean() > 0.999
 
 
-def test_the_ledger_closes_to_order_two():
+FRAMES = {
+    "at rest": fk.Energy(),
+    "centre of mass": fk.Energy("centre of mass"),
+    "leader": fk.Energy("leader", leader=fk.Velocity([2.0, -1.0])),
+}
+
+
+@pytest.mark.parametrize("masses", [1.0, np.linspace(0.8, 1.2, N)], ids=["alike", "each"])
+@pytest.mark.parametrize("frame", FRAMES)
+def test_the_ledger_closes_to_order_two(frame, masses):
     """Smooth powers between ticks: the trapezoidal rule; `departed` is that of the quadrature of the other engine."""
     law = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("r**2/200")), fk.Consensus(0.01)])
-    held = scenario(fk.Held(0.1, latency=0.02), law, t_end=1.0)
+    start = fk.start.box(N, side=10, speed=1, seed=3)
+    moving = fk.State(start.q, start.p + [1.0, 0.5])
+    held = scenario(fk.Held(0.1, latency=0.02), law, t_end=1.0).with_(
+        agents=fk.PointMass(masses, 0.1), energy=FRAMES[frame], start=moving
+    )
     truth = fk.simulate(held, engine="sampled", progress=False).trace[-1]
     left, off = [], []
     for h in (0.01, 0.005, 0.0025):

@@ -11,7 +11,7 @@ from typing import TypedDict
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.tiles.held.held_motion import force_powers, law_powers
+from flocking.engine.tiles.held.held_motion import force_sums
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.integrators import LedgerSums
 from flocking.model.law import Scenario
@@ -83,7 +83,7 @@ class HeldLedger:
         ----------
         powers
             Power of the forces that acted until now, their power in the frame of the energy, and that of the forces of
-            the law, shape (3,).
+            the law, shape (3,), or (2,) where this frame is at rest.
         length
             Time since the last look.
         jumps
@@ -91,12 +91,13 @@ class HeldLedger:
         """
         read = LedgerSums()
         rates = read.read(particles)
-        now = np.array([powers[0], rates[1], rates[2], powers[1] - powers[2]])
+        law_power = powers[2] if len(powers) > 2 else rates[0]
+        now = np.array([powers[0], rates[1], rates[2], powers[1] - law_power])
         self.integrals = self.integrals + 0.5 * length * (self.powers + now)
         self.sums = read.sums
         if jumps:
             self.jumped += read.sums["jumped"]
-        self.powers, self.law_power = now, float(powers[2])
+        self.powers, self.law_power = now, float(law_power)
 
     def act(self, powers: Array) -> None:
         """Take forces that act from now on.
@@ -119,39 +120,35 @@ class HeldLedger:
         return LedgerSums(self.integrals[:3], self.jumped, self.sums)
 
 
-def frame_velocity(scenario: Scenario, particles: HeldParticles, t: float) -> Array:
-    """Velocity of the frame of the energy, shape (m,)."""
-    energy, m = scenario.energy, particles.m
-    if energy.leader is not None:
-        return np.asarray(energy.leader.at(t)[1], dtype=np.float64)
-    if energy.frame != "centre of mass":
-        return np.zeros(m)
-    p = particles.agents[: particles.n, m:]
-    masses = particles.motion.by_place(scenario.agents.masses, particles.ids)[: particles.n]
-    if masses.size == 1:
-        return np.asarray(particles.group_sum(p.sum(axis=0, dtype=np.float64)) / particles.everyone)
-    total = particles.group_sum(masses.sum(keepdims=True))
-    return np.asarray(particles.group_sum((p * masses[:, None]).sum(axis=0)) / total)
+def at_rest(scenario: Scenario) -> bool:
+    """Whether the frame of the energy is at rest, where powers are those of the passes and of the steps."""
+    return scenario.energy.leader is None and scenario.energy.frame != "centre of mass"
 
 
-def powers_of(scenario: Scenario, particles: HeldParticles, t: float) -> Array:
-    """Power of the forces that act, and that in the frame of the energy, shape (2,)."""
-    found = np.zeros((particles.tiles, 2))
-    frame = frame_velocity(scenario, particles, t)
-    force = particles.acting_force
-    particles.workers.each(force_powers, particles.tiles, particles.agents, force, frame, particles.n, found)
-    return np.asarray(particles.group_sum(found.sum(axis=0)))
+def powers_of(scenario: Scenario, particles: HeldParticles, t: float, *, lawful: bool = False) -> Array:
+    """Power of the forces that act, and that in the frame of the energy, shape (2,).
 
-
-def power_of_law(scenario: Scenario, particles: HeldParticles, t: float) -> float:
-    """Power of the forces of the law in the frame of the energy.
-
-    Called after a pass that left the rates of change of the velocities under the law in the other array.
+    With ``lawful`` also the power in that frame of the desired forces of the law, shape (3,), unless the frame is at
+    rest: then a pass has just left the rates of change of the velocities under the law in the other array.
     """
-    found = np.zeros((particles.tiles, 1))
-    body, motion, ids = scenario.agents, particles.motion, particles.ids
+    m, body, energy = particles.m, scenario.agents, scenario.energy
+    motion, ids, moves = particles.motion, particles.ids, not at_rest(scenario)
+    # One pass over the agents in the frame of the lists, in which they are slow; other frames follow from its sums.
+    frame = particles.displacement.velocity.astype(np.float64) if moves else np.zeros(m)
+    found = np.zeros((particles.tiles, 2 + 3 * m if moves else 2))
     particles.workers.each(
-        law_powers, particles.tiles, particles.agents, particles.successor, motion.by_place(body.masses, ids),
-        motion.by_place(body.damping, ids), frame_velocity(scenario, particles, t), particles.n, found,
+        force_sums, particles.tiles, particles.agents, particles.acting_force, particles.successor,
+        motion.by_place(body.masses, ids), motion.by_place(body.damping, ids), frame, particles.n, moves,
+        moves and lawful, found,
     )  # fmt: skip
-    return float(particles.group_sum(np.array([found.sum()]))[0])
+    sums = np.asarray(particles.group_sum(found.sum(axis=0)))
+    if not moves:
+        return np.array([sums[0], sums[0]])
+    force, momentum, desired = np.split(sums[2:], 3)
+    if energy.leader is not None:
+        other = np.asarray(energy.leader.at(t)[1], dtype=np.float64)
+    else:
+        masses = np.asarray(body.masses, dtype=np.float64)
+        other = frame + momentum / float(masses.sum() if masses.ndim else masses * particles.everyone)
+    work = [sums[0] + frame @ force, sums[0] - (other - frame) @ force]
+    return np.array([*work, sums[1] - (other - frame) @ desired] if lawful else work)

@@ -57,7 +57,7 @@ def coefficients(body: Body, n: int, h: float) -> Array:
 
 
 @native
-def coast(first, last, agents, target, force, constants, frame, n, fastest):  # type: ignore[no-untyped-def]
+def coast(first, last, agents, target, force, constants, frame, n, fastest, powers):  # type: ignore[no-untyped-def]
     """Move the agents of some tiles by one step.
 
     Parameters
@@ -76,10 +76,12 @@ def coast(first, last, agents, target, force, constants, frame, n, fastest):  # 
         Number of agents.
     fastest
         Takes the largest squared speed in that frame at the end of the step, by tile; infinite where one is not finite.
+    powers
+        Takes the powers of the forces at the beginning and at the end of the step, shape (tiles, 2); no rows for none.
     """
     m = force.shape[0]
     for tile in range(first, last):
-        most = np.float64(0.0)
+        most, before, after = np.float64(0.0), np.float64(0.0), np.float64(0.0)
         for i in range(tile * 16, tile * 16 + 16):
             row = i if constants.shape[0] > 1 else 0
             square = np.float64(0.0)
@@ -90,63 +92,54 @@ def coast(first, last, agents, target, force, constants, frame, n, fastest):  # 
                 target[i, m + k] = speed
                 c = np.float64(speed) - np.float64(frame[k])
                 square += c * c
+                if i < n:
+                    before += np.float64(u) * np.float64(p)
+                    after += np.float64(u) * np.float64(speed)
             if i < n:
                 most = max(most, square) if square < LARGEST_SQUARE else np.float64(np.inf)
         fastest[tile] = most
+        if powers.shape[0] > 0:
+            powers[tile, 0], powers[tile, 1] = before, after
 
 
 @native
-def force_powers(first, last, agents, force, frame, n, found):  # type: ignore[no-untyped-def]
-    """By tile: power of the forces that act, and their power in a frame.
+def force_sums(first, last, agents, force, rates, masses, damping, frame, n, moves, lawful, found):  # type: ignore[no-untyped-def]
+    """By tile, what the powers of forces follow from in any frame: powers in one frame, and sums of forces and momenta.
 
     Parameters
     ----------
     first, last, agents, force, n
-        As for `coast`.
-    frame
-        Velocity of the frame of the energy, shape (m,).
-    found
-        Takes the two sums, shape (tiles, 2).
-    """
-    m = force.shape[0]
-    for tile in range(first, last):
-        base = tile * 16
-        work, seen = spread(0.0), spread(0.0)
-        for k in range(m):
-            p, u = double_of(column(agents, base, m + k)), double_of(load(force[k], base))
-            work = work + u * p
-            seen = seen + u * (p - frame[k])
-        live = numbers_from(base) < np.uint32(n)
-        found[tile, 0], found[tile, 1] = total(select(live, work, 0.0)), total(select(live, seen, 0.0))
-
-
-@native
-def law_powers(first, last, agents, rates, masses, damping, frame, n, found):  # type: ignore[no-untyped-def]
-    """By tile: power in a frame of the desired forces of the law.
-
-    Parameters
-    ----------
-    first, last, agents, n
         As for `coast`.
     rates
         In the second half of each row the rate of change of the velocity under the law, shape (size, 2m).
     masses, damping
         Shape (1,) or (size,).
     frame
-        As for `force_powers`.
+        Velocity of the frame, shape (m,).
+    moves, lawful
+        Whether to sum forces and momenta, and the desired forces of the law.
     found
-        Takes the sums, shape (tiles, 1).
+        Takes, shape (tiles, 2 + 3m): the powers of the forces that act and of the desired ones; then the sums of the
+        former, of the momenta in the frame, and of the desired forces.
     """
-    m = frame.shape[0]
+    m = force.shape[0]
     for tile in range(first, last):
-        seen = np.float64(0.0)
-        for i in range(tile * 16, min(tile * 16 + 16, n)):
-            mass = masses[i if masses.shape[0] > 1 else 0]
-            drag = damping[i if damping.shape[0] > 1 else 0]
-            for k in range(m):
-                p = np.float64(agents[i, m + k])
-                seen += (mass * np.float64(rates[i, m + k]) + drag * p) * (p - frame[k])
-        found[tile, 0] = seen
+        base = tile * 16
+        live = numbers_from(base) < np.uint32(n)
+        mass = load(masses, base) if masses.shape[0] > 1 else spread(masses[0])
+        drag = load(damping, base) if damping.shape[0] > 1 else spread(damping[0])
+        work, desired = spread(0.0), spread(0.0)
+        for k in range(m):
+            p, u = double_of(column(agents, base, m + k)) - frame[k], double_of(load(force[k], base))
+            work = work + u * p
+            if moves:
+                found[tile, 2 + k] = total(select(live, u, 0.0))
+                found[tile, 2 + m + k] = total(select(live, mass * p, 0.0))
+            if lawful:
+                u = mass * double_of(column(rates, base, m + k)) + drag * (p + frame[k])
+                desired = desired + u * p
+                found[tile, 2 + 2 * m + k] = total(select(live, u, 0.0))
+        found[tile, 0], found[tile, 1] = total(select(live, work, 0.0)), total(select(live, desired, 0.0))
 
 
 class HeldMotion:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Indices, Numbers, Numbers32, Reals
+from flocking.arrays import Array, Indices, Numbers, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.held.held_actuation import HeldActuation
 from flocking.engine.tiles.held.held_motion import HeldMotion, coast
@@ -43,6 +43,9 @@ class HeldParticles(ParticleArrays):
         What stands between the forces that agents compute and those; None for nothing.
     known
         Lists of each graph with the links by what agents know; None where those of the truth serve.
+    powers
+        By tile, powers of the forces at rest at the beginning and at the end of the last step, shape (tiles, 2); no
+        rows where they are not summed.
     """
 
     def __init__(
@@ -78,6 +81,7 @@ class HeldParticles(ParticleArrays):
         self.known_builders = [ListBuilder(self.n, memory_limit, workers, self.search.box) for _ in scenario.law.graphs]
         self._first_known_links = state.links
         self._fastest = np.zeros(self.tiles)
+        self.powers: Array = np.zeros((0, 2))
 
     def _new_store(self, scenario: Scenario, memory_limit: float) -> SampleStore:
         return SampleStore(scenario, self.agents, self.n, self.dtype, memory_limit, self.workers)
@@ -246,7 +250,13 @@ class HeldParticles(ParticleArrays):
             heading = actuation.turned(self.agents[:size], self.force, h, self.motion.body, self.ids[:size])
         if actuation is None or actuation.lag is None or actuation.constants is None:
             constants = self.motion.over(h, self.ids)
-            self.workers.each(coast, self.tiles, self.agents, into, self.force, constants, frame, self.n, self._fastest)
+            sums = self.spec.ledger and target is None
+            powers = np.zeros((self.tiles if sums else 0, 2))
+            self.workers.each(
+                coast, self.tiles, self.agents, into, self.force, constants, frame, self.n, self._fastest, powers
+            )
+            if sums:
+                self.powers = powers
         else:
             lag = actuation.lag if target is None else np.empty_like(actuation.lag)
             forces = LaggedForces(self.force, actuation.beside, actuation.lag, lag)

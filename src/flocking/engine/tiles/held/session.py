@@ -175,6 +175,8 @@ class HeldTilesSession(HeldTruth):
         particles = self._particles
         before = particles.top_speed
         particles.coast(self.step)
+        if self.options.ledger and self._sums_powers and self._memory.looked == self._now * NANOSECOND:
+            self._memory.ledger.act(self._powers_of_step(0))
         if particles.store is not None:
             frame = particles.displacement.velocity.astype(np.float64)
             particles.store.see_speed(self._now, frame, max(before, particles.top_speed))
@@ -200,7 +202,7 @@ class HeldTilesSession(HeldTruth):
             self.options.ledger_at == "steps" or frame_due or self._due().any() or self.reached(self.scenario.t_end)
             or bool(self._memory.waiting and self._memory.waiting[0][0] == self._now) or self._gusts_begin()
         ):  # fmt: skip
-            self._look_at_truth(self._now * NANOSECOND)
+            self._look_at_truth(self._now * NANOSECOND, stepped=True)
         self._record_frames(0.0)
 
     def _due(self) -> Links:
@@ -236,7 +238,7 @@ class HeldTilesSession(HeldTruth):
         if changed or gusts:
             particles.exert(now, begun, gusts=gusts)
             changed = True
-        if changed and self.options.ledger:
+        if changed and self.options.ledger and not self._sums_powers:
             self._memory.ledger.act(powers_of(self.scenario, particles, t))
 
     def _tick(self, t: float, tick: Links) -> None:

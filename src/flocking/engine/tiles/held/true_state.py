@@ -12,7 +12,7 @@ from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.tiles import checks
-from flocking.engine.tiles.held.held_ledger import power_of_law, powers_of
+from flocking.engine.tiles.held.held_ledger import at_rest, powers_of
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.held.memory import HeldMemory
 from flocking.engine.tiles.session import TilesSession
@@ -61,8 +61,30 @@ class HeldTruth(TilesSession):
 
     # The law on the true state.
 
-    def _look_at_truth(self, seconds: float, *, hold: bool = False) -> None:
-        """Evaluate the law on the true state: true links, the closest pair, and a row of the ledger."""
+    @property
+    def _sums_powers(self) -> bool:
+        """Whether steps sum the powers that the ledger needs of the forces that act."""
+        actuation = self._particles.actuation
+        return at_rest(self.scenario) and (actuation is None or actuation.lag is None)
+
+    def _powers_of_step(self, end: int) -> Array:
+        """Power of the forces that act at the beginning (0) or the end (1) of the last step, twice, shape (2,)."""
+        particles = self._particles
+        power = float(particles.group_sum(particles.powers[:, end].sum(keepdims=True))[0])
+        return np.array([power, power])
+
+    def _look_at_truth(self, seconds: float, *, hold: bool = False, stepped: bool = False) -> None:
+        """Evaluate the law on the true state: true links, the closest pair, and a row of the ledger.
+
+        Parameters
+        ----------
+        seconds
+            Time from the start.
+        hold
+            Whether links stay as they are.
+        stepped
+            Whether a step has just ended and nothing has changed since.
+        """
         particles, t = self._particles, self.scenario.start.t + seconds
         length = seconds - self._memory.looked
         self._memory.farthest = max(self._memory.farthest, 2.0 * particles.top_speed * length)
@@ -77,8 +99,9 @@ class HeldTruth(TilesSession):
                 None,
             )
         if self.options.ledger:
-            powers = [*powers_of(self.scenario, particles, t), power_of_law(self.scenario, particles, t)]
-            self._memory.ledger.look(particles, np.array(powers), length, jumps=not hold)
+            summed = stepped and self._sums_powers
+            powers = self._powers_of_step(1) if summed else powers_of(self.scenario, particles, t, lawful=True)
+            self._memory.ledger.look(particles, powers, length, jumps=not hold)
             self._add_row(seconds)
         self._memory.looked = seconds
 
