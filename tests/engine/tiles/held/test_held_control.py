@@ -80,7 +80,9 @@ FRAMES = {
 @pytest.mark.parametrize("frame", FRAMES)
 def test_the_ledger_closes_to_order_two(frame, masses):
     """Smooth powers between ticks: the trapezoidal rule; `departed` is that of the quadrature of the other engine."""
-    law = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("r**2/200")), fk.Consensus(0.01)])
+    # What the leader asks for is no force between agents: frames tell.
+    follow = fk.Track(fk.Velocity([2.0, -1.0]), 0.0, 0.5)
+    law = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("r**2/200")), fk.Consensus(0.01), follow])
     start = fk.start.box(N, side=10, speed=1, seed=3)
     moving = fk.State(start.q, start.p + [1.0, 0.5])
     held = scenario(fk.Held(0.1, latency=0.02), law, t_end=1.0).with_(
