@@ -46,7 +46,8 @@ def mutants_page() -> str:
         "# Mutants\n\nAn audit that cannot fail is worthless. In each row one thing about the moving agents is wrong, "
         "and the audit, which is not told, holds the motion against the law that was declared. Listed are the claims "
         "that hold for the right system and fail, or are left open, for the wrong one. Claims that begin with "
-        "`paper:` are the paper's own. The table was computed when this page was built.\n\n"
+        "`paper:` are the paper's own. The table was computed when this page was built. Wrong motions of systems in "
+        "discrete time are tests, see {ref}`can-the-audit-fail`.\n\n"
         + table(("what is wrong", "declared scenario", "claims that fail", "claims left open"), rows)
     )
 

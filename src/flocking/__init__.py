@@ -1,4 +1,4 @@
-"""Flocking control: the laws of five papers as parts, run exactly and fast, and audited.
+"""Flocking control: the laws of ten papers as parts, run exactly and fast, and audited.
 
 >>> import flocking as fk
 >>> psi = fk.Potential("1/r + 1/(R - r)", R=4)

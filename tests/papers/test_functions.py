@@ -33,7 +33,8 @@ GIVEN = {
                     "order_values", "measured_fluctuations", "stored_study"),
     "reynolds-1987": ("boid_force", "bird_force", "next_state", "observed"),
     "vasarhelyi-2018": (
-        "braking_speed", "braking_distance", "cluster_radius", "error_variances", "lone_speeds", "order_parameters",
+        "braking_speed", "braking_distance", "cluster_radius", "error_variances", "lone_speeds", "next_state",
+        "observed", "order_parameters",
     ),
 }  # fmt: skip
 

@@ -82,7 +82,7 @@ def test_the_program_refuses_more_agents_than_find_room(monkeypatch):
 
 @pytest.mark.slow
 def test_the_optimised_flock_is_ordered_and_that_of_the_file_is_not():
-    """A minute and a half: observed, with wide margins; a second transcription of the program in C gave the same."""
+    """A minute and a half of one seed: observed, with wide margins."""
     for parameters_, half_width, low, high in (
         (system.FOUND, system.NARROW, 0.7, 1.0),
         (system.FILE, 230.0, -0.2, 0.3),

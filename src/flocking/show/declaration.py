@@ -36,6 +36,8 @@ class Figure:
         Name of the paper's scenario it shows. Empty for drawings that show no run.
     beside
         Names of further scenarios it shows.
+    seen
+        What was seen in it by its authors, beside what is known of the paper's figure; for the pages.
 
     Raises
     ------
@@ -48,6 +50,7 @@ class Figure:
     draw: Draw
     scenario: str = ""
     beside: tuple[str, ...] = ()
+    seen: str = ""
 
     def __post_init__(self) -> None:
         for name in ("number", "caption"):

@@ -116,7 +116,18 @@ def delayed_group():
     assert found.information == fk.Delayed(0.6, self_delayed=False)
     assert found.law == system.law(0.4, 0.4)
     assert np.linalg.norm(found.start.q, axis=1).max() < 1.0
+    assert system.delayed_group(exponent=0.3).law == system.law(0.4, 0.3)
     assert system.delayed_group().information == fk.Delayed(2.0, self_delayed=False)
+    # The theorem is about every delay and every exponent up to 1/2: seeds draw both.
+    first, *others = [system.scenario(name=system.DELAYED, seed=seed) for seed in range(40)]
+    assert (first.information, first.law) == (fk.Delayed(2.0, self_delayed=False), system.law(0.4, 0.4))
+    delays, exponents = ([of(each) for each in others] for of in (
+        lambda each: each.information.tau, lambda each: each.law.terms[0].exponent))  # fmt: skip
+    for found, low, high in ((delays, 0.1, 6.0), (exponents, 0.0, 0.5)):
+        assert low <= min(found) < low + 0.2 * (high - low)
+        assert high - 0.2 * (high - low) < max(found) <= high
+        assert len(set(found)) == len(found)
+    assert abs(np.corrcoef(delays, exponents)[0, 1]) < 0.4
 
 
 def discrete_group():

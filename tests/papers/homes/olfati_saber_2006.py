@@ -204,7 +204,11 @@ BEHIND = [
 APART = ("on fragmentation, as commonly cited", "OWN", "FAILS", True, "one_flock", "granted")
 STATED = {
     "": SETTLED,
-    "-fragments": [*ALONE, ("one-flock-alone", *APART)],
+    "-fragments": [
+        *ALONE,
+        ("fragments", APART[0], "PAPER", "HOLDS", True, "several_flocks", "granted"),
+        ("one-flock-alone", *APART),
+    ],
     "-space": SETTLED,
     "-gentle": [
         *ALONE,

@@ -282,7 +282,8 @@ RULE = [("speed", "PAPER", "HOLDS", False, "speed_limited"),
 BOIDS = [*RULE, ("force", "PAPER", "HOLDS", False, "force_limited"), ("polarised", "OWN", "HOLDS", True, "polarised"),
          ("one-flock", "OWN", "HOLDS", True, "one_flock"), ("apart", "OWN", "HOLDS", True, "apart"),
          ("returns", "OWN", "HOLDS", True, "returns")]  # fmt: skip
-BIRDS = [*RULE, ("polarised", "OWN", "HOLDS", True, "polarised"), ("one-flock", "OWN", "HOLDS", True, "one_flock")]
+BIRDS = [*RULE, ("polarised", "OWN", "HOLDS", True, "polarised"), ("one-flock", "OWN", "HOLDS", True, "one_flock"),
+         ("birds-apart", "OWN", "HOLDS", True, "birds_apart")]  # fmt: skip
 
 
 def claims():
@@ -299,7 +300,7 @@ def claims():
         theorems.claims("boids")
     assert {k: g.basis.name for k, g in theorems.grounds().items()} == {
         "speed": "PROOF", "force": "PROOF", "new-velocity": "PROOF", "rule": "PROOF", "polarised": "OBSERVATION",
-        "one-flock": "OBSERVATION", "apart": "OBSERVATION", "returns": "OBSERVATION",
+        "one-flock": "OBSERVATION", "apart": "OBSERVATION", "birds-apart": "OBSERVATION", "returns": "OBSERVATION",
     }  # fmt: skip
 
 

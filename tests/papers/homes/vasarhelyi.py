@@ -290,7 +290,7 @@ SETTINGS = {
 
 
 def scenarios():
-    assert set(system.scenarios()) == {f"{system.KEY}{end}" for end in (*SETTINGS, "-alone")}
+    assert set(system.scenarios()) == {f"{system.KEY}{end}" for end in (*SETTINGS, "-quiet", "-alone")}
     for end, (n, t_end, fixed, given, half, circles) in SETTINGS.items():
         for seed in (0, 6):
             found = system.scenario(name=f"{system.KEY}{end}", seed=seed)
@@ -303,6 +303,12 @@ def scenarios():
     circles = system.scenario(name=system.OBSTACLES).law.terms[4:]
     assert_allclose([(*c.centre, c.radius) for c in circles],
                     [(-55.0, -50.0, 15.3), (55.0, 30.0, 20.3), (-25.0, 70.0, 12.3)])  # fmt: skip
+    quiet = system.scenario(name=system.QUIET, seed=6)
+    assert (quiet.start.n, quiet.t_end, quiet.name, quiet.seed) == (30, 20.0, system.QUIET, 6)
+    assert (quiet.agents.diffusion, quiet.agents.fixed, quiet.agents.speed) == (0.0, False, 8.0)
+    assert (quiet.information.diffusion, quiet.information.delay, quiet.information.range) == (0.0, 1.0, 100.0)
+    assert quiet.law == system.law(half_width=125.0, circles=system.CIRCLES)
+    assert_allclose(quiet.frame_times, 0.2 * np.arange(101), atol=1e-12)
     alone = system.scenario(name=system.ALONE, seed=2)
     assert (alone.start.n, alone.t_end, alone.agents.diffusion, alone.information.diffusion) == (1, 8.0, 0.0, 0.0)
     assert_allclose(np.linalg.norm(alone.start.p), 1.0)
@@ -378,11 +384,14 @@ def claims():
         (key, "not stated", "OWN", "HOLDS", False, key.replace("-", "_"), "granted")
         for key in ("lone-speed", "straight")
     ]
-    agree_on(theorems, system, {**dict.fromkeys(SETTINGS, ASKED), "-alone": alone})
+    rule = (("rule", "rule_followed"), ("places", "moved_by_rule"), ("acceleration", "acceleration_limited"))
+    quiet = [(key, "the program", "PAPER", "HOLDS", False, measure, "granted") for key, measure in rule]
+    agree_on(theorems, system, {**dict.fromkeys(SETTINGS, ASKED), "-quiet": quiet, "-alone": alone})
     with pytest.raises(fk.InvalidInput, match="claims: scenario"):
         theorems.claims("drones")
     bases = {k: g.basis.name for k, g in theorems.grounds().items()}
-    assert bases == {**{row[0]: "OBSERVATION" for row in ASKED}, "lone-speed": "PROOF", "straight": "PROOF"}
+    assert bases == {**{row[0]: "OBSERVATION" for row in ASKED}, "lone-speed": "PROOF", "straight": "PROOF",
+                     **dict.fromkeys(("rule", "places", "acceleration"), "PROOF")}  # fmt: skip
     run = fk.simulate(system.flock(6, seed=2, duration=2.0), progress=False)
     off = replace(run, t=run.t + 100.0 * (run.t > 0.5))
     both = [parameters.at(q, p, system.cluster_radius()) for q, p in zip(run.q[1:], run.p[1:], strict=True)]

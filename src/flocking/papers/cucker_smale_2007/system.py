@@ -43,8 +43,10 @@ MEETING, LEAVING = 1.2, 1.7
 STEP = 0.2
 """Step of the system in discrete time; h times the largest sum of weights is below 1."""
 
-DELAY = 2.0
-"""Delay of the neighbours' states; agents know their own."""
+DELAY, DELAYED_EXPONENT = 2.0, 0.4
+"""Delay of the neighbours' states and beta for the seed 0; agents know their own state."""
+DELAYS, DELAYED_EXPONENTS = (0.1, 6.0), (0.0, 0.5)
+"""Ranges from which both are drawn for other seeds: the theorem is about every delay and every beta up to 1/2."""
 LATE, MONOTONE_LATE, TOO_LATE = 1.5, 0.36, 1.7
 """Delays of all states for lambda = 1: between 1/e and pi/2, below 1/e, and above pi/2."""
 NEAR = 1e-9
@@ -114,13 +116,13 @@ def pair(
     return Scenario(law(0.5 * gain, exponent), begin, t_end=duration, frames=301, name=name)
 
 
-def drawn(seed: int, first: float, low: float, high: float) -> float:
-    """A number of a scenario of two agents: ``first`` for the seed 0, else drawn between ``low`` and ``high``.
+def drawn(seed: int | tuple[int, int], first: float, low: float, high: float) -> float:
+    """A number of a scenario: ``first`` for the seed 0, else drawn between ``low`` and ``high``.
 
     Parameters
     ----------
     seed
-        Seed of the draw.
+        Seed of the draw; a second number tells several draws of one seed apart.
     first
         The number for the seed 0.
     low, high
@@ -170,8 +172,10 @@ def late_pair(delay: float, *, rate: float = 1.0, duration: float = 300.0, name:
 
 
 @seeded
-def delayed_group(*, seed: int = 0, delay: float = DELAY, name: str = "") -> Scenario:
-    """Five agents with exponent 0.4 that know their own state, and those of the others ``delay`` late.
+def delayed_group(
+    *, seed: int = 0, delay: float = DELAY, exponent: float = DELAYED_EXPONENT, name: str = ""
+) -> Scenario:
+    """Five agents that know their own state, and those of the others ``delay`` late.
 
     Parameters
     ----------
@@ -179,11 +183,22 @@ def delayed_group(*, seed: int = 0, delay: float = DELAY, name: str = "") -> Sce
         Seed of the start.
     delay
         The delay.
+    exponent
+        beta.
     name
         Name of the scenario.
     """
-    begin = group(0.4, gain=2.0, agents=5, spread=1.0, seed=seed, name=name)
+    begin = group(exponent, gain=2.0, agents=5, spread=1.0, seed=seed, name=name)
     return begin.with_(information=Delayed(delay), t_end=4.0 * DURATION)
+
+
+@seeded
+def drawn_delayed_group(seed: int = 0) -> Scenario:
+    """The same with delay 2 and exponent 0.4, for other seeds with both drawn from `DELAYS` and `DELAYED_EXPONENTS`."""
+    # Numbers of their own: those of the start come from the seed alone.
+    delay = drawn((seed, 1) if seed else 0, DELAY, *DELAYS)
+    exponent = drawn((seed, 2) if seed else 0, DELAYED_EXPONENT, *DELAYED_EXPONENTS)
+    return delayed_group(seed=seed, delay=delay, exponent=exponent, name=DELAYED)
 
 
 @seeded
@@ -212,7 +227,7 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         SHARP: lambda seed: group(1.0, gain=10.0, seed=seed, spread=1.0, name=SHARP),
         PAIR: meeting_pair,
         PARTING: parting_pair,
-        DELAYED: lambda seed: delayed_group(seed=seed, name=DELAYED),
+        DELAYED: drawn_delayed_group,
         REACTION: lambda seed: late_pair(drawn(seed, LATE, 0.5, 1.5), name=REACTION).with_(seed=seed),
         MONOTONE: lambda seed: late_pair(
             drawn(seed, MONOTONE_LATE, 0.1, 0.36), duration=2.0 * DURATION, name=MONOTONE

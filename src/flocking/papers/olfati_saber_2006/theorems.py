@@ -107,6 +107,13 @@ def one_flock(e: Evidence) -> Measure:
     return Measure(1.5 - count, 0.0, f"{count} flocks at the end", everywhere=False)
 
 
+@about(Subject.CONNECTIVITY)
+def several_flocks(e: Evidence) -> Measure:
+    """Number of flocks at the end, against one."""
+    count = flocks(e.end_links)
+    return Measure(count - 1.5, 0.0, f"{count} flocks at the end", everywhere=False)
+
+
 @about(Subject.NET)
 def quasi_lattice(e: Evidence) -> Measure:
     """Deviation energy at the end."""
@@ -201,6 +208,7 @@ def grounds() -> Mapping[str, Ground]:
         "one-flock-behind": OBSERVED,
         "aligned-behind": OBSERVED,
         "lattice-behind": OBSERVED,
+        "fragments": OBSERVED,
         "one-flock-alone": refuted(lambda: system.scenarios()[system.FRAGMENTS](0)),
         "lattice": OBSERVED,
         "held": proved("by the definition of the system"),
@@ -230,6 +238,7 @@ def _stated(name: str) -> Sequence[Claim]:
         if name == system.FRAGMENTS:
             return (
                 *first,
+                Claim("fragments", APART, "Under Algorithm 1 the agents end in several flocks.", several_flocks),
                 Claim("one-flock-alone", APART, "Algorithm 1 gathers all agents in one flock.",
                       one_flock, expected=Verdict.FAILS, origin=own,
                       reason="Algorithm 1 holds neighbours together; groups that do not meet stay apart."),

@@ -17,6 +17,12 @@ from flocking.model.observables import order_of
 from flocking.papers.reynolds_1987 import system
 from flocking.study.confidence_intervals import Interval, mean_interval
 
+NAMES = ("polarisation", "nearest", "fragments")
+"""Names of the quantities."""
+
+OBSERVED = (system.KEY, system.SEQUENTIAL, system.SMALL, system.LARGE)
+"""Scenarios whose quantities are observed."""
+
 
 @dataclass(frozen=True, eq=False)
 class Observed:
@@ -89,3 +95,14 @@ def of_runs(runs: Sequence[Run]) -> Observed:
     """
     columns = zip(*(measured(run) for run in runs), strict=True)
     return Observed(np.asarray(runs[0].t), *(np.array(column) for column in columns))
+
+
+def quantities(run: Run) -> dict[str, float]:
+    """Polarisation, nearest distance and fragments at the last frame of a run.
+
+    Parameters
+    ----------
+    run
+        The run, with a frame.
+    """
+    return {name: float(row[-1]) for name, row in zip(NAMES, measured(run), strict=True)}

@@ -151,6 +151,16 @@ def apart(e: Evidence) -> Measure:
     return above(least, TOUCHING, f"smallest distance at the frames {least:.3g}")
 
 
+@about(Subject.CLOSEST)
+def birds_apart(e: Evidence) -> Measure:
+    """Smallest distance of two agents at the last frame, against that below which birds separate."""
+    e.need_few()
+    if e.run.n < 2:
+        raise NotMeasurable("there is one agent")
+    least = float(measured(e.checked)[1][-1])
+    return above(least, system.BIRD_SEPARATION, f"smallest distance at the end {least:.3g}")
+
+
 @about(Subject.CONNECTIVITY)
 def one_flock(e: Evidence) -> Measure:
     """Number of groups at the last frame, against one."""
@@ -178,6 +188,7 @@ def grounds() -> Mapping[str, Ground]:
         "rule": proved(definition),
         "polarised": OBSERVED,
         "apart": OBSERVED,
+        "birds-apart": OBSERVED,
         "one-flock": OBSERVED,
         "returns": OBSERVED,
     }
@@ -198,7 +209,9 @@ def _stated(name: str) -> Sequence[Claim]:
                   polarised, origin=own)  # fmt: skip
     united = Claim("one-flock", "not stated", "At the end all belong to one group.", one_flock, origin=own)
     if name in system.BIRDS:
-        return (*rule, order, united)
+        sentence = "At the end no two birds are closer than the distance below which they separate, 1."
+        separate = Claim("birds-apart", "not stated", sentence, birds_apart, origin=own)
+        return (*rule, order, united, separate)
     force = Claim("force", source, "No velocity changes by more than the largest force allows.", force_limited,
                   dynamic=False)  # fmt: skip
     return (

@@ -10,8 +10,10 @@ from __future__ import annotations
 from flocking.model.terms.braking import braking_distance, braking_speed
 from flocking.papers.description import Paper
 from flocking.papers.vasarhelyi_2018.closed_forms import error_variances, lone_speeds
+from flocking.papers.vasarhelyi_2018.observations import observed
 from flocking.papers.vasarhelyi_2018.parameters import OrderParameters, order_parameters
 from flocking.papers.vasarhelyi_2018.pictures import figures
+from flocking.papers.vasarhelyi_2018.rules import next_state
 from flocking.papers.vasarhelyi_2018.system import KEY, cluster_radius, scenario, scenarios
 from flocking.papers.vasarhelyi_2018.theorems import claims
 
@@ -30,6 +32,7 @@ PAPER = Paper(
         "vasarhelyi-2018-program": "The same as the released program runs it",
         "vasarhelyi-2018-optimized": "A hundred agents with the parameters that the optimisation found",
         "vasarhelyi-2018-obstacles": "The optimised flock among three obstacles",
+        "vasarhelyi-2018-quiet": "Thirty agents without noise, judged tick by tick",
         "vasarhelyi-2018-alone": "One agent in free space",
     },
     questions={
@@ -60,6 +63,8 @@ __all__ = [
     "figure",
     "figures",
     "lone_speeds",
+    "next_state",
+    "observed",
     "order_parameters",
     "scenario",
     "scenarios",

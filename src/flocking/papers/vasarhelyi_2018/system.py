@@ -33,7 +33,8 @@ from flocking.model.world.fixes import Fixes
 from flocking.papers.named_scenarios import scenario_by_name
 
 KEY = "vasarhelyi-2018"
-PROGRAM, OPTIMIZED, OBSTACLES, ALONE = (f"{KEY}-{name}" for name in ("program", "optimized", "obstacles", "alone"))
+PROGRAM, OPTIMIZED, OBSTACLES = (f"{KEY}-{name}" for name in ("program", "optimized", "obstacles"))
+QUIET, ALONE = f"{KEY}-quiet", f"{KEY}-alone"
 
 FIGURES = {1: KEY, 2: KEY}
 """Scenario of each figure; the first of those that it shows."""
@@ -44,6 +45,8 @@ DURATION = 600.0
 """Length of a run in seconds (released)."""
 SHORT = 120.0
 """Length of the runs beside the main one: chosen here."""
+QUIET_AGENTS, QUIET_DURATION = 30, 20.0
+"""Agents, and length in seconds, of the run without noise of which every tick is a frame: chosen here."""
 FLOCK_SPEED, LARGEST_SPEED = 4.0, 8.0
 """v_flock and v_max in m/s (released)."""
 
@@ -298,6 +301,19 @@ def alone(*, speed: float = 1.0, duration: float = 8.0, seed: int = 0, name: str
     )  # fmt: skip
 
 
+@seeded
+def quiet(agents: int = QUIET_AGENTS, *, seed: int = 0, duration: float = QUIET_DURATION, name: str = "") -> Scenario:
+    """A flock without noise between near walls and obstacles, with a frame at every tick: its motion can be judged.
+
+    Parameters
+    ----------
+    agents, seed, duration, name
+        As for `flock`.
+    """
+    made = flock(agents, seed=seed, duration=duration, half_width=NARROW, circles=CIRCLES, name=name)
+    return made.with_(agents=unit(noise=0.0), information=knowledge(noise=0.0), frames=round(made.t_end / REFRESH) + 1)
+
+
 def scenarios() -> dict[str, Callable[[int], Scenario]]:
     """Scenarios by name, each a function of the seed."""
     return {
@@ -307,6 +323,7 @@ def scenarios() -> dict[str, Callable[[int], Scenario]]:
         OBSTACLES: lambda seed: flock(
             seed=seed, duration=SHORT, parameters=FOUND, half_width=NARROW, circles=CIRCLES, name=OBSTACLES
         ),
+        QUIET: lambda seed: quiet(seed=seed, name=QUIET),
         ALONE: lambda seed: alone(seed=seed, name=ALONE),
     }
 

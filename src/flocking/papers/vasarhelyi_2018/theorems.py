@@ -1,6 +1,8 @@
 """Claims about the flock of Vasarhelyi et al. with their grounds.
 
-The authors prove nothing. Only the motion of a lone agent has a closed form; order parameters are observed over seeds.
+The authors prove nothing. The motion of a lone agent has a closed form, and that of a flock without noise follows from
+its states at the ticks: both are judged from the frames alone, also of motions of other programs. Order parameters are
+observed over seeds.
 """
 
 from __future__ import annotations
@@ -11,21 +13,24 @@ from functools import lru_cache
 import numpy as np
 
 from flocking.model.bodies.velocity_units import VelocityUnit
-from flocking.model.checks import Array
+from flocking.model.checks import NO_LESS, Array
 from flocking.model.world.control import Held
 from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved
 from flocking.papers.vasarhelyi_2018 import system
 from flocking.papers.vasarhelyi_2018.closed_forms import lone_speeds
+from flocking.papers.vasarhelyi_2018.observations import SETTLED, late
 from flocking.papers.vasarhelyi_2018.parameters import OrderParameters, order_parameters
+from flocking.papers.vasarhelyi_2018.rules import next_state, why_not
 from flocking.study.claims.claim import Claim, Measure, Origin, above, below
 from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence, NotMeasurable
 
-SETTLED = 60.0
-"""Time in seconds after which order parameters are averaged."""
-
 ROUNDING = 1e-9
 """Relative rounding of speeds."""
+
+AGREED, CLOCK = 1e-6, 1e-6
+"""Relative differences that count as rounding: of states at ticks from the rule, and of times of frames from ticks. A
+wrong rule differs by its error times what a tick changes, a tenth of the speed and more."""
 
 ORDERED = 0.8
 """Mean correlation of directions above which a flock is called ordered."""
@@ -48,8 +53,7 @@ def _parameters(e: Evidence) -> OrderParameters:
 
 
 def _late(e: Evidence, name: str) -> Array:
-    series = np.asarray(getattr(_parameters(e), name))
-    chosen = series[(e.t - e.t[0]) >= SETTLED]
+    chosen = late(e.t, _parameters(e), name)
     if not len(chosen) or np.isnan(chosen).all():
         raise NotMeasurable(f"the run has no frame after {SETTLED:g} s at which it is defined")
     return np.asarray(chosen)
@@ -146,10 +150,63 @@ def straight(e: Evidence) -> Measure:
     return below(off, ROUNDING, f"velocities turn by at most {off:.1e} of v_flock")
 
 
+def _of_every_tick(e: Evidence) -> float:
+    """Time between two ticks of a run whose motion follows from its frames."""
+    if reason := why_not(e.run.scenario):
+        raise NotMeasurable(reason)
+    period = float(e.run.scenario.information.period)  # type: ignore[attr-defined]
+    if len(e.t) < 2 or np.abs(np.diff(e.t) - period).max() > CLOCK * period or e.t[0] != e.run.scenario.start.t:
+        raise NotMeasurable("the frames are not those of every tick from the start on")
+    e.need_few()
+    return period
+
+
+@lru_cache(maxsize=8)
+def _differences(e: Evidence) -> tuple[float, float, int]:
+    """Largest differences of places and of velocities at ticks from the rule, relative, and number of ticks."""
+    period, ticks = _of_every_tick(e), len(e.t) - 1
+    speed = max(float(np.linalg.norm(e.p, axis=2).max()), NO_LESS)
+    places = velocities = 0.0
+    for tick in range(ticks):
+        q, p = next_state(e.run.scenario, e.q, e.p, tick)
+        places = max(places, float(np.linalg.norm(q - e.q[tick + 1], axis=1).max()) / (period * speed))
+        velocities = max(velocities, float(np.linalg.norm(p - e.p[tick + 1], axis=1).max()) / speed)
+    return places, velocities, ticks
+
+
+@about(Subject.SPREAD, lasting=True)
+def rule_followed(e: Evidence) -> Measure:
+    """Largest difference of velocities at a tick from those by the rule, by the largest speed."""
+    _, off, ticks = _differences(e)
+    note = f"velocities at {ticks} ticks differ from the rule by at most {off:.1e} of the largest speed"
+    return below(off, AGREED, note)
+
+
+@about(Subject.NET, lasting=True)
+def moved_by_rule(e: Evidence) -> Measure:
+    """Largest difference of places at a tick from those by the rule, by what the largest speed covers in a tick."""
+    off, _, ticks = _differences(e)
+    return below(off, AGREED, f"places at {ticks} ticks differ from the rule by at most {off:.1e} of the largest step")
+
+
+@about(Subject.VELOCITIES, lasting=True)
+def acceleration_limited(e: Evidence) -> Measure:
+    """Largest change of a velocity between two ticks, against what the largest acceleration allows."""
+    period, body = _of_every_tick(e), e.run.scenario.agents
+    largest = body.acceleration  # type: ignore[attr-defined]
+    if largest is None:
+        raise NotMeasurable("agents have no largest acceleration")
+    share = float(np.linalg.norm(np.diff(e.p, axis=0), axis=2).max()) / (period * largest)
+    return below(share, 1.0 + ROUNDING, f"largest change of a velocity {share:.6g} of what the acceleration allows")
+
+
 def grounds() -> Mapping[str, Ground]:
     """Grounds by the key of the claim."""
     alone = "the desired velocity has the direction of the own one and the length v_flock"
     found = dict.fromkeys(("correlated", "no-collisions", "confined", "fast", "connected", "together"), OBSERVED)
+    rule = "by the definition of the system: without noise a tick follows from the states at it and a delay before"
+    found |= dict.fromkeys(("rule", "places"), proved(rule))
+    found["acceleration"] = proved("by the definition of the system, and the triangle inequality within a tick")
     return {**found, "lone-speed": proved(f"{alone}: a linear recursion"), "straight": proved(alone)}
 
 
@@ -161,6 +218,15 @@ def _stated(name: str) -> Sequence[Claim]:
                   lone_speed, origin=own, dynamic=False),
             Claim("straight", "not stated", "A lone agent without noise moves on a straight line.", straight,
                   origin=own, dynamic=False),
+        )  # fmt: skip
+    if name == system.QUIET:
+        program = "the program"
+        return (
+            Claim("rule", program, "Velocities at ticks are those that the terms of the law, the delay, the range and "
+                  "the lag give.", rule_followed, dynamic=False),
+            Claim("places", program, "Places move with the velocity before each step.", moved_by_rule, dynamic=False),
+            Claim("acceleration", program, "No velocity changes by more than the largest acceleration allows.",
+                  acceleration_limited, dynamic=False),
         )  # fmt: skip
     asked: tuple[tuple[str, str, Callable[[Evidence], Measure]], ...] = (
         ("correlated", "After a minute directions within clusters have a mean correlation above 0.8.", correlated),

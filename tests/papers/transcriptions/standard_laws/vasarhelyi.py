@@ -96,11 +96,11 @@ def measured(errors, seed, sample, period=0.2, sigma=0.005):
     return found
 
 
-def known_wanted(q, v, i, fixes, late):
-    """Wanted velocity of agent i from its own fix and the late fixes of those within 100 m."""
+def known_wanted(q, v, i, fixes, late, half=230.0, discs=()):
+    """Wanted velocity of agent i from its own fix and the late fixes of those within 100 m, with walls and discs."""
     own = fixes[i]
     seen = {j: late[j] for j in range(len(q)) if j != i and length(minus(q[j], q[i])) < 100.0}
-    total = plus(propulsion(own[1]), walls(*own))
+    total = plus(propulsion(own[1]), walls(*own, half), *(disc(*own, [x, y], r) for x, y, r in discs))
     for place, _ in seen.values():
         away = minus(own[0], place)
         r = length(away)

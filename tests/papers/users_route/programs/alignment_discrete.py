@@ -1,0 +1,6 @@
+# fmt: off
+import flocking as fk
+
+law = fk.Law(fk.Complete(), fk.CuckerSmale(0.3, 0.4))
+start = fk.start.ball(9, radius=3.0, speed=3.0, seed=4)
+scenario = fk.Scenario(law, start, t_end=2.0, frames=5, agents=fk.Impulsive(), control=fk.Held(0.1))
