@@ -73,3 +73,37 @@ def test_arrow_keys_kick_with_the_hand_that_kicks_and_move_the_view_with_others(
     assert tab.ask("() => lab.scene.camera.off") != off, "with none chosen they move the view"
     page.clock.do(lambda: None)
     assert len(page.experiment.log.entries) == 1
+
+
+def test_obstacles_are_chosen_moved_and_removed_by_keys(page, tab):
+    canvas = tab.tab.locator("#canvas")
+
+    def balls():
+        return [ball for term in page.experiment.scenario.law.terms for ball in getattr(term, "obstacles", ())]
+
+    def where():
+        return balls()[0].centre.at(0.0)[0]
+
+    canvas.focus()
+    before, unit = np.array(where()), 10 / tab.ask("() => lab.scene.camera.scale")
+    canvas.press("o")
+    tab.reads("obstacle 1 of 1 is chosen")
+    tab.drawn()
+    x, y = tab.on_screen(before)
+    radius = round(balls()[0].radius * tab.ask("() => lab.scene.camera.scale")) + 6
+    ring = np.concatenate(
+        [tab.colours(x + radius * np.cos(a), y + radius * np.sin(a), 3) for a in np.arange(0, 6, 0.5)]
+    )
+    assert ((ring[:, 0] > 180) & (ring[:, 1] < 130) & (ring[:, 2] > 150)).sum() > 5, "the obstacle is not marked"
+    for key in 6 * ("ArrowLeft", "ArrowDown"):
+        canvas.press(key)
+    tab.wait(lambda: where() - before == pytest.approx([-6 * unit, -6 * unit], rel=1e-6), "all steps count")
+    assert {event["kind"] for _, event in page.experiment.log.entries} == {"move"}
+    tab.caught_up()
+    canvas.press("Delete")
+    tab.wait(lambda: not balls(), "it is removed")
+    tab.caught_up()
+    choose(tab, "1, 4")
+    canvas.focus()
+    canvas.press("Delete")
+    tab.wait(lambda: page.experiment.state.n == 8, "chosen agents are removed")

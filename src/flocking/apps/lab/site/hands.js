@@ -1,5 +1,6 @@
 // Hands: what the pointer does in the scene. Choose, drag, add, kick and remove agents and obstacles; move the view.
 
+import { Keys } from "./keys.js";
 import { fragment } from "./law.js";
 import { inside, short } from "./scene.js";
 import { escaped } from "./timeline.js";
@@ -13,7 +14,6 @@ const TOOLS = [
   ["obstacle", "Drag to add a round obstacle", '<circle cx="12" cy="12" r="7" fill="currentColor"/>'],
   ["erase", "Click to remove an agent or an obstacle", '<path d="M9 6h11v12H9l-6-6zM12 9.5l5 5M17 9.5l-5 5"/>'],
 ];
-const VIEW_STEP = 40, STEP = 10, FAR_STEP = 50; // pixels by which an arrow key moves the view, and chosen agents
 const INKS = ["#ffffff", "#e09f3e", "#7fd1ff", "#ff8fa3", "#b7e36b", "#d6b3ff"];
 
 export class Hands {
@@ -37,7 +37,7 @@ export class Hands {
       const [x, y] = this.at(e);
       this.zoom(Math.exp(-0.0015 * e.deltaY), x, y);
     }, { passive: false });
-    canvas.addEventListener("keydown", (e) => this.key(e));
+    new Keys(this);
     this.fingers = new Map();
   }
 
@@ -48,10 +48,10 @@ export class Hands {
   }
 
   showHint() {
-    const box = this.parts.hint;
-    box.hidden = this.tool === "view";
-    box.textContent = TOOLS.find(([name]) => name === this.tool)[1];
-    if (this.tool !== "lasso") return;
+    const box = this.parts.hint, told = this.scene.gripped?.told;
+    box.hidden = this.tool === "view" && !told;
+    box.textContent = told ?? TOOLS.find(([name]) => name === this.tool)[1];
+    if (this.tool !== "lasso" || told) return;
     box.append(fragment('<br><label>or by number <input aria-label="agents" placeholder="3, 5-8"></label> <button>a random tenth</button>'));
     const field = box.querySelector("input");
     field.onchange = () => {
@@ -292,35 +292,6 @@ export class Hands {
     const room = scene.size(), { offsetWidth, offsetHeight } = box;
     if (place[0] + 28 + offsetWidth > room.width) box.style.left = `${Math.max(place[0] - offsetWidth - 28, 0)}px`;
     if (place[1] + 28 + offsetHeight > room.height) box.style.top = `${Math.max(place[1] - offsetHeight - 28, 0)}px`;
-  }
-
-  key(event) {
-    const cam = this.scene.camera, { width, height } = this.scene.size();
-    const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-    if (ways[event.key]) this.arrow(...ways[event.key], event.shiftKey);
-    else if (event.key === "+" || event.key === "=") cam.zoom(1.2, width / 2, height / 2);
-    else if (event.key === "-") cam.zoom(1 / 1.2, width / 2, height / 2);
-    else if (event.key === "0") this.scene.aim();
-    else if (event.key === "Escape") this.choose([]);
-    else if (event.key === "Enter" && this.tool === "add") this.event({ kind: "add", q: this.point(width / 2, height / 2), p: this.meanVelocity() });
-    else if (event.key === "Enter" && this.tool === "obstacle") this.event({ kind: "obstacle", centre: this.point(width / 2, height / 2), radius: 20 / cam.scale });
-    else return;
-    event.preventDefault();
-    this.scene.repaint();
-  }
-
-  // An arrow key, as the hand is: it moves the view, or moves or kicks the chosen agents.
-  arrow(right, down, far) {
-    const agents = [...this.scene.chosen];
-    if (!agents.length || !["drag", "kick"].includes(this.tool)) {
-      this.scene.camera.pan(-VIEW_STEP * right, -VIEW_STEP * down);
-      return;
-    }
-    const { width, height } = this.scene.size(), [x, y] = [width / 2, height / 2], step = far ? FAR_STEP : STEP;
-    const from = this.scene.point(x, y, 0), to = this.scene.point(x + step * right, y + step * down, 0);
-    const by = to.map((v, k) => v - from[k]), length = Math.hypot(...by);
-    if (this.tool === "drag") this.event({ kind: "shift", agents, by });
-    else if (length > 0) this.event({ kind: "kick", agents, velocity: by.map((v) => (v * (this.speed ?? 1)) / length) });
   }
 }
 

@@ -71,7 +71,9 @@ link.on("values", (message) => law.values(message.values));
 link.on("speed", (message) => (at("speed").value = message.speed));
 link.on("aim", () => {
   scene.past = [];
+  scene.gripped = null;
   hands.choose([]);
+  hands.showHint();
   scene.aim();
 });
 link.on("record", (message) => {

@@ -11,6 +11,15 @@ export function marks(scene, group, run, sx, sy) {
   c.strokeStyle = "#ff4fd0";
   c.lineWidth = 2;
   for (const i of scene.chosen) if (i < group.n) ring(i, 10);
+  const gripped = group.solids.find((s) => String(s.path) === scene.gripped?.path);
+  if (gripped) {
+    const [x, y] = scene.camera.world(gripped.position), reach = Math.max(gripped.radius, ...gripped.outline.map((p) => Math.hypot(...p)));
+    c.setLineDash([5, 4]);
+    c.beginPath();
+    c.arc(x, y, Math.max(14, reach * scene.camera.scale + 6), 0, 7);
+    c.stroke();
+    c.setLineDash([]);
+  }
   const { hovered, forces } = scene;
   if (hovered?.run === run && hovered.agent < group.n) {
     c.strokeStyle = scene.dark ? "#ffffff" : "#1c2733";

@@ -24,6 +24,7 @@ export class Scene {
     this.chosen = new Set();
     this.hovered = null; // {run, agent}
     this.forces = null; // of the chosen agent: {run, agent, list: [{term, force, colour}]}
+    this.gripped = null; // the obstacle or leader that the keyboard moves: {path, told}
     this.lasso = null;
     this.drawing = null; // a shape that a hand is making: {kind, from, to}
     this.past = [];
