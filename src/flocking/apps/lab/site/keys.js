@@ -42,8 +42,8 @@ export class Keys {
 
   grip(solid) {
     this.sent = null;
-    const end = solid?.kind === "obstacle" ? ", Delete removes it" : "";
-    this.scene.gripped = solid && { path: String(solid.path), told: `${solid.kind} ${1 + this.solids.indexOf(solid)} of ${this.solids.length} is chosen: arrow keys move it${end}, o chooses the next one, Escape none` };
+    const alike = this.solids.filter((s) => s.kind === solid?.kind), end = solid?.kind === "obstacle" ? ", Delete removes it" : "";
+    this.scene.gripped = solid && { path: String(solid.path), told: `${solid.kind} ${1 + alike.indexOf(solid)} of ${alike.length} is chosen: arrow keys move it${end}, o chooses the next one, Escape none` };
     this.hands.showHint();
   }
 

@@ -24,6 +24,8 @@ export class LawPanel {
   }
 
   scenario(message) {
+    if (message.name !== this.name) this.area.scrollTop = 0;
+    this.name = message.name;
     this.terms = message.terms;
     this.engine = `${message.engine} engine`;
   }
