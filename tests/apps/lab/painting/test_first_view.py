@@ -94,7 +94,7 @@ def test_on_a_phone_curves_claims_and_the_control_that_changes_them_are_seen_tog
         "[data-curve=energy]",
         "[data-curve=connectivity]",
         "#strips .strip",
-        "#strips svg.lamp",
+        "#strips button svg",
         "#g input",
         "#canvas",
     ):
