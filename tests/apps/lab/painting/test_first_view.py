@@ -86,21 +86,18 @@ def test_on_a_phone_curves_claims_and_the_control_that_changes_them_are_seen_tog
     tab.tab.locator("#show-law").click()
     tab.control("gain").locator("input[type=range]").scroll_into_view_if_needed()
     tab.drawn()
-    slider = "#law label.row:has(input[type=range])"
-    tab.ask(
-        "() => [...document.querySelectorAll('#law label.row')].find((r) => r.textContent.trim() === 'gain').id = 'g'"
-    )
+    rows = "[...document.querySelectorAll('#law label.row')]"
+    tab.ask(f"() => {{ {rows}.find((r) => r.textContent.trim() === 'gain').id = 'gain'; }}")
     for part in (
         "[data-curve=energy]",
         "[data-curve=connectivity]",
         "#strips .strip",
         "#strips button svg",
-        "#g input",
-        "#canvas",
+        "#gain input",
     ):
         assert tab.ask(SEEN, part), part
-    first = tab.tab.locator(slider).first
-    first.scroll_into_view_if_needed()
+    assert tab.tab.locator("#scene").bounding_box()["height"] > 0.3 * 844
+    tab.tab.locator("#law .pot label.row:has(input[type=range])").first.scroll_into_view_if_needed()
     tab.drawn()
     assert tab.ask(SEEN, ".pot canvas"), "the picture of the potential stays above its sliders"
     tab.shot("phone_law_and_curves")
