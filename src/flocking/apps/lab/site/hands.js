@@ -144,7 +144,7 @@ export class Hands {
   }
 
   origin(h) {
-    const place = this.scene.places[h.run];
+    const place = this.scene.places[h.run] ?? this.scene.places[0]; // a second run may have gone meanwhile
     return h.agent === null ? h.from : [place.sx[h.agent] + h.left, place.sy[h.agent]];
   }
 
@@ -163,7 +163,7 @@ export class Hands {
   done(h, x, y, more) {
     const scene = this.scene, clicked = !h.moved;
     if (h.kind === "lasso") {
-      const { sx, sy } = scene.places[h.run];
+      const { sx, sy } = scene.places[h.run] ?? scene.places[0];
       const found = clicked ? [] : [...sx.keys()].filter((i) => inside(scene.lasso, sx[i] + h.left, sy[i]));
       scene.lasso = null;
       this.choose(more ? [...scene.chosen, ...found] : found, h.run);

@@ -150,7 +150,7 @@ export class Scene {
   // What a function gives while the camera looks at a run.
   within(run, act) {
     const groups = this.frame.groups, { width, height } = this.size(), each = width / groups.length;
-    this.camera.look(groups[run].centre, each, height);
+    this.camera.look((groups[run] ?? groups[0]).centre, each, height);
     const found = act(this.camera);
     this.camera.look(groups[0].centre, each, height);
     return found;
@@ -159,7 +159,7 @@ export class Scene {
   // The point of the world at a pixel of the scene, seen in a run: that of the pixel unless it is named.
   point(x, y, run = this.part(x).run) {
     const each = this.size().width / this.frame.groups.length;
-    return this.within(run, (camera) => camera.point(x - run * each, y)).slice(0, this.frame.groups[run].d);
+    return this.within(run, (camera) => camera.point(x - run * each, y)).slice(0, this.frame.groups[0].d);
   }
 
   text(words, x, y, colour) {
