@@ -35,12 +35,17 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
     """
     from flocking.papers import paper, paper_of
     from flocking.papers.showcases.files import TITLES, showcase_scenario
+    from flocking.study.sample_files.reading import ENDINGS
 
     key = paper_of(name)
     if key and name in (made := paper(key).scenarios()):
         return made[name](0 if seed is None else seed)
     if name in TITLES:
         return showcase_scenario(name, seed)
+    if Path(name).suffix in ENDINGS and Path(name).is_file():
+        raise InvalidInput(
+            "scenario", "file", "must be a TOML file", name, "Samples of a motion are judged by 'flocking audit'."
+        )
     if Path(name).suffix == ".toml" or Path(name).exists():
         from flocking.study.scenario_files.scenario_file import MOST_AGENTS, read_scenario
 
@@ -48,8 +53,8 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
     from flocking.model.parts.values import nearest
 
     raise InvalidInput(
-        "run",
         "scenario",
+        "name",
         "must be a name that 'flocking list' shows, or a TOML file",
         name,
         nearest(name, [*paper_scenarios(), *TITLES]),

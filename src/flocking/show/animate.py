@@ -202,9 +202,13 @@ def _film(
     space = run.q.shape[2] == 3
     limits = None if "limits" in options else _limits(run, follow)
 
+    # One scale of colours for the whole film.
+    scale: NetOptions = {} if options.get("color") != "speed" else {"fastest": float(_speeds(run, frames).max())}
+
     def draw(k: int) -> None:
-        if len(made.axes) == 1 and not space:
-            (axes,) = made.axes
+        if made.axes and not space:
+            # Beside it there may be a scale of colours, which stays.
+            axes = made.axes[0]
             # Clearing the axes would create all ticks again.
             for artist in [*axes.lines, *axes.collections, *axes.patches, *axes.texts, *axes.images]:
                 artist.remove()
@@ -214,7 +218,7 @@ def _film(
             axes = made.add_subplot(projection="3d" if space else None)
         # Limits that change with every frame hide the motion, so the window is fixed before the first.
         window: NetOptions = {} if limits is None else {"limits": (limits[0, k].tolist(), limits[1, k].tolist())}
-        look: NetOptions = {**window, **options}
+        look: NetOptions = {**window, **scale, **options}
         net(run, frame=k, axes=axes, **look)
 
     # The layout is computed once, for the frame with the longest tick labels: for each frame it would take half the
@@ -223,7 +227,7 @@ def _film(
     made.draw_without_rendering()
     places = [axes.get_position() for axes in made.axes]
     made.set_layout_engine("none")
-    if len(made.axes) == 1 and not space and not follow:
+    if not space and not follow:
         still = _without_moving(canvas)
     with writer.saving(made, str(path), dpi), Pictures(progress, len(frames)) as drawn:
         for k in frames:
@@ -255,10 +259,15 @@ def _without_moving(canvas: FigureCanvasAgg) -> object:
 
 def _draw_over(canvas: FigureCanvasAgg, still: object) -> None:
     """Draw what moves over the picture of the axes."""
-    (axes,) = canvas.figure.axes
+    axes = canvas.figure.axes[0]
     canvas.restore_region(still)
     for artist in _moving(axes):
         axes.draw_artist(artist)
+
+
+def _speeds(run: Run, frames: Indices) -> Array:
+    """Speeds of all agents at frames."""
+    return np.sqrt((np.asarray(run.p, dtype=np.float64)[frames] ** 2).sum(axis=2))
 
 
 def _limits(run: Run, follow: bool) -> Array:

@@ -26,7 +26,9 @@ class _Look(TypedDict, total=False):
     zorder: float
 
 
-def net_colors(axes: Axes, q: Reals, p: Reals, links: Links | None, choice: str, size: float) -> None:
+def net_colors(
+    axes: Axes, q: Reals, p: Reals, links: Links | None, choice: str, size: float, fastest: float | None = None
+) -> None:
     """Draw the agents' dots in the colours of ``choice``, with a colour bar for numerical values.
 
     Parameters
@@ -41,6 +43,8 @@ def net_colors(axes: Axes, q: Reals, p: Reals, links: Links | None, choice: str,
         One of `CHOICES`.
     size
         Area of a dot in square points.
+    fastest
+        Speed at the end of the colours; that of the fastest agent when absent.
 
     Raises
     ------
@@ -61,13 +65,23 @@ def net_colors(axes: Axes, q: Reals, p: Reals, links: Links | None, choice: str,
         axes.scatter(**places, c=flock_colors(links), **look)
     elif choice == "speed":
         speed = np.sqrt((p**2).sum(axis=1))
-        dots = axes.scatter(**places, c=speed, cmap="viridis", vmin=0.0, vmax=float(speed.max()) or 1.0, **look)
-        axes.figure.colorbar(dots, ax=axes, label="speed", shrink=0.8, pad=0.02)
+        most = float(speed.max() if fastest is None else fastest) or 1.0
+        dots = axes.scatter(**places, c=speed, cmap="viridis", vmin=0.0, vmax=most, **look)
+        if is_new_scale(axes, f"speeds up to {most!r}"):
+            axes.figure.colorbar(dots, ax=axes, label="speed", shrink=0.8, pad=0.02)
     else:
         heading = np.arctan2(p[:, 1], p[:, 0])
         dots = axes.scatter(**places, c=heading, cmap=_wheel(), vmin=-np.pi, vmax=np.pi, **look)
-        bar = axes.figure.colorbar(dots, ax=axes, label="heading", shrink=0.8, pad=0.02)
-        bar.set_ticks([-np.pi, 0.0, np.pi], labels=[r"$-\pi$", "$0$", r"$\pi$"])
+        if is_new_scale(axes, "headings"):
+            bar = axes.figure.colorbar(dots, ax=axes, label="heading", shrink=0.8, pad=0.02)
+            bar.set_ticks([-np.pi, 0.0, np.pi], labels=[r"$-\pi$", "$0$", r"$\pi$"])
+
+
+def is_new_scale(axes: Axes, scale: str) -> bool:
+    """Whether axes have no bar of this scale beside them; those of a film, drawn again and again, keep theirs."""
+    found = getattr(axes, "_flocking_scale", "")
+    setattr(axes, "_flocking_scale", scale)  # noqa: B010  axes have no place for it that a type checker knows
+    return found != scale
 
 
 def _wheel() -> Colormap:

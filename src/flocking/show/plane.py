@@ -69,6 +69,7 @@ class NetOptions(TypedDict, total=False):
     title: str | bool
     limits: tuple[Sequence[float], Sequence[float]] | None
     seconds_per_arrow: float | None
+    fastest: float | None
     budget: int
 
 
@@ -106,6 +107,7 @@ def net(
     title: str | bool = True,
     limits: tuple[Sequence[float], Sequence[float]] | None = None,
     seconds_per_arrow: float | None = None,
+    fastest: float | None = None,
     budget: int = LINK_BUDGET,
 ) -> Axes:
     """Draw a net at one time.
@@ -134,6 +136,8 @@ def net(
         Lowest and highest corner of the picture; by default they contain everything drawn.
     seconds_per_arrow
         Time whose displacement an arrow shows; by default chosen from the highest speed of the frame.
+    fastest
+        Speed at the end of the colours of ``color="speed"``; that of the fastest agent of the frame by default.
     budget
         Largest number of links to draw.
 
@@ -189,7 +193,7 @@ def net(
     if moving:
         points.append(_draw_arrows(axes, q, p, seconds, notes))
         points.extend((x + seconds * v)[None] for x, v in followed)
-    net_colors(axes, q, p, state.links, color, _dot_size(state.n))
+    net_colors(axes, q, p, state.links, color, _dot_size(state.n), fastest)
     names = what.scenario.agents.directions if isinstance(what, Run) else ()
     _draw_directions(axes, q, {name: state.columns[name] for name in names if name in state.columns}, span)
     for x, v in followed:

@@ -101,3 +101,26 @@ def test_what_agents_used_is_computed_again(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["replay"]["wrong"][0]["entry"] == 20
     assert main(["audit", str(tmp_path / "data.csv"), "--replay"]) == 2
     assert "Only saved runs have a log" in capsys.readouterr().err
+
+
+def test_of_samples_without_a_law_nothing_is_expected_and_no_paper_is_named(tmp_path, capsys):
+    t = np.linspace(0.0, 2.0, 21)
+    rows = [f"{time},{agent},{time * agent},0" for time in t for agent in (1, 2)]
+    file = tmp_path / "apart.csv"
+    file.write_text("\n".join(["t,id,x,y", *rows]))
+    main(["audit", str(file), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["as_expected"] is True
+    assert {claim["origin"] for claim in found["claims"]} == {"own question"}
+    assert {claim["expected"] for claim in found["claims"]} == {"observation"}
+    assert any(claim["verdict"] == "fails" for claim in found["claims"])
+    for words in (("run",), ("plot",), ("animate",), ("certify",)):
+        assert main([*words, str(file)]) == 2
+        assert "'flocking audit'" in capsys.readouterr().err
+
+
+def test_a_claim_that_is_asked_of_any_law_is_stated_by_no_paper():
+    from flocking.study.claims.claim import Result, Verdict
+    from flocking.study.claims.general_claims import GENERAL
+
+    assert {Result(claim, Verdict.HOLDS).as_dict()["origin"] for claim in GENERAL} == {"asked of any law"}

@@ -227,6 +227,11 @@ class Claim:
         )
 
     @property
+    def stated(self) -> Origin | Basis:
+        """Who states it; a claim that is asked of any law no paper states."""
+        return self.basis if self.basis is Basis.GENERAL and self.origin is Origin.PAPER else self.origin
+
+    @property
     def expectation(self) -> str:
         """The expected verdict in words; an observation has none."""
         return "observation" if self.basis is Basis.OBSERVATION else str(self.expected)
@@ -325,7 +330,7 @@ class Result:
         return {
             "claim": self.claim.key,
             "source": self.claim.source,
-            "origin": str(self.claim.origin),
+            "origin": str(self.claim.stated),
             "statement": self.claim.statement,
             "expected": self.claim.expectation,
             "verdict": str(self.verdict),

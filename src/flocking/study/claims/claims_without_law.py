@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from flocking.model.graphs.connectivity import is_connected
-from flocking.study.claims.claim import Claim, Measure, above, below
+from flocking.study.claims.claim import Basis, Claim, Measure, Origin, above, below
 from flocking.study.claims.conclusions.limits import SETTLED, distances_settle, velocities_agree
 from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence
@@ -79,21 +81,24 @@ def neighbours_kept(e: Evidence) -> Measure:
     return Measure(0.5 - count, 0.0, note)
 
 
+def _asked(key: str, statement: str, conclusion: Callable[[Evidence], Measure]) -> Claim:
+    """A claim that nobody states and of which no verdict is expected."""
+    return Claim(key, SOURCE, statement, conclusion, dynamic=False, origin=Origin.OWN, basis=Basis.OBSERVATION)
+
+
 WITHOUT_LAW: tuple[Claim, ...] = (
-    Claim("mean-velocity", SOURCE, "At every sample the mean velocity is the same, to 1 % of the largest speed.",
-          mean_velocity_constant, dynamic=False),
-    Claim("velocities-agree", SOURCE, "All velocities become the same.", velocities_agree, dynamic=False),
-    Claim("distances-settle", SOURCE, "All distances become constant.", distances_settle, dynamic=False),
-    Claim("apart", SOURCE, "At every sample all agents are apart.", apart_at_samples, dynamic=False),
+    _asked("mean-velocity", "At every sample the mean velocity is the same, to 1 % of the largest speed.",
+           mean_velocity_constant),
+    _asked("velocities-agree", "All velocities become the same.", velocities_agree),
+    _asked("distances-settle", "All distances become constant.", distances_settle),
+    _asked("apart", "At every sample all agents are apart.", apart_at_samples),
 )  # fmt: skip
 """Claims that need neither a law nor a radius."""
 
 WITHIN_RADIUS: tuple[Claim, ...] = (
-    Claim("connected", SOURCE, "At every sample the agents within the radius form one group.",
-          connected_at_samples, dynamic=False),
-    Claim("neighbours-kept", SOURCE, "Agents within the radius at the first sample stay within it.",
-          neighbours_kept, dynamic=False),
-)  # fmt: skip
+    _asked("connected", "At every sample the agents within the radius form one group.", connected_at_samples),
+    _asked("neighbours-kept", "Agents within the radius at the first sample stay within it.", neighbours_kept),
+)
 """Claims that need a radius, within which agents are neighbours."""
 
 
