@@ -105,7 +105,7 @@ def test_what_agents_used_is_computed_again(tmp_path, capsys):
 
 def test_of_samples_without_a_law_nothing_is_expected_and_no_paper_is_named(tmp_path, capsys):
     t = np.linspace(0.0, 2.0, 21)
-    rows = [f"{time},{agent},{time * agent},0" for time in t for agent in (1, 2)]
+    rows = [f"{time},{agent},{time * (agent + time)},0" for time in t for agent in (1, 2)]
     file = tmp_path / "apart.csv"
     file.write_text("\n".join(["t,id,x,y", *rows]))
     main(["audit", str(file), "--json"])
