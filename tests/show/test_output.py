@@ -229,7 +229,9 @@ def test_series_share_one_style(run):
     assert axes.xaxis.label.get_size() == 8
 
 
-@pytest.mark.parametrize("options", [{}, {"trails": True, "arrows": False}])
+@pytest.mark.parametrize(
+    "options", [{}, {"trails": True, "arrows": False}, {"color": "speed"}, {"color": "heading"}]
+)  # fmt: skip
 def test_a_film_over_a_still_picture_of_the_axes_is_the_one_drawn_whole(run, tmp_path, monkeypatch, options):
     from flocking.show import animate as module
 
@@ -242,3 +244,25 @@ def test_a_film_over_a_still_picture_of_the_axes_is_the_one_drawn_whole(run, tmp
     monkeypatch.setattr(module, "_draw_over", lambda canvas, still: canvas.restore_region(still))
     fk.animate(run, tmp_path / "empty.gif", seconds=0.2, **options)
     assert (tmp_path / "empty.gif").read_bytes() != (tmp_path / "whole.gif").read_bytes()
+
+
+def test_a_film_coloured_by_speed_has_one_scale(run, part, tmp_path, monkeypatch):
+    from flocking.show import animate as module
+
+    seen = []
+    before = module.net
+
+    def net(*given, axes, **options):
+        made = before(*given, axes=axes, **options)
+        seen.append((len(axes.figure.axes), part(axes, "agents").norm.vmax))
+        return made
+
+    monkeypatch.setattr(module, "net", net)
+    fk.animate(run, tmp_path / "film.gif", color="speed", seconds=0.2)
+    frames = np.rint(np.linspace(0, len(run.t) - 1, 4)).astype(int)
+    fastest = np.linalg.norm(run.p[frames], axis=2).max()
+    assert len(seen) == 1 + len(frames)
+    assert {count for count, _ in seen} == {2}, "one bar beside the axes"
+    assert {most for _, most in seen} == {float(fastest)}
+    # Alone, a picture shows the fastest of its frame.
+    assert part(before(run, frame=0, color="speed"), "agents").norm.vmax == np.linalg.norm(run.p[0], axis=1).max()
