@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from flocking.apps.reproduction import reproduce as reproducing
 from flocking.apps.reproduction.reproduce import reproduce
+from flocking.engine.driver.simulate import simulate
+from flocking.papers import paper
+from flocking.study.claims.claim import Verdict
 from tests.browsers import chromium
 
 __all__ = ["chromium"]
@@ -24,6 +28,44 @@ def report(tmp_path_factory):
     out = tmp_path_factory.mktemp("report")
     reproduce(["tanner-2003-fixed"], seeds=5, out=out, workers=1, progress=False)
     return out / "report.html"
+
+
+LONGEST_ON_A_PHONE = 10_000
+"""Pixels of the folded report of five papers on a phone: twelve screens, of which two are the contents."""
+
+
+@pytest.fixture(scope="module")
+def five_papers(tmp_path_factory):
+    """A report of the five papers with all its sections, claims and tables; runs are short, verdicts made up."""
+    from flocking.papers import KEYS
+
+    def examine(task):
+        article = paper(task.key)
+        claims = [c for c in article.claims(task.name) if task.claim in ("", c.key)]
+        made = article.scenarios()[task.name](max(task.seed, 0))
+        run = simulate(made.with_(t_end=made.start.t + 0.05, frames=2), progress=False) if task.keep else None
+        return [(c.key, str(Verdict.HOLDS), 1.0, 0.0, "a number in words") for c in claims], run
+
+    out = tmp_path_factory.mktemp("five")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reproducing, "examine", examine)
+        patch.setattr(reproducing, "draw", lambda *_: [])
+        reproduce(KEYS, seeds=5, out=out, workers=1, progress=False)
+    return out / "report.html"
+
+
+@pytest.mark.browser
+def test_the_report_of_five_papers_is_short_on_a_phone_and_nothing_is_lost_in_its_folds(chromium, five_papers):
+    page = opened(chromium, five_papers, PHONE)
+    height = page.evaluate("document.documentElement.scrollHeight")
+    assert 3000 < height < LONGEST_ON_A_PHONE
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"], "nothing overflows sideways"
+    page.locator("nav a", has_text="Provenance").click()
+    page.wait_for_function("document.getElementById('provenance').open")
+    page.evaluate("for (const part of document.querySelectorAll('details')) part.open = true")
+    assert page.evaluate("document.documentElement.scrollHeight") > 5 * LONGEST_ON_A_PHONE
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    page.close()
 
 
 def opened(chromium, report, size, scheme="light"):

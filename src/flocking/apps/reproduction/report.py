@@ -157,10 +157,10 @@ def _summary(found: Reproduction, papers: dict[str, Paper]) -> str:
 
 
 def _outcome(judged: list[Judgement]) -> str:
-    proof = "the verdict that follows from its proof or counter-example"
+    contrary = sum(j.is_contrary for j in judged)
+    proof = f"the verdict that follows from {'their' if contrary > 1 else 'its'} proof or counter-example"
     if all(j.as_expected for j in judged):
         return f"Every claim has {proof}; observations have rates."
-    contrary = sum(j.is_contrary for j in judged)
     claims = {0: "No claim differs", 1: "1 claim differs"}.get(contrary, f"{contrary} claims differ")
     parts = [f"{claims} from {proof}{', framed below' if contrary else ' where one was found'}."]
     if untested := sum(j.verdict == Verdict.UNTESTED for j in judged):
@@ -282,8 +282,9 @@ def _provenance(found: Reproduction, papers: dict[str, Paper]) -> str:
         for name in article.scenarios()
         if name in found.runs
     }
-    return (
-        f'<h2 id="provenance">Provenance</h2>\n{software_facts(stated)}'
+    body = (
+        f"{software_facts(stated)}"
         "<p>The table lists the runs that are drawn; their laws and parameters are in their sections. The same call "
         "gives the same numbers.</p>\n" + (runs_table(rows) if rows else "")
     )
+    return folding("provenance", "Provenance", body, level=2)
