@@ -189,6 +189,39 @@ def test_a_sweep_begun_here_goes_on_there(address, tmp_path, expected):
     assert np.array_equal(table.values("velocity_spread"), expected)
 
 
+def test_margins_made_there_are_those_of_one_process(address, tmp_path):
+    """Two rounds and more on the same workers, which are asked who made the runs."""
+    made = {}
+    for name, where in (("here", {"workers": 1}), ("there", {"cluster": address})):
+        folder = tmp_path / name
+        folder.mkdir()
+        table = fk.margins(
+            lambda seed, folder=folder: family(folder)(1.0, seed).with_(t_end=12.0, frames=13), ["period", "loss"],
+            levels={"period": [0.2, 2.0], "loss": [0.2, 0.9]}, seeds=2, width=0.6, progress=False,
+            out=tmp_path / "out" / name, **where,
+        )  # fmt: skip
+        made[name] = table.as_dict()
+        assert table.status == "finished"
+        assert any(len(one.levels) > 2 for one in table.varied)
+    assert made["there"] == made["here"]
+    # The scenarios are made in this process too, to see which differ.
+    assert workers_seen(tmp_path / "here") == {os.getpid()}
+    assert len(workers_seen(tmp_path / "there") - {os.getpid()}) == 2
+
+
+def test_the_command_line_of_margins_takes_the_address(address, tmp_path):
+    words = ["tanner-2003-fixed", "--vary", "period", "--levels", "period=0.1,0.2", "--seeds", "2", "--t-end", "2"]
+    command = [sys.executable, "-m", "flocking", "margins", *words, "--width", "0.99", "--out", "there"]
+    shown = subprocess.run(
+        [*command, "--cluster", address], cwd=tmp_path, capture_output=True, text=True, timeout=300
+    )  # fmt: skip
+    assert shown.returncode == 0, shown.stderr
+    there = (tmp_path / "there" / "margins.json").read_bytes()
+    shown = subprocess.run([*command[:-1], "here", "--workers", "1"], cwd=tmp_path, capture_output=True, timeout=300)
+    assert shown.returncode == 0, shown.stderr
+    assert (tmp_path / "here" / "margins.json").read_bytes() == there
+
+
 def test_the_command_line_takes_the_address(address, tmp_path):
     file = tmp_path / "speeds.toml"
     file.write_text(

@@ -47,6 +47,17 @@ def test_the_period_of_first_order_consensus_is_bracketed():
     assert margin.counts[margin.bracket.lower] == Count(1, 0, 0)  # nothing is random: one run
 
 
+def test_the_delay_of_delayed_consensus_is_bracketed():
+    """tau lambda_N < pi/2 with everybody delayed (Olfati-Saber and Murray 2004); control stays continuous."""
+    late = consensus(t_end=60.0).with_(information=fk.Delayed(0.1, self_delayed=True))
+    margins = found(late, ["delay", "loss"], levels={"delay": [0.0, 0.2, 0.8]})
+    margin = margins.margin("delay", "agree")
+    assert margin.bracket.lower < np.pi / 8 <= margin.bracket.upper * 1.05
+    assert margin.bracket.width <= 0.1
+    assert margins.varied[0].world == "everybody known 0.8 late"
+    assert "loss is a property of messages" in margins.refused["loss"]
+
+
 @pytest.mark.parametrize(("samples", "bound"), [(1, 1.0), (2, 0.618034)])
 def test_a_quantity_of_ones_own_finds_the_bound_of_whole_samples_of_delay(samples, bound):
     """T lambda_N < 2 sin(pi/(2(2d + 1))), the own state delayed too (Levin and May 1976)."""

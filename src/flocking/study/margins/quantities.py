@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flocking.errors import InvalidInput
+from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.actuators import Limited
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
-from flocking.model.world.information import Messages
+from flocking.model.world.information import Delayed, Messages
 from flocking.model.world.losses import Bernoulli
 from flocking.model.world.noises import WhiteNoise
 
@@ -102,11 +102,18 @@ def _with_latency(scenario: Scenario, value: float, period: float) -> Scenario:
 
 
 def _with_messages(scenario: Scenario, period: float, **changes: object) -> Scenario:
+    if isinstance(scenario.information, Delayed) and not scenario.information.ideal:
+        raise UnsupportedLaw(
+            f"{', '.join(changes)} is a property of messages, and this scenario has Delayed knowledge, which messages "
+            "would replace. Vary delay, or give it Messages."
+        )
     information = replace(messages(scenario, period), **changes)  # type: ignore[arg-type]
     return scenario.with_(control=held(scenario, period), information=information)
 
 
 def _with_delay(scenario: Scenario, value: float, period: float) -> Scenario:
+    if isinstance(scenario.information, Delayed):
+        return scenario.with_(information=replace(scenario.information, tau=value))
     return _with_messages(scenario, period, delay=value)
 
 
@@ -218,7 +225,7 @@ for _quantity in (
     Quantity("period", "time between two controls of an agent, and between two of its messages where there are any",
              _with_period, _periods),
     Quantity("latency", "time from a control until its force acts", _with_latency, _delays),
-    Quantity("delay", "time from a sample until it arrives", _with_delay, _delays),
+    Quantity("delay", "time from a sample until it arrives, or the delay of Delayed knowledge", _with_delay, _delays),
     Quantity("loss", "probability that a message is lost, each independently; the last one that came is used",
              _with_loss, lambda scenario, period: LOSSES),
     Quantity("noise", "standard deviation of measured positions along each axis", _with_noise, _position_noises),
