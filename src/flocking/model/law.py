@@ -201,8 +201,8 @@ SORTS = {
     Body: "a body, such as PointMass, or a Mixture of several",
     Energy: "Energy",
     Space: "a space, such as Open",
-    Information: "what agents know, such as Instant or Messages",
-    Control: "when agents act, such as Continuous or Held",
+    Information: "an information, such as Instant or Messages",
+    Control: "a control, such as Continuous or Held",
 }
 """What some fields of a scenario must be, in words."""
 

@@ -90,7 +90,7 @@ def check_steering(space: Space, terms: Iterable[Steering], bodies: Body) -> Non
             raise InvalidInput("Scenario", "space", f"must be open for {name}, which acts about a place", owner)
         if not 2.0 * term.reach < min(space.lengths):
             raise InvalidInput(
-                owner, "lengths", f"must be more than twice what {name} sees, {term.reach:g}, on axes that repeat",
+                owner, "lengths", f"must be more than twice the reach of {name}, {term.reach:g}, on axes that repeat",
                 min(space.lengths), "Enlarge the box: a neighbour must have one nearest image.",
             )  # fmt: skip
 
@@ -104,7 +104,7 @@ def _check_graph(owner: str, graph: Graph, shortest: float) -> None:
         )  # fmt: skip
     if graph.sees_headings or type(graph).among is Graph.among:
         raise InvalidInput(
-            "Scenario", "space", f"must be open for {name}, which does not say who is linked by distances alone", owner,
+            "Scenario", "space", f"must be open for {name}, whose links do not follow from distances alone", owner,
             "Use Proximity, Hysteresis, Smooth or PerAgentRadii, or state Graph.among.",
         )  # fmt: skip
     if not 2.0 * radius < shortest:

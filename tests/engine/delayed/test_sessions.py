@@ -118,7 +118,7 @@ def test_a_pole_that_is_met_ends_the_run_with_its_time():
 def test_agents_that_were_in_one_place_a_delay_before_the_start_are_refused():
     law = fk.Law(fk.Proximity(4.0), [fk.Gradient(fk.Potential("1/r"))])
     start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[5.0, 0.0], [5.0, 0.0]])
-    with pytest.raises(InvalidInput, match="finite forces by what agents know"):
+    with pytest.raises(InvalidInput, match="finite forces by the states that agents have"):
         fk.start(fk.Scenario(law, start, t_end=1.0, information=fk.Delayed(0.2)))
 
 

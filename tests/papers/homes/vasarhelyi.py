@@ -207,7 +207,7 @@ def vehicle():
     assert_allclose(free.updated(P, 9.0 * P, np.full(N, 0.2), agents, 0 * agents), 9.0 * P)
     assert free.summary == "velocities followed with a time constant of 1"
     assert VelocityUnit(1.0, speed=2.0, fixed=True, diffusion=0.3).summary.endswith(
-        "wanted speed of 2, white noise 0.3"
+        "desired speed of 2, white noise 0.3"
     )
     refused(VelocityUnit, {"time_constant": 0.0, "acceleration": 0.0, "speed": 0.0, "fixed": 2, "diffusion": -1.0,
                            "substeps": 0, "seed": -1, "masses": 0.0}, {"time_constant": 1.0})  # fmt: skip

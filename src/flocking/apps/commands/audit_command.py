@@ -219,5 +219,5 @@ def _print_claims(report: Report, title: str, proven: Mapping[str, str] | None =
     print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=title)
     if proven:
         known = [f"{key} ({proven[key]})" for key, *_ in rows if key in proven]
-        text = f"Guaranteed before the run, with the certificate that says so: {', '.join(known)}."
+        text = f"Guaranteed before the run, each with its certificate: {', '.join(known)}."
         print(textwrap.fill(text, shutil.get_terminal_size().columns))

@@ -137,8 +137,8 @@ def _check(scenario: Scenario) -> None:
         raise UnsupportedLaw("export_c needs a scenario with a law; this one has none.")
     if not law.distributed:
         raise UnsupportedLaw(
-            f"export_c cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent knows. Leave the "
-            "terms out that need them."
+            f"export_c cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent measures or "
+            "receives. Leave the terms out that need them."
         )
     check_steering_terms(law.steering_terms)
     if scenario.agents.discrete and type(scenario.agents) not in WITH_RULES:
@@ -191,7 +191,7 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
     if most > MOST_NEIGHBOURS:
         raise InvalidInput(
             "export_c", "neighbours", f"must be at most {MOST_NEIGHBOURS}", most,
-            "Give the largest number of agents that one may hear at a time, as in --neighbours 16.",
+            "Give the largest number of agents whose messages one may use at a time, as in --neighbours 16.",
         )  # fmt: skip
     layout = Layout(law, Energy(), space=scenario.space, steering=True)
     formulas = law_formulas(layout, m, integrals=False)

@@ -15,7 +15,7 @@ STATUS = (
     ("COINCIDENT", "a neighbour is at the agent's own place, where the law has no force"),
     ("POLE", "a neighbour is at a pole of a potential, or on the wrong side of it"),
     ("NO_FORCE", "the force is not finite, or an angle too large to be reduced"),
-    ("ROOM", "the message is used; for it the farthest sender was forgotten that is not linked"),
+    ("ROOM", "the message is used; for it the farthest sender that is not linked was removed"),
 )
 """Codes that functions return, from 0 on, with what they mean."""
 
@@ -114,7 +114,7 @@ int32_t {x}begin({x}memory *memory, uint16_t agent);
    for a sender that is linked or nearer: {X}ROOM. */
 int32_t {x}receive({x}memory *memory, int64_t now, const {x}message *message);
 
-/* Forget a sender and its links, as one whose clock was set back. {X}NO_AGENT where nothing is known of it. */
+/* Remove a sender and its links, as one whose clock was set back. {X}NO_AGENT where nothing is known of it. */
 int32_t {x}forget({x}memory *memory, uint16_t sender);
 
 /* Link with those that are known now by the rule of a start; without this call the first one of {x}control does. */

@@ -123,7 +123,7 @@ def _fixed(graph: ExportedGraph, number: int, n: int, x: str) -> tuple[str, list
 
 def _removal(law: ExportedLaw, x: str, X: str) -> str:
     return f"""\
-/* Forget whoever has not been heard of for {law.expires} nanoseconds, and the links with it. */
+/* Remove each sender that has not been heard for {law.expires} nanoseconds, and the links with it. */
 static void {x}expire({x}memory *memory, int64_t now)
 {{
     uint16_t kept = 0u;

@@ -23,7 +23,7 @@ def message_source(law: ExportedLaw, name: str, c: CSource) -> str:
     x, X, real = f"{name}_", f"{name.upper()}_", f"{name}_real"
     expired = (
         f"    if ((known == 0u) && (memory->count >= {X}NEIGHBOURS))\n    {{\n"
-        f"        /* What has expired makes room for others, before a control forgets it. */\n"
+        f"        /* An expired sample makes room for another one, before a control removes it. */\n"
         f"        {x}expire(memory, now);\n    }}\n"
         if law.expires is not None
         else ""

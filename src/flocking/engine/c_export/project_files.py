@@ -42,7 +42,7 @@ def example(law: ExportedLaw, name: str) -> str:
         return ", ".join(f"{suffix}{float(v)!r}" for v in values)  # type: ignore[attr-defined]
 
     return f"""\
-/* Agent {one} hears of agent {other} where the scenario starts, and prints its force. */
+/* Agent {one} receives a state of agent {other} where the scenario starts, and prints its force. */
 #include "{name}.h"
 
 #include <stdio.h>
@@ -112,8 +112,8 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     graphs = ", ".join(type(g).__name__ for g in scenario.law.graphs)
     codes = "\n".join(f"| `{X}_{code}` | {k} | {meaning} |" for k, (code, meaning) in enumerate(STATUS))
     bounds = "\n".join(f"| `{f}` | {BOUNDS[f][0]:g} {BOUNDS[f][1]} |" for f in sorted(used & set(BOUNDS)))
-    receiver = f"forgotten after {law.expires} ns" if law.expires is not None else "never forgotten"
-    receiver += ", and moved on with the velocity they tell" if law.predict else ", and held as they were sent"
+    receiver = f"used up to an age of {law.expires} ns" if law.expires is not None else "used at any age"
+    receiver += ", and moved on with their velocity" if law.predict else ", and held as they were sent"
     limit = "none" if law.limit is None else f"{law.limit!r}; longer forces are scaled back"
     halvings = (
         f"; the safety filter halves numbers up to {(SINGLE if single else DOUBLE).halvings} times"
@@ -133,7 +133,7 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     elif law.filter is not None:
         rule = (
             f"The force is that of a safety filter (form {law.filter.form!r}, distance {law.filter.distance!r}), which "
-            f"looks at all whose states are kept. `memory.filtered` and `memory.relaxed` say what it did. Where the "
+            f"considers all whose states are stored. `memory.filtered` and `memory.relaxed` record what it did. Where the "
             f"code is not `{X}_OK` the force is zero and nothing is filtered: brake."
         )
     return f"""\

@@ -100,7 +100,8 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
             self._check_slope()
         except NotFinite as error:
             raise InvalidInput(
-                "Scenario", "start", "must have finite forces by what agents know at it", f"agent {error.agents[0]}",
+                "Scenario", "start", "must have finite forces by the states that agents have at it",
+                f"agent {error.agents[0]}",
                 "Another agent was where it is, one delay before the start. Move them apart.",
             ) from None  # fmt: skip
         self._record_frames(0.0)
@@ -265,8 +266,8 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         self._check_slope()
         if self._short_steps > SLIDING:
             raise SimulationError(
-                f"What agent {agents[0]} knows of agent {agents[1]} stays at the distance at which a link switches, "
-                "and it would switch without end. Use a graph with hysteresis.",
+                f"The state of agent {agents[1]} that agent {agents[0]} has stays at the distance at which a link "
+                "switches, and it would switch without end. Use a graph with hysteresis.",
                 time=self._base + seconds, agents=agents,
             )  # fmt: skip
 

@@ -191,7 +191,7 @@ def why_not(scenario: Scenario) -> str:
     if type(control) is not Held or np.ndim(control.period) or np.any(control.phase):
         return "one clock for all agents"
     if not scenario.information.ideal:
-        return "agents that know the present"
+        return "agents that have the present states"
     gain = float(np.max(np.asarray(control.period))) / float(np.max(np.asarray(body.masses)))
     if type(law.graph) is not Proximity or len(law.terms) != 1 or type(law.terms[0]) is not VelocityAverage:
         return "VelocityAverage alone over Proximity"

@@ -40,7 +40,7 @@ def check_law(
     if n > MOST_AGENTS:
         raise InvalidInput(
             "start", "engine", f"must be another one for more than {MOST_AGENTS} agents", f"{engine!r} for {n}",
-            "It stores what each agent knows of each other one.",
+            "It stores a sample of each agent for each other one.",
         )  # fmt: skip
     if points.structure not in (PointMass().structure, SingleIntegrator().structure):
         raise UnsupportedLaw(
@@ -53,7 +53,8 @@ def check_law(
         )
     if law.beyond_neighbours:
         raise UnsupportedLaw(
-            f"engine={engine!r} cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent knows."
+            f"engine={engine!r} cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent measures or "
+            "receives."
         )
     for pair_term in law.pair_terms:
         if getattr(pair_term, "functional", False):

@@ -29,7 +29,7 @@ FINE, FAILED, ALONE = 0, 1, 3
 def main() -> int:
     """Serve one agent until the world ends the run or is silent."""
     parser = argparse.ArgumentParser(prog="python -m flocking.engine.nodes.agent_process", description=__doc__)
-    parser.add_argument("place", help="where the world listens, such as tcp/127.0.0.1:7447")
+    parser.add_argument("place", help="address of the world, such as tcp/127.0.0.1:7447")
     parser.add_argument("run", help="name of the run, given by the process of the world")
     parser.add_argument("agent", type=int, help="number of the agent")
     parser.add_argument("--idle", type=float, default=IDLE, help="seconds without a word after which the process ends")

@@ -130,8 +130,8 @@ class Session(ABC):
             When this engine, or a running session of it, cannot change to it.
         """
         raise UnsupportedLaw(
-            f"engine={self.engine!r} does not replace what agents know of each other while a run goes on. Start "
-            "another run from run.state(-1)."
+            f"engine={self.engine!r} does not replace `information` while a run goes on. Start another run from "
+            "run.state(-1)."
         )
 
     @abstractmethod

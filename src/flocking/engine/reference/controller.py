@@ -162,7 +162,7 @@ class Controller:
         if not self.law.distributed:
             raise InvalidInput(
                 "Controller", "law", "must be distributed",
-                f"a law that needs the {', '.join(self.law.beyond_neighbours)}", "No agent knows these.",
+                f"a law that needs the {', '.join(self.law.beyond_neighbours)}", "No agent measures or receives these.",
             )  # fmt: skip
         for graph in self.law.graphs:
             if graph.sees_headings or (graph.moves and not graph.follows_radii):

@@ -234,7 +234,7 @@ class Recorder:
             raise InvalidInput(
                 "Scenario", "frames", f"must fit in {MOST_FRAME_BYTES / 2**30:g} GiB of memory for {self.n} agents",
                 f"{len(self.frame_times)} frames ({size / 2**30:.3g} GiB)",
-                "Save the run while it goes on with save=folder (--out FOLDER), ask for fewer frames, or give "
+                "Save the run while it goes on with save=folder (--out FOLDER), give fewer frames, or give "
                 "keep_frames=False (--no-frames) and observe=True (--observe).",
             )  # fmt: skip
 

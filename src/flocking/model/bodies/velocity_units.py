@@ -60,7 +60,7 @@ class VelocityUnit(DiscreteBody):
     --------
     >>> import flocking as fk
     >>> fk.VelocityUnit(1.0, acceleration=6.0, speed=8.0).summary
-    'velocities followed with a time constant of 1, acceleration up to 6, wanted speed up to 8'
+    'velocities followed with a time constant of 1, acceleration up to 6, desired speed up to 8'
     """
 
     time_constant: float | Array
@@ -103,7 +103,7 @@ class VelocityUnit(DiscreteBody):
         if self.acceleration is not None:
             found.append(f"acceleration up to {self.acceleration:g}")
         if self.speed is not None:
-            found.append(f"wanted speed {'of' if self.fixed else 'up to'} {self.speed:g}")
+            found.append(f"desired speed {'of' if self.fixed else 'up to'} {self.speed:g}")
         if self.diffusion:
             found.append(f"white noise {self.diffusion:g}")
         return ", ".join(found)
@@ -152,7 +152,7 @@ class VelocityUnit(DiscreteBody):
         q, p
             Positions and velocities at the tick, shape (N, m).
         desired
-            Wanted velocities w, shape (N, m).
+            Desired velocities w, shape (N, m).
         error
             Errors of the velocities that agents measured at the tick, shape (N, m).
         period

@@ -145,7 +145,7 @@ class Messages(Information):
         if self.resolution or self.velocity_resolution:
             found.append(f"rounded to {self.resolution:g} and {self.velocity_resolution:g}")
         if self.expires is not None:
-            found.append(f"forgotten after {self.expires:g}")
+            found.append(f"used up to an age of {self.expires:g}")
         return ", ".join(found)
 
     def check_count(self, n: int) -> None:

@@ -142,7 +142,7 @@ class SampledConsensus:
             int(self._links.sum()) if self.uses_older_samples else 0
         )
         most = LARGEST_RANDOM if self.probability else LARGEST_SYSTEM
-        return Hypothesis(f"at most {most} numbers are remembered for an axis", size <= most, f"{size}")
+        return Hypothesis(f"at most {most} numbers are stored for an axis", size <= most, f"{size}")
 
     @property
     def n(self) -> int:

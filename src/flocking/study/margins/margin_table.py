@@ -152,7 +152,7 @@ class Margins:
             if not count.shown(self.share):
                 found.append(f"{key} has no margin: {_counted(count)} in the ideal world.")
         if self.status != "finished":
-            found.append(f"Brackets may be wider than asked: {self.status}.")
+            found.append(f"Brackets may be wider than requested: {self.status}.")
         return found
 
     @property

@@ -186,7 +186,7 @@ def _pivoted(
         raise InvalidInput(
             str(path), f"columns {columns.name('id')} and {time_name}", "must give every agent a row at every time",
             f"none of {names[order[gap % len(names)]]} at {times[gap // len(names)]:g}",
-            "Interpolate to common times, or remove agents that are not always seen.",
+            "Interpolate to common times, or remove agents without a place at some times.",
         )  # fmt: skip
     shape = (len(times), len(names), m)
     q = table[first, 1 : 1 + m].reshape(shape)

@@ -160,7 +160,7 @@ BALLS = fk.Avoid([fk.Ball([9.0, 0.0], 1.0)], range=1.0, gamma_agents=False)
     ({"control": fk.SafetyFilter(0.1, distance=0.5, acceleration=2.0)}, "SafetyFilter"),
     ({"law": fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), BALLS])}, "obstacles"),
     ({"law": fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), fk.Track(fk.Velocity([1.0, 0.0]), 0.0, 1.0, shared=True)])},
-     "which no agent knows"),
+     "which no agent measures or receives"),
     ({"control": fk.Continuous(), "information": fk.Delayed(0.1)}, "engine='delayed'"),
     ({"control": fk.Continuous(), "information": fk.Messages(0.1)}, "control=Held"),
 ], ids=lambda x: x if isinstance(x, str) else "")  # fmt: skip

@@ -179,7 +179,7 @@ def held_refusals(scenario: Scenario) -> Iterator[str]:
     if control.ideal:
         return
     if law.beyond_neighbours:
-        yield f"the {' and the '.join(law.beyond_neighbours)} under held control, which no agent knows"
+        yield f"the {' and the '.join(law.beyond_neighbours)} under held control, which no agent measures or receives"
     if any(getattr(term, "groups", ()) for term in law.body_terms):
         yield "obstacles under held control yet; leave Avoid out"
 

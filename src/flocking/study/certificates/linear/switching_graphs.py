@@ -105,8 +105,8 @@ def switching_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
             "delay_of_each_graph", source, hypotheses, bound=delay, side="is",
             quantity="delay of all states, the own one too",
             statement=f"On every connected graph that stays as it is a delay below {float(delay.lo):.9g} is harmless, "
-            f"and below {few_delay:.9g}/k where no agent has more than k neighbours; of graphs that switch this is "
-            f"said of each interval alone, and not of all together.",
+            f"and below {few_delay:.9g}/k where no agent has more than k neighbours; of graphs that switch this "
+            f"holds for each interval alone, not for all together.",
         ),
     )  # fmt: skip
 
