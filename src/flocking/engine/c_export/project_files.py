@@ -133,8 +133,8 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     elif law.filter is not None:
         rule = (
             f"The force is that of a safety filter (form {law.filter.form!r}, distance {law.filter.distance!r}), which "
-            f"considers all whose states are stored. `memory.filtered` and `memory.relaxed` record what it did. Where the "
-            f"code is not `{X}_OK` the force is zero and nothing is filtered: brake."
+            f"considers all whose states are stored. `memory.filtered` and `memory.relaxed` record what it did. Where "
+            f"the code is not `{X}_OK` the force is zero and nothing is filtered: brake."
         )
     return f"""\
 # The control law of `{scenario.name or "a flock"}` in C99

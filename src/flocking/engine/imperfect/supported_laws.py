@@ -53,8 +53,8 @@ def check_law(
         )
     if law.beyond_neighbours:
         raise UnsupportedLaw(
-            f"engine={engine!r} cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent measures or "
-            "receives."
+            f"engine={engine!r} cannot compute the {' and the '.join(law.beyond_neighbours)}, which no "
+            "agent measures or receives."
         )
     for pair_term in law.pair_terms:
         if getattr(pair_term, "functional", False):
