@@ -185,7 +185,7 @@ class UnsupportedLaw(FlockingError):
 
 
 class EngineMissing(FlockingError):
-    """The chosen engine needs a package that is missing, or another version of it; the message says how to get it."""
+    """The chosen engine needs a package that is missing, or another version of it; the message states how to get it."""
 
 
 class SweepError(FlockingError):

@@ -18,7 +18,7 @@ FLOORS = ("formula", "model", "engine")
 """Folders of the modules that state formulas and print them."""
 
 MOST_PARSED = 64
-"""Most texts whose imports are remembered: the modules that generated code imports are about 20."""
+"""Most texts whose imports are stored: the modules that generated code imports are about 20."""
 
 _OWN = tuple(f"flocking.{floor}." for floor in FLOORS)
 _BEGAN = time.time()

@@ -236,7 +236,7 @@ class Scenario(ScenarioCell):
     seed
         Seed that drew the start, for the record; ``rng`` is another name, and takes a `numpy.random.SeedSequence` too.
     space
-        Where the agents live; `Open` when absent.
+        Space of the agents; `Open` when absent.
     information
         What agents know of each other; the present, exactly, when absent.
     control

@@ -87,7 +87,7 @@ def link_length_deviation(q: Reals, links: Links, space: Space = OPEN) -> float:
     links
         Link matrix, shape (N, N); one-way links count as links.
     space
-        Where the agents live.
+        Space of the agents.
     """
     i, j = np.nonzero(np.triu(links | links.T))
     if len(i) == 0:
@@ -110,7 +110,7 @@ def closest_pair(state: State, space: Space = OPEN) -> tuple[float, tuple[int, i
     state
         The state.
     space
-        Where the agents live: distances are those to nearest images.
+        Space of the agents: distances are those to nearest images.
     """
     if state.n < 2:
         return np.inf, (-1, -1)

@@ -20,7 +20,7 @@ from flocking.model.parts.registration import register_part
 class Space(ABC):
     """Where agents live.
 
-    Positions are kept as they come from the motion, never moved to another image; a space says which vector leads
+    Positions are kept as they come from the motion, never moved to another image; a space states which vector leads
     from one agent to another. Everything that needs q_j - q_i uses `displacement`, or `lengths` where it prints code.
     """
 

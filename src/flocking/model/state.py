@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import sympy
 
 SPACE = 3
-"""Dimensions beyond which it is said that rows are agents: columns may have been meant."""
+"""Dimensions beyond which an error adds that rows are agents: columns may have been meant."""
 
 CALLER = 4
 """Stack level of a warning for the line that makes a state: this class, its constructor, and the check of names."""

@@ -99,7 +99,7 @@ def density(
     Raises
     ------
     InvalidInput
-        If the frame does not exist, agents do not live in the plane, or a number is out of range.
+        If the frame does not exist, agents are not in the plane, or a number is out of range.
     """
     from matplotlib.colors import LogNorm
 

@@ -25,11 +25,11 @@ SLANT = 60
 """Rotation of labels in degrees: steep enough that neighbours do not overlap."""
 
 STATES = {"shown": GREEN, "refuted": VERMILION, "open": ORANGE}
-"""What a level says of a conclusion, and its colour."""
+"""What a level states of a conclusion, and its colour."""
 
 
 def state_of(count: Count, share: float) -> str:
-    """What runs at a level say: shown in enough of them, refuted in one at least, or left open.
+    """What runs at a level state: shown in enough of them, refuted in one at least, or left open.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ def density_map(
     blur
         Standard deviation of the Gaussian that smooths the counts; none when 0.
     space
-        Where the agents live. Where it repeats, every image of an agent that lies on the map counts, and images around
+        Space of the agents. Where it repeats, every image of an agent that lies on the map counts, and images around
         the map are smoothed into it.
 
     Raises

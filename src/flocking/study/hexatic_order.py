@@ -24,7 +24,7 @@ def neighbour_pairs(q: Array, reach: float, space: Space = OPEN) -> NDArray[np.i
     reach
         Largest distance of neighbours.
     space
-        Where the agents live: distances are those to nearest images.
+        Space of the agents: distances are those to nearest images.
 
     Raises
     ------

@@ -82,7 +82,7 @@ def linearise(
     step
         Step of the differences, in units of length and of speed.
     space
-        Where the agents live.
+        Space of the agents.
 
     Raises
     ------

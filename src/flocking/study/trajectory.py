@@ -173,7 +173,7 @@ def closest_of(t: Array, q: Reals, links: list[Links] | None, space: Space = OPE
     links
         Link matrices, F of shape (N, N); None where nobody is linked.
     space
-        Where the agents live.
+        Space of the agents.
     """
     best = [Closest(), Closest()]
     for k, place in enumerate(q):

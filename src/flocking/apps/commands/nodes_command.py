@@ -29,7 +29,7 @@ def nodes(
     seed: int | None = None,
     as_json: Annotated[bool, Parameter(name="--json")] = False,
 ) -> int:
-    """Run a scenario with one process an agent, which hears of the others only by messages.
+    """Run a scenario with one process an agent, which receives states of the others only by messages.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def nodes(
     real_time
         Seconds of the scenario in a second; without it the world waits for every agent.
     kill, restart
-        AGENT@TIME, as 3@1.5: the agent's process is killed, or begins anew and knows nothing.
+        AGENT@TIME, as 3@1.5: the agent's process is killed, or begins anew and has no samples.
     cut
         AGENT@TIME-UNTIL, as 3@1.5-2.5: the agent's radio is cut.
     record

@@ -24,7 +24,7 @@ def table(head: str, rows: Iterable[str], label: str = "table") -> str:
 
 
 def named_cells(names: Sequence[str], values: Iterable[str]) -> str:
-    """Cells that say their column, for phones, where the head of the table is not shown.
+    """Cells that state their column, for phones, where the head of the table is not shown.
 
     Parameters
     ----------

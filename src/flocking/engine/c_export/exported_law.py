@@ -97,7 +97,7 @@ class ExportedLaw:
     expires
         Nanoseconds after which a state is not used any more; None for never.
     predict
-        Whether states are moved on with the velocity they tell.
+        Whether states are moved on with their velocity.
     limit
         Largest force; None for no limit.
     filter

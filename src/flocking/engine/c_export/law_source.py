@@ -260,7 +260,7 @@ class _Writer:
         )
 
     def _finish(self, pole: bool, meets: bool) -> list[str]:
-        """Lines that give the force, or say why there is none."""
+        """Lines that give the force, or state why there is none."""
         m, x, X = self.law.m, self.x, self.X
         finite = " && ".join(f"({x}finite(sum[{k}]) != 0u)" for k in range(m))
         why = f"{X}NO_FORCE"

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     import sympy
 
 FLAGS = "-std=c99 -ffp-contract=off -Wall -Wextra -Werror"
-"""Flags of the compiler: contracted products would change bits, and what a warning says is an error."""
+"""Flags of the compiler: contracted products would change bits, and warnings are errors."""
 
 SHOWN = 8
 """Most numbers of agents or obstacles that the README lists; it names the table of more."""
 
 
 def example(law: ExportedLaw, name: str) -> str:
-    """A program that hears one neighbour and prints the force.
+    """A program that receives the state of one neighbour and prints the force.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ int main(void)
     {{
         {x}real u[{X}DIMENSION];
         uint32_t k;
-        /* An agent does not hear of itself: that is {X}NO_AGENT in a group of one. */
+        /* An agent receives no message of its own: that is {X}NO_AGENT in a group of one. */
         (void){x}receive(&memory, 0, &heard);
         code = {x}control(&memory, 0, q, p, u);
         (void)printf("code %d\\n", (int)code);

@@ -66,7 +66,7 @@ def known_switches(
     Parameters
     ----------
     space
-        Where the agents live.
+        Space of the agents.
     own, known
         Taylor coefficients about now of the positions of the agents as they know their own, and as others know them,
         shape (8, N, m).

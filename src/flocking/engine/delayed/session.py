@@ -36,7 +36,7 @@ SAME_TIME = 1e-12
 """Breaking points closer than this, relative to the delay and the time, are one."""
 
 SLIDING = 100
-"""Successive steps cut short by switches after which links are said to switch to and fro without end."""
+"""Successive steps cut short by switches after which an error reports that links switch to and fro without end."""
 
 SLIDING_SHARE = 1e-6
 """Longest such step, over the delay."""

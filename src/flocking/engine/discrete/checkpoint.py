@@ -61,7 +61,7 @@ class DiscreteMemory:
 
 
 class Read(NamedTuple):
-    """What else a checkpoint says.
+    """What else a checkpoint states.
 
     Parameters
     ----------

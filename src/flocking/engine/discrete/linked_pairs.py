@@ -50,7 +50,7 @@ class Neighbours:
 
     @property
     def pairs(self) -> tuple[Indices, Indices]:
-        """Sensing and sensed agents of the linked pairs, found at the first use; sorted where links are remembered."""
+        """Sensing and sensed agents of the linked pairs, found at the first use; sorted where links are stored."""
         if self._pairs is None:
             self._pairs = self._at_first(self._first)
         return self._pairs
@@ -67,7 +67,7 @@ class Neighbours:
         return i[linked], j[linked]
 
     def near(self, q: Array) -> tuple[Indices, Indices, Array]:
-        """Ordered pairs up to the largest radius apart, and their distances; sorted where links are remembered.
+        """Ordered pairs up to the largest radius apart, and their distances; sorted where links are stored.
 
         Parameters
         ----------

@@ -61,7 +61,7 @@ class DiscreteSession(Session):
 
     At an instant at which agents tick, in this order: velocities set a period before are taken (``update="backward"``),
     frames that are due show the state, links follow the positions, and the agents that tick compute their force on the
-    present state and set their velocity. Agents that tick at one instant act on the same state, unless the body says
+    present state and set their velocity. Agents that tick at one instant act on the same state, unless the body states
     that they act one after another.
 
     Parameters
@@ -250,7 +250,7 @@ class DiscreteSession(Session):
         self.steps, self._newer = step, True
 
     def _take_fixes(self) -> None:
-        """Let all agents measure themselves, and hear the fixes that have been on their way for the delay."""
+        """Let all agents measure themselves, and receive the fixes that have been on their way for the delay."""
         memory, fixes = self.memory, self.scenario.information
         assert isinstance(fixes, Fixes)
         assert memory.heard is not None

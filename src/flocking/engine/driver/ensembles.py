@@ -53,7 +53,7 @@ def simulate_many(
     -------
     tuple of Run
         The runs in the order of the scenarios. After Ctrl-C, runs under way and those not begun hold what was computed
-        until then, at least their start, and their status says that they were interrupted.
+        until then, at least their start, and their status states that they were interrupted.
 
     Raises
     ------

@@ -20,7 +20,7 @@ def export_c(
     the formulas and where they come from. The source is printed from the statements from which the compiled kernels
     are, operation by operation; in double precision it gives the bits of `flocking.Controller` where the law needs no
     elementary functions other than roots. Agents keep what they last heard of their neighbours, as
-    `flocking.Messages` says: the newest sample of each counts, is forgotten when it expires, and is moved on with its
+    `flocking.Messages` states: the newest sample of each counts, is discarded when it expires, and is moved on with its
     velocity if the scenario's messages are.
 
     Parameters

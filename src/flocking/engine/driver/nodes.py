@@ -72,11 +72,11 @@ def simulate_nodes(
     patience: float = PATIENCE, processes: bool = True, place: str = "", spawn: bool = True,
     record: str | Path | None = None, progress: bool = True,
 ) -> Run:  # fmt: skip
-    """Run a scenario with a process for each agent, which hears of the others only by messages over zenoh.
+    """Run a scenario with a process for each agent, which receives states of the others only by messages over zenoh.
 
     This process is the world: it moves the bodies, reads the sensors of agents, and delays, loses and disturbs messages
-    as the scenario says, by the draws of the engine ``"sampled"``. In lock-step it waits for every agent, and a run of
-    Python agents has the bits of `flocking.simulate`.
+    as the scenario states, by the draws of the engine ``"sampled"``. In lock-step it waits for every agent, and a run
+    of Python agents has the bits of `flocking.simulate`.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def simulate_nodes(
     Returns
     -------
     Run
-        Frames, switches and ledger; its provenance says what happened to agents.
+        Frames, switches and ledger; its provenance states what happened to agents.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def simulate_nodes(
             "End and begin such a process on its host.",
         )  # fmt: skip
     if code == "c" and spawn:
-        # Each agent would say so for itself.
+        # Each agent would report it for itself.
         check_callable()
     with ExitStack() as stack:
         library = None

@@ -99,7 +99,7 @@ BUILT_IN = {
 under held control the sampled one, with delays the delayed one, and for bodies in discrete time the discrete one."""
 
 GENERAL = "exact"
-"""The engine whose words say why none runs a scenario, where several might."""
+"""The engine whose words state why none runs a scenario, where several might."""
 
 _registered: dict[str, Entry] = {}
 
@@ -276,7 +276,7 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
     if not isinstance(engine, str) or engine != AUTO:
         return engine
     n = scenario.start.n if plant is None else 0
-    # Where only one engine runs the world of the scenario, its own words say what else it refuses.
+    # Where only one engine runs the world of the scenario, its own words state what else it refuses.
 
     def smallest(entry: Entry) -> int | None:
         return entry.interactive_from if interactive else entry.automatic_from
@@ -290,7 +290,7 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
     found = [name for name in moving if not left_out(scenario, engines[name].worlds)]
     found = found or (moving if scenario.agents.discrete else [GENERAL])
     able = (name for name in found if len(found) == 1 or not engines[name].why_not(scenario, plant))
-    # The engine for groups of this size says what it refuses; others only that the group is too large.
+    # The engine for groups of this size states what it refuses; others only that the group is too large.
     return next(able, GENERAL if GENERAL in found else found[0])
 
 

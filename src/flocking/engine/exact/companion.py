@@ -58,7 +58,7 @@ class Difference:
     nodes
         Difference of the state vectors at the start of the step, at `PLACES` and at its end, shape (6, size).
     rate
-        Rate of the fastest change seen, for large groups.
+        Rate of the fastest change observed, for large groups.
     lost
         Time from which on nothing is known; infinite when the solution is known.
     """

@@ -13,7 +13,7 @@ from flocking.model.terms.pair_terms import Gradient
 
 LEAST_SQUARE = 1e-300
 """Squared displacement that counts as the least: above zero and the subnormal numbers, below any displacement that is
-told apart."""
+distinguished."""
 
 
 def singular_reach(law: Law) -> float:
@@ -52,7 +52,7 @@ def check_passing(
     ids
         Numbers of the agents, if they are not in order.
     space
-        Where they live.
+        Their space.
 
     Raises
     ------

@@ -31,7 +31,7 @@ than agents that react to each other cross between two ticks."""
 
 
 class Paths(NamedTuple):
-    """How agents move, and the space they live in.
+    """How agents move, and their space.
 
     Parameters
     ----------

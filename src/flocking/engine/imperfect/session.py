@@ -1,7 +1,7 @@
 """A running simulation in which agents act on what they know: true links, closest approaches and the ledger beside it.
 
 Between two changes of the forces, or of their formula, positions are polynomials in time; what a change is, and how the
-agents move, every engine says itself.
+agents move, every engine states itself.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class ImperfectSession(Session):
             raise infinite_start(self.scenario, self.scenario.start, self.energy)
         self._record_row(0.0)
 
-    # What an engine says of its motion.
+    # What an engine states of its motion.
 
     @property
     @abstractmethod
@@ -180,7 +180,7 @@ class ImperfectSession(Session):
         self._law.take_parameters(self._schedule[changes - 1] if changes else self._base)
 
     def _recall_gains(self, numbers: Mapping[str, float]) -> None:
-        """Take the gains of a checkpoint; those written before gains could change do not say how often they had."""
+        """Take the gains of a checkpoint; those written before gains could change do not state how often they had."""
         times = [self._since_start(t) for t in self._schedule]
         least, most = (sum(t < numbers["accounted"] for t in times), sum(t <= numbers["accounted"] for t in times))
         found = numbers.get("gains_changed", float(most))
@@ -339,7 +339,7 @@ class ImperfectSession(Session):
         return ImperfectMemory(self.links, self.crossings, self.closest, self.sums, self.errors, numbers)
 
     def recall(self, memory: ImperfectMemory, stored: Stored) -> None:
-        """Go on from what a checkpoint says, and from the stored records.
+        """Go on from what a checkpoint states, and from the stored records.
 
         Parameters
         ----------
@@ -351,7 +351,7 @@ class ImperfectSession(Session):
         Raises
         ------
         MalformedError
-            When gains have not changed as the schedules of the law say.
+            When gains have not changed as the schedules of the law state.
         """
         self.links, self.crossings, self.closest = memory.links, memory.crossings, memory.closest
         self.sums, self.errors = memory.sums, memory.errors

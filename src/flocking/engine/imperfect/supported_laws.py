@@ -15,7 +15,7 @@ MOST_AGENTS = 2000
 def check_law(
     engine: str, scenario: Scenario, plant: Law | None, points: Body | None = None, *, obstacles: bool = False
 ) -> None:
-    """Refuse what these engines do not know.
+    """Refuse what these engines do not support.
 
     Parameters
     ----------

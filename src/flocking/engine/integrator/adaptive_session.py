@@ -1,4 +1,4 @@
-"""What sessions with adaptive steps say of the lengths of their steps."""
+"""What sessions with adaptive steps state of the lengths of their steps."""
 
 from __future__ import annotations
 

@@ -38,8 +38,8 @@ EXPONENT = -1 / 8
 
 STEP_SHARE, UNKNOWN, NEGLIGIBLE, CONSTANT, CONSTANT_SHARE = 0.01, 1e-6, 1e-5, 1e-15, 1e-3
 """For the length of the first step, as in SciPy: the share of the state, or of a unit error, by which it may change;
-the length where norms say nothing; norms in units of the tolerance below which a state or slope says nothing, and below
-which a slope is constant; and the least share of the guess that is left then."""
+the length where norms carry no information; norms in units of the tolerance below which a state or slope states
+nothing, and below which a slope is constant; and the least share of the guess that is left then."""
 
 Stages = Callable[[int, int, int, float, Array, float, Array, Array, Array], Array]
 """Computes stages, see `flocking.engine.exact.dynamics.Dynamics.stages`."""

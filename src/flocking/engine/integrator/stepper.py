@@ -146,7 +146,7 @@ class Stepper:
             self._stages(STAGES + 1, len(nodes), STAGES, t, y, h, K, nodes, weights)
             coefficients = np.empty((DEGREE + 1, len(y)))
             polynomial(K, h, y, new, dense, TO_BERNSTEIN, coefficients)
-        # The last step before a bound is cut short; it says nothing about the next one.
+        # The last step before a bound is cut short; it states nothing about the next one.
         proposed = max(length, proposed) if end == bound else length
         self.memory = StepperMemory(end, new, slope, proposed)
         return Segment(t, end, coefficients)

@@ -76,7 +76,7 @@ class Layout:
     bodies
         What the agents are; their parameters get slots too.
     space
-        Where they live; the lengths of axes that repeat get slots too.
+        Their space; the lengths of axes that repeat get slots too.
     steering
         Whether the caller adds the forces of steering terms, which have no formulas.
 

@@ -1,1 +1,1 @@
-"""One operating-system process an agent, which hears of the others only by messages, and a process for the world."""
+"""One operating-system process an agent, which has states of the others only by messages, and one for the world."""

@@ -23,7 +23,7 @@ HELLO = 0.25
 """Seconds between two announcements of an agent that has not been answered."""
 
 FINE, FAILED, ALONE = 0, 1, 3
-"""Exit codes: the world said that the run has ended; the agent cannot begin; the world is silent or gone."""
+"""Exit codes: the run has ended; the agent cannot begin; the world is silent or gone."""
 
 
 def main() -> int:

@@ -67,7 +67,7 @@ class Bus:
             ) from None
 
     def subscribe(self, key: str) -> None:
-        """Hear messages under a key."""
+        """Receive messages under a key."""
 
         def came(sample: zenoh.Sample) -> None:
             self.heard.put((str(sample.key_expr).rsplit("/", 1)[-1], sample.payload.to_bytes()))

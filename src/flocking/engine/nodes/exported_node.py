@@ -20,7 +20,7 @@ MISSING = "Agents that run exported C need the package cffi: pip install 'flocki
 """Message where the package is not installed."""
 
 OLD = [name for name, _ in STATUS].index("OLD")
-"""The code that says that a newer sample is known."""
+"""The code that states that a newer sample is known."""
 
 
 def declarations(header: str) -> str:

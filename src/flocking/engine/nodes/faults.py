@@ -28,7 +28,7 @@ class Kill:
 
 @dataclass(frozen=True)
 class Restart:
-    """The process of an agent begins anew and knows nothing; one that still runs is ended first.
+    """The process of an agent begins anew and has no samples; one that still runs is ended first.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ class Node(ABC):
         self.scenario, self.agent = scenario, agent
 
     def begin(self) -> None:
-        """Know the exact start of everyone, and the links there."""
+        """Store the exact start of all agents, and the links there."""
         start = self.scenario.start
         # Agents of order 1 stand still before the start, whatever velocities it names.
         sent = start.p if self.scenario.agents.order > 1 else np.zeros_like(start.p)

@@ -78,7 +78,7 @@ class Agents(ABC):
 
     @abstractmethod
     def restart(self, agent: int) -> None:
-        """Begin an agent anew, which knows nothing."""
+        """Begin an agent anew, which has no samples."""
 
     @abstractmethod
     def close(self) -> None:
@@ -114,7 +114,7 @@ class LocalAgents(Agents):
         return agent not in self._nodes
 
     def kill(self, agent: int) -> None:
-        """Forget an agent."""
+        """Discard an agent."""
         self._nodes.pop(agent, None)
 
     def restart(self, agent: int) -> None:
@@ -192,7 +192,7 @@ class AgentProcesses(Agents):
         command = [sys.executable, "-m", "flocking.engine.nodes.agent_process", self.place, self.run, str(agent)]
         command += [] if self._library is None else ["--library", str(self._library)]
         # Ctrl-C is for the world, which ends its agents. A new process inherits what is blocked; without that, it would
-        # say where among its imports the signal has met it. Here the signal only waits.
+        # print where among its imports the signal interrupted it. Here the signal only waits.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
         try:
             self.processes[agent] = subprocess.Popen(command, stdin=subprocess.DEVNULL)
@@ -200,7 +200,7 @@ class AgentProcesses(Agents):
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def _gather(self, agents: set[int], *, begin: bool) -> None:
-        """Wait until agents have said that they are ready."""
+        """Wait until agents have stated that they are ready."""
         stop, greeted = time.monotonic() + BEGINNING, set[int]()
         while not agents <= self._ready:
             found = self._bus.next(GLANCE)
@@ -240,7 +240,7 @@ class AgentProcesses(Agents):
                 continue
             agent, data = _sender(came[0], self.n), unpacked(came[1])
             if "hello" in data and not self._spawned and agent >= 0:
-                # Begun anew on another host: it knows nothing.
+                # Begun anew on another host: it has no samples.
                 self._tell(agent, {"scenario": self._scenario, "begin": False})
             # An answer to an earlier question comes too late.
             if agent in missing and data.get("id") == self._asked:

@@ -17,8 +17,8 @@ LONGEST = 64_000_000
 class Request(TypedDict, total=False):
     """A request to an agent.
 
-    ``do`` is ``"measure"``, for which ``number``, ``now``, ``q`` and ``p`` say what its sensors read, or ``"act"``, for
-    which ``heard`` are samples that have arrived since the last time.
+    ``do`` is ``"measure"``, for which ``number``, ``now``, ``q`` and ``p`` state what its sensors read, or ``"act"``,
+    for which ``heard`` are samples that have arrived since the last time.
     """
 
     do: str

@@ -51,7 +51,7 @@ class Engine(ABC):
     """Kinds of space that it supports."""
 
     def check_space(self, scenario: Scenario) -> None:
-        """Refuse by name a space that this engine does not know.
+        """Refuse by name a space that this engine does not support.
 
         Raises
         ------

@@ -114,7 +114,7 @@ def time_stamps(given: ArrayLike | None, count: int) -> Array:
 def refuse_shapes(
     m: int, t: float, last: float, own: tuple[Array, Array], others: tuple[Indices, Array, Array]
 ) -> None:
-    """Say what is wrong with arguments, where something is.
+    """State what is wrong with arguments, where something is.
 
     Parameters
     ----------

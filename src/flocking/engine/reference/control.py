@@ -54,7 +54,7 @@ def control(law: Law, state: State, *, agents: Body | None = None, space: Space 
     agents
         What the agents are; point masses of 1 without damping when absent.
     space
-        Where they live.
+        Their space.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def evaluate(
     energy
         Frame of the energies; the lab frame when absent.
     space
-        Where the agents live.
+        Space of the agents.
 
     Raises
     ------
@@ -334,7 +334,7 @@ def control_of(
     mass, damping
         Mass and velocity damping of the agent.
     space
-        Where they live.
+        Their space.
     seen
         All agents that it sees, linked or not, of which steering terms take those within their radius; the neighbours
         when absent.

@@ -47,9 +47,9 @@ class Controller:
     """The control law of one agent, with its link memory, for a loop of hundreds of calls a second.
 
     A call takes what the agent knows now and gives the force of the law, as `flocking.control_of` does for given
-    neighbours; here the graph decides whom of those it hears of are neighbours, by its memory. At the first call links
-    are those of a start, afterwards they appear and break at the distances of the graph. Whoever a call does not name
-    is forgotten, and its link must appear anew.
+    neighbours; here the graph decides which of those it has samples of are neighbours, by its memory. At the first call
+    links are those of a start, afterwards they appear and break at the distances of the graph. Whoever a call does not
+    name is discarded, and its link must appear anew.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Controller:
     relative
         Whether positions and velocities of the others are given relative to the agent's own.
     space
-        Where the agents live.
+        Space of the agents.
     dimension
         Number of axes.
 
@@ -184,7 +184,7 @@ class Controller:
                 )
 
     def reset(self) -> None:
-        """Forget all links and times, as before the first call."""
+        """Discard all links and times, as before the first call."""
         self.time, self.saturated = -np.inf, False
         fixed = [np.zeros(self.count, dtype=bool) if g.moves else g.initial(np.zeros((self.count, 1)))[self.agent]
                  for g in self.law.graphs]  # fmt: skip
@@ -283,7 +283,7 @@ class Controller:
                 # Finite components whose length is not: the same direction.
                 u = u * FACTOR
                 size = math.hypot(*u.tolist())
-        # Links of agents that this call did not name are forgotten.
+        # Links of agents that this call did not name are discarded.
         self.links, self._after = self._after, self.links
         self._started, self.time = True, float(t)
         self.saturated = self.limit is not None and size > self.limit
@@ -312,7 +312,7 @@ class Controller:
         return found
 
     def _refuse_known(self, fault: int, who: Indices, stamps: Array) -> None:
-        """Say what is wrong with what is known of the others."""
+        """State what is wrong with what is known of the others."""
         if fault == NOT_FINITE:
             raise InvalidInput("Controller", "q", "must be finite, as p, own_q and own_p", "a number that is not")
         if fault == NO_AGENT:

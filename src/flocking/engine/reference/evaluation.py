@@ -1,4 +1,4 @@
-"""What a law says of one state."""
+"""What a law states of one state."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def check_neighbours(
 ) -> None:
     """Check that forces are finite, and that neighbours are within the poles of the potentials.
 
-    Which poles bound the distances of neighbours `bounding_poles` says.
+    Which poles bound the distances of neighbours `bounding_poles` states.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def seen_by(agents: Indices, others: tuple[Indices, Indices], q: Array, p: Array
     q, p
         Positions and velocities of all agents, shape (N, m).
     space
-        Where they live.
+        Their space.
     """
     of, j = others
     offset = np.asarray(space.displacement(q[j] - q[agents[of]]))
@@ -50,7 +50,7 @@ def everyone(agents: Indices, q: Array, reach: float, space: Space = OPEN) -> tu
     reach
         The distance.
     space
-        Where they live.
+        Their space.
     """
     if not reach:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
@@ -92,7 +92,7 @@ def steering_forces(law: Law, q: Array, p: Array, space: Space = OPEN, agents: I
     q, p
         Positions and velocities of all agents, shape (N, m).
     space
-        Where they live.
+        Their space.
     agents
         Numbers of the agents, shape (K,); all when absent.
     """

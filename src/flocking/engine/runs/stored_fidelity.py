@@ -102,7 +102,7 @@ def derived_fidelity(provenance: Mapping[str, object], scenario: Scenario) -> Fi
 
     Its keys: engine ``samples`` means samples from elsewhere, whose ``gap``, ``ledger_error`` and ``switch_error`` are
     estimated errors; ``scheme`` means fixed steps of at most ``step``; ``farthest`` means an engine that checks linked
-    pairs at every step, between which two agents approach each other by at most that length; ``closest`` says when
+    pairs at every step, between which two agents approach each other by at most that length; ``closest`` states when
     distances were checked; ``switches`` that they are not recorded; ``law_checks``, ``law_gap`` and ``law_gap_allowed``
     how far forces were from the law; ``position_error`` and ``velocity_error`` errors of samples; ``changed at`` when
     the run was changed. A number that is missing is not known, but samples without errors are exact.

@@ -30,7 +30,7 @@ class Knowledge:
     links
         Links of each graph at the start, shape (graphs, N, N).
     space
-        Where the agents live.
+        Space of the agents.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Knowledge:
     settings
         How messages have been sent so far, the last as they are sent now; empty without messages.
     since
-        Number of each agent's first sample that is sent as all but the first of `settings` say, shape (N,) each.
+        Number of each agent's first sample that is sent as all but the first of `settings` state, shape (N,) each.
     """
 
     def __init__(self, information: Information, q: Array, p: Array, links: Links, space: Space) -> None:
@@ -62,7 +62,7 @@ class Knowledge:
         self.samples = Samples(q, p, with_distances=self.reads_distances)
 
     def _take(self, messages: Messages) -> None:
-        """Send all samples from now on as ``messages`` say."""
+        """Send all samples from now on as ``messages`` state."""
         assert self.schedule is not None
         self.messages = messages
         self.settings.append(messages)
@@ -71,7 +71,7 @@ class Knowledge:
         self._memory = np.array([[noise.memory(float(x))] for x in periods] if noise is not None else [])
 
     def change(self, messages: Messages, since: Instants | None = None) -> None:
-        """Send samples that are not taken yet as other ``messages`` say; those on their way arrive, or not, as before.
+        """Send samples that are not taken yet as other ``messages`` state; those on their way arrive or not as before.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class Knowledge:
         if begin.any() and not (self.since and (self.since[-1] == begin).all()):
             self.since.append(begin)
         else:
-            # Nothing was sent as the last ones say.
+            # Nothing was sent as the last ones state.
             self.settings.pop()
         self._take(messages)
         if self.reads_distances and not self.samples.distances.size:
@@ -227,7 +227,7 @@ class Knowledge:
         self, messages: Messages, receiver: NDArray[np.int64], sender: NDArray[np.int64], k: Instants,
         time: int | Instants,
     ) -> NDArray[np.bool_]:  # fmt: skip
-        """`has_arrived` for samples that are sent as ``messages`` say."""
+        """`has_arrived` for samples that are sent as ``messages`` state."""
         assert self.schedule is not None
         arrives = self.schedule.at(sender, k) + round(messages.delay * PER_SECOND)
         if jitter := round(messages.jitter * PER_SECOND):

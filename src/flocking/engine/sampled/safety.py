@@ -124,7 +124,7 @@ class ForceFilter:
     q
         Positions at the start, shape (N, m).
     space
-        Where the agents live.
+        Space of the agents.
     start
         The scenario's time at the start.
     """

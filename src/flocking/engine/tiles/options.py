@@ -38,7 +38,7 @@ class TilesOptions:
         Whether the energy ledger is computed at every step and used to check the step.
     ledger_at
         Under held control: ``"steps"``, or ``"ticks"``, where the ledger is computed only when somebody acts. Then it
-        costs little, and its residual says how much powers change between two ticks.
+        costs little, and its residual states how much powers change between two ticks.
     observe
         Whether order, flocks, density and closest pair are recorded at the frame times.
     keep_frames

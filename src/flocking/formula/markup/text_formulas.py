@@ -115,7 +115,7 @@ class _Setter:
     def atom(self, k: int, within: bool) -> tuple[str, int] | None:
         """A variable, number, root or bracket with scripts at token ``k``; None where there is none.
 
-        ``within`` says whether it stands in a formula already, so that letters that are words are variables.
+        ``within`` states whether it stands in a formula already, so that letters that are words are variables.
         """
         kind, word = self.tokens.kind(k), self.tokens.word(k)
         scripted = self.tokens.kind(k + 1) == "script"

@@ -187,12 +187,12 @@ def native_apart(function: Callable[..., object]) -> NativeFunction:
 
 
 def native_announced(what: str) -> Callable[[Callable[..., object]], NativeFunction]:
-    """Decorator of a native function that takes seconds to compile; ``what`` says in words which one that is."""
+    """Decorator of a native function that takes seconds to compile; ``what`` states in words which one that is."""
     return lambda function: NativeFunction(function, announced_as=what)
 
 
 def _say(line: str) -> None:
-    """Write a line for somebody who waits at a terminal or a notebook; workers and batch jobs say nothing."""
+    """Write a line for somebody who waits at a terminal or a notebook; none for workers and batch jobs."""
     import multiprocessing
 
     shown = sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)

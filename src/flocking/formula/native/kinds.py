@@ -16,7 +16,7 @@ from flocking.errors import CacheError
 
 
 class UntranslatableError(Exception):
-    """A function uses what native functions do not support; the message says what."""
+    """A function uses what native functions do not support; the message states what."""
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,7 @@ def arguments_of(signature: str) -> tuple[Argument, ...]:
     Raises
     ------
     CacheError
-        When it says anything else.
+        When it states anything else.
     """
     found: list[Argument] = []
     for part in _parts(signature):

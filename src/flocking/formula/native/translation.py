@@ -7,7 +7,7 @@ returned, and calls of the functions of `arithmetic`, of `Primitive`, and of oth
 inlined, unless they are compiled separately. It computes bit for bit what Python does, with these exceptions: a power
 with a known integer exponent is a product; integers have 64 bits and wrap; numbers of several kinds are promoted as
 NumPy promotes arrays of them; a float divided by zero, or a function of ``math`` outside its domain, gives what
-IEEE 754 says; ``hypot``, ``gamma`` and ``lgamma`` are those of the C library; powers of 2.0 and powers 0.5 are LLVM's
+IEEE 754 states; ``hypot``, ``gamma`` and ``lgamma`` are those of the C library; powers of 2.0 and powers 0.5 are LLVM's
 ``exp2`` and ``sqrt``, which may differ from Python's in the last bit; an index is not checked and does not count from
 the end. Numbers and arrays of a module are those of the first call.
 

@@ -252,7 +252,7 @@ class Body(ABC):
         return False
 
     def check_scenario(self, control: Control, q: Array, p: Array) -> None:
-        """Check that agents can act when ``control`` says, and begin where and how they do; most can.
+        """Check that agents can act when ``control`` states, and begin where and how they do; most can.
 
         Parameters
         ----------

@@ -75,7 +75,7 @@ class PointMass(Points):
 
 
 def is_point_mass(body: Body) -> bool:
-    """Whether agents move as `PointMass` says, which engines with a fixed step and theorems of the papers assume.
+    """Whether agents move as `PointMass` states, which engines with a fixed step and theorems of the papers assume.
 
     Parameters
     ----------

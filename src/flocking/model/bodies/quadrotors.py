@@ -29,7 +29,7 @@ ORTHONORMAL = 1e-9
 """Largest difference of products of given axes from those of orthonormal ones."""
 
 ACTING = 0.5
-"""The held number that says that rotors idle is 0 or 1."""
+"""The held number that states that rotors idle is 0 or 1."""
 
 Vector = Sequence["sympy.Expr"]
 

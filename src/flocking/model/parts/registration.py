@@ -159,7 +159,7 @@ def _function(part: Callable[..., object], name: str, word: str | None, hints: M
     if not isinstance(builds, type):
         raise InvalidInput("register_part", name, "must be annotated with the part it returns", builds)
     arguments = inspect.signature(part).parameters
-    # Files say seed; what a call may name rng instead is none of their keys, and then the seed has no default.
+    # Files state seed; what a call may name rng instead is none of their keys, and then the seed has no default.
     seeded = {"seed", "rng"} <= arguments.keys()
     found = {
         a.name: _field(

@@ -1,4 +1,4 @@
-"""What the documentation of a part says: its summary, and the meaning of each of its fields."""
+"""What the documentation of a part states: its summary, and the meaning of each of its fields."""
 
 from __future__ import annotations
 

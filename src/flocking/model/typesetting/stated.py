@@ -62,7 +62,7 @@ class StatedScenario(Protocol):
 
     @property
     def space(self) -> Space:
-        """Where they live."""
+        """Their space."""
 
     @property
     def information(self) -> Information:

@@ -64,7 +64,7 @@ class Names:
         return found
 
     def parameter(self, values: Mapping[str, object]) -> Callable[[str], sympy.Symbol]:
-        """Symbols of the parameters of a part by name; ``values`` say which differ from agent to agent."""
+        """Symbols of the parameters of a part by name; ``values`` state which differ from agent to agent."""
         made: dict[str, sympy.Symbol] = {}
 
         def named(name: str) -> sympy.Symbol:

@@ -20,7 +20,7 @@ from flocking.model.world.times import nanoseconds
 @register_part("fixes")
 @dataclass(frozen=True)
 class Fixes(Information):
-    """Agents measure position and velocity once a period, with errors, and hear the others' fixes after a delay.
+    """Agents measure position and velocity once a period, with errors, and receive the others' fixes after a delay.
 
     An agent knows its own newest fix, and of each other agent within a range the fix that is ``delay`` old. Errors are
     the motion of a damped mass on a spring that is kicked at random, by steps of one period T (Vasarhelyi et al. 2018):

@@ -1,4 +1,4 @@
-"""What agents know of each other, and when: the present, or what messages say that take time and may be lost."""
+"""What agents know of each other, and when: the present, or what messages state that take time and may be lost."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class Messages(Information):
 
     A sample is the true position and velocity plus noise, rounded to the resolution. It reaches agent i after the delay
     and a jitter of its own, unless it is lost. Agent i uses the newest sample of each other agent by the time at which
-    it was taken, held as it is or, with ``predict``, moved on with the velocity it tells. A sample that is ``expires``
-    old is forgotten, and its sender with it: link memory is cleared, and a link must appear anew. At the start everyone
+    it was taken, held as it is or, with ``predict``, moved on with its velocity. A sample that is ``expires``
+    old is discarded, and its sender with it: link memory is cleared, and a link must appear anew. At the start everyone
     has everyone's exact state. Times are rounded to whole nanoseconds from the start. At one instant samples are taken
     first, then they arrive, then they expire, then links follow, then controls are computed from what is known. The
     leader and obstacles are known exactly.
@@ -70,7 +70,7 @@ class Messages(Information):
     expires
         Age from which a sample is not used any more; None where it is used until a newer one arrives.
     predict
-        Whether a receiver moves samples on with the velocity they tell.
+        Whether a receiver moves samples on with their velocity.
     self_known
         ``"true"``: an agent knows its own true state; ``"measured"``: its own newest sample, without delay.
     seed
@@ -168,7 +168,7 @@ class Messages(Information):
 
     @property
     def expires_in_nanoseconds(self) -> int | None:
-        """`expires` as a whole number of nanoseconds; None where samples are never forgotten."""
+        """`expires` as a whole number of nanoseconds; None where samples are never discarded."""
         return None if self.expires is None else max(1, round(self.expires / NANOSECOND))
 
 

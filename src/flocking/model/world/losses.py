@@ -23,7 +23,7 @@ Lost = NDArray[np.bool_]
 
 
 class Loss(ABC):
-    """Says which messages are lost: a function of the seed, the two agents and the index of the sample."""
+    """States which messages are lost: a function of the seed, the two agents and the index of the sample."""
 
     reads_distance: bool = False
     """Whether it needs the distance at which the message was sent."""

@@ -50,7 +50,7 @@ four times as much."""
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A scenario, seen as velocity alignment of all pairs.
+    """A scenario as velocity alignment of all pairs.
 
     Parameters
     ----------

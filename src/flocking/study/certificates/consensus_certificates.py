@@ -38,7 +38,7 @@ KEYS = (
 
 @dataclass(frozen=True, eq=False)
 class LinearConsensus:
-    """A scenario, seen as linear consensus: x' = -a L x, or x'' = -a L x - b L x'.
+    """A scenario as linear consensus: x' = -a L x, or x'' = -a L x - b L x'.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class _Numbers:
 
 @dataclass(frozen=True, eq=False)
 class ObstacleSetting:
-    """A scenario, seen as a group whose energy does not grow among obstacles at rest.
+    """A scenario as a group whose energy does not grow among obstacles at rest.
 
     Parameters
     ----------

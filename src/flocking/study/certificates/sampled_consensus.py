@@ -20,7 +20,7 @@ from flocking.study.certificates.enclosed_matrices import UNIT
 from flocking.study.certificates.random_recursion import RandomRecursion
 
 LARGEST_SYSTEM, LARGEST_RANDOM = 400, 200
-"""Components of an axis, all that is remembered counted, up to which spectra and growths by chance are enclosed."""
+"""Components of an axis, all that is stored counted, up to which spectra and growths by chance are enclosed."""
 
 NUMBER_ERROR = 64.0 * UNIT
 """Relative error of periods, gains, masses and their products."""
@@ -225,7 +225,7 @@ class SampledConsensus:
         """One axis of the disagreement from tick to tick, at a period that may differ from the declared one.
 
         Components are positions (velocities, where those alone are agreed on) and, for order 2, velocities, now and as
-        many periods ago as messages are late, then what is remembered of each neighbour whose messages are lost. All
+        many periods ago as messages are late, then what is stored of each neighbour whose messages are lost. All
         are relative to the position of agent 0, and its velocity where late positions do not tell a common motion.
 
         Parameters
@@ -284,7 +284,7 @@ class SampledConsensus:
         builder.add({i: 0.5 * period * period, n + i: period}, out_of, noise)
 
     def _remember(self, builder: _Builder, period: float, i: int, j: int, place: int) -> None:
-        """The force on i of what it remembers of j, and of what a new sample changes if it arrives."""
+        """The force on i of what it stores of j, and of what a new sample changes if it arrives."""
         gain, late = float(self.consensus.first_gain.lo), self.n * self.delayed_samples
         own = -1.0 if self.own_measured else 0.0
         builder.always({i: period * gain}, _difference(i, place), {i: own})

@@ -145,7 +145,7 @@ class LinkEvidence(RunEvidence):
         return s
 
     def _locating(self, what: str) -> str:
-        """Which engine ``what`` says, in words; empty for samples and in discrete time, where none does."""
+        """Which engine ``what`` states, in words; empty for samples and in discrete time, where none does."""
         if self.sampled or self.run.scenario.agents.discrete:
             return ""
         return f"; engine='exact' {what}"

@@ -1,4 +1,4 @@
-"""A second computation of what agents knew and of the forces that follow, which says which entry of a log is wrong."""
+"""A second computation of what agents knew and of the forces that follow: which entries of a log are wrong."""
 
 from __future__ import annotations
 
@@ -105,9 +105,9 @@ class Replay:
 def replay(run: Run) -> Replay:
     """Compute again what agents used when they acted, and the forces that follow from that.
 
-    The energy ledger proves that a run moves as it says, not that agents used what they could know. Here the motion is
-    computed from the logged forces, samples, arrivals, expiries and links from the declared world, and forces from the
-    entries of the log, by plain code that shares with the engine the declared parts and their random numbers alone.
+    The energy ledger proves that a run moves as recorded, not that agents used what they could know. Here the motion
+    is computed from the logged forces, samples, arrivals, expiries and links from the declared world, and forces from
+    the entries of the log, by plain code that shares with the engine the declared parts and their random numbers alone.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def logged(run: Run) -> tuple[Scenario, MessageLog]:
 
 
 class LoggedWorld:
-    """What the declared world says of a run whose forces are those of its log.
+    """What the declared world states of a run whose forces are those of its log.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ def winding(links: Links, q: Array, space: Space) -> NDArray[np.bool_]:
     q
         Positions, shape (N, m).
     space
-        Where the agents live.
+        Space of the agents.
 
     Returns
     -------

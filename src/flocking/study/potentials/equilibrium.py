@@ -50,7 +50,7 @@ class Equilibrium:
     state
         The state; its links define the neighbours.
     space
-        Where the agents live.
+        Space of the agents.
     """
 
     def __init__(self, law: Law, state: State, space: Space = OPEN) -> None:

@@ -29,7 +29,7 @@ def total_energy(
     agents
         Masses and headings; unit masses when absent.
     space
-        Where the agents live.
+        Space of the agents.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def agent_energies(law: Law, state: State, energy: Energy | None = None, *, spac
     energy
         Energy of a pair that is not linked; zero when absent.
     space
-        Where the agents live.
+        Space of the agents.
 
     Returns
     -------

@@ -27,7 +27,7 @@ def read_samples(
     path
         A CSV or Parquet table with the columns ``t``, ``id``, ``x``, ``y``, ``z`` and, where velocities are known,
         ``vx``, ``vy``, ``vz``, one row per agent and time; an NPZ file with arrays ``t`` (F,), ``q`` and ``p``
-        (F, N, m); a GSD file; or an MCAP file with messages of JSON. The ending says which.
+        (F, N, m); a GSD file; or an MCAP file with messages of JSON. The ending states which.
     columns
         Names of columns or arrays in the file, by the names above: ``{"t": "time", "id": "bird"}``.
     time_step

@@ -144,11 +144,11 @@ def check_size(path: Path, size: int, what: str = "the file") -> None:
 
 
 LONGEST_REASON = 200
-"""Characters of what a library says of a file that it cannot read; it may repeat parts of the file."""
+"""Characters of what a library states of a file that it cannot read; it may repeat parts of the file."""
 
 
 def reason(error: BaseException) -> str:
-    """What a library says of a file that it cannot read, on one line and of bounded length.
+    """What a library states of a file that it cannot read, on one line and of bounded length.
 
     Parameters
     ----------

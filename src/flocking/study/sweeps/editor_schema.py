@@ -10,7 +10,7 @@ from flocking.study.sweeps.parametrised_scenarios import ParametrisedScenario
 def sweep_schema(scenarios: Mapping[str, ParametrisedScenario]) -> dict[str, object]:
     """JSON schema of sweep files, for editors that complete and check TOML.
 
-    A file that it accepts is accepted by `flocking.study.sweeps.sweep_file.parse_sweep` unless it asks for too many
+    A file that it accepts is accepted by `flocking.study.sweeps.sweep_file.parse_sweep` unless it requests too many
     runs, or names a path that the scenario in the file does not have.
 
     Parameters

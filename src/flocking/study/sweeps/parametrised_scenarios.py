@@ -124,7 +124,7 @@ class FileScenario:
     tables
         The scenario as in a scenario file.
     most_agents
-        Largest number of agents it may ask for.
+        Largest number of agents it may request.
     """
 
     tables: Mapping[str, object]

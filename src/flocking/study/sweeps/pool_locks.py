@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from flocking.engine.interruption import uninterrupted
 
 ANSWER_SECONDS = 0.1
-"""Seconds for which Ctrl-C may wait while results are awaited: too short to notice."""
+"""Seconds for which Ctrl-C may wait while results are awaited: too short to be noticed."""
 
 Result = TypeVar("Result")
 

@@ -98,7 +98,7 @@ def sweep(
     Returns
     -------
     SweepTable
-        One row per run. After Ctrl-C it holds those that were finished, and its status says so.
+        One row per run. After Ctrl-C it holds those that were finished, and its status states it.
 
     Raises
     ------

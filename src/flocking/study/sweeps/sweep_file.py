@@ -38,7 +38,7 @@ TRYING_SECONDS = 5.0
 """Time for building scenarios before a sweep starts; faults of the others appear when their run is made."""
 
 MOST_POINTS = 100 * MOST_RUNS
-"""Drawn points that a file may ask for, a bound on memory; the number of runs is checked against its own limit."""
+"""Drawn points that a file may request, a bound on memory; the number of runs is checked against its own limit."""
 
 
 class SweepFileError(ScenarioFileError):
@@ -105,9 +105,9 @@ def read_sweep_file(
     scenarios
         Families of scenarios it may name.
     most_runs
-        Runs it may ask for.
+        Runs it may request.
     most_agents
-        Agents a scenario written in it may ask for.
+        Agents a scenario written in it may request.
 
     Raises
     ------
@@ -148,9 +148,9 @@ def parse_sweep(
     name
         Name of the sweep when the text has none.
     most_runs
-        Runs it may ask for.
+        Runs it may request.
     most_agents
-        Agents a scenario written in it may ask for.
+        Agents a scenario written in it may request.
 
     Raises
     ------
@@ -198,7 +198,7 @@ class _Reader:
     scenarios
         Families that may be named.
     most_agents
-        Agents a scenario in the file may ask for.
+        Agents a scenario in the file may request.
     lines
         Faults; more are appended.
     """

@@ -49,7 +49,7 @@ class WorkerWatch:
 
 
 def processor_time(processes: Iterable[int]) -> float | None:
-    """Processor time in seconds of processes and of those that they started; None where the system does not tell.
+    """Processor time in seconds of processes and of those that they started; None where the system has none.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ def leaves_no_doubt(
     switched
         Pairs that have switched; how they are on the step is noted in their rows.
     solution
-        Its ``crossed`` says which pairs switch; those that came within the error are marked.
+        Its ``crossed`` states which pairs switch; those that came within the error are marked.
     work
         Holds the step.
     count

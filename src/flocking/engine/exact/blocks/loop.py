@@ -163,7 +163,7 @@ def compare_energies(law: CompiledLaw, limits: Limits, solution: Solution, work:
 
 
 def add_step(records: Records, row: int, solution: Solution, switched: Switched, length: float) -> int:
-    """Put the end of a step on record in a ``row``, and say which is the next one; for native functions.
+    """Put the end of a step on record in a ``row``, and state which is the next one; for native functions.
 
     Parameters
     ----------

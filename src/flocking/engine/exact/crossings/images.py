@@ -35,7 +35,7 @@ def nearest_shift(space: Space, difference: Array) -> Array:
     Parameters
     ----------
     space
-        Where the agents live.
+        Space of the agents.
     difference
         q_j - q_i, shape (..., m).
     """
@@ -65,7 +65,7 @@ def nearest_paths(space: Space, B: Array, i: Indices, j: Indices) -> Array:
     Parameters
     ----------
     space
-        Where the agents live.
+        Space of the agents.
     B, i, j
         As for `paths`.
     """
@@ -78,7 +78,7 @@ def pair_paths(space: Space, B: Array, i: int, j: int) -> tuple[Array, int, int]
     Parameters
     ----------
     space
-        Where the agents live.
+        Space of the agents.
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     """
@@ -91,7 +91,7 @@ def linked_paths(space: Space, motion: Motion, i: Indices, j: Indices) -> tuple[
     Parameters
     ----------
     space
-        Where the agents live.
+        Space of the agents.
     motion
         How the agents move.
     i, j
@@ -127,7 +127,7 @@ def reachable(space: Space, B: Array, pairs: Links, reach: Array) -> Iterator[tu
     Parameters
     ----------
     space
-        Where the agents live.
+        Space of the agents.
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     pairs
@@ -159,7 +159,7 @@ def image_crossings(
     Parameters
     ----------
     space
-        Where the agents live.
+        Space of the agents.
     B, far, near, active, enter, leave, directed, slack, P
         As for that function.
     """
@@ -190,7 +190,7 @@ def image_doubts(
     Parameters
     ----------
     space
-        Where the agents live.
+        Space of the agents.
     B, far, near, active, enter, leave, directed, nodes, most, floor
         As for that function.
     """
@@ -222,7 +222,7 @@ def image_closest(
     Parameters
     ----------
     space
-        Where the agents live.
+        Space of the agents.
     B, far, linked, best_linked, best_free
         As for that function.
 

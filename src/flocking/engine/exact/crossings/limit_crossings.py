@@ -43,7 +43,7 @@ class HeldNumbers:
         self.names = body.held(m)
         drawn = body.drawn(0.0, n, m)
         self.limits = [k for k, name in enumerate(self.names) if name not in drawn]
-        """Rows that say which limits act."""
+        """Rows that state which limits act."""
         self.rows = np.zeros((len(self.names), n))
         """The numbers, shape (rows, N)."""
 

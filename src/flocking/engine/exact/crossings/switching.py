@@ -79,7 +79,7 @@ class LinkState:
     base
         The time at which the session's own time, the time of all functions here, is 0.
     space
-        Where the agents live.
+        Space of the agents.
     """
 
     def __init__(
@@ -259,7 +259,7 @@ class LinkState:
         self.nearby, self._listed_on = nearby, segment
 
     def leave(self, segment: Segment, motion: Motion) -> None:
-        """Take in the motion on a ``segment`` that is left; of other than the native loop's the list is forgotten."""
+        """Take in the motion on a ``segment`` that is left; of other than the native loop's the list is discarded."""
         if self.nearby is not None and self._listed_on is segment:
             note_displacements(self.nearby, motion.far)
         else:

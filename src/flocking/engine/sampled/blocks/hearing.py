@@ -1,4 +1,4 @@
-"""Messages within the native loop, as `flocking.engine.sampled.knowledge.Knowledge` takes, sends and hears them."""
+"""Messages within the native loop, as `flocking.engine.sampled.knowledge.Knowledge` takes, sends and receives them."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def hear(schedules: Schedules, sending: Sending, memory: Memory, work: Work, ins
     schedules, sending, memory, instant
         As for `arrives`.
     work
-        Says who acts.
+        States who acts.
     """
     n = memory.taken.shape[0]
     for j in range(n):

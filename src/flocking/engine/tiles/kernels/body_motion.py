@@ -64,6 +64,6 @@ def body_motion(
 
 
 def _limit_names(spec: KernelSpec) -> tuple[str, ...]:
-    """Names of the numbers that say which limits act, in the order of the limits."""
+    """Names of the numbers that state which limits act, in the order of the limits."""
     bodies, m = spec.layout.bodies, spec.dimension
     return tuple(name for name in bodies.held(m) if name not in bodies.drawn(0.0, 1, m))

@@ -53,7 +53,7 @@ class HeardSamples:
     jitter
         Whether messages are late by a drawn time.
     expires
-        Whether samples are forgotten.
+        Whether samples are discarded.
     predict
         Whether samples are moved on.
     flips

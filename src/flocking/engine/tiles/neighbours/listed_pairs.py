@@ -60,7 +60,7 @@ def nearest_pair_beyond(
     n
         Number of agents.
     space
-        Where they live.
+        Their space.
     """
     pairs = [tile_pairs(lists, tiles, n) for lists in neighbour_lists if lists is not None]
     i, j = (np.concatenate(x) for x in zip(*pairs, strict=True))

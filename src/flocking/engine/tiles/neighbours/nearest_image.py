@@ -20,7 +20,7 @@ def box_of(space: Space, m: int, dtype: type[np.float32] | type[np.float64]) -> 
     Parameters
     ----------
     space
-        Where the agents live.
+        Space of the agents.
     m
         Number of axes.
     dtype

@@ -1,7 +1,7 @@
 """Neighbour lists (Verlet lists) for tiles of 16 agents, with neighbours in rows of 16, so that loops vectorise.
 
 Row k of a tile contains the k-th neighbour of each of its agents. An agent with fewer neighbours is padded with its own
-number, which contributes nothing. For a graph with memory the top bit of an entry says whether the pair is linked.
+number, which contributes nothing. For a graph with memory the top bit of an entry states whether the pair is linked.
 """
 
 from __future__ import annotations

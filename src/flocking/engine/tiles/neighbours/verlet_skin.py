@@ -101,7 +101,7 @@ def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float, space
     stride
         Largest change of the distance of two agents in one step.
     space
-        Where they live.
+        Their space.
     """
     # The sample covers two cells in each direction, and all of an axis of at most five.
     m, grid = agents.shape[1] // 2, sorter.grid

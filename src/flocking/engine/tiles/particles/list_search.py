@@ -27,7 +27,7 @@ class ListSearch:
     m
         Number of axes.
     space
-        Where the agents live.
+        Space of the agents.
     dtype
         Precision.
     workers

@@ -19,7 +19,7 @@ many roots inside as p (z - 1) + q (z + 1), one at most (Rouche).
 included: how all move together depends on the delay too, but for their places, z = 1, which is a single root at every
 period, of mu = 0 alone. For short periods all other roots lie inside. Crossings need not be one, so the period is
 enclosed: cells that cover all of 0 < f <= pi/2 are proven to hold no crossing of a period below the lower end, and at
-the upper end a mode is proven to grow; periods above it are not spoken of. Near zero, for g <= pi/2: P > 0 asks
+the upper end a mode is proven to grow; periods above it are not covered. Near zero, for g <= pi/2: P > 0 asks
 k - mu < k/2, and R |l|^2 >= k cos(f)/2, |l| >= k/2, P |l|^2 <= k (2 d + 2) f, so that there is no crossing for
 f < sqrt(k b^2/(8 a))/(2 d + 2).
 """

@@ -24,7 +24,7 @@ KEYS = ("directed_decay_rate", "directed_delay", "directed_neighbour_delay", "di
 
 @dataclass(frozen=True, eq=False)
 class DirectedConsensus(LinearConsensus):
-    """A scenario, seen as linear consensus on a fixed directed graph: x' = -a L x, or x'' = -a L x - b L x'."""
+    """A scenario as linear consensus on a fixed directed graph: x' = -a L x, or x'' = -a L x - b L x'."""
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:

@@ -26,7 +26,7 @@ def roots_of(links: Links) -> list[np.ndarray]:
     Parameters
     ----------
     links
-        ``links[i, j]`` says that i senses j, shape (N, N).
+        ``links[i, j]`` states that i senses j, shape (N, N).
     """
     from scipy.sparse.csgraph import connected_components
 
@@ -41,7 +41,7 @@ class DirectedSpectrum:
     Parameters
     ----------
     links
-        ``links[i, j]`` says that i senses j, shape (N, N); one component, and no other, senses no other one.
+        ``links[i, j]`` states that i senses j, shape (N, N); one component, and no other, senses no other one.
     """
 
     def __init__(self, links: Links) -> None:

@@ -84,10 +84,10 @@ STRESSED = (
     "links are not known to be without stress there, and where one presses or pulls no deformation falls to zero: a "
     "lost message leaves the forces of other links without their counterpart"
 )
-"""Why nothing is said of lost messages at an equilibrium under stress."""
+"""Why nothing is stated of lost messages at an equilibrium under stress."""
 
 LEFT = "a link there is longer than the distance at which links appear: once a message is lost it does not come back"
-"""Why nothing is said of lost messages under hysteresis."""
+"""Why nothing is stated of lost messages under hysteresis."""
 
 NO_FORCE = "forces of links there, below 1e-9 of their stiffness times the smallest distance, count as none"
 """What is neglected at an equilibrium without stress."""

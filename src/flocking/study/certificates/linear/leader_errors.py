@@ -51,7 +51,7 @@ KNOWN = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class CentreOfMass:
-    """A scenario, seen as the motion of its centre of mass.
+    """A scenario as the motion of its centre of mass.
 
     Parameters
     ----------

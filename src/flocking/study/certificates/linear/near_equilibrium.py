@@ -2,7 +2,7 @@
 
 Near an equilibrium of single integrators x' = -H x, of point masses of one mass x'' = -H x - B x', with the second
 derivative H of the energy and the weighted Laplacian B of the velocity consensus, both per mass. H vanishes on
-translations and rotations: what is said is said of deformations. H and B need not commute. An eigenvalue of the
+translations and rotations: what is stated is stated of deformations. H and B need not commute. An eigenvalue of the
 motion with the direction x, |x| = 1, is one of the scalar motion of h = x* H x and b = x* B x, whose limits bound those
 of the group: h <= h_max, h <= c b for the least c with H <= c B, and b_min <= b <= b_max.
 """
@@ -64,7 +64,7 @@ STEEPEST = (1e-9, 1e-6, 1e-3, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class NearEquilibrium:
-    """A scenario, seen near the equilibrium to which descent from its start leads.
+    """A scenario near the equilibrium to which descent from its start leads.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class NearEquilibrium:
 
     @cached_property
     def speaks(self) -> tuple[Hypothesis, ...]:
-        """What must hold for anything to be said."""
+        """What must hold for anything to be stated."""
         return until_failed(LinearConsensus(self.scenario).body_hypothesis, self._terms, self._graph)
 
     def _terms(self) -> Hypothesis:

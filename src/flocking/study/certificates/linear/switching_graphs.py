@@ -4,7 +4,7 @@ Between switches x' = -a L x, or under held control x(t + T) = (1 - a T L) x(t),
 that moment. |x - mean|^2 does not grow under any of them: L is symmetric and positive, keeps the mean, and its
 eigenvalues are at most N (and at most twice the largest degree), so that |1 - a T lambda| <= 1 for T <= 2/(a N). One
 function serves for all graphs, so the bound of the period composes. With delays there is no such function: a delay
-below pi/(2 a N) is harmless on every single graph, and what switching does between them is not said.
+below pi/(2 a N) is harmless on every single graph, and what switching does between them is not stated.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SWITCHING = ("disagreement", "period_of_any_graph", "delay_of_each_graph")
 
 @dataclass(frozen=True, eq=False)
 class FirstOrder:
-    """A scenario, seen as linear consensus of first order on some graph.
+    """A scenario as linear consensus of first order on some graph.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class FirstOrder:
 
     @property
     def consensus(self) -> LinearConsensus:
-        """The same, seen as linear consensus on a fixed undirected graph: its gains do not depend on the graph."""
+        """The same as linear consensus on a fixed undirected graph: its gains do not depend on the graph."""
         return LinearConsensus(self.scenario)
 
     def bodies(self) -> Hypothesis:

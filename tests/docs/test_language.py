@@ -1,0 +1,87 @@
+"""Texts of programs about programs: plain verbs, no persons. Error texts and output hold to it; docstrings by a number
+that falls."""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import flocking
+
+ROOT = Path(flocking.__file__).parent
+PERSONS = re.compile(
+    r"\b(says?|said|sees|hears?|wants?|wanted|tells?|told|remembers?|remembered|forgets?|forgotten|speaks?|lives?|"
+    r"thinks?|believes?|no agent knows|(?:agents|they) live)\b",
+    re.IGNORECASE,
+)
+"""What people do and programs do not. The field's own words are not among them: neighbours, ghosts, messages that were
+heard, links with a memory, what an agent knows."""
+
+MOST_LINES = 150
+"""Lines of docstrings and comments that still have such a word; the number only falls."""
+
+GENERATED = ("engine/tiles/kernels/", "engine/c_export/")
+"""Printers of code, whose texts have names of variables and functions."""
+
+QUOTED = {
+    "papers/olfati_saber_2003/theorems.py": "as section 11 says",
+    "papers/tanner_2003_dynamic/theorems.py": "as sec. VIII says",
+    "papers/vasarhelyi_2018/theorems.py": "is not told a velocity",
+}
+"""What a paper says, for papers are written by persons; and one text that is left."""
+
+UNCHECKED = ("apps/lab/",)
+"""The page of the lab speaks to the one who plays with it; its texts have tests of their own."""
+
+
+def documented(tree: ast.Module) -> set[ast.Constant]:
+    """Docstrings of modules, classes and functions, and sentences under constants and attributes."""
+    bodies = [node.body for node in ast.walk(tree) if isinstance(getattr(node, "body", None), list)]
+    found = [x.value for body in bodies for x in body if isinstance(x, ast.Expr)]
+    return {x for x in found if isinstance(x, ast.Constant) and isinstance(x.value, str)}
+
+
+def texts(source: str) -> Iterator[str]:
+    """What a file may show to its users: texts of more than one word that are no documentation."""
+    tree = ast.parse(source)
+    docs = documented(tree)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in docs and " " in node.value:
+            yield node.value
+
+
+def explanations(source: str) -> Iterator[str]:
+    """Lines of documentation and of comments."""
+    for node in documented(ast.parse(source)):
+        yield from str(node.value).splitlines()
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.string
+
+
+def test_error_texts_and_output_make_no_persons_of_programs() -> None:
+    found = {}
+    for path in sorted(ROOT.rglob("*.py")):
+        name = path.relative_to(ROOT).as_posix()
+        if name.startswith((*GENERATED, *UNCHECKED)):
+            continue
+        here = [text for text in texts(path.read_text()) if PERSONS.search(text.replace(QUOTED.get(name, "-"), ""))]
+        if here:
+            found[name] = here
+    assert found == {}
+
+
+def test_fewer_and_fewer_docstrings_and_comments_do() -> None:
+    lines = [line for path in ROOT.rglob("*.py") for line in explanations(path.read_text()) if PERSONS.search(line)]
+    assert len(lines) <= MOST_LINES
+
+
+def test_persons_are_found() -> None:
+    source = '"""The engine says so."""\nWORD = "says"\nraise Error(f"{name} wants a number")\n# It forgets.\n'
+    assert [text for text in texts(source) if PERSONS.search(text)] == [" wants a number"]
+    assert [line for line in explanations(source) if PERSONS.search(line)] == ["The engine says so.", "# It forgets."]
+    assert not PERSONS.search("a link with memory, a ghost, the sample that was heard last, what agents know")
