@@ -128,7 +128,9 @@ def shi(key: str) -> None:
         for claim in paper(key).claims(name):
             assert claim.source == sources[claim.key]
             always = claim.key in SHI_ALWAYS or (claim.key == "no-tracking" and not some)
-            assert claim.hypothesis.__name__ == ("granted" if always else "kept_connected" if kept else "fell_apart")
+            assert claim.hypothesis.__name__ == (
+                "granted" if always else "connected_throughout" if kept else "fell_apart"
+            )
             about = {"tracks": "v0", "no-tracking": "v0", "agree": "v*", "no-flocking": "v*"}.get(claim.key)
             if about:
                 found = claim.conclusion(seen)  # type: ignore[arg-type]
@@ -152,7 +154,7 @@ TANNER = {
     "distances-settle": ("", "sec. I", "distances_settle", "connected"),
     "linked-apart": ("Theorem IV.4", "", "linked_apart", "connected"),
     "all-apart": ("see Remark IV.5", "Theorem VI.2", "all_apart", ""),
-    "apart-by": ("", "Theorem VI.2", "kept_apart", ""),
+    "apart-by": ("", "Theorem VI.2", "without_collision", ""),
     "stationary": ("Theorem IV.4", "Theorem VI.2", "forces_vanish", "connected"),
     "minimal": ("Theorem IV.4", "Theorem VI.2", "agents_at_their_minimum", "connected"),
     "local-minimum": ("Theorem IV.4", "Theorem VI.2", "potential_is_minimal", "connected"),
