@@ -25,6 +25,10 @@ AGREEMENT = 1e-6
 FIRST_PRIME = 5
 """Number of the prime, 11, that gives the first parameter its value: tenths of primes satisfy no simple relation."""
 
+LONGEST, LONGEST_TERM, MOST_FUNCTIONS, MOST_NESTED = 1000, 140, 4, 3
+"""Nodes of an expression, nodes of each of its terms, and different functions in each of them, the last where some are
+within others, up to which SymPy is asked for a limit: its time grows fast with the functions that a product has."""
+
 _PROBES = (16, 32)
 """Decimal places of the two distances at which an expression is evaluated to see whether it diverges."""
 
@@ -97,9 +101,14 @@ def _finite(value: sympy.Expr) -> sympy.Expr | None:
 
 
 def _removable(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
-    """The limit if setting r = 0 gives none; SymPy computes it after numerical values show that it exists."""
+    """The limit if setting r = 0 gives none; SymPy computes it after numerical values show that it exists.
+
+    None for a long expression too.
+    """
     import sympy
 
+    if _is_long(expression):
+        return None
     primes = (sympy.Rational(sympy.prime(k), 10) for k in count(FIRST_PRIME))
     known = dict(zip(sorted(expression.free_symbols - {r}, key=str), primes, strict=False))
     at, finite = evaluator(expression, r, known), wide_context().isfinite
@@ -114,6 +123,20 @@ def _removable(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
         return None
     value = evaluator(found, r, known)(0)
     return found if finite(value) and abs(value - far) <= AGREEMENT * max(1.0, abs(far)) else None
+
+
+def _is_long(expression: sympy.Expr) -> bool:
+    import sympy
+
+    terms = sympy.Add.make_args(expression)
+    sizes = [sum(1 for _ in sympy.preorder_traversal(term)) for term in terms]
+    if sum(sizes) > LONGEST or max(sizes) > LONGEST_TERM:
+        return True
+    for functions in (term.atoms(sympy.Function) for term in terms):
+        nested = any(function.args[0].has(sympy.Function) for function in functions if function.args)
+        if len(functions) > (MOST_NESTED if nested else MOST_FUNCTIONS):
+            return True
+    return False
 
 
 def defined_at_contact(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from flocking.errors import FormulaError
+from flocking.formula.growth import excess
 
 FUNCTIONS: dict[str, int] = {
     "sqrt": 1, "exp": 1, "log": 1, "sin": 1, "cos": 1, "tan": 1, "atan": 1,
@@ -34,11 +35,11 @@ LONGEST_TEXT = 10_000
 DEEPEST_NESTING = 60
 """Nested brackets of a formula: far below the depth at which the parser of Python gives up."""
 MOST_NODES = 600
-"""Operations of a formula, a bound on the time that SymPy takes for it."""
+"""Operations of a formula. Of its derivatives, on which the time depends, see `flocking.formula.growth`."""
 DEEPEST_CALLS = 12
 """Functions within functions: the derivative of each is a product over all those around it."""
 LARGEST_EXPONENT = 64
-"""Largest exponent that is a number: it bounds the length of products that SymPy expands."""
+"""Largest exponent that is a number: it bounds the exact numbers that powers of numbers come to."""
 LARGEST_NESTED_EXPONENT = 256
 """Largest product of the exponents of powers of powers, for the same reason."""
 
@@ -149,6 +150,8 @@ def parse(text: str, owner: str = "formula") -> Node:
         raise _reject(owner, text, "is nested too deeply") from None
     if _calls(found) > DEEPEST_CALLS:
         raise _reject(owner, text, f"must not nest more than {DEEPEST_CALLS} functions in each other")
+    if rule := excess(found):
+        raise _reject(owner, text, rule)
     return found
 
 
@@ -184,6 +187,8 @@ def _check_tree(tree: Node, text: str, owner: str) -> None:
         raise _reject(owner, text, "is nested too deeply")
     if _calls(tree) > DEEPEST_CALLS:
         raise _reject(owner, text, f"must not nest more than {DEEPEST_CALLS} functions in each other")
+    if rule := excess(tree):
+        raise _reject(owner, text, rule)
     for node in _walk(tree):
         if node[0] == "**" and isinstance(node[2], tuple):
             _check_exponent(node[2], text, owner)

@@ -17,6 +17,8 @@ DIGITS = 40
 """Digits of the values that are compared."""
 ROUNDING = 1e-25
 """Relative difference that counts as rounding: 15 of the 40 digits may be lost by cancellation."""
+MOST_ADDENDS = 1000
+"""Addends after expansion up to which algebra is used, a bound on its time."""
 
 
 def nothing_or_itself(expression: sympy.Expr) -> sympy.Expr:
@@ -32,7 +34,7 @@ def nothing_or_itself(expression: sympy.Expr) -> sympy.Expr:
 
 
 def is_zero(expression: sympy.Expr) -> bool:
-    """Whether an expression is proven to be zero; one with pieces is not, as merging pieces takes minutes.
+    """Whether an expression is proven to be zero; a long one is not, nor one with pieces, whose merging takes minutes.
 
     Most expressions that are not zero are recognised by their values at a few points, before any algebra.
     """
@@ -49,4 +51,23 @@ def is_zero(expression: sympy.Expr) -> bool:
         total, scale = sum(values), sum(abs(v) for v in values)
         if total.is_comparable and scale.is_comparable and abs(total) > ROUNDING * scale:
             return False
+    if expanded_addends(expression) > MOST_ADDENDS:
+        return False
     return bool(sympy.expand(expression) == 0 or sympy.simplify(expression) == 0)
+
+
+def expanded_addends(expression: sympy.Expr) -> float:
+    """Bound on the number of addends of an expression after expansion, or of one of its arguments."""
+    import sympy
+
+    if isinstance(expression, sympy.Add):
+        return sum(expanded_addends(a) for a in expression.args)
+    if isinstance(expression, sympy.Mul):
+        count = 1.0
+        for factor in expression.args:
+            count *= expanded_addends(factor)
+        return count
+    if isinstance(expression, sympy.Pow) and expression.exp.is_Integer and expression.exp > 0:
+        base = expanded_addends(expression.base)
+        return base ** int(expression.exp) if base > 1 else 1.0
+    return max([1.0, *(expanded_addends(a) for a in expression.args)])

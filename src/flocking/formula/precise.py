@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from typing import TYPE_CHECKING
 
@@ -52,6 +52,16 @@ def evaluator(
     context = wide_context()
     given = {name: context.mpf(value) for name, value in (known or {}).items()}
     return lambda value: _Evaluation({**given, symbol: context.mpf(value)}).visit(expression)
+
+
+def joint_evaluator(expressions: Sequence[sympy.Expr], symbol: sympy.Symbol) -> Callable[[Number], tuple[Number, ...]]:
+    """Function of ``symbol`` that evaluates several expressions: what they have in common is computed once."""
+
+    def values(at: Number) -> tuple[Number, ...]:
+        point = _Evaluation({symbol: wide_context().mpf(at)})
+        return tuple(map(point.visit, expressions))
+
+    return values
 
 
 def _large(x: Number, bits: int) -> bool:

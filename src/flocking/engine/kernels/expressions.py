@@ -11,6 +11,7 @@ from flocking.engine.kernels.layout import BODIES, DAMPING, MASS, Layout
 from flocking.engine.kernels.obstacle_formulas import ObstacleFormulas, obstacle_formulas
 from flocking.errors import InvalidInput
 from flocking.formula.contact import defined_at_contact
+from flocking.formula.derivatives import derivative
 from flocking.formula.identities import nothing_or_itself
 from flocking.model.bodies.body import MotionSymbols
 from flocking.model.leaders_and_obstacles.leaders import Leader
@@ -218,12 +219,10 @@ def _unpaired_power(along: sympy.Expr, drag: sympy.Expr) -> sympy.Expr:
 
 def _flow(stated: dict[str, sympy.Expr], x: PairSymbols, paired: bool) -> sympy.Expr:
     """Supply of first-order agents, dq/dt = u: what the storage gains beyond -|u|^2, the rate of a gradient flow."""
-    import sympy
-
     # Forces of first-order agents have no velocities in them; ``radial`` and ``push`` are here those of the motion.
     along = stated["along"].subs({_symbol("radial"): 0, _symbol("speed2"): 0})
     # The slope of an integral is the force, which differentiating its series would not show.
-    slope = along if x.fade is not None else sympy.diff(stated["storage"], x.r)
+    slope = along if x.fade is not None else derivative(stated["storage"], x.r)
     rate = slope * _symbol("radial")
     if paired:
         return nothing_or_itself(rate - along * _symbol("radial"))

@@ -10,6 +10,7 @@ import numpy as np
 from flocking.arrays import Array
 from flocking.engine.lammps.printing import lepton
 from flocking.errors import UnsupportedLaw
+from flocking.formula.derivatives import derivative
 
 if TYPE_CHECKING:
     import sympy
@@ -110,7 +111,7 @@ def pair_part(formulas: PairFormulas, P: Array, radius: float) -> PairPart:
             f"LAMMPS cannot run a pair force that depends on {sorted(map(str, unsupported))[0]}, only on the distance. "
             "Use engine='tiles' or 'exact'."
         )
-    slope = sympy.diff(storage, r)
+    slope = derivative(storage, r)
     # For a gradient the two are identical; otherwise the difference goes to the table.
     rest = sympy.Integer(0) if along == slope else along - slope
     energy = lepton(storage) if storage.has(r) else ""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.formula.identities import nothing_or_itself
+from flocking.formula.identities import expanded_addends, nothing_or_itself
 from flocking.model.checks import Array
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def displacement(velocity: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sy
 
     velocity = velocity.replace(sympy.sinh, lambda x: (sympy.exp(x) - sympy.exp(-x)) / 2)
     velocity = velocity.replace(sympy.cosh, lambda x: (sympy.exp(x) + sympy.exp(-x)) / 2)
-    if _addends(velocity) > MOST_ADDENDS:
+    if expanded_addends(velocity) > MOST_ADDENDS:
         return None
     total: sympy.Expr = sympy.Integer(0)
     for addend in sympy.Add.make_args(velocity):
@@ -88,23 +88,6 @@ def _distributed(product: sympy.Expr, t: sympy.Symbol) -> sympy.Expr:
     expanded = sympy.expand(masked(product))
     back = {dummy: e for e, dummy in unexpanded.items()}
     return sympy.Add(*(a.xreplace(back) for a in sympy.Add.make_args(expanded)))
-
-
-def _addends(expression: sympy.Expr) -> float:
-    """Bound on the number of addends after expansion."""
-    import sympy
-
-    if isinstance(expression, sympy.Add):
-        return sum(_addends(a) for a in expression.args)
-    if isinstance(expression, sympy.Mul):
-        count = 1.0
-        for factor in expression.args:
-            count *= _addends(factor)
-        return count
-    if isinstance(expression, sympy.Pow) and expression.exp.is_Integer and expression.exp > 0:
-        base = _addends(expression.base)
-        return base ** int(expression.exp) if base > 1 else 1.0
-    return max([1.0, *(_addends(a) for a in expression.args)])
 
 
 def _slope(expression: sympy.Expr, t: sympy.Symbol) -> sympy.Expr | None:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
+from flocking.formula.derivatives import derivative
 from flocking.formula.grammar import Formula
 from flocking.formula.interval_jets import Jet, on_jets
 from flocking.model.checks import Array, array, listed, named_parameters, number
@@ -59,9 +60,7 @@ class Leader(ABC):
 
     def acceleration(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr]:
         """Acceleration a0(t): the derivative of the velocity."""
-        import sympy
-
-        return [sympy.diff(v, t) for v in self.velocity(t, parameter)]
+        return [derivative(v, t) for v in self.velocity(t, parameter)]
 
     def position(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr] | None:
         """Position x0(t): the integral of the velocity, or None if no closed form is known."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
+from flocking.formula.derivatives import derivative
 from flocking.formula.grammar import Formula
 from flocking.model.checks import Array, number, one_of
 from flocking.model.parts import values
@@ -106,7 +107,7 @@ def _derivatives(bump: Bump) -> dict[str, sympy.Expr]:
 
     z, k0 = sympy.Symbol("z", real=True), sympy.Symbol("k0", real=True)
     rho = bump.expression(z, k0)
-    return {"value": rho, "slope": sympy.diff(rho, z)}
+    return {"value": rho, "slope": derivative(rho, z)}
 
 
 def _array_source(stated: Mapping[str, sympy.Expr]) -> str:

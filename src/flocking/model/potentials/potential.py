@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 
 from flocking.errors import FormulaError
 from flocking.formula.compiled import generated_module
+from flocking.formula.derivatives import derivative
 from flocking.formula.grammar import Formula
+from flocking.formula.identities import MOST_ADDENDS, expanded_addends
 from flocking.model.checks import Array, named_parameters, number
 from flocking.model.checks import parameters as checked_parameters
 from flocking.model.parts import values as fields
@@ -123,7 +125,7 @@ class Potential:
         import sympy
 
         r, psi = self.symbolic()
-        return str(sympy.latex(sympy.diff(psi, r)))
+        return str(sympy.latex(derivative(psi, r)))
 
     def __call__(self, r: ArrayLike) -> Array:
         """Values psi(r); shape of ``r``."""
@@ -255,12 +257,10 @@ def _sign_changes(gap: Callable[..., Array], values: list[np.float64]) -> list[f
 
 
 def _derivatives(potential: Potential) -> dict[str, sympy.Expr]:
-    import sympy
-
     from flocking.formula.contact import defined_at_contact
 
     r, psi = potential.symbolic()
-    stated = {"value": psi, "slope": sympy.diff(psi, r), "curvature": sympy.diff(psi, r, 2)}
+    stated = {"value": psi, "slope": derivative(psi, r), "curvature": derivative(psi, r, 2)}
     return {name: defined_at_contact(expression, r) for name, expression in stated.items()}
 
 
@@ -297,7 +297,8 @@ def zeros_source(r: sympy.Symbol, expressions: Iterable[sympy.Expr], names: tupl
     for gap in expressions:
         if r not in gap.free_symbols:
             continue
-        if gap.is_polynomial(r) and sympy.degree(gap, r) <= 2:
+        short = expanded_addends(gap) <= MOST_ADDENDS
+        if short and gap.is_polynomial(r) and sympy.degree(gap, r) <= 2:
             exact += sympy.solve(gap, r)
         else:
             gaps.append(gap)

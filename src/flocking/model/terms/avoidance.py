@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from flocking.errors import InvalidInput
+from flocking.formula.derivatives import derivative
 from flocking.model.checks import listed, number, truth
 from flocking.model.leaders_and_obstacles.leaders import Leader, Velocity
 from flocking.model.leaders_and_obstacles.obstacles import TINY, Obstacle
@@ -252,7 +253,7 @@ class Avoid(ObstacleTerm):
 
         distance = sympy.Dummy("r", positive=True)
         psi = potential.expression(distance, {k: x.parameter(f"{prefix}_{k}") for k in potential.parameters})
-        return sympy.diff(psi, distance).subs(distance, r)
+        return derivative(psi, distance).subs(distance, r)
 
     def _fading(self, x: ObstacleSymbols) -> sympy.Expr:
         """The bump of the relative distance."""

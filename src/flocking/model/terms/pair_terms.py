@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flocking.errors import InvalidInput
+from flocking.formula.derivatives import derivative
 from flocking.model.checks import Array, check_each, one_of, scalar_or_each, truth
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights, PairWeights
@@ -232,11 +233,9 @@ class Gradient(PairTerm):
 
     def along(self, x: PairSymbols) -> sympy.Expr:
         """The slope of a psi, or a times the slope of psi."""
-        import sympy
-
         if self.weighting == "force":
-            return x.weight * sympy.diff(self._psi(x), x.r)
-        return sympy.diff(x.weight * self._psi(x), x.r)
+            return x.weight * derivative(self._psi(x), x.r)
+        return derivative(x.weight * self._psi(x), x.r)
 
     def storage(self, x: PairSymbols) -> sympy.Expr:
         """A psi, or the integral of a psi'."""
@@ -249,7 +248,7 @@ class Gradient(PairTerm):
         import sympy
 
         if self.weighting == "force" and x.fade is None:
-            return sympy.diff(x.weight, x.r) * self._psi(x) * x.radial
+            return derivative(x.weight, x.r) * self._psi(x) * x.radial
         return sympy.Integer(0)
 
     def kinks(self) -> tuple[float, ...]:

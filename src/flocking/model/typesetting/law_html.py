@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.formula.derivatives import derivative
 from flocking.formula.markup.mathml import to_mathml
 from flocking.formula.markup.text_formulas import number_latex, set_text
 from flocking.model.parts.registration import description_of
@@ -81,7 +82,7 @@ def potential_html(name: str, psi: Potential) -> str:
 
     r, formula = psi.symbolic()
     shape = sympy.latex(sympy.piecewise_fold(formula))
-    slope = sympy.latex(sympy.piecewise_fold(sympy.diff(formula, r)))
+    slope = sympy.latex(sympy.piecewise_fold(derivative(formula, r)))
     values = ", ".join(
         to_mathml(rf"{sympy.latex(sympy.Symbol(k))} = {number_latex(f'{v:.6g}')}") for k, v in psi.parameters.items()
     )

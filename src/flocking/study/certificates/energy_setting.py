@@ -14,6 +14,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from flocking.arrays import Array, Links, PerAgent
+from flocking.formula.derivatives import derivative
 from flocking.formula.intervals import Interval
 from flocking.model.bodies.point_bodies import SingleIntegrator, is_point_mass
 from flocking.model.graphs.distance_graphs import Graph, Hysteresis
@@ -268,7 +269,7 @@ class EnergySetting:
             weight = self.graph.weight(r, lambda name: numbers[name])
             if any(t.weighting == "force" for t in self.gradients):
                 # The force is the slope of psi times the weight; its energy is the integral.
-                return integrated_energy_of(r, weight * sympy.diff(value, r), end)
+                return integrated_energy_of(r, weight * derivative(value, r), end)
             value = value * weight
         return energy_of(r, value, end)
 

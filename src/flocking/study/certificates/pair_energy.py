@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.arrays import Array
+from flocking.formula.derivatives import derivative
 from flocking.formula.interval_values import enclosed
 from flocking.formula.intervals import Interval
 from flocking.study.certificates.pieces import factored
@@ -279,9 +280,7 @@ def energy_of(symbol: sympy.Symbol, value: sympy.Expr, end: float) -> PairEnergy
     symbol, value, end
         As in `PairEnergy`.
     """
-    import sympy
-
-    return PairEnergy(symbol, value, sympy.diff(value, symbol), end)
+    return PairEnergy(symbol, value, derivative(value, symbol), end)
 
 
 @lru_cache(maxsize=16)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.arrays import Array
+from flocking.formula.identities import MOST_ADDENDS, expanded_addends
 from flocking.formula.interval_values import enclosed
 from flocking.formula.intervals import Interval
 from flocking.model.graphs.all_pairs import Complete
@@ -29,6 +30,8 @@ BOXES, PARTS, ROUNDS = 256, 16, 11
 MOST_BOXES = 4096
 """Intervals that a round looks at most at again; more of them mean a denominator that vanishes on a range."""
 
+MOST_QUOTIENTS = 12
+"""Quotients that are joined at most: the numerator has the product of all the other denominators."""
 
 KNOWN_GRAPHS = (Complete, Fixed, Proximity, Hysteresis, Smooth)
 """Graphs whose weights are known: 1, or a bump of the library between 0 and 1."""
@@ -210,7 +213,7 @@ def _at(expression: sympy.Expr, r: sympy.Symbol, place: sympy.Expr) -> sympy.Exp
 
 
 def factored(expression: sympy.Expr) -> sympy.Expr:
-    """The same formula as a product, piece by piece: its sign is then easier to enclose.
+    """The same formula as a product, piece by piece: its sign is then easier to enclose; itself where it is long.
 
     Parameters
     ----------
@@ -221,4 +224,7 @@ def factored(expression: sympy.Expr) -> sympy.Expr:
 
     if isinstance(expression, sympy.Piecewise):
         return sympy.Piecewise(*((factored(value), condition) for value, condition in expression.args))
+    quotients = [p for p in expression.atoms(sympy.Pow) if p.exp.could_extract_minus_sign()]
+    if expanded_addends(expression) > MOST_ADDENDS or len(quotients) > MOST_QUOTIENTS:
+        return expression
     return sympy.factor(sympy.together(expression))

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.formula.precise import evaluator, wide_context
+from flocking.formula.derivatives import derivative
+from flocking.formula.identities import MOST_ADDENDS, expanded_addends
+from flocking.formula.precise import evaluator, joint_evaluator, wide_context
 from flocking.model.checks import Array
 from flocking.model.potentials.potential import Potential
 
@@ -41,6 +43,9 @@ TINY = 1e-300
 
 ROOT_ERROR = 1e-15
 """Relative tolerance of a minimum, a few units of rounding; SciPy's least is 8.9e-16."""
+
+MOST_STEPS = 5000
+"""Steps of the search for a minimum: Brent's method may need the square of the number of bisections."""
 
 NEAREST, FARTHEST = 1e-9, 1e9
 """Range of distances that is searched for breaks and minima."""
@@ -184,14 +189,17 @@ def shape_of(potential: Potential, radius: float | None = None) -> Shape:
     r = sympy.Symbol("r", positive=True)
     # Rational parameters: the limits are those of the numbers a computer holds, not of their decimals.
     psi = potential.expression(r, {k: sympy.Rational(v) for k, v in potential.parameters.items()})
-    derivatives = (psi, sympy.diff(psi, r), sympy.diff(psi, r, 2))
-    functions = tuple(evaluator(d, r) for d in derivatives)
+    derivatives = (psi, derivative(psi, r), derivative(psi, r, 2))
+    functions, jointly = tuple(evaluator(d, r) for d in derivatives), joint_evaluator(derivatives, r)
     context = wide_context()
     points = _special_points(psi, r, radius)
     tiny = [context.mpf(10) ** (-(2**k)) for k in range(9)]
     breaks = []
     for c in points:
-        sides = [tuple(limit([f(c * (1 + sign * x)) for x in tiny]) for f in functions) for sign in (-1, 1)]
+        sides = [
+            tuple(limit(list(values)) for values in zip(*(jointly(c * (1 + sign * x)) for x in tiny), strict=True))
+            for sign in (-1, 1)
+        ]
         breaks.append(Break(float(c), sides[0], sides[1]))  # type: ignore[arg-type]
     # At 0 and infinity no digits cancel: exponents alone reach further, and slow powers show their limit.
     far = [context.mpf(10) ** (2**k) for k in range(14)]
@@ -245,7 +253,7 @@ def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> l
     gaps |= {sympy.cos(f.args[0]) for f in psi.atoms(sympy.tan)}
     found: list[Number] = [] if radius is None else [context.mpf(radius)]
     for gap in sorted((g for g in gaps if r in g.free_symbols), key=sympy.default_sort_key):
-        if gap.is_polynomial(r):
+        if gap.is_polynomial(r) and expanded_addends(gap) <= MOST_ADDENDS:
             gap = sympy.Poly(gap, r).sqf_part().as_expr()
         value = evaluator(gap, r)
         rough = _sign_change_brackets(sympy.lambdify(r, gap, "numpy"))
@@ -349,7 +357,11 @@ def _inside(
         # Many digits distinguish a minimum from the rounding noise of a constant piece.
         if not slope(left) < 0 < slope(right):
             continue
-        at = float(brentq(lambda x: float(potential.slope(x)), left, right, xtol=TINY, rtol=ROOT_ERROR))
+        tolerances = {"xtol": TINY, "rtol": ROOT_ERROR, "maxiter": MOST_STEPS}
+        try:
+            at = float(brentq(lambda x: float(potential.slope(x)), left, right, **tolerances))
+        except ValueError:  # the slope has no value at some distance between
+            continue
         found.append(Minimum(at, float(value(at)), at))
         if len(found) >= MOST_MINIMA:
             break

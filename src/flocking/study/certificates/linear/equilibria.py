@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.arrays import Array, Links
+from flocking.formula.derivatives import derivative
 from flocking.formula.interval_values import enclosed
 from flocking.formula.intervals import Interval
 from flocking.study.certificates.enclosed_matrices import INFLATION, UNIT, EnclosedMatrix, exact, norm_bound
@@ -69,9 +70,7 @@ class PairForce:
     @cached_property
     def curvature(self) -> sympy.Expr:
         """E''(r)."""
-        import sympy
-
-        return sympy.diff(self.slope, self.symbol)
+        return derivative(self.slope, self.symbol)
 
     def links(self, q: Array, before: Links) -> Links:
         """Links at some places, of agents that had others before."""
