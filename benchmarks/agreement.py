@@ -30,7 +30,9 @@ HEAD = (
     "law", "space", "forces: exact", "forces: tiles", "forces: kernels on ranks", "tiles − kernels on ranks",
     "forces: pair styles", "tiles − pair styles", "tiles − exact", "pair styles − exact", "the same, half step",
 )  # fmt: skip
-REFUSED = ("olfati-saber (35), damping weighted", "tanner I (5)", "zhou (8)", "shi (4), random weights")
+REFUSED = (
+    "olfati-saber (35), damping weighted", "tanner I (5)", "zhou (8)", "shi (4), random weights", "cucker-smale",
+)  # fmt: skip
 """Laws with a part that pair styles of LAMMPS cannot express; the table says so."""
 
 
@@ -40,6 +42,8 @@ def refused_law(name: str, dimension: int) -> fk.Law:
     if name.startswith("tanner"):
         links = [(i, (i + k) % AGENTS) for i in range(AGENTS) for k in (1, 2, 8)]
         return fk.Law(fk.Fixed(AGENTS, links), [fk.Gradient(fk.Potential("s*s/r**2 + log(r**2)", s=5.0)), consensus])
+    if name.startswith("cucker"):
+        return fk.Law(fk.Complete(), [fk.CuckerSmale(1.0 / AGENTS, 0.4)])
     if name.startswith("zhou"):
         # Singular a little beyond the radius: at it, random pairs would have forces without bound.
         psi = fk.Potential("1/r + 1/(R - r)", R=13.0)
@@ -98,6 +102,17 @@ def row(name: str, dimension: int) -> tuple[str, ...]:
     return (name, f"{dimension}-D", *(g if isinstance(g, str) else f"{g:.1e}" for g in gaps))
 
 
+def page(rows: list[tuple[str, ...]]) -> str:
+    """The page of the documentation with some rows."""
+    text = ["# How far the engines agree", "", *__doc__.splitlines()[4:], "", "| " + " | ".join(HEAD) + " |"]
+    text += ["|" + "---|" * len(HEAD), *("| " + " | ".join(cells) + " |" for cells in rows)]
+    text += [
+        "", "The (36) rows go through a table where the force is no gradient; its error bound is in the deck.",
+        "What pair styles of LAMMPS cannot express is described in [](cluster.md).",
+    ]  # fmt: skip
+    return "\n".join(text) + "\n"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True)
@@ -108,15 +123,8 @@ def main() -> None:
             rows.append(row(name, dimension))
             if first:
                 print(*rows[-1], sep="  ", flush=True)
-    if not first:
-        return
-    text = ["# How far the engines agree", "", *__doc__.splitlines()[4:], "", "| " + " | ".join(HEAD) + " |"]
-    text += ["|" + "---|" * len(HEAD), *("| " + " | ".join(cells) + " |" for cells in rows)]
-    text += [
-        "", "The (36) rows go through a table where the force is no gradient; its error bound is in the deck.",
-        "What pair styles of LAMMPS cannot express is told in [](cluster.md).",
-    ]  # fmt: skip
-    asked.out.write_text("\n".join(text) + "\n")
+    if first:
+        asked.out.write_text(page(rows))
 
 
 if __name__ == "__main__":
