@@ -35,7 +35,7 @@ def test_observations_are_those_of_the_tiled_engine_also_after_resuming_on_other
     assert len(np.unique(expected["neighbours"])) == 5, "else it would not show which frame was observed"
     folder = tmp_path / "run"
     words = json.dumps({"name": name, "save": str(folder)})
-    done = launch(2, sys.executable, "-m", "tests.mpi.observations_job", words)
+    done = launch(2, sys.executable, "-m", "tests.mpi.frames.observations_job", words)
     assert done.returncode != 0, done.stderr[-3000:]
     left = fk.read_run(folder)
     assert left.status == "unfinished"

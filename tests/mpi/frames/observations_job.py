@@ -1,4 +1,4 @@
-"""Started under mpiexec by `tests.mpi.test_observations`: a run with observations, saved, whose last rank dies."""
+"""Started under mpiexec by `test_observations`: a run with observations, saved, whose last rank dies."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import sys
 from flocking.engine.driver.simulate import open_session, run_session
 from flocking.engine.lammps.engine import ENGINE
 from flocking.engine.lammps.options import LammpsOptions
-from tests.mpi.test_observations import made
+from tests.mpi.frames.test_observations import made
 
 
 def main():
