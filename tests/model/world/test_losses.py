@@ -57,13 +57,20 @@ def test_bursts_are_geometric():
     assert stats.chisquare(counts, expected * counts.sum() / expected.sum()).pvalue > 1e-4
 
 
-def test_stationary_loss():
-    loss = fk.GilbertElliott(0.05, 0.2, loss_good=0.02, loss_bad=0.6)
-    assert loss.stationary_loss == pytest.approx(0.2 * 0.6 + 0.8 * 0.02)
-    # Of many links at one late sample, so that draws are independent.
-    n = 200_000
-    lost = loss.lost(9, np.zeros(n, dtype=int), np.arange(1, n + 1), np.full(n, 50))
-    assert stats.binomtest(int(lost.sum()), n, loss.stationary_loss).pvalue > 1e-4
+@pytest.mark.parametrize(("to_bad", "to_good"), [(0.05, 0.2), (0.7, 0.6)])
+def test_stationary_loss(to_bad, to_good):
+    """The law of channel and loss together, chi-square over 10^6 independent draws: links at one late sample."""
+    loss = fk.GilbertElliott(to_bad, to_good, loss_good=0.02, loss_bad=0.6)
+    share = to_bad / (to_bad + to_good)
+    assert loss.stationary_loss == pytest.approx(share * 0.6 + (1.0 - share) * 0.02)
+    n = 1_000_000
+    draws = 9, np.zeros(n, dtype=int), np.arange(1, n + 1), np.full(n, 50)
+    bad, lost = loss.bad(*draws), loss.lost(*draws)
+    counts = [np.count_nonzero((bad == state) & (lost == gone)) for state in (False, True) for gone in (False, True)]
+    law = np.array([(1.0 - share) * 0.98, (1.0 - share) * 0.02, share * 0.4, share * 0.6])
+    assert stats.chisquare(counts, n * law).pvalue > 1e-4
+    kept = np.count_nonzero(~lost)
+    assert stats.chisquare([kept, n - kept], [n * (1.0 - loss.stationary_loss), n * loss.stationary_loss]).pvalue > 1e-4
 
 
 def test_any_order_of_questions_gives_the_same_answers():

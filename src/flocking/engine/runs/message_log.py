@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Array, Indices
 from flocking.engine.archives.data_checks import MalformedError
+from flocking.model.graphs.connectivity import Links
 from flocking.model.world.times import PER_SECOND
 
 CHANGED = "changed at"
@@ -76,6 +77,30 @@ class MessageLog:
     def firsts(self) -> Indices:
         """Number of the first entry of every act, shape (K,)."""
         return np.asarray(np.cumsum(self.ticks[:, 2]) - self.ticks[:, 2])
+
+    def known_links(self, instant: float, first: Links) -> Links:
+        """By what agents know before an ``instant``, in nanoseconds: whose samples each used when it last acted.
+
+        Parameters
+        ----------
+        first
+            The links of agents that have not acted yet, shape (graphs, N, N).
+
+        Returns
+        -------
+        array
+            Shape (graphs, N, N); entry (g, i, j) says that i used a sample of j under graph g.
+        """
+        found, firsts = first.copy(), self.firsts
+        before = self.ticks[: int(np.searchsorted(self.ticks[:, 0], instant, side="left")), 1]
+        # The last act of each agent is the first one of the acts read backwards.
+        agents, back = np.unique(before[::-1], return_index=True)
+        for agent, row in zip(agents, len(before) - 1 - back, strict=True):
+            entries = self.uses[firsts[row] : firsts[row] + self.ticks[row, 2]]
+            others = entries[entries[:, 0] != OWN]
+            found[:, agent] = False
+            found[others[:, 0], agent, others[:, 1]] = True
+        return found
 
     def until(self, instant: float) -> MessageLog:
         """The acts up to an ``instant``, in nanoseconds, that one included."""

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from flocking.arrays import Array, Reals, Records
 from flocking.engine.runs.fidelity import UNSTATED, Fidelity
 from flocking.engine.runs.message_log import MessageLog, nanosecond_of
+from flocking.errors import InvalidInput
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Scenario
 from flocking.model.state import State
+from flocking.model.world.times import PER_SECOND
 
 SWITCH_FIELDS = np.dtype(
     [
@@ -329,6 +331,40 @@ class Run:
     def links_at(self, frame: int) -> Links:
         """Link matrix at a stored frame, shape (N, N)."""
         return np.asarray(self.links[frame])
+
+    def known_links_at(self, frame: int) -> Links:
+        """Links by what agents knew at a stored frame: whose samples each used when it last acted.
+
+        They are directed, and of the time before the controls of that instant, as the frame is. `links_at` has the true
+        links.
+
+        Parameters
+        ----------
+        frame
+            Number of the frame.
+
+        Returns
+        -------
+        array
+            Shape (graphs, N, N); entry (g, i, j) says that i used a sample of j under graph g of the law.
+
+        Raises
+        ------
+        InvalidInput
+            When the run has no log of what agents used.
+        """
+        if self.log is None:
+            raise InvalidInput(
+                "Run", "known_links_at", "needs a log of what agents used",
+                f"a run of the engine {self.fidelity.engine!r}",
+                "The engine 'sampled' keeps one.",
+            )  # fmt: skip
+        scenario, start = self.scenario, self.scenario.start
+        first = np.array([g.links_in(scenario.space, start.q, scenario.agents.headings) for g in scenario.law.graphs])
+        if start.links is not None:
+            first[0] = start.links
+        # Half a nanosecond off a whole one, where acts are: the time of a frame is rounded.
+        return self.log.known_links((float(self.t[frame]) - start.t) * PER_SECOND - 0.5, first)
 
     @property
     def residual(self) -> Array:
