@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from flocking.study.certificates.certify import certify as certify
     from flocking.study.message_logs.departed import departed_causes as departed_causes
     from flocking.study.message_logs.replay import replay as replay
+    from flocking.study.nets.winding import winding as winding
     from flocking.study.potentials.state_energy import agent_energies as agent_energies
     from flocking.study.potentials.state_energy import total_energy as total_energy
     from flocking.study.scenario_files.scenario_file import read_scenario as read_scenario
@@ -81,7 +82,8 @@ _HOMES = {
     "simulate": "engine.driver.simulate", "simulate_nodes": "engine.driver.nodes",
     "simulate_many": "engine.driver.ensembles", "start": "engine.driver.starting",
     "sweep": "study.sweeps.sweep", "total_energy": "study.potentials.state_energy",
-    "unregister_engine": "engine.driver.registry", "write_run": "engine.storage.stored_runs",
+    "unregister_engine": "engine.driver.registry", "winding": "study.nets.winding",
+    "write_run": "engine.storage.stored_runs",
     "write_scenario": "study.scenario_files.scenario_file",
 }  # fmt: skip
 """Modules of all names but those of `flocking.model.library`, each imported at its first use."""

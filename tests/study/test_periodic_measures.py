@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.apps.commands.run_summary import facts, summary
 from flocking.engine.storage.export_formats import observable_table
 from flocking.model.graphs.connectivity import components
 from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.observables import closest_pair
+from flocking.show.group_series import connectivity
 from flocking.study.claims.conclusions.limits import switching_stops
 from flocking.study.evidence import Evidence
 from flocking.study.linearisation import linearise
@@ -59,10 +61,38 @@ def test_a_flock_winds_where_it_reaches_an_image_of_itself(lengths):
     assert len(kinds) >= 2
 
 
+def rows_at_rest():
+    """Five agents in a row around the box, two beside each other, one alone."""
+    q = np.array([*([1.0 * k, 0.3] for k in range(5)), [0.5, 2.3], [1.5, 2.3], [3.5, 3.4]])
+    law = fk.Law(fk.Proximity(1.05), [fk.Consensus(1.0)])
+    return fk.Scenario(law, fk.State(q), t_end=0.2, frames=3, space=fk.Periodic([5.0, 4.2]))
+
+
+def test_the_summary_of_a_run_names_the_flocks_that_wind():
+    run = fk.simulate(rows_at_rest(), progress=False)
+    found = summary(run)
+    assert found["flocks"] == 3
+    assert found["winding"] == [{"agents": 5, "axes": [0]}]
+    assert dict(facts(found))["of them wind around space"] == "5 agents around axis 0"
+    apart = rows_at_rest().with_(start=fk.State(run.q[0] * [0.9, 1.0]))
+    assert dict(facts(summary(fk.simulate(apart, progress=False))))["of them wind around space"] == "none"
+    free = fk.simulate(rows_at_rest().with_(space=fk.Open()), progress=False)
+    assert "of them wind around space" not in dict(facts(summary(free)))
+
+
+def test_the_picture_of_flocks_counts_those_that_wind():
+    axes = connectivity(fk.simulate(rows_at_rest(), progress=False))
+    lines = {line.get_gid(): list(line.get_ydata()) for each in axes.figure.axes for line in each.lines}
+    assert lines["flocks"] == [3, 3, 3]
+    assert lines["winding"] == [1, 1, 1]
+    free = connectivity(fk.simulate(rows_at_rest().with_(space=fk.Open()), progress=False))
+    assert "winding" not in {line.get_gid() for each in free.figure.axes for line in each.lines}
+
+
 def test_a_row_around_the_box_winds_along_its_axis_alone_and_nothing_winds_in_open_space():
     q = np.array([[1.0 * k, 0.3] for k in range(5)])
     links = pair_distances(q, SPACE) < 1.5
-    assert winding(links, q, SPACE).tolist() == [[True, False]]
+    assert fk.winding(links, q, SPACE).tolist() == [[True, False]]
     links[0, 4] = links[4, 0] = False
     assert winding(links, q, SPACE).tolist() == [[False, False]]
     assert winding(np.ones((5, 5), dtype=bool), q, fk.Open()).tolist() == [[False, False]]

@@ -18,6 +18,7 @@ from flocking.show.motion import motion_of, thinned
 from flocking.show.plane import pairs_of
 from flocking.show.series import time_axis
 from flocking.show.style import BLUE, COLUMN, GREEN, ORANGE, PURPLE, SKY, VERMILION, axes_or_new, in_style, theme
+from flocking.study.nets.winding import winding
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,6 +64,8 @@ def spread(run: Run, *, axes: Axes | None = None) -> Axes:
 def connectivity(run: Run, *, axes: Axes | None = None) -> Axes:
     """Algebraic connectivity and number of flocks over the frames, the latter on its own axis.
 
+    In periodic space a dashed line counts the flocks that wind around it, see `flocking.winding`.
+
     Parameters
     ----------
     run
@@ -80,7 +83,14 @@ def connectivity(run: Run, *, axes: Axes | None = None) -> Axes:
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel(r"$\lambda_2$", color=BLUE)
         counts.spines["right"].set_visible(True)
-    counts.step(run.t, flocks, where="post", color=VERMILION, lw=1.0, gid="flocks")
+    counts.step(run.t, flocks, where="post", color=VERMILION, lw=1.0, gid="flocks", label="flocks")
+    if not run.scenario.space.is_open:
+        wound = [
+            int(winding(links, q, run.scenario.space).any(axis=1).sum())
+            for links, q in zip(matrices, run.q, strict=True)
+        ]
+        counts.step(run.t, wound, where="post", color=VERMILION, lw=1.0, ls="--", gid="winding", label="winding around")
+        counts.legend()
     counts.set_ylim(0, int(flocks.max()) + 1)
     counts.yaxis.set_major_locator(_integer_locator())
     counts.set_ylabel("flocks", color=VERMILION)

@@ -8,8 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.runs.run import Run
 from flocking.model import observables
+from flocking.model.graphs.connectivity import Links, components
+from flocking.model.space import Space
+from flocking.study.nets.winding import winding
 
 
 def summary(run: Run) -> dict[str, Any]:
@@ -31,6 +35,8 @@ def summary(run: Run) -> dict[str, Any]:
         found["order"] = observables.order(state)
         if state.links is not None:
             found["flocks"] = observables.flocks(state.links)
+            if not run.scenario.space.is_open:
+                found["winding"] = _winding(state.links, run.q[last], run.scenario.space)
     seen = run.observables
     if seen is not None and len(seen):
         found["observed"] = {name: _number(seen[name][-1]) for name in seen.dtype.names or ()}
@@ -77,6 +83,29 @@ def _residual(found: dict[str, Any]) -> str:
     return f"{found['ledger_residual']:.2e}" + (f", of {moved:.4g} moved" if moved > 0 else "")
 
 
+def _winding(links: Links, q: Array, space: Space) -> list[dict[str, Any]]:
+    """Of every flock that winds around space its number of agents, and along which axes, the largest first."""
+    winds, sizes = winding(links, q, space), np.bincount(components(links))
+    rows = [
+        {"agents": int(size), "axes": np.flatnonzero(axes).tolist()}
+        for size, axes in zip(sizes, winds, strict=True)
+        if axes.any()
+    ]
+    return sorted(rows, key=lambda row: -row["agents"])
+
+
+MOST_NAMED = 3
+"""Flocks that wind around space which the table names one by one; the others are counted."""
+
+
+def _wound(found: dict[str, Any]) -> str:
+    """Which flocks wind around space, in words."""
+    winds = found["winding"]
+    named = [f"{x['agents']} agents around axis {' and '.join(map(str, x['axes']))}" for x in winds[:MOST_NAMED]]
+    more = f", and {len(winds) - MOST_NAMED} more" if len(winds) > MOST_NAMED else ""
+    return (", ".join(named) + more) or "none"
+
+
 def _flocks(found: dict[str, Any]) -> str:
     """How many flocks, and where it was observed the share of the largest."""
     share = (found.get("observed") or {}).get("density")
@@ -105,6 +134,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("frames", str(found["frames"])),
         ("link switches", switches or found["provenance"].get("switches", "none")),
         ("flocks at the end", _flocks(found)),
+        *([("of them wind around space", _wound(found))] if "winding" in found else []),
         ("velocity spread", f"{found['velocity_spread']:.3e}" if "velocity_spread" in found else ""),
         ("order", f"{found['order']:.6f}" if "order" in found else ""),
         (

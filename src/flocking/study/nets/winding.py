@@ -29,7 +29,16 @@ def winding(links: Links, q: Array, space: Space) -> NDArray[np.bool_]:
     -------
     NDArray
         A row for each flock, in the order of `flocking.model.graphs.connectivity.components`.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> import numpy as np
+    >>> q = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
+    >>> fk.winding(~np.eye(3, dtype=bool), q, fk.Periodic([3.0, 9.0]))
+    array([[ True, False]])
     """
+    links = np.asarray(links, dtype=bool)
     labels, either = components(links), np.asarray(links | links.T)
     found = np.zeros((int(labels.max(initial=-1)) + 1, q.shape[1]), dtype=bool)
     if space.is_open:
