@@ -104,6 +104,44 @@ def delayed(folder: Path) -> None:
     fk.simulate(late(), save=folder, progress=False)
 
 
+@cache
+def told() -> fk.Scenario:
+    """Robots on wheels with a largest force and speed that know each other by lost, late and wrong messages."""
+    bodies = fk.Limited(fk.Unicycle(0.2), force=3.0, speed=2.0)
+    return held().with_(
+        start=fk.start.box(400, side=40, speed=2, seed=1),
+        agents=bodies,
+        control=fk.Held(0.02, latency=0.03),
+        name="told",
+    )
+
+
+TOLD: dict[str, Any] = {"engine": "tiles", "step": 0.01, "threads": 2}
+
+
+def held_tiles(folder: Path) -> None:
+    """Run these in tiles with a commit at every stop."""
+    saving.COMMIT_SECONDS = 0.0
+    fk.simulate(told(), save=folder, progress=False, **TOLD)
+
+
+@cache
+def headings() -> fk.Scenario:
+    """Self-propelled particles with noise in discrete time, each by its own clock."""
+    phases = np.linspace(0.0, 0.9, 120).round(2)
+    return fk.Scenario(
+        fk.Law(fk.Proximity(1.0), [fk.VelocityAverage(1.0)]),
+        fk.start.box(120, side=6, speed=0.3, velocities="sphere", seed=1), t_end=12.0, frames=25, name="headings", seed=1,
+        bodies=fk.Heading(0.3, noise=1.0, seed=3), control=fk.Held(1.0, phase=phases), space=fk.Periodic([6.0, 6.0]),
+    )  # fmt: skip
+
+
+def discrete(folder: Path) -> None:
+    """Run these with a commit at every stop."""
+    saving.COMMIT_SECONDS = 0.0
+    fk.simulate(headings(), save=folder, progress=False)
+
+
 def main() -> None:
     """Answer until the input ends."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
@@ -117,6 +155,8 @@ def main() -> None:
                 "tiles": tiles,
                 "sampled": sampled,
                 "delayed": delayed,
+                "held tiles": held_tiles,
+                "discrete": discrete,
             }
             runs[what](Path(folder))
             os._exit(0)

@@ -286,6 +286,41 @@ def test_20_killed_simulations_go_on(start: Start, tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
+def told() -> Run:
+    """The run of held control in tiles, to its end in memory, by another number of threads."""
+    return fk.simulate(storage_victim.told(), progress=False, **{**storage_victim.TOLD, "threads": 1})
+
+
+def test_killed_runs_of_held_control_in_tiles_go_on(start: Start, told: Run, tmp_path: Path) -> None:
+    """Samples on their way, forces that wait, headings and links by what agents know, bit for bit."""
+    assert set(told.columns) == {"heading"}
+    found = kill_while_a_session_runs(start, tmp_path, 2, 21, "held tiles", told)
+    assert min(found) < len(told.t)
+
+
+@pytest.mark.repeated
+def test_50_killed_runs_of_held_control_in_tiles_go_on(start: Start, told: Run, tmp_path: Path) -> None:
+    assert len(set(kill_while_a_session_runs(start, tmp_path, 50, 22, "held tiles", told))) > 5
+
+
+@pytest.fixture(scope="module")
+def headings() -> Run:
+    """The run in discrete time, to its end in memory."""
+    return fk.simulate(storage_victim.headings(), progress=False)
+
+
+def test_killed_runs_in_discrete_time_go_on(start: Start, headings: Run, tmp_path: Path) -> None:
+    assert headings.fidelity.engine == "discrete"
+    found = kill_while_a_session_runs(start, tmp_path, 2, 23, "discrete", headings)
+    assert min(found) < len(headings.t)
+
+
+@pytest.mark.repeated
+def test_50_killed_runs_in_discrete_time_go_on(start: Start, headings: Run, tmp_path: Path) -> None:
+    assert len(set(kill_while_a_session_runs(start, tmp_path, 50, 24, "discrete", headings))) > 5
+
+
+@pytest.fixture(scope="module")
 def late() -> Run:
     """The run of delayed knowledge, to its end in memory."""
     return fk.simulate(storage_victim.late(), progress=False)
