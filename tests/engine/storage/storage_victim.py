@@ -131,7 +131,8 @@ def headings() -> fk.Scenario:
     phases = np.linspace(0.0, 0.9, 120).round(2)
     return fk.Scenario(
         fk.Law(fk.Proximity(1.0), [fk.VelocityAverage(1.0)]),
-        fk.start.box(120, side=6, speed=0.3, velocities="sphere", seed=1), t_end=12.0, frames=25, name="headings", seed=1,
+        fk.start.box(120, side=6, speed=0.3, velocities="sphere", seed=1),
+        t_end=12.0, frames=25, name="headings", seed=1,
         bodies=fk.Heading(0.3, noise=1.0, seed=3), control=fk.Held(1.0, phase=phases), space=fk.Periodic([6.0, 6.0]),
     )  # fmt: skip
 

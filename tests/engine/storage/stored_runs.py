@@ -44,6 +44,9 @@ def assert_same(one: Run, two: Run) -> None:
         assert x.dtype == y.dtype, name
         assert x.shape == y.shape, name
         assert x.tobytes() == y.tobytes(), name
+    assert one.columns.keys() == two.columns.keys()
+    for name, values in one.columns.items():
+        assert values.tobytes() == two.columns[name].tobytes(), name
     for name in ("closest_linked", "closest_unlinked", "status", "provenance"):
         assert getattr(one, name) == getattr(two, name), name
     assert (one.accuracy is None) == (two.accuracy is None)

@@ -83,15 +83,12 @@ def _residual(found: dict[str, Any]) -> str:
     return f"{found['ledger_residual']:.2e}" + (f", of {moved:.4g} moved" if moved > 0 else "")
 
 
-def _winding(links: Links, q: Array, space: Space) -> list[dict[str, Any]]:
+def _winding(links: Links, q: Array, space: Space) -> list[dict[str, object]]:
     """Of every flock that winds around space its number of agents, and along which axes, the largest first."""
     winds, sizes = winding(links, q, space), np.bincount(components(links))
-    rows = [
-        {"agents": int(size), "axes": np.flatnonzero(axes).tolist()}
-        for size, axes in zip(sizes, winds, strict=True)
-        if axes.any()
-    ]
-    return sorted(rows, key=lambda row: -row["agents"])
+    # Equal sizes stay in the order of the flocks.
+    order = [k for k in np.argsort(-sizes, kind="stable") if winds[k].any()]
+    return [{"agents": int(sizes[k]), "axes": np.flatnonzero(winds[k]).tolist()} for k in order]
 
 
 MOST_NAMED = 3

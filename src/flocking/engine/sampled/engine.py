@@ -39,10 +39,10 @@ class SampledEngine(Engine):
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Refuse what has no closed form, and kinds of information that this engine does not support."""
         if not isinstance(scenario.control, Held):
-            by_messages = isinstance(scenario.information, Messages)
+            has_messages = isinstance(scenario.information, Messages)
             way_out = (
                 "No engine runs messages under continuous control: give control=fk.Held(period), of a short period."
-                if by_messages
+                if has_messages
                 else "engine='auto' chooses another one for continuous control."
             )
             raise UnsupportedLaw(

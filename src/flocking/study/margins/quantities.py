@@ -225,7 +225,7 @@ for _quantity in (
     Quantity("period", "time between two controls of an agent, and between two of its messages where there are any",
              _with_period, _periods),
     Quantity("latency", "time from a control until its force acts", _with_latency, _delays),
-    Quantity("delay", "time from a sample until it arrives, or the delay of Delayed knowledge", _with_delay, _delays),
+    Quantity("delay", "time from a sample until it arrives", _with_delay, _delays),
     Quantity("loss", "probability that a message is lost, each independently; the last one that came is used",
              _with_loss, lambda scenario, period: LOSSES),
     Quantity("noise", "standard deviation of measured positions along each axis", _with_noise, _position_noises),

@@ -91,13 +91,13 @@ class HeldLedger:
         """
         read = LedgerSums()
         rates = read.read(particles)
-        law_power = powers[2] if len(powers) > 2 else rates[0]
-        now = np.array([powers[0], rates[1], rates[2], powers[1] - law_power])
+        desired = powers[2] if len(powers) > 2 else rates[0]
+        now = np.array([powers[0], rates[1], rates[2], powers[1] - desired])
         self.integrals = self.integrals + 0.5 * length * (self.powers + now)
         self.sums = read.sums
         if jumps:
             self.jumped += read.sums["jumped"]
-        self.powers, self.law_power = now, float(law_power)
+        self.powers, self.law_power = now, float(desired)
 
     def act(self, powers: Array) -> None:
         """Take forces that act from now on.
