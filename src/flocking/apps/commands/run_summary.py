@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -83,8 +83,15 @@ def _residual(found: dict[str, Any]) -> str:
     return f"{found['ledger_residual']:.2e}" + (f", of {moved:.4g} moved" if moved > 0 else "")
 
 
-def _winding(links: Links, q: Array, space: Space) -> list[dict[str, object]]:
-    """Of every flock that winds around space its number of agents, and along which axes, the largest first."""
+class _Wound(TypedDict):
+    """A flock that winds around space: its number of agents, and along which axes."""
+
+    agents: int
+    axes: list[int]
+
+
+def _winding(links: Links, q: Array, space: Space) -> list[_Wound]:
+    """The flocks that wind around space, the largest first."""
     winds, sizes = winding(links, q, space), np.bincount(components(links))
     # Equal sizes stay in the order of the flocks.
     order = [k for k in np.argsort(-sizes, kind="stable") if winds[k].any()]
@@ -95,9 +102,8 @@ MOST_NAMED = 3
 """Flocks that wind around space which the table names one by one; the others are counted."""
 
 
-def _wound(found: dict[str, Any]) -> str:
+def _wound(winds: list[_Wound]) -> str:
     """Which flocks wind around space, in words."""
-    winds = found["winding"]
     named = [f"{x['agents']} agents around axis {' and '.join(map(str, x['axes']))}" for x in winds[:MOST_NAMED]]
     more = f", and {len(winds) - MOST_NAMED} more" if len(winds) > MOST_NAMED else ""
     return (", ".join(named) + more) or "none"
@@ -131,7 +137,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("frames", str(found["frames"])),
         ("link switches", switches or found["provenance"].get("switches", "none")),
         ("flocks at the end", _flocks(found)),
-        *([("of them wind around space", _wound(found))] if "winding" in found else []),
+        *([("of them wind around space", _wound(found["winding"]))] if "winding" in found else []),
         ("velocity spread", f"{found['velocity_spread']:.3e}" if "velocity_spread" in found else ""),
         ("order", f"{found['order']:.6f}" if "order" in found else ""),
         (
