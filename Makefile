@@ -23,7 +23,7 @@ LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce reproduce-all test test-quick test-pythons test-wheel test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs docs-check clean
+.PHONY: setup reproduce reproduce-all rates test test-quick test-pythons test-wheel test-mpi test-cluster test-emulator test-nodes test-peers test-browser bench bench-check bench-mpi validate fuzz robustness repeat lint docs docs-check clean
 
 setup: $(READY)
 
@@ -43,6 +43,11 @@ reproduce: $(READY)
 # The same with the further standard laws of the literature.
 reproduce-all: $(READY)
 	$(BIN)/flocking reproduce --all --seeds $(SEEDS) --out $(OUT)
+
+# The rates and observed values that the pages show: computed from ten seeds of all papers and written into the library.
+rates: reproduce-all
+	$(BIN)/python -m flocking.papers.stored_rates $(OUT)/claims.json
+	$(BIN)/python -m flocking.papers.stored_observations
 
 # Each process begins with one stretch of the tests and takes from the others when it has no more: laws and fixtures of a
 # file are made once, and a test that waits holds up none behind it.

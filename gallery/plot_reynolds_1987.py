@@ -3,9 +3,9 @@ Reynolds: boids
 ===============
 
 Boids steer apart from those near, along with their headings and towards their centroid, each within a cone about its
-own heading (SIGGRAPH 1987). The paper prints no parameters; those here are of its author's later open library. The
-package ``fk.papers.reynolds_1987`` holds the systems, the claims and the figures; ``flocking reproduce
-reynolds-1987`` judges them.
+own heading (SIGGRAPH 1987). The paper prints no parameters, as far as is known; those here are of its author's later
+open library. The package ``fk.papers.reynolds_1987`` holds the systems, the claims and the figures; ``flocking
+reproduce reynolds-1987`` judges them.
 """
 
 import numpy as np
@@ -24,6 +24,11 @@ names = ("reynolds-1987", "reynolds-1987-comparison-small", "reynolds-1987-compa
 runs = [fk.simulate(article.scenario(name=name), progress=False) for name in names]
 groups = article.figure(1, *runs)
 groups.savefig("plot_reynolds_1987.png", dpi=150)
+
+# %%
+# What is observed of them over time, and of ten seeds at the end with the 95 % interval of their mean.
+
+observed = article.figure(2, *runs)
 
 # %%
 # What follows from the definition is judged of each run, update by update; there is no theorem.

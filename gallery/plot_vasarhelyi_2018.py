@@ -37,6 +37,11 @@ means = {key: float(np.nanmean(getattr(found[names[0]], key)[60:])) for key in (
 print({name: round(value, 2) for name, value in late.items()})
 
 # %%
+# Means over ten seeds with their 95 % intervals, which are stored with the library.
+
+intervals = article.figure(3, runs[0])
+
+# %%
 # The braking curve D(x; a, p) and its inverse are closed forms: constant deceleration, then an exponential approach.
 
 speeds = np.array([1.0, 4.0, 8.0])

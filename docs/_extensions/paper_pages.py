@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import re
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import sympy
 from text_tables import code, number, plain, table, typeset
 
@@ -19,6 +21,8 @@ from flocking.papers import ALL_KEYS, paper
 from flocking.papers.description import Paper
 from flocking.papers.equation_table import Demonstration, Fault, Row
 from flocking.papers.numbered import NUMBERED, index
+from flocking.papers.stored_observations import observed_scenarios, stored_observations
+from flocking.papers.stored_rates import stored_rates
 
 
 def constants(module: ModuleType) -> list[tuple[str, str, str]]:
@@ -101,14 +105,55 @@ def law_section(scenario: Scenario) -> str:
 
 
 def claim_rows(article: Paper, name: str) -> list[tuple[str, ...]]:
-    """One row for each claim about a scenario."""
+    """One row for each claim about a scenario: what is expected, and what ten seeds gave."""
+    rates = stored_rates(name)
     return [
         (
             code(c.key), typeset(c.source, letters=False), typeset(c.statement),
-            plain(c.expected) + (f": {typeset(c.reason)}" if c.reason else ""),
+            plain(c.expectation) + (f": {typeset(c.reason)}" if c.reason else ""),
+            plain(rates[c.key].text) if c.key in rates else "",
         )
         for c in article.claims(name)
     ]  # fmt: skip
+
+
+MEASURED = (
+    "*Measured* are ten seeds, and further ones where fewer than five meet the hypothesis (`make rates` computes them "
+    "again). A claim that rests on a proof or a counter-example has an expected verdict; one that rests on neither is "
+    "an observation, whose rate is given with its 95 % interval (Clopper and Pearson).\n\n"
+)
+
+FURTHER_PAGES = {
+    "olfati-saber-2003": ("two_papers",),
+    "olfati-saber-2006": ("two_papers",),
+    "vicsek-1995": ("large_groups",),
+    "reynolds-1987": ("released_programs",),
+    "vasarhelyi-2018": ("released_programs",),
+}
+"""Pages about one paper beside its own."""
+
+
+def further(key: str) -> str:
+    """A sentence with links to further pages about a paper; empty where there are none."""
+    links = ", ".join(f"{{doc}}`/{page}`" for page in FURTHER_PAGES.get(key, ()))
+    return f" See also {links}." if links else ""
+
+
+def observed_section(key: str) -> str:
+    """Means of what is observed over seeds, with intervals; empty for papers of which nothing is stored."""
+    rows = []
+    for name in observed_scenarios(key):
+        found = stored_observations(name)
+        for quantity in found.values:
+            interval = found.interval(quantity)
+            reach = interval.method if np.isnan(interval.low) else f"{interval.low:.4g} to {interval.high:.4g}"
+            rows.append((code(name), plain(quantity), plain(f"{found.mean(quantity):.4g}"), plain(reach)))
+    if not rows:
+        return ""
+    about = summary_of(import_module(f"{paper(key).package}.observations").quantities)
+    return f"## What is observed\n\n{typeset(about, letters=False)} Means over ten seeds.\n\n" + table(
+        ("scenario", "quantity", "mean", "95 % interval of the mean"), rows
+    )
 
 
 FAULTS = {
@@ -129,6 +174,31 @@ def errata_sections(rows: list[Row], level: int) -> str:
     return "".join(parts)
 
 
+def departures_section(key: str, rows: list[Row], level: int) -> str:
+    """Where a released program departs from the statements of its paper, from the notes of the equation table."""
+    if "released_programs" not in FURTHER_PAGES.get(key, ()):
+        return ""
+    found = [
+        (typeset(row.number, letters=False), typeset(row.title), typeset(row.note))
+        for row in rows
+        if re.search(r"\b(program|library)\b", row.note)
+    ]
+    head = f"{'#' * level} Where the released program departs ({len(found)})\n\n"
+    return head + "More of it on {doc}`/released_programs`.\n\n" + table(("number", "statement", "note"), found)
+
+
+def figures_section(article: Paper) -> str:
+    """Captions of the figures with what is seen in them, for papers where that is stated."""
+    figures = list(article.figures().values())
+    if not any(figure.seen for figure in figures):
+        return ""
+    rows = [(plain(x.number), typeset(x.caption, letters=False), typeset(x.seen, letters=False)) for x in figures]
+    return (
+        "## Figures\n\n`flocking reproduce` draws them. The printed figures were not at hand: what is seen is held "
+        "against what is commonly said of the paper.\n\n" + table(("number", "caption", "what is seen"), rows)
+    )
+
+
 def erratum_row(row: Row, shown: Demonstration | None) -> tuple[str, ...]:
     """One row of a table of errata."""
     example = ("", "", "") if shown is None else (typeset(shown.example), number(shown.printed), number(shown.true))
@@ -146,9 +216,10 @@ def paper_page(key: str) -> str:
     about = f"{article.authors}. {article.venue}, {article.year}"
     lines = [f"# {plain(article.title)}\n\n{plain(about)}. Key: {code(key)}.\n\n"]
     folder = article.package.rsplit(".", 1)[1]
-    lines.append(f"A run and its picture: {{ref}}`sphx_glr_gallery_plot_{folder}.py`.\n\n")
+    lines.append(f"A run and its picture: {{ref}}`sphx_glr_gallery_plot_{folder}.py`.{further(key)}\n\n")
     first = next(iter(article.scenarios().values()))(0)
     lines.append(f"## The law\n\n{law_section(first)}## Scenarios and claims\n\n")
+    lines.append(MEASURED if stored_rates(first.name) else "")
     shown = formulas(first)
     for name, make in article.scenarios().items():
         scenario = make(0)
@@ -158,10 +229,11 @@ def paper_page(key: str) -> str:
         if formulas(scenario) != shown:
             shown = formulas(scenario)
             lines.append(shown)
-        lines.append(table(("claim", "source", "statement", "expected"), claim_rows(article, name)))
+        lines.append(table(("claim", "source", "statement", "expected", "measured"), claim_rows(article, name)))
+    lines.append(observed_section(key) + figures_section(article))
     known = [(plain(n), plain(value), typeset(note)) for n, value, note in constants(system)]
     lines.append("## Numbers\n\n" + table(("name", "value", "note"), known))
-    lines.append("## How it is read\n\n" + errata_sections(rows, 3))
+    lines.append("## How it is read\n\n" + errata_sections(rows, 3) + departures_section(key, rows, 3))
     listed = []
     for row in rows:
         statement = " ".join(filter(None, (f"{row.title}.", row.note)))
@@ -188,5 +260,6 @@ def errata_page() -> str:
     for key in ALL_KEYS:
         article = paper(key)
         head = f"## {plain(article.title)} ({article.year})\n\n"
-        lines.append(head + errata_sections(list(article.equations()), 3))
+        rows = list(article.equations())
+        lines.append(head + errata_sections(rows, 3) + departures_section(key, rows, 3))
     return "".join(lines)

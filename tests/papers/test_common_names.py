@@ -14,7 +14,7 @@ from flocking.study.claims.claim import Origin
 
 LAST = {
     "olfati-saber-2003": 9, "tanner-2003-fixed": 8, "tanner-2003-dynamic": 7, "zhou-2015": 14, "shi-2009": 12,
-    "olfati-saber-2006": "E", "cucker-smale-2007": "C", "vicsek-1995": 3, "reynolds-1987": 2, "vasarhelyi-2018": 2,
+    "olfati-saber-2006": "E", "cucker-smale-2007": "C", "vicsek-1995": 3, "reynolds-1987": 2, "vasarhelyi-2018": 3,
 }  # fmt: skip
 
 

@@ -314,8 +314,8 @@ def scenarios():
     assert_allclose(np.linalg.norm(alone.start.p), 1.0)
     assert not np.allclose(alone.start.p, system.scenario(name=system.ALONE).start.p)
     assert_allclose(alone.frame_times, 0.2 * np.arange(41), atol=1e-12)
-    assert [system.scenario(figure).name for figure in (1, 2)] == [system.KEY] * 2
-    for wrong, word in (({"figure": 3}, "figure"), ({"name": "drones"}, "name")):
+    assert [system.scenario(figure).name for figure in (1, 2, 3)] == [system.KEY] * 3
+    for wrong, word in (({"figure": 4}, "figure"), ({"name": "drones"}, "name")):
         with pytest.raises(fk.InvalidInput, match=f"scenario: {word}"):
             system.scenario(**wrong)
 

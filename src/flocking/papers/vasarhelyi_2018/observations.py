@@ -49,7 +49,7 @@ def observed(name: str = system.KEY, seeds: Sequence[int] = range(8)) -> Observa
 
 
 def quantities(run: Run) -> dict[str, float]:
-    """Means of the order parameters of a run after the first minute; NaN where one is not defined.
+    """Means of the order parameters of a run after the first minute: NaN where one is not defined.
 
     Parameters
     ----------

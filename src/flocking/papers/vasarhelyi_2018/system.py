@@ -36,7 +36,7 @@ KEY = "vasarhelyi-2018"
 PROGRAM, OPTIMIZED, OBSTACLES = (f"{KEY}-{name}" for name in ("program", "optimized", "obstacles"))
 QUIET, ALONE = f"{KEY}-quiet", f"{KEY}-alone"
 
-FIGURES = {1: KEY, 2: KEY}
+FIGURES = {1: KEY, 2: KEY, 3: KEY}
 """Scenario of each figure; the first of those that it shows."""
 
 AGENTS = 100
