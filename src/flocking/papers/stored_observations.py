@@ -13,6 +13,7 @@ from importlib import import_module
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 
@@ -77,6 +78,13 @@ class Observations:
         one_of("Observations", "name", name, self.values)
         found = self.values[name]
         return np.asarray(found[~np.isnan(found)])
+
+
+class _File(TypedDict):
+    """Content of a file: the seeds, and values by scenario and quantity."""
+
+    seeds: list[int]
+    scenarios: dict[str, dict[str, list[float | None]]]
 
 
 def observe(name: str, seeds: Sequence[int] = SEEDS) -> Observations:
@@ -144,8 +152,8 @@ def _file(key: str) -> Traversable:
 
 
 @lru_cache(maxsize=len(OBSERVING))
-def _stored(key: str) -> dict[str, dict[str, dict[str, list[float | None]]]]:
-    found: dict[str, dict[str, dict[str, list[float | None]]]] = json.loads(_file(key).read_text(encoding="utf-8"))
+def _stored(key: str) -> _File:
+    found: _File = json.loads(_file(key).read_text(encoding="utf-8"))
     return found
 
 

@@ -97,8 +97,8 @@ SHORT_NAMES = {
 
 
 @in_style
-def _bars(name: str, *, axes: Axes | None = None) -> Axes:
-    """Means over seeds of an order parameter with their intervals, and the seeds."""
+def _bars(run: Run, *, name: str, axes: Axes | None = None) -> Axes:
+    """Means over seeds of an order parameter with their intervals, and the seeds, as stored."""
     axes = axes_or_new(axes)
     for place, scenario in enumerate(OBSERVED):
         found = stored_observations(scenario)
@@ -111,8 +111,8 @@ def _bars(name: str, *, axes: Axes | None = None) -> Axes:
     return axes
 
 
-def _intervals() -> Picture:
-    return sheet([panel(_bars, name) for name in NAMES], columns=3, width=PAGE, ratio=0.9)
+def _intervals(run: Run) -> Picture:
+    return sheet([panel(_bars, run, name=name) for name in NAMES], columns=3, width=PAGE, ratio=0.9)
 
 
 def figures() -> dict[int, Figure]:
@@ -133,7 +133,7 @@ def figures() -> dict[int, Figure]:
                   "near v_flock, four or five agents alone."),
         3: Figure("3", "Means of the order parameters after the first minute over ten seeds (bars), the seeds (green), "
                   "and the 95 % intervals of the means (red); none where all seeds have the same value.",
-                  lambda run: _intervals(), system.FIGURES[3],
+                  _intervals, system.FIGURES[3],
                   seen="Directions correlate with the parameters of the optimisation, less among obstacles, and not "
                   "with those of the file. Nobody is outside the arena. The ordered flocks are one cluster, and "
                   "slower than v_flock; among obstacles two of ten seeds have collisions. No numbers of the paper's "

@@ -167,8 +167,9 @@ def _differences(e: Evidence) -> tuple[float, float, int]:
     period, ticks = _of_every_tick(e), len(e.t) - 1
     speed = max(float(np.linalg.norm(e.p, axis=2).max()), NO_LESS)
     places = velocities = 0.0
+    seen = np.asarray(e.q, dtype=np.float64), np.asarray(e.p, dtype=np.float64)
     for tick in range(ticks):
-        q, p = next_state(e.run.scenario, e.q, e.p, tick)
+        q, p = next_state(e.run.scenario, *seen, tick)
         places = max(places, float(np.linalg.norm(q - e.q[tick + 1], axis=1).max()) / (period * speed))
         velocities = max(velocities, float(np.linalg.norm(p - e.p[tick + 1], axis=1).max()) / speed)
     return places, velocities, ticks

@@ -1,6 +1,6 @@
 """The standard laws by a user's route alone: a TOML file, or fifteen lines of Python, give the runs of the packages.
 
-They are in the folder `users_route`; a program leaves its scenario in the name ``scenario``.
+A program leaves its scenario in the name ``scenario``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose
 
 import flocking as fk
 
-FOLDER = Path(__file__).parent / "users_route"
+FOLDER = Path(__file__).parent
 LINES = 15
 """Lines of a program that are neither empty nor comments."""
 
