@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Paper:
     """A paper.
 
@@ -67,6 +67,10 @@ class Paper:
     potential_definition: Definition | None = None
     titles: Mapping[str, str] = field(default_factory=dict)
     questions: Mapping[str, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """In one line: what it is cited as."""
+        return f"<Paper {self.key!r}: {self.citation}>"
 
     def title_of(self, scenario: str) -> str:
         """Title of the scenario of this name; its name where it has none."""

@@ -185,6 +185,8 @@ def _film(
         writer: FFMpegWriter | PillowWriter = FFMpegWriter(fps=fps, extra_args=["-movflags", "+faststart"])
     else:
         writer = PillowWriter(fps=fps)
+    # Nothing stands above the axes that the title must avoid, so it is not looked for. Restored with the style.
+    matplotlib.rcParams["axes.titley"] = 1.0
     made.set_dpi(dpi)
     canvas = FigureCanvasAgg(made)
 

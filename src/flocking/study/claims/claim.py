@@ -293,7 +293,7 @@ def _joined(note: str, doubt: str) -> str:
     return f"{note}; {doubt}" if note and doubt else note or doubt
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """Verdict on one claim for one run.
 
@@ -314,6 +314,10 @@ class Result:
     margin: float = math.nan
     error: float = math.nan
     note: str = ""
+
+    def __repr__(self) -> str:
+        """In one line: the claim, the verdict, and what was measured."""
+        return f"<Result {self.claim.key}: {self.verdict}{f', {self.note}' if self.note else ''}>"
 
     @property
     def as_expected(self) -> bool:

@@ -58,7 +58,7 @@ class DefinitionRow:
         return False if False in verdicts else None if None in verdicts else True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PotentialReport:
     """Properties of a potential, and the definitions that it meets.
 
@@ -78,6 +78,11 @@ class PotentialReport:
     radius: float | None
     rows: tuple[PropertyRow, ...]
     definitions: tuple[DefinitionRow, ...]
+
+    def __repr__(self) -> str:
+        """In one line: which definitions the potential meets; as a text it is the table."""
+        met = "; ".join(f"{d.source}: {_WORDS[d.holds]}" for d in self.definitions)
+        return f"<PotentialReport of {self.potential!r}: {met or f'{len(self.rows)} properties'}>"
 
     def __str__(self) -> str:
         lines = [str(self.potential)]
