@@ -269,7 +269,7 @@ def _draw_over(canvas: FigureCanvasAgg, still: object) -> None:
 
 def _speeds(run: Run, frames: Indices) -> Array:
     """Speeds of all agents at frames."""
-    return np.sqrt((np.asarray(run.p, dtype=np.float64)[frames] ** 2).sum(axis=2))
+    return np.asarray(np.linalg.norm(np.asarray(run.p, dtype=np.float64)[frames], axis=2))
 
 
 def _limits(run: Run, follow: bool) -> Array:

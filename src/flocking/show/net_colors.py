@@ -26,6 +26,28 @@ class _Look(TypedDict, total=False):
     zorder: float
 
 
+class LineLook(TypedDict, total=False):
+    """How lines of links, paths and directions look, as arguments of `LineCollection`."""
+
+    colors: str
+    linewidths: float
+    linestyles: list[tuple[float, tuple[float, float]]]
+    alpha: float
+    zorder: float
+    gid: str
+
+
+class DotLook(TypedDict):
+    """How the mark of a leader looks, as arguments of `scatter`."""
+
+    marker: str
+    s: float
+    color: str
+    edgecolors: str
+    linewidths: float
+    gid: str
+
+
 def net_colors(
     axes: Axes, q: Reals, p: Reals, links: Links | None, choice: str, size: float, fastest: float | None = None
 ) -> None:

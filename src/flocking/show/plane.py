@@ -19,7 +19,7 @@ from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.show.frames import frame_at, leaders_at
 from flocking.show.motion import motion_of, thinned_path
-from flocking.show.net_colors import net_colors
+from flocking.show.net_colors import DotLook, LineLook, net_colors
 from flocking.show.style import COLUMN, GREEN, OUTLINE_POINTS, PURPLE, VERMILION, axes_or_new, in_style, theme
 
 if TYPE_CHECKING:
@@ -71,24 +71,6 @@ class NetOptions(TypedDict, total=False):
     seconds_per_arrow: float | None
     fastest: float | None
     budget: int
-
-
-class _LineLook(TypedDict, total=False):
-    colors: str
-    linewidths: float
-    linestyles: list[tuple[float, tuple[float, float]]]
-    alpha: float
-    zorder: float
-    gid: str
-
-
-class _DotLook(TypedDict):
-    marker: str
-    s: float
-    color: str
-    edgecolors: str
-    linewidths: float
-    gid: str
 
 
 @in_style
@@ -265,7 +247,7 @@ def _dot_size(n: int) -> float:
     return float(np.clip(26.0 * (10.0 / max(n, 10)) ** 0.6, 1.0, 26.0))
 
 
-def _line_collection(axes: Axes, segments: Sequence[Reals] | Reals, **look: Unpack[_LineLook]) -> None:
+def _line_collection(axes: Axes, segments: Sequence[Reals] | Reals, **look: Unpack[LineLook]) -> None:
     if axes.name == "3d":
         from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
@@ -278,7 +260,7 @@ def _line_collection(axes: Axes, segments: Sequence[Reals] | Reals, **look: Unpa
         axes.add_collection(LineCollection(list(segments), **look), autolim=False)
 
 
-def _as_one_path(ends: Reals, **look: Unpack[_LineLook]) -> LineCollection:
+def _as_one_path(ends: Reals, **look: Unpack[LineLook]) -> LineCollection:
     """Segments with ends of shape (K, 2, 2) as one path with gaps: a path for each takes half the time of a film."""
     from matplotlib.collections import Collection, LineCollection
     from matplotlib.path import Path
@@ -352,7 +334,7 @@ def _draw_directions(axes: Axes, q: Reals, directions: Mapping[str, Reals], span
 
 
 def _draw_leader(axes: Axes, x: Reals, v: Reals, seconds: float) -> None:
-    look: _DotLook = {
+    look: DotLook = {
         "marker": "h",
         "s": 70.0,
         "color": PURPLE,
