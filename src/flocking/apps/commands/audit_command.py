@@ -86,7 +86,7 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
     with Wait("audit"):
         stage("reading the run")
         run = read_run(folder)
-        stage("replaying the messages")
+        stage("computing again what agents used" if replay else "judging claims")
         again = replay_run(run) if replay else None
         report = audit_run(run)
         scenario = report.run.scenario

@@ -89,9 +89,13 @@ def export(
 def _export_deck(scenario: str, out: Path | None, step: float | None, seed: int | None) -> int:
     from flocking.apps.scenario_names import find_scenario
     from flocking.engine.driver.lammps_export import export_deck
+    from flocking.engine.driver.waits import Wait, stage
 
     place = out or Path(f"{Path(scenario).stem}.lammps")
-    print(export_deck(find_scenario(scenario, seed, None), place, step=step))
+    with Wait("export"):
+        stage("writing the deck")
+        made = export_deck(find_scenario(scenario, seed, None), place, step=step)
+    print(made)
     return EQUAL
 
 

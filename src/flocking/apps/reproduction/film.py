@@ -28,7 +28,17 @@ def write_film(run: Run, folder: Path) -> Path:
     """
     from flocking.show.animate import animate
 
-    written = animate(run, folder / FILM, fps=RATE, seconds=SECONDS, follow=True, size=SIZE, dpi=100, trails=False)
+    written = animate(
+        run,
+        folder / FILM,
+        fps=RATE,
+        seconds=SECONDS,
+        follow=True,
+        size=SIZE,
+        dpi=100,
+        trails=False,
+        progress=False,
+    )
     for suffix in {".mp4", ".gif"} - {written.suffix}:
         written.with_suffix(suffix).unlink(missing_ok=True)
     return written

@@ -152,17 +152,20 @@ def reproduce(
         again = _runs_to_draw(papers, found)
         wait.more(len(again))
         found.examine(workers_pool, again, wait)
+        wait.note = "errata"
         errata = dict(zip(papers, workers_pool.results(_errata, ((key,) for key in papers)), strict=True))
+        wait.note = ""
         if out is not None:
             for drawn in workers_pool.results(draw, _drawings(papers, found.runs, out)):
                 figures += drawn
                 wait.count()
-    judgements = {name: found.judgements(p, name) for p in papers.values() for name in p.scenarios()}
-    found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, found.runs, first_seed)
-    if out is not None:
-        write_file(out / "claims.json", _json(claim_rows(judgements)), "write the claims")
-        write_file(out / "errata.json", _json(errata), "write the errata")
-        write_report(found_all, papers, out)
+        judgements = {name: found.judgements(p, name) for p in papers.values() for name in p.scenarios()}
+        found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, found.runs, first_seed)
+        if out is not None:
+            wait.note = "writing the report"
+            write_file(out / "claims.json", _json(claim_rows(judgements)), "write the claims")
+            write_file(out / "errata.json", _json(errata), "write the errata")
+            write_report(found_all, papers, out)
     return found_all
 
 
