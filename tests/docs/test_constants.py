@@ -125,8 +125,10 @@ def unnamed_integers(text: str) -> Iterator[tuple[int, int]]:
 
     Percents, masks of all bits, permissions of files, and exponents of two are apart.
     """
-    lines = text.splitlines()
-    for function in ast.walk(ast.parse(text)):
+    lines, every = text.splitlines(), list(ast.walk(ast.parse(text)))
+    if not any(isinstance(x, ast.Constant) and type(x.value) is int and x.value > LARGEST_PLAIN for x in every):
+        return
+    for function in every:
         if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             continue
         nodes = [*function.body, *function.decorator_list]

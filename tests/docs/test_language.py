@@ -46,7 +46,12 @@ def documented(tree: ast.Module) -> set[ast.Constant]:
 
 
 def texts(source: str) -> Iterator[str]:
-    """What a file may show to its users: texts of more than one word that are no documentation."""
+    """What a file may show to its users: texts of more than one word that are no documentation.
+
+    None of a file without such words, which is most of them.
+    """
+    if not PERSONS.search(source):
+        return
     tree = ast.parse(source)
     docs = documented(tree)
     for node in ast.walk(tree):
@@ -55,7 +60,9 @@ def texts(source: str) -> Iterator[str]:
 
 
 def explanations(source: str) -> Iterator[str]:
-    """Lines of documentation and of comments."""
+    """Lines of documentation and of comments; none of a file without such words, which is most of them."""
+    if not PERSONS.search(source):
+        return
     for node in documented(ast.parse(source)):
         yield from str(node.value).splitlines()
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
