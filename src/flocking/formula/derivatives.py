@@ -14,12 +14,15 @@ from typing import TYPE_CHECKING
 
 from flocking.formula.grammar import FUNCTIONS
 from flocking.formula.growth import GROUP
+from flocking.formula.identities import expanded_addends
 
 if TYPE_CHECKING:
     import sympy
 
 SMALL = 160
 """Nodes of a slope up to which the second derivative is in SymPy's form: terms with factors in common are joined."""
+FEW_ADDENDS = 10_000
+"""Addends of such a slope when expanded: SymPy looks for the roots of polynomials in it."""
 
 
 def derivative(expression: sympy.Expr, x: sympy.Symbol, times: int = 1) -> sympy.Expr:
@@ -45,6 +48,7 @@ def derivative(expression: sympy.Expr, x: sympy.Symbol, times: int = 1) -> sympy
     if times == 1:
         return first
     small = sum(1 for _, _ in zip(sympy.preorder_traversal(first), range(SMALL + 1), strict=False)) <= SMALL
+    small = small and expanded_addends(first) <= FEW_ADDENDS
     return sympy.diff(expression, x, 2) if small else rules.second(expression)
 
 

@@ -343,6 +343,9 @@ def _inside(
 ) -> list[Minimum]:
     from scipy.optimize import brentq
 
+    def slope_at(x: float) -> float:
+        return float(potential.slope(x))
+
     a, b = float(low), float(high)
     near = 10.0 ** -np.arange(1, 13)
     grid = np.concatenate([np.geomspace(NEAREST, FARTHEST, GRID), a * (1 + near), b * (1 - near)])
@@ -357,9 +360,8 @@ def _inside(
         # Many digits distinguish a minimum from the rounding noise of a constant piece.
         if not slope(left) < 0 < slope(right):
             continue
-        tolerances = {"xtol": TINY, "rtol": ROOT_ERROR, "maxiter": MOST_STEPS}
         try:
-            at = float(brentq(lambda x: float(potential.slope(x)), left, right, **tolerances))
+            at = float(brentq(slope_at, left, right, xtol=TINY, rtol=ROOT_ERROR, maxiter=MOST_STEPS))
         except ValueError:  # the slope has no value at some distance between
             continue
         found.append(Minimum(at, float(value(at)), at))
