@@ -153,14 +153,14 @@ def product(parts: list[Sizes]) -> Sizes:
 def _product(parts: list[Sizes]) -> Sizes:
     if len(parts) == 1:
         return parts[0]
-    whole = sum(x.value for x in parts) + 1
+    everything = sum(x.value for x in parts) + 1
     varying = [x for x in parts if x.slope]
     count = len(varying)
-    slope = sum(x.slope + whole - x.value for x in varying)
-    curvature = sum(x.curvature + whole - x.value for x in varying if x.curvature)
+    slope = sum(x.slope + everything - x.value for x in varying)
+    curvature = sum(x.curvature + everything - x.value for x in varying if x.curvature)
     # Every pair of factors, both of them differentiated, beside all the others.
-    curvature += (count - 1) * sum(x.slope - x.value for x in varying) + count * (count - 1) // 2 * (whole + 1)
-    return Sizes(whole, slope, max(curvature, 0))
+    curvature += (count - 1) * sum(x.slope - x.value for x in varying) + count * (count - 1) // 2 * (everything + 1)
+    return Sizes(everything, slope, max(curvature, 0))
 
 
 def factors(node: Node) -> list[Sizes]:
