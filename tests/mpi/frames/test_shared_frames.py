@@ -57,7 +57,7 @@ def test_the_bytes_are_those_that_the_first_rank_writes(tmp_path, name, held, pr
 @pytest.mark.parametrize("ranks", [1, 3])
 def test_a_killed_job_goes_on_with_other_ranks(tmp_path, name, held, precision, ranks):
     folder = tmp_path / "run"
-    done = job(4, folder, "die", name, held, precision, at=0.25)
+    done = job(4, folder, "die", name, held, precision, at=0.5)
     assert done.returncode != 0
     left = fk.read_run(folder)
     found = expected(name, held)
