@@ -77,6 +77,7 @@ HOMES = {
     "change how the error of a motion is estimated by repetitions": "def repetitions_of",
     "change how groups of several bodies are made": "class Mixture(",
     "change what bodies make of held forces": "class Actuation",
+    "change what a largest speed makes of held forces": "def fit_speed(",
     "change when agents meet obstacles under held control": "class ObstacleRanges",
     "add a field to the checkpoint of the exact engine": "def pack_exact(",
     "add a column to the ledger of a run": "TRACE_FIELDS =",
