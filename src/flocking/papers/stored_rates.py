@@ -1,4 +1,4 @@
-"""Verdicts of all claims of all papers over ten seeds that are stored in the library, and how they are computed again.
+"""Verdicts of claims of papers over ten seeds that are stored in the library, and how they are computed again.
 
 ``make rates`` runs `make reproduce-all` and writes the file from its ``claims.json``.
 """
