@@ -82,7 +82,7 @@ def test_a_file_that_changed_is_not_mixed_with_its_earlier_results(file, capsys)
         (["absent.toml"], "cannot be read"),
         (["tanner-conectivity"], "Did you mean 'tanner-connectivity'?"),
         (["speeds.toml", "--level", "95"], "must be below 1"),
-        (["speeds.toml", "--most-runs", "3"], "must make at most 3 runs; got 4. Pass most_runs=4 (--most-runs 4)"),
+        (["speeds.toml", "--most-runs", "3"], "must make at most 3 runs; got 4. Pass --most-runs 4 if"),
         (["speeds.toml", "--workers", "0"], "at least 1"),
         (["speeds.toml", "--out", "speeds.toml"], "speeds.toml"),
     ],

@@ -18,7 +18,7 @@ from flocking.engine.protocol.session import Session
 from flocking.engine.protocol.world import check_world
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.new_folders import check_free
-from flocking.errors import EngineFailed, FlockingError, InvalidInput, SimulationError, StorageError
+from flocking.errors import EngineFailed, EngineMissing, FlockingError, InvalidInput, SimulationError, StorageError
 from flocking.model.law import Law, Scenario
 
 GLANCE_SECONDS = 0.25
@@ -159,10 +159,19 @@ def simulate(
     if isinstance(save, str | Path):
         # Before the session is opened, which takes long for a large group.
         check_free(Path(save).resolve())
-    with Wait(scenario.name or "simulation", shown=progress and found.team().first):
+    chosen = options_of(found, {**options, **fine_option(found, fine)})
+    with Wait(scenario.name or "simulation", shown=progress and _speaks(found)):
         stage("compiling the law and opening the scenario")
-        session = open_session(found, scenario, options_of(found, {**options, **fine_option(found, fine)}), plant)
+        session = open_session(found, scenario, chosen, plant)
     return run_session(session, save=save, progress=progress)
+
+
+def _speaks(engine: Engine) -> bool:
+    """Whether this process is the one that shows progress; what an engine is missing it says when it is opened."""
+    try:
+        return engine.team().first
+    except EngineMissing:
+        return False
 
 
 def run_session(
