@@ -29,7 +29,7 @@ terms = [{kind = "gradient", formula = "k*(r - d)**2", parameters = {k = 1, d = 
 start = {draw = "hexagonal", n = 2500, spacing = 0.9, noise = 0.05, speed = 1.0, seed = 1}
 """
 ENDLESS = LARGE.replace("t_end = 0.2\nframes = 5", "t_end = 1e4\nframes = 1001")
-PROGRESS = re.compile(r"large .*[0-9.e+]+ agent-steps/s \d+:\d\d:\d\d")
+PROGRESS = re.compile(r"large .*[0-9.e+]+ agent-steps/s")
 COMMAND = [sys.executable, "-m", "flocking"]
 
 
@@ -149,7 +149,7 @@ def plain(text: str) -> str:
 
 
 def test_progress_shows_speed_and_time_left(tmp_path: Path) -> None:
-    """On a terminal: a bar with agent-steps a second and the time left, gone when the run is over."""
+    """On a terminal: a bar with agent-steps a second, gone when the run is over."""
     file = tmp_path / "endless.toml"
     file.write_text(ENDLESS)
     master, slave = pty.openpty()

@@ -27,8 +27,8 @@ LINE_SECONDS = 10.0
 TICK_SECONDS = 0.5
 """Wall time in seconds between two looks at whether there is something to show: a line is late by at most this."""
 
-BAR_WIDTH = 24
-"""Characters of a bar: a line of 80 leaves room for words beside it."""
+BAR_WIDTH = 12
+"""Characters of a bar: a line of 80 leaves most of its room for words, by convention."""
 
 
 class Wait:
