@@ -144,7 +144,13 @@ def sizes(node: Node) -> Sizes:
 
 
 def product(parts: list[Sizes]) -> Sizes:
-    """Sizes of a product of so many factors, by the rule of `flocking.formula.derivatives`."""
+    """Sizes of a product, by the rule of `flocking.formula.derivatives`.
+
+    Parameters
+    ----------
+    parts
+        Sizes of its factors.
+    """
     while len(parts) > GROUP:
         parts = [_product(parts[k : k + GROUP]) for k in range(0, len(parts), GROUP)]
     return _product(parts)
