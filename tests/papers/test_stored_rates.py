@@ -37,7 +37,7 @@ def test_stored_verdicts_are_the_expected_ones(key):
         for claim in paper(key).claims(name):
             rate = rates[claim.key]
             assert 0 <= rate.held <= rate.decided <= rate.tried
-            # With seed 3 of the split an agent falls to the centre of an obstacle, and the run does not end.
+            # With seed 3 of the split an agent falls to the centre of an obstacle, and the run ends there.
             assert rate.tried >= (9 if name == "olfati-saber-2006-split" else 10)
             if claim.basis is Basis.OBSERVATION:
                 assert rate.verdict == "observed"

@@ -13,6 +13,7 @@ from flocking.engine.exact.barriers import LedgerState
 from flocking.engine.exact.blocks.arrays import STEP_JUMPED, STEP_LENGTH
 from flocking.engine.exact.blocks.block import StepBlock, take_block
 from flocking.engine.exact.checkpoint import pack_exact, restore_exact
+from flocking.engine.exact.crossings.obstacle_centres import ObstacleCentres
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.failures import infinite_at_once, sliding
@@ -67,14 +68,12 @@ class ExactSession(AdaptiveSession):
     def __init__(self, scenario: Scenario, options: ExactOptions | None = None, *, plant: Law | None = None) -> None:
         known_plant("ExactSession", plant)
         check_world(self.engine, scenario)
-        self.scenario = scenario
-        self.plant, self.options = plant, options or ExactOptions()
+        self.scenario, self.plant, self.options = scenario, plant, options or ExactOptions()
         start = scenario.start
         self.time = start.t
         self._origin = origin_of(scenario, plant, start, start.t)
         self.records = ExactRecorder(scenario, fine=self.options.fine)
-        self.steps = 0
-        self.jumped = 0.0
+        self.steps, self.jumped = 0, 0.0
         self._prepare(start.n, start.dimension)
         self._tail = np.zeros(self._dynamics.departs + LEDGER)
         own = self._origin.inwards(start)
@@ -89,6 +88,7 @@ class ExactSession(AdaptiveSession):
         self._dynamics = dynamics or Dynamics(self.scenario, self.plant, n, m, self._origin.time)
         self._jumps = JumpTimes(self._dynamics.layout.law, self._origin, self.scenario.t_end, self.scenario.agents)
         self._lengths = StepLengths(self.scenario.t_end - self.scenario.start.t)
+        self._centres = ObstacleCentres(self.scenario)
 
     def _begin(self, state: State, links: LinkState, *, same_pairs: bool = False) -> None:
         """Start at ``state``, in own time and coordinates; ``same_pairs``: the dynamics already have these links."""
@@ -223,6 +223,7 @@ class ExactSession(AdaptiveSession):
         """Record the current segment and apply the switches at its end."""
         segment = self._segment
         t, y = segment.t1, segment.coefficients[-1]
+        self._centres.look(self.steps, lambda: self.state)
         if t > segment.t0:
             self._error.leave(segment, self._links, self._origin)
             self.records.sample(segment, self._dynamics.split, self._origin)

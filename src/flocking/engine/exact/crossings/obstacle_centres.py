@@ -1,0 +1,75 @@
+"""Agents that stay at the centre of a ball, where the force of an obstacle has no direction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flocking.errors import Chattering
+from flocking.model.law import Scenario
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.state import State
+from flocking.model.terms.avoidance import ObstacleTerm
+
+CLOSE = 1e-5
+"""Distance from a centre, relative to the radius, within which an agent counts as being there: one that passes through
+the ball leaves it within a few steps."""
+
+LASTING = 1000
+"""Steps between two looks; who is at the same centre in both does not leave it."""
+
+REMAINING = 100
+"""Looks that the rest of the run would take if steps stayed as short: below, it ends in reasonable time."""
+
+
+class ObstacleCentres:
+    """Looks now and then whether agents stay at centres of balls in steps that hardly advance.
+
+    A law that drives agents inside a ball to its centre, as that of Olfati-Saber (2006) does, has no solution after
+    one arrives there: the direction of the force jumps.
+
+    Parameters
+    ----------
+    scenario
+        The law, and when the run ends.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        terms = [term for term in scenario.law.body_terms if isinstance(term, ObstacleTerm)]
+        self._balls = [o for term in terms for o in term.obstacles if isinstance(o, Ball)]
+        self._end, self._steps, self._time = scenario.t_end, 0, scenario.start.t
+        self._there: set[tuple[int, int]] = set()
+
+    def look(self, steps: int, state: Callable[[], State]) -> None:
+        """Look at a state after so many steps.
+
+        Parameters
+        ----------
+        steps
+            Number of steps of the run.
+        state
+            Gives the state.
+
+        Raises
+        ------
+        Chattering
+            If an agent does not leave a centre.
+        """
+        if not self._balls or steps - self._steps < LASTING:
+            return
+        now = state()
+        places = np.array([ball.centre.at(now.t)[0] for ball in self._balls])
+        reach = CLOSE * np.array([ball.radius for ball in self._balls])
+        near = ((now.q[:, None] - places) ** 2).sum(axis=2) < reach**2
+        there = {(int(i), int(k)) for i, k in zip(*np.nonzero(near), strict=True)}
+        staying = sorted({agent for agent, _ in there & self._there})
+        short = (now.t - self._time) * REMAINING < self._end - now.t
+        self._steps, self._time, self._there = steps, now.t, there
+        if staying and short:
+            raise Chattering(
+                "An agent inside a ball does not leave its centre, where the force of the obstacle has no direction (a "
+                "Filippov sliding mode): the law has no solution beyond. Raise the repulsion_gain of Avoid, so that "
+                "agents stay outside.",
+                time=now.t, agents=tuple(staying),
+            )  # fmt: skip
