@@ -29,7 +29,7 @@ terms = [{kind = "gradient", formula = "k*(r - d)**2", parameters = {k = 1, d = 
 start = {draw = "hexagonal", n = 2500, spacing = 0.9, noise = 0.05, speed = 1.0, seed = 1}
 """
 ENDLESS = LARGE.replace("t_end = 0.2\nframes = 5", "t_end = 1e4\nframes = 1001")
-PROGRESS = re.compile(r"large .*[0-9.e+]+ agent-steps/s")
+PROGRESS = re.compile(r"large: .*[0-9.e+]+ agent-steps/s")
 COMMAND = [sys.executable, "-m", "flocking"]
 
 
