@@ -42,3 +42,11 @@ class Actuated(fk.Body):
 
     def start(self, column, q, p):
         return np.zeros_like(q)
+
+
+@dataclass(frozen=True, eq=False)
+class Heavy(Actuated):
+    """One with another kinetic energy than that of a point mass."""
+
+    def kinetic(self, x, relative):
+        return 2 * super().kinetic(x, relative)

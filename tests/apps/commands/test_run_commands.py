@@ -18,7 +18,7 @@ import pytest
 
 import flocking as fk
 from flocking.apps import cli
-from tests.bodies import Actuated
+from tests.bodies import Actuated, Heavy
 
 LARGE = """
 name = "large"
@@ -111,8 +111,10 @@ def test_the_engine_is_chosen_by_size(large: Path, tmp_path: Path, capsys: pytes
         engines[n] = fk.simulate(scenario, progress=False).provenance["engine"]
     assert engines == {2000: "exact", 2001: "tiles"}
     assert fk.start(scenario.with_(agents=fk.Agents(order=1))).engine == "tiles"
-    actuated = scenario.with_(agents=Actuated())
-    assert fk.start(actuated).engine == "exact", "what the tiled engine cannot run is left to the exact one"
+    assert fk.start(scenario.with_(agents=Actuated())).engine == "tiles"
+    assert fk.start(scenario.with_(agents=Heavy())).engine == "exact", (
+        "what the tiled engine cannot run is left to the exact one"
+    )
     large.write_text(LARGE.replace("n = 2500", "n = 30000"))
     code, _, err = call(capsys, "run", large, "--engine", "exact")
     assert code == 2

@@ -7,7 +7,7 @@ import flocking as fk
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.model.leaders_and_obstacles.obstacles import Ball
 from flocking.model.terms.avoidance import Avoid
-from tests.bodies import Actuated
+from tests.bodies import Heavy
 from tests.engine.tiles.laws import (
     PerAgentRadii,
     Smooth,
@@ -190,8 +190,8 @@ def test_ledger_kernel_gives_the_same_forces_and_the_reference_energies():
 
 def test_refuses_by_name():
     state = states(10, 2)["random"]
-    with pytest.raises(fk.FlockingError, match=r"Actuated agents, only points and unicycles.*exact"):
-        fk.simulate(fk.Scenario(saber(), state, t_end=1, agents=Actuated()), engine="tiles")
+    with pytest.raises(fk.FlockingError, match=r"Heavy agents, whose kinetic energy is another one.*exact"):
+        fk.simulate(fk.Scenario(saber(), state, t_end=1, agents=Heavy()), engine="tiles")
     flat = fk.State(np.zeros((3, 1)) + np.arange(3)[:, None])
     with pytest.raises(fk.FlockingError, match="1 dimensions"):
         fk.simulate(fk.Scenario(fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)]), flat, t_end=1), engine="tiles")
