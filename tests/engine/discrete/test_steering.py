@@ -150,7 +150,7 @@ def test_what_states_no_formulas_is_refused_where_it_would_be_left_out():
     with pytest.raises(fk.InvalidInput, match="acts about a place"):
         fk.Scenario(made.law, flat, t_end=1.0, agents=made.agents, control=made.control, space=fk.Periodic([99.0] * 3))
     law = fk.Law(fk.Proximity(1.0), [fk.Cohesion(1.0, 5.0)])
-    with pytest.raises(fk.InvalidInput, match="twice what Cohesion sees, 5"):
+    with pytest.raises(fk.InvalidInput, match="twice the reach of Cohesion, 5"):
         fk.Scenario(law, flat, t_end=1.0, agents=made.agents, control=made.control, space=fk.Periodic([10.0] * 3))
 
 

@@ -147,10 +147,15 @@ def test_bodies_go_through_files():
         assert type(again.agents) is type(body)
 
 
-@pytest.mark.parametrize("engine", ["tiles", "lammps"])
-def test_other_engines_refuse_other_bodies_by_name(engine):
-    with pytest.raises(fk.FlockingError, match="Actuated agents, only point"):
-        fk.simulate(fk.Scenario(LAW, START, 1.0, bodies=Actuated()), engine=engine)
+@pytest.mark.parametrize(("engine", "held", "said"), [
+    ("lammps", None, "Actuated agents on ranks, only points and unicycles"),
+    ("sampled", 0.1, "not Actuated"),
+    ("tiles", 0.1, "Actuated agents under held control, only points and unicycles"),
+])  # fmt: skip
+def test_other_engines_refuse_other_bodies_by_name(engine, held, said):
+    control = fk.Continuous() if held is None else fk.Held(held)
+    with pytest.raises(fk.FlockingError, match=said):
+        fk.simulate(fk.Scenario(LAW, START, 1.0, bodies=Actuated(), control=control), engine=engine)
 
 
 def test_the_control_of_limited_bodies_at_rest_warns_of_nothing() -> None:

@@ -40,6 +40,7 @@ PAPER = Paper(
         "vasarhelyi-2018-program": "Do directions correlate, without collisions, as the released program runs it?",
         "vasarhelyi-2018-optimized": "Do directions correlate, without collisions, with the optimised parameters?",
         "vasarhelyi-2018-obstacles": "Does the optimised flock stay correlated, apart and together among obstacles?",
+        "vasarhelyi-2018-quiet": "Does each agent of a flock without noise do at every tick what the rule says?",
         "vasarhelyi-2018-alone": "Does a lone agent reach the speed of the flock on a straight line?",
     },
 )
