@@ -57,7 +57,9 @@ def test_a_notebook_in_a_kernel_shows_everything_and_the_lab_runs_in_its_cell(tm
         told = [shown[name]["text/plain"] for name in ("progress", "progress of runs")]
         assert re.match(r"simulation: t = .* of 40 \(\d+ %\), .*agent-steps/s", told[0])
         assert re.match(r"runs: \d+ of 60", told[1])
-        assert [len(outputs[name]) for name in ("progress", "progress of runs")] == [1, 1], "it is written over"
+        # The opening of a run has a line of its own where it is long enough to be shown.
+        assert len(outputs["progress"]) <= 2, "a line is written over"
+        assert len(outputs["progress of runs"]) == 1, "it is written over"
         (tmp_path / "page.html").write_text(nbconvert.HTMLExporter().from_notebook_node(notebook)[0])
         handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
         server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
