@@ -14,26 +14,8 @@ from flocking.engine.driver.registry import engine_named
 from flocking.engine.tiles.engine import ENGINE
 from flocking.engine.tiles.options import TilesOptions
 from flocking.errors import LawNotObeyed, UnsupportedLaw
+from tests.bodies import Actuated, Heavy
 from tests.engine.tiles.test_bodies import VARIED, N, errors, scenario
-
-
-@dataclass(frozen=True, eq=False)
-class Actuated(fk.Body):
-    """A point mass whose force follows the desired one: tau df/dt = u - f."""
-
-    masses: float | Array = 1.0
-    damping: float | Array = 0.0
-    time_constant: float | Array = 0.5
-    order = 2
-    columns = (fk.Column("force"),)
-    parameters = property(lambda self: {"time_constant": self.time_constant})
-
-    def rates(self, x):
-        force, tau = x.columns["force"], x.parameter("time_constant")
-        return {
-            "p": [(f - x.damping * v) / x.mass for f, v in zip(force, x.p, strict=True)],
-            "force": [(u - f) / tau for u, f in zip(x.u, force, strict=True)],
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +38,6 @@ class Drifting(fk.Body):
             "p": [(u - x.damping * v + x.let("push")) / x.mass for u, v in zip(x.u, x.p, strict=True)],
             "phase": [sympy.tanh(x.q[1]) - x.columns["phase"][0]],
         }
-
-
-@dataclass(frozen=True, eq=False)
-class Heavy(Actuated):
-    """One with another kinetic energy."""
-
-    def kinetic(self, x, relative):
-        return 2 * super().kinetic(x, relative)
 
 
 @dataclass(frozen=True, eq=False)
