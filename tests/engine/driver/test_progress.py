@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.driver import notebook_line, progress, waits
+from flocking.engine.driver import notebook_line
 from flocking.engine.driver.progress import Progress, stops
 from flocking.engine.driver.run_progress import Progress as Runs
 
@@ -16,22 +16,6 @@ from flocking.engine.driver.run_progress import Progress as Runs
 def scenario():
     law = fk.Law(fk.Proximity(3.0), [fk.Consensus(1.0)])
     return fk.Scenario(law, fk.start.box(4, side=2.0, seed=1), t_end=50.0, frames=6, name="four")
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    class Clock:
-        now = 100.0
-
-        def monotonic(self):
-            return self.now
-
-    made = Clock()
-    monkeypatch.setattr(progress, "time", made)
-    monkeypatch.setattr(waits, "time", made)
-    # No looks in between: the clock moves by hand.
-    monkeypatch.setattr(waits, "TICK_SECONDS", 1e6)
-    return made
 
 
 def test_lines_tell_time_speed_and_what_is_left(clock, capsys):

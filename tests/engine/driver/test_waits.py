@@ -17,21 +17,6 @@ from flocking.engine.driver.waits import Wait, counted, stage
 
 
 @pytest.fixture
-def clock(monkeypatch):
-    class Clock:
-        now = 100.0
-
-        def monotonic(self):
-            return self.now
-
-    made = Clock()
-    monkeypatch.setattr(waits, "time", made)
-    # No looks in between: the clock moves by hand.
-    monkeypatch.setattr(waits, "TICK_SECONDS", 1e6)
-    return made
-
-
-@pytest.fixture
 def at_once(monkeypatch):
     """Every wait shows itself from the first moment on."""
     monkeypatch.setattr(waits, "QUIET_SECONDS", 0.0)
