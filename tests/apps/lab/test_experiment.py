@@ -91,6 +91,8 @@ def test_an_event_that_is_refused_changes_nothing_and_is_not_on_record():
         {"kind": "kick", "agents": [99], "speed": 1.0, "seed": 0},
         {"kind": "move", "path": GAIN, "to": [0.0, 0.0]},
         {"kind": "move", "path": LEADER, "to": [0.0]},
+        {"kind": "move", "path": LEADER, "by": [0.0]},
+        {"kind": "move", "path": LEADER},
         {"kind": "explode"},
         {"kind": "kick"},
         {"kind": "add", "q": before.q[0].tolist(), "p": [0.0, 0.0]},
@@ -112,6 +114,17 @@ def test_a_moved_leader_stays_one_leader_of_law_and_energy():
     assert made.scenario.energy.leader is leader
     assert leader.at(0.5)[0] == pytest.approx([3.0, 4.0], abs=1e-12)
     assert np.array_equal(leader.value, led().law.terms[2].leader.value)
+
+
+def test_steps_of_a_leader_add_up_from_where_it_is():
+    made = Experiment(led())
+    made.advance(0.5)
+    before = np.array(made.scenario.law.terms[2].leader.at(0.5)[0])
+    for by in ([0.1, 0.0], [0.0, -0.3], [0.1, 0.0]):
+        made.apply({"kind": "move", "path": LEADER, "by": by})
+    assert made.scenario.law.terms[2].leader.at(0.5)[0] - before == pytest.approx([0.2, -0.3], abs=1e-12)
+    made.advance(0.8)
+    assert same(replay(made.log), made)
 
 
 def test_factors_multiply_what_agents_had_at_the_start():

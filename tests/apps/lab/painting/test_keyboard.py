@@ -95,8 +95,12 @@ def test_obstacles_are_chosen_moved_and_removed_by_keys(page, tab):
         [tab.colours(x + radius * np.cos(a), y + radius * np.sin(a), 3) for a in np.arange(0, 6, 0.5)]
     )
     assert ((ring[:, 0] > 180) & (ring[:, 1] < 130) & (ring[:, 2] > 150)).sum() > 5, "the obstacle is not marked"
-    for key in 6 * ("ArrowLeft", "ArrowDown"):
+    for key in 6 * ("ArrowLeft",):
         canvas.press(key)
+    tab.caught_up()
+    for key in 6 * ("ArrowDown",):
+        canvas.press(key)
+        tab.drawn()
     tab.wait(lambda: where() - before == pytest.approx([-6 * unit, -6 * unit], rel=1e-6), "all steps count")
     assert {event["kind"] for _, event in page.experiment.log.entries} == {"move"}
     tab.caught_up()

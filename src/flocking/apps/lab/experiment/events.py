@@ -109,10 +109,15 @@ def _scale(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcom
 
 
 def _move(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
+    """A leader or the path of an obstacle, at another place ``to``, or moved ``by`` a vector."""
     leader = value_at(scenario, event["path"])
     if not isinstance(leader, Leader):
         raise InvalidInput("lab", "path", "must lead to a leader or to the path of an obstacle", leader)
-    moved = leader.moved_to(event["to"], state.t)
+    if "to" in event:
+        to = event["to"]
+    else:
+        to = (np.asarray(leader.at(state.t)[0]) + _vector("by", event["by"], state.dimension)).tolist()
+    moved = leader.moved_to(to, state.t)
     before = value_at(base, event["path"])
     return Outcome(substituted(scenario, leader, moved), substituted(base, before, moved))
 

@@ -119,7 +119,11 @@ def _set(page: Lab, _: Tab, order: Order) -> None:
 
 
 def _move(page: Lab, _: Tab, order: Order) -> None:
-    page.send({"kind": "move", "path": order["path"], "to": order["to"]}, ("move", *order["path"]))
+    event = {"kind": "move", "path": order["path"]}
+    if "by" in order:  # steps add up, so that none may replace another
+        page.apply(event | {"by": order["by"]})
+    else:
+        page.send(event | {"to": order["to"]}, ("move", *order["path"]))
 
 
 def _add_term(page: Lab, _: Tab, order: Order) -> None:

@@ -7,7 +7,6 @@ export class Keys {
   constructor(hands) {
     this.hands = hands;
     this.scene = hands.scene;
-    this.sent = null; // where keys have sent an obstacle lately: {to, places}
     this.scene.canvas.addEventListener("keydown", (event) => this.key(event));
   }
 
@@ -41,7 +40,6 @@ export class Keys {
   }
 
   grip(solid) {
-    this.sent = null;
     const alike = this.solids.filter((s) => s.kind === solid?.kind), end = solid?.kind === "obstacle" ? ", Delete removes it" : "";
     this.scene.gripped = solid && { path: String(solid.path), told: `${solid.kind} ${1 + alike.indexOf(solid)} of ${alike.length} is chosen: arrow keys move it${end}, o chooses the next one, Escape none` };
     this.hands.showHint();
@@ -65,17 +63,8 @@ export class Keys {
     const { width, height } = scene.size(), [x, y] = [width / 2, height / 2], step = far ? FAR_STEP : STEP;
     const from = scene.point(x, y, 0), to = scene.point(x + step * right, y + step * down, 0);
     const by = to.map((v, k) => v - from[k]), length = Math.hypot(...by);
-    if (solid) this.push(solid, by);
+    if (solid) hands.link.send("move", { path: solid.path, by });
     else if (hand === "drag") hands.event({ kind: "shift", agents, by });
     else if (length > 0) hands.event({ kind: "kick", agents, velocity: by.map((v) => (v * (hands.speed ?? 1)) / length) });
-  }
-
-  // Keys may come faster than frames: while an obstacle stands where it was sent before, it is moved on from the last
-  // of these places.
-  push(solid, by) {
-    const here = solid.position, known = this.sent?.places.includes(String(here)), from = known ? this.sent.to : here;
-    const to = by.map((v, k) => from[k] + v);
-    this.sent = { to, places: [...(known ? this.sent.places : [String(here)]), String(to)] };
-    this.hands.link.send("move", { path: solid.path, to });
   }
 }
