@@ -39,6 +39,26 @@ NUMBERS = (
 """What a number may be changed to."""
 
 
+ENGINES = {
+    "exact": "exact",
+    "periodic": "exact",
+    "lagged": "exact",
+    "quadrotor": "exact",
+    "sampled": "sampled",
+    "bodies": "sampled",
+    "mixture": "sampled",
+    "periodic held": "sampled",
+    "delayed": "delayed",
+    "discrete": "discrete",
+    "heading": "discrete",
+    "tiles": "tiles",
+    "held tiles": "tiles",
+    "limited tiles": "tiles",
+    "lammps": "lammps",
+}
+"""Groups whose checkpoints are changed, each with the engine that wrote it."""
+
+
 @cache
 def scenario(engine: str) -> fk.Scenario:
     """A group under a law with memory of links, which the tiled engine runs too."""
@@ -74,21 +94,47 @@ def scenario(engine: str) -> fk.Scenario:
             fk.start.hexagonal(8, spacing=3.6, noise=0.2, speed=4.0, seed=29), t_end=0.5, frames=6,
             agents=fk.Impulsive(damping=0.5, speed=8.0), control=fk.Held(np.linspace(0.02, 0.03, 8)),
         )  # fmt: skip
+    if engine == "mixture":
+        kinds = (fk.Limited(fk.PointMass(damping=0.5), force=20.0), fk.Disturbed(fk.Unicycle(0.3), 0.5, 0.03))
+        return scenario("sampled").with_(agents=fk.Mixture(kinds, np.arange(8) % 2))
+    if engine == "periodic held":
+        return scenario("sampled").with_(space=fk.Periodic([14.0, 14.0]))
+    if engine == "heading":
+        torus = fk.Law(fk.Proximity(1.0), [fk.VelocityAverage(0.02)])
+        begin = fk.start.box(8, side=3.0, speed=0.5, velocities="sphere", seed=3)
+        return fk.Scenario(
+            torus, begin, t_end=0.5, frames=6, agents=fk.Heading(0.5, 1.0, seed=4), control=fk.Held(0.02),
+            space=fk.Periodic([3.0, 3.0]),
+        )  # fmt: skip
+    if engine == "limited tiles":
+        return scenario("tiles").with_(agents=fk.Limited(fk.Lagged(fk.PointMass(), 0.1), force=20.0))
+    if engine == "quadrotor":
+        begin = fk.start.box(4, side=4.0, dimension=3, speed=0.3, seed=2)
+        law = fk.Law(fk.Proximity(6.0), [fk.Gradient(fk.Potential("(r - 3)**2")), fk.Consensus(1.0)])
+        return fk.Scenario(law, begin, t_end=0.5, frames=6, agents=fk.Quadrotor())
     begin = fk.start.hexagonal(8, spacing=3.6, noise=0.2, speed=1.0, seed=5)
-    return fk.Scenario(zhou(), begin, t_end=0.5, frames=6)
+    made = fk.Scenario(zhou(), begin, t_end=0.5, frames=6)
+    if engine == "periodic":
+        return made.with_(space=fk.Periodic([14.0, 14.0]))
+    if engine == "lagged":  # its potential has no pole, which a force that lags could not keep agents from
+        return made.with_(
+            law=scenario("sampled").law,
+            agents=fk.Limited(fk.Lagged(fk.PointMass(), 0.1), force=20.0),
+        )
+    return made
 
 
 @cache
 def records(engine: str) -> fk.Run:
     """What that group had recorded by then."""
     session = _begun(engine)
-    if engine in ("sampled", "bodies", "delayed", "discrete", "held tiles"):
+    if ENGINES[engine] in ("sampled", "delayed", "discrete") or engine == "held tiles":
         session.advance(0.25)
     return session.run("unfinished")
 
 
 def _begun(engine: str) -> Any:
-    options = {"engine": "tiles", "threads": 1} if engine == "held tiles" else {}
+    options = {"engine": "tiles", "threads": 1} if ENGINES[engine] == "tiles" and engine != "tiles" else {}
     return fk.start(scenario(engine), **options)  # type: ignore[arg-type]
 
 
@@ -99,7 +145,7 @@ def checkpoint(engine: str) -> bytes:
         agents = np.random.default_rng(1).random((8, 9))
         numbers, arrays = packed_restart(Restart(agents, 0.25, 25, (0.2, 0.3, 10, 5)), LammpsOptions(step=0.01))
         return written({"engine": "lammps", **numbers}, arrays)
-    if engine == "tiles":
+    if engine in ("tiles", "limited tiles"):
         session: Any = TilesSession(scenario(engine), TilesOptions(step=0.001, threads=1, observe=True))
     else:
         session = _begun(engine)

@@ -14,7 +14,7 @@ from flocking.engine.lammps.restart import unpacked
 from flocking.engine.protocol.session import Stored
 from flocking.errors import FlockingError, StorageError
 from tests.counting import count
-from tests.engine.storage.crafted import checkpoint, contents, crafted, records, scenario, written
+from tests.engine.storage.crafted import ENGINES, checkpoint, contents, crafted, records, scenario, written
 from tests.engine.storage.stored_runs import unpack
 from tests.fuzz.guard import interrupted_after
 
@@ -38,8 +38,7 @@ def gone_on(data: bytes, engine: str, seconds: float = 0.0) -> bool:
     if engine == "lammps":
         restored(ReadsRestarts(), read_checkpoint(data, engine, WHERE), STORED(made), WHERE, {})
         return True
-    name = {"bodies": "sampled", "held tiles": "tiles"}.get(engine, engine)
-    session = unpack(data, records(engine), None, WHERE, name=name, threads=1)
+    session = unpack(data, records(engine), None, WHERE, name=ENGINES[engine], threads=1)
 
     def advance() -> None:
         try:
@@ -67,9 +66,7 @@ def refused(data: bytes, engine: str) -> str:
     return message
 
 
-@pytest.mark.parametrize(
-    "engine", ["exact", "sampled", "bodies", "delayed", "discrete", "tiles", "held tiles", "lammps"]
-)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_an_untouched_checkpoint_is_one(engine: str) -> None:
     assert gone_on(checkpoint(engine), engine)
     assert gone_on(written(*contents(checkpoint(engine))), engine)
@@ -372,9 +369,7 @@ def test_another_runs_restart_of_lammps() -> None:
     assert unpacked(changed, arrays, scenario("lammps"))[1].keep_log is None
 
 
-@pytest.mark.parametrize(
-    "engine", ["exact", "sampled", "bodies", "delayed", "discrete", "tiles", "held tiles", "lammps"]
-)
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("cases", [24, pytest.param(170, marks=pytest.mark.repeated)])
 def test_crafted_checkpoints(engine: str, cases: int) -> None:
     """Whatever is changed, going on works or is refused in one sentence; nothing else ever happens."""
