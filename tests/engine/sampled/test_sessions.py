@@ -6,6 +6,7 @@ import pytest
 import flocking as fk
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.protocol.session import Stored
+from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.session import SampledSession
 from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
 
@@ -340,6 +341,45 @@ def test_a_replaced_law_jumps_in_the_ledger_and_acts_from_the_next_tick_on():
     trace, last = run.trace, run.trace[-1]
     moved = last["energy"] - trace["energy"][0] + last["dissipated"] - last["supplied"] - last["jumped"]
     assert moved == pytest.approx(last["departed"], abs=1e-9)
+
+
+@pytest.mark.parametrize("avoids", [False, True])
+def test_a_law_with_other_numbers_acts_as_if_it_were_built_anew(monkeypatch, avoids):
+    """Barriers are found anew too: a pole beyond the radius keeps no pair together."""
+
+    def law(reach, gain):
+        ball = fk.Avoid([fk.Ball([2.0, 2.0], 0.5)], range=2.5, gamma_agents=False, repulsion_gain=gain)
+        terms = [fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=reach)), fk.Consensus(gain)]
+        return fk.Law(LAW.graph, [*terms, ball] if avoids else terms)
+
+    def driven():
+        session = fk.start(scenario(law(4.0, 1.0)))
+        session.advance(0.3)
+        kernels = session._law.kernels
+        session.replace(law=law(5.0, 0.3))
+        found = session._law.kernels is kernels, list(session._law.barriers)
+        session.advance(1.5)
+        return session.run(), *found
+
+    kept, kept_kernels, kept_barriers = driven()
+    monkeypatch.setattr(SampledLaw, "renumbered", lambda *_: None)
+    built, built_kernels, built_barriers = driven()
+    assert (kept_kernels, built_kernels) == (True, False)
+    assert kept_barriers == built_barriers == [False]
+    assert same(kept, built)
+
+
+@pytest.mark.parametrize("added", [True, False])
+def test_obstacles_that_a_new_law_has_are_met_from_then_on(added):
+    ball = fk.Avoid([fk.Ball([3.0, 3.0], 0.5)], range=3.0, gamma_agents=False, repulsion_gain=1.0)
+    laws = [LAW, fk.Law(LAW.graph, [*LAW.terms, ball])]
+    session = fk.start(scenario(laws[not added]))
+    session.advance(0.3)
+    session.replace(law=laws[added])
+    met = session.obstacle_ranges.pairs
+    assert [len(i) > 0 for i, _ in met] == [True] * added
+    for found, expected in zip(session._pairs, session._law.pairs(session.links, met), strict=True):
+        assert np.array_equal(found, expected)
 
 
 @pytest.mark.parametrize(

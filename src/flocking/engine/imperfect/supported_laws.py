@@ -66,8 +66,8 @@ def check_law(
             )
     if not obstacles and any(getattr(term, "groups", ()) for term in law.body_terms):
         raise UnsupportedLaw(f"engine={engine!r} does not support obstacles yet. Leave Avoid out.")
-    layout = Layout(law, scenario.energy, points, scenario.space)
-    if layout.places:
+    leaders = Layout(law, scenario.energy, points, scenario.space).leaders()
+    if not all(leader.closed_form for leader in leaders):
         raise UnsupportedLaw(
             f"engine={engine!r} needs leaders whose position has a closed form, that of the energy included."
         )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import NotFinite
+from flocking.formula.origins import library_states_all
 from flocking.model.law import Law, Scenario
 
 
@@ -53,6 +56,26 @@ class TrueLaw:
         self.functionals = np.ones((len(self.law.graphs), self.n))
         self.barriers = [self.law.has_barrier(graph) for graph in self.law.graphs]
         self.rates = np.empty(3)
+
+    def renumbered(self, scenario: Scenario) -> Self | None:
+        """The same kernels for a scenario whose law has other numbers; None if more changed.
+
+        Parameters
+        ----------
+        scenario
+            The scenario, of the same agents.
+        """
+        layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space)
+        if not library_states_all(layout.parts) or layout.structure != self._structure:
+            return None
+        found = copy(self)
+        found.scenario, found.law, found.layout, found._structure = scenario, scenario.law, layout, self._structure
+        found.barriers = [found.law.has_barrier(graph) for graph in found.law.graphs]
+        return found
+
+    @cached_property
+    def _structure(self) -> tuple[object, ...]:
+        return self.layout.structure
 
     def take_parameters(self, t: float) -> None:
         """Take the gains that are in force from the scenario's time ``t`` on."""

@@ -345,18 +345,20 @@ class SampledSession(ImperfectSession):
             return super().replace(law=law, state=state)
         scenario = check_law_change(self.scenario, law)
         check_law(self.engine, scenario, None, point_of(scenario.agents), obstacles=True)
-        new = SampledLaw(of_points(scenario), self.knowledge.degree)
+        points = of_points(scenario)
+        new = self._sampled_law.renumbered(points) or SampledLaw(points, self.knowledge.degree)
         new.take_parameters(self.time)
         seconds = self.time - self._base
         self._account(seconds)
         self._record_row(seconds)
         q = self.motion.at(seconds)[0]
-        ends, before = self.obstacle_ranges.ends, self.energy
+        ends, before, met = self.obstacle_ranges.ends, self.energy, self.obstacle_ranges.pairs
         self._sampled_law, self.obstacle_ranges = new, ObstacleRanges(law, q, self.time)
         self.scenario = scenario
         self._schedule = sorted({s for term in law.body_terms for s in term.switch_times(self._base, math.inf)})
         self.gains_changed = sum(self._since_start(t) <= seconds for t in self._schedule)
-        self.relink()
+        if met or self.obstacle_ranges.pairs:
+            self.relink()  # links of agents are those of before: the graphs are
         self.obstacle_ranges.ends = ends
         self.obstacle_ranges.watch(self._base, seconds, self.motion.shifted(seconds), np.arange(self.n))
         self.energy, self.kinetic = self._energy(seconds)
