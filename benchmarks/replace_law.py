@@ -27,7 +27,7 @@ BETWEEN = 0.01
 def law(stiffness: float) -> fk.Law:
     """Gradient of a parabola and damping."""
     parabola = fk.Potential("k*(r - d)**2/2", k=stiffness, d=SPACING)
-    return fk.Law(fk.Proximity(1.2 * SPACING), [fk.Gradient(parabola), fk.Consensus(1.0)])
+    return fk.Law(fk.Proximity(1.2 * SPACING), (fk.Gradient(parabola), fk.Consensus(1.0)))
 
 
 def sessions(agents: int) -> dict[str, Session]:
