@@ -90,6 +90,15 @@ def test_numbers_out_of_range_give_no_traceback(text: str, value: float) -> None
     assert np.shape(fk.Potential(text, **dict.fromkeys(names, value)).slope([1.0, 2.0])) == (2,)
 
 
+@pytest.mark.filterwarnings("ignore::flocking.errors.SuspectInput")
+def test_a_sine_of_a_number_without_digits_has_no_zero_to_search() -> None:
+    """An array's powers differ in the last bit from those of one number, after which such a sine has another sign."""
+    psi = fk.Potential("abs(r) + (tan(sinh(r**-2))*(84.5 - sinh(3 + r*r)))**3")
+    law = [fk.Gradient(psi)]
+    with pytest.raises(InvalidInput, match="falls without bound to its pole"):
+        fk.Scenario(fk.Law(fk.Proximity(4.0), law), fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=1.0)
+
+
 def test_exact_numbers_have_a_limit() -> None:
     with pytest.raises(FormulaError, match="below 1e100"):
         fk.Potential("(64**60)*r")(1.0)

@@ -249,8 +249,14 @@ def _sign_changes(gap: Callable[..., Array], values: list[np.float64]) -> list[f
     grid = np.geomspace(*SEARCHED)
     signs = np.sign(gap(grid, *values) + np.zeros_like(grid))
     found = [float(r) for r in grid[signs == 0]]
+
+    def one(r: float) -> float:
+        return float(gap(np.float64(r), *values))
+
     for k in np.flatnonzero(signs[:-1] * signs[1:] < 0):
-        found.append(float(brentq(lambda r: float(gap(np.float64(r), *values)), grid[k], grid[k + 1], rtol=ROOT)))
+        if np.sign(one(grid[k])) * np.sign(one(grid[k + 1])) >= 0.0:
+            continue  # so large an argument of a sine that its sign is another one than in an array
+        found.append(float(brentq(one, grid[k], grid[k + 1], rtol=ROOT)))
         if len(found) >= MOST_BORDERS:
             break
     return sorted(found)[:MOST_BORDERS]
