@@ -22,6 +22,9 @@ CLOSEST = 1e-150
 
 AGREEMENT = 1e-6
 """Difference of two values, relative where they exceed 1, up to which an expression counts as converged."""
+STILL = 1e-40
+"""Difference of two values, relative where they exceed 1, that may be rounding: `flocking.formula.precise.DIGITS` less
+what differences of nearly equal numbers lose."""
 FIRST_PRIME = 5
 """Number of the prime, 11, that gives the first parameter its value: tenths of primes satisfy no simple relation."""
 
@@ -29,8 +32,8 @@ LONGEST, LONGEST_TERM, MOST_FUNCTIONS, MOST_NESTED = 1000, 140, 4, 3
 """Nodes of an expression, nodes of each of its terms, and different functions in each of them, the last where some are
 within others, up to which SymPy is asked for a limit: its time grows fast with the functions that a product has."""
 
-_PROBES = (16, 32)
-"""Decimal places of the two distances at which an expression is evaluated to see whether it diverges."""
+_PROBES = (16, 32, 64)
+"""Decimal places of the distances at which an expression is evaluated to see whether it diverges."""
 
 
 def limit_at_contact(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
@@ -112,17 +115,33 @@ def _removable(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
     primes = (sympy.Rational(sympy.prime(k), 10) for k in count(FIRST_PRIME))
     known = dict(zip(sorted(expression.free_symbols - {r}, key=str), primes, strict=False))
     at, finite = evaluator(expression, r, known), wide_context().isfinite
-    inner, far = (at(wide_context().mpf(10) ** -places) for places in _PROBES)
-    if not (finite(inner) and finite(far)) or abs(far - inner) > AGREEMENT * max(1.0, abs(inner)):
+    outer, inner, far = (at(wide_context().mpf(10) ** -places) for places in _PROBES)
+    if not all(map(finite, (outer, inner, far))) or abs(inner - outer) > AGREEMENT * max(1.0, abs(outer)):
         return None
+    if abs(far - inner) > max(abs(inner - outer), STILL * max(1.0, abs(far))):
+        return None  # a logarithm beside a large number
+    # SymPy would look for relations among functions that do not depend on r, at length.
+    constant = {f: sympy.Dummy(real=True) for f in _constant_functions(expression, r)}
     try:
-        found = _finite(sympy.limit(expression, r, 0))
+        found = _finite(sympy.limit(expression.xreplace(constant), r, 0))
     except (NotImplementedError, ValueError, TypeError, RecursionError):
         return None
     if found is None or found.has(r):
         return None
+    found = found.xreplace({symbol: function for function, symbol in constant.items()})
     value = evaluator(found, r, known)(0)
     return found if finite(value) and abs(value - far) <= AGREEMENT * max(1.0, abs(far)) else None
+
+
+def _constant_functions(expression: sympy.Expr, r: sympy.Symbol) -> set[sympy.Expr]:
+    """Functions within an expression that do not depend on ``r``, but those within one of them."""
+    import sympy
+
+    if not expression.has(sympy.Function):
+        return set()
+    if isinstance(expression, sympy.Function) and not expression.has(r):
+        return {expression}
+    return set().union(*(_constant_functions(part, r) for part in expression.args))
 
 
 def _is_long(expression: sympy.Expr) -> bool:

@@ -1,5 +1,7 @@
 """Limits of pair formulas where two agents coincide."""
 
+import time
+
 import numpy as np
 import pytest
 import sympy
@@ -20,11 +22,24 @@ k = sympy.Symbol("P0", real=True)
         (sympy.exp(sympy.exp(sympy.exp(1 / r))), None), (sympy.exp(-sympy.exp(sympy.exp(1 / r))), 0),
         (1 / sympy.sqrt(r), None), (sympy.log(r) ** 2 + k, None), (sympy.sqrt(r - 1), None),
         (sympy.Piecewise((k * sympy.sin(r) / r, r < 1), (0, True)), k),
+        (sympy.sinh(64) - sympy.log(r / 3) ** 3, None),
+        (sympy.tanh(k) * sympy.sin(r) / r, sympy.tanh(k)), (sympy.sin(r * sympy.exp(k)) / r, sympy.exp(k)),
+        ((sympy.sin(r) - r) / r**9 + (1 / sympy.Integer(6)) / r**6 - sympy.Rational(1, 120) / r**4
+         + sympy.Rational(1, 5040) / r**2, sympy.Rational(1, 362880)),
         (sympy.Piecewise((1, r < 1), (0, True)) * sympy.sin(r) / r, 1),
     ],
 )  # fmt: skip
 def test_limits(formula, limit):
     assert limit_at_contact(formula, r) == limit
+
+
+def test_functions_of_parameters_alone_are_not_looked_into():
+    """SymPy looked for relations among them for 20 s and more."""
+    psi = fk.Potential("sinh(16*(R/2 + where(r < r, 0.5, 2))) - log(r/3)**3", R=4.0)
+    begin = time.process_time()
+    assert np.isfinite(psi.slope(np.array([0.5, 1.0]))).all()
+    assert psi.at_contact == np.inf
+    assert time.process_time() - begin < 10.0
 
 
 def test_a_branch_without_a_limit_is_endless_where_it_holds():
