@@ -29,8 +29,9 @@ MOST_BYTES = 512 * 2**20
 REMAINING_SHARE = 0.75
 """Share of the largest size that remains after files were removed, so that removal is rare."""
 
-CHECK_INTERVAL = 16
-"""Files that a process writes between two checks of the size of the folder."""
+CHECK_INTERVAL = 64
+"""Files that a process writes between two checks of the size of the folder: a few megabytes, far below what it may
+hold, while a check reads the size of every file in it."""
 
 ABANDONED_AFTER = 3600.0
 """Seconds after which a temporary file is taken for one of a process that was killed."""
@@ -304,13 +305,22 @@ def clear() -> Contents:
 def _files(folder: Path) -> list[tuple[float, int, Path]]:
     """Time of the last use, size and path of every file that this library writes there."""
     found = []
-    for path in folder.rglob("*"):
-        if path.suffix in (".py", ".txt", ".tmp", ".nbi", ".nbc", ".pyc", ".o") and not path.is_symlink():
-            with suppress(OSError):
-                about = path.lstat()
-                if stat.S_ISREG(about.st_mode):
-                    found.append((about.st_mtime, about.st_size, path))
-    return found
+    waiting = [str(folder)]
+    while waiting:
+        # The folder holds tens of thousands of files: they are listed without an object for each path.
+        with suppress(OSError), os.scandir(waiting.pop()) as entries:
+            for entry in entries:
+                with suppress(OSError):
+                    if entry.is_dir(follow_symlinks=False):
+                        waiting.append(entry.path)
+                    elif entry.name.endswith(_ENDINGS) and entry.is_file(follow_symlinks=False):
+                        about = entry.stat(follow_symlinks=False)
+                        found.append((about.st_mtime, about.st_size, entry.path))
+    return [(used, size, Path(path)) for used, size, path in found]
+
+
+_ENDINGS = (".py", ".txt", ".tmp", ".nbi", ".nbc", ".pyc", ".o")
+"""Endings of the files that are listed; some are those of earlier versions."""
 
 
 def _limit_size(folder: Path) -> None:

@@ -6,6 +6,7 @@ import ast
 import dataclasses
 import hashlib
 import importlib.util
+import os
 import time
 from collections.abc import Iterable, Mapping
 from functools import cache, lru_cache
@@ -50,7 +51,18 @@ def _sources(package: Path) -> list[Path]:
 
 def as_loaded() -> bool:
     """Whether the library's files are those that this process imported; else its code differs from them."""
-    return all(max(s.st_mtime, s.st_ctime) <= _BEGAN for s in (path.stat() for path in _sources(PACKAGE)))
+    waiting = [str(PACKAGE / floor) for floor in FLOORS]
+    while waiting:
+        # Asked before every law that is made: the files are listed without an object for each path.
+        with os.scandir(waiting.pop()) as entries:
+            for entry in entries:
+                if entry.name.endswith(".py"):
+                    about = entry.stat()
+                    if max(about.st_mtime, about.st_ctime) > _BEGAN:
+                        return False
+                elif entry.name != "__pycache__" and entry.is_dir(follow_symlinks=False):
+                    waiting.append(entry.path)
+    return True
 
 
 def library_states_all(parts: Iterable[object]) -> bool:
