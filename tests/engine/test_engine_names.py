@@ -28,6 +28,8 @@ FORMATS = {("apps/commands/storage_commands.py", "to.lower() == 'lammps'")}
 """Comparisons with a format of files that has the name of an engine."""
 HELD = {"session", "engine", "run", "records", "recorder", "options"}
 """Names of variables that hold what the protocol describes."""
+PROBES = {"getattr", "hasattr", "cast", "isinstance"}
+"""Functions that ask what a variable is."""
 
 
 def faults(tree: ast.Module) -> Iterator[str]:
@@ -37,7 +39,7 @@ def faults(tree: ast.Module) -> Iterator[str]:
             inner = ast.walk(node if isinstance(node, ast.Compare) else node.pattern)
             if any(isinstance(part, ast.Constant) and part.value in BUILT_IN for part in inner):
                 yield ast.unparse(node).split("\n")[0]
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.args:
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in PROBES and node.args:
             first, last = ast.unparse(node.args[0]), ast.unparse(node.args[-1])
             holds = first.rpartition(".")[2].lstrip("_") in HELD
             kind = {"cast": first, "isinstance": last}.get(node.func.id, "")

@@ -8,8 +8,9 @@ import flocking as fk
 from flocking.papers import mutation
 from flocking.study import mutants
 
-LONG = {"swapped obstacle velocity"}
-"""A hundred agents among obstacles, in thousands of samples."""
+LONG = {"swapped obstacle velocity", *(name for name in mutation.CASES if "," in name)}
+"""A hundred agents among obstacles, in thousands of samples; and further laws under a mutation of which the default
+tests have one."""
 
 
 @pytest.mark.parametrize(
@@ -20,6 +21,11 @@ def test_mutant_is_caught(mutant: str) -> None:
     assert "ledger" in found.truth, "the right system must balance its books from the same samples"
     assert found.caught
     assert "ledger" in found.fails
+
+
+def test_the_default_tests_have_every_mutation_but_the_long_one() -> None:
+    kept = {name for name in mutation.CASES if name not in LONG}
+    assert {name.partition(",")[0] for name in mutation.CASES} - kept == {"swapped obstacle velocity"}
 
 
 def test_a_mutant_that_does_not_apply_is_refused() -> None:

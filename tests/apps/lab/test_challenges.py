@@ -113,8 +113,13 @@ def test_the_flock_holds_at_a_small_delay_and_tears_at_one_above_the_linear_boun
     for delay in (0.05, 2.0 * bound):
         name = f"delay = {delay}"
         made = Experiment(challenge_of(name).make())
-        states = played(made, np.linspace(0.5, 20.0, 40))
-        found[delay] = judged(name, made.original, states, made.log.entries)
+        states = [made.state]
+        for t in np.linspace(0.5, 20.0, 40):
+            made.advance(float(t))
+            states.append(made.state)
+            found[delay] = judged(name, made.original, states, made.log.entries)
+            if found[delay].reached:  # what comes later changes no score
+                break
     held, torn = found.values()
     assert not held.reached
     assert "one flock at every recorded moment until t = 20" in held.words

@@ -29,6 +29,7 @@ from flocking.engine.runs.run import Closest
 from flocking.errors import FormulaError
 from flocking.formula.grammar import Formula
 from flocking.model.parts.structure import changed, value_at
+from flocking.model.serial import to_data
 
 
 def zhou(seed=0, leader=False):
@@ -351,11 +352,17 @@ def test_a_slider_that_would_move_a_pole_into_the_range_is_noticed(at, power):
 
 
 def test_the_potentials_of_all_scenarios_are_accepted():
+    checked = set()
     for _, make in paper_scenarios().values():
         scenario = make(0)
         for each in potentials(scenario):
-            check_range(each.potential, reach_of(each.graph, scenario.start))
-            check_quickly(each.potential, reach_of(each.graph, scenario.start))
+            reach = reach_of(each.graph, scenario.start)
+            same = json.dumps([to_data(each.potential), reach], sort_keys=True)
+            if same not in checked:  # many scenarios of a paper have one potential
+                check_range(each.potential, reach)
+                check_quickly(each.potential, reach)
+            checked.add(same)
+    assert len(checked) > 5
 
 
 def test_forces_of_an_agent_add_up_to_its_control():

@@ -21,7 +21,8 @@ EDGES = np.array([
 KEPT = 1e-7
 """Share of the largest acceleration by which a condition may be missed: a million times the rounding of numbers up to a
 million times as large."""
-CASES = 400
+CASES = 120
+"""Random cases of each form by default; the first of the four hundred that are marked as repetitions."""
 
 
 def drawn(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
@@ -55,9 +56,21 @@ def case(rng: np.random.Generator, form: str) -> tuple[ForceFilter, Known, np.nd
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("form", ["sampled", "continuous", "stopping"])
 def test_a_force_is_within_its_bounds_or_there_is_none(form: str) -> None:
-    rng = np.random.default_rng(14)
+    forces_of_drawn_cases(form, 14, CASES)
+
+
+@pytest.mark.repeated
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("form", ["sampled", "continuous", "stopping"])
+def test_a_force_is_within_its_bounds_or_there_is_none_in_many_cases(form: str) -> None:
+    forces_of_drawn_cases(form, 14, 400)
+
+
+def forces_of_drawn_cases(form: str, seed: int, cases: int) -> None:
+    """Forces of so many random cases are within their bounds; a case without one is told in words."""
+    rng = np.random.default_rng(seed)
     came, refused = 0, list[NotFinite]()
-    for _ in range(CASES):
+    for _ in range(cases):
         keeper, known, force = case(rng, form)
         before = copy.deepcopy(keeper)
         try:
@@ -79,8 +92,8 @@ def test_a_force_is_within_its_bounds_or_there_is_none(form: str) -> None:
                 normals, bounds = before._conditions(i, others, dp, dv)
                 least = bounds / keeper.most[i]
                 assert (normals @ (found[i] / largest) >= least - KEPT).all() or keeper.masses[i] < 1e-200
-    assert came > CASES / 8
-    assert len(refused) > CASES / 8
+    assert came > cases / 8
+    assert len(refused) > cases / 8
     for error in refused:
         assert "safety filter cannot compute a force" in str(error)
         assert error.time == 7.0
