@@ -70,7 +70,6 @@ from flocking.model.terms.steering import TurnBack as TurnBack
 from flocking.model.world.control import Continuous as Continuous
 from flocking.model.world.control import Control as Control
 from flocking.model.world.control import Held as Held
-from flocking.model.world.fixes import Fixes as Fixes
 from flocking.model.world.information import Delayed as Delayed
 from flocking.model.world.information import Information as Information
 from flocking.model.world.information import Instant as Instant
@@ -83,3 +82,4 @@ from flocking.model.world.noises import Noise as Noise
 from flocking.model.world.noises import OrnsteinUhlenbeck as OrnsteinUhlenbeck
 from flocking.model.world.noises import WhiteNoise as WhiteNoise
 from flocking.model.world.safety_filters import SafetyFilter as SafetyFilter
+from flocking.model.world.satellite_fixes import Fixes as Fixes

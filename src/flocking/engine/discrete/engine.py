@@ -20,7 +20,7 @@ from flocking.model.bodies.discrete_bodies import DiscreteBody
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
-from flocking.model.world.fixes import Fixes
+from flocking.model.world.satellite_fixes import Fixes
 
 DISCRETE_WORK = 2e6
 """Largest work of a run that is repeated, in evaluations of pairs: some seconds, since steps cost more."""

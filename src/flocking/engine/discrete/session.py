@@ -26,7 +26,7 @@ from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.control import Held
-from flocking.model.world.fixes import Fixes
+from flocking.model.world.satellite_fixes import Fixes
 from flocking.model.world.times import NANOSECOND
 
 COMPARED_IN_TURN = 16

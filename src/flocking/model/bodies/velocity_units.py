@@ -29,8 +29,8 @@ class VelocityUnit(DiscreteBody):
     The force of the law is the desired velocity w. It is held until the next tick, and the motion is computed by
     the Euler-Maruyama method in equal steps h: the place moves on with the velocity before the step, and the velocity
     by h (w - p)/tau, no longer than h a, and by sqrt(2 D h) N(0, 1) along each axis (Vasarhelyi et al. 2018). Where an
-    agent measures itself, see `flocking.model.world.fixes.Fixes`, its autopilot compares w with p and the error of the
-    velocity that it measured at the tick.
+    agent measures itself, see `flocking.model.world.satellite_fixes.Fixes`, its autopilot compares w with p and the
+    error of the velocity that it measured at the tick.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def error_variances(period: float, diffusion: float, damping: float, stiffness: 
     Parameters
     ----------
     period, diffusion, damping, stiffness
-        T, D, b and s of `flocking.model.world.fixes.Fixes`; damping and stiffness positive.
+        T, D, b and s of `flocking.model.world.satellite_fixes.Fixes`; damping and stiffness positive.
     """
     step = np.array([[1.0 - period**2 * stiffness, period * (1.0 - period * damping)],
                      [-period * stiffness, 1.0 - period * damping]])  # fmt: skip

@@ -11,7 +11,7 @@ from flocking.model.checks import Array
 from flocking.model.law import Scenario
 from flocking.model.terms.steering import Seen, Steering
 from flocking.model.world.control import Held
-from flocking.model.world.fixes import Fixes
+from flocking.model.world.satellite_fixes import Fixes
 
 
 def why_not(scenario: Scenario) -> str:

@@ -29,7 +29,7 @@ from flocking.model.terms.braking import (
 )
 from flocking.model.terms.steering import Steering
 from flocking.model.world.control import Held
-from flocking.model.world.fixes import Fixes
+from flocking.model.world.satellite_fixes import Fixes
 from flocking.papers.named_scenarios import scenario_by_name
 
 KEY = "vasarhelyi-2018"
