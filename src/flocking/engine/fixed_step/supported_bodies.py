@@ -6,11 +6,11 @@ from flocking.engine.protocol.body_chains import chain_of, check_bodies
 from flocking.errors import UnsupportedLaw
 from flocking.model.bodies.actuators import Lagged, Limited
 from flocking.model.bodies.body import Body
+from flocking.model.bodies.chained_bodies import WrappedBody
 from flocking.model.bodies.disturbances import Disturbed
 from flocking.model.bodies.mixtures import Mixture
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.bodies.unicycles import Unicycle
-from flocking.model.bodies.wrapped import WrappedBody
 
 STRUCTURES = (PointMass().structure, SingleIntegrator().structure)
 """Structures of the supported bodies."""

@@ -8,11 +8,11 @@ from flocking.arrays import Mask
 from flocking.errors import UnsupportedLaw
 from flocking.model.bodies.actuators import Lagged, Limited
 from flocking.model.bodies.body import Body
+from flocking.model.bodies.chained_bodies import WrappedBody
 from flocking.model.bodies.disturbances import Disturbed
 from flocking.model.bodies.mixtures import Mixture
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.bodies.unicycles import Unicycle
-from flocking.model.bodies.wrapped import WrappedBody
 from flocking.model.law import Scenario
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Column, Limit, MotionSymbols
-from flocking.model.bodies.wrapped import WrappedBody
+from flocking.model.bodies.chained_bodies import WrappedBody
 from flocking.model.checks import Array, one_of, scalar_or_each
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part

@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.arrays import Indices
 from flocking.model.bodies.body import MotionSymbols
-from flocking.model.bodies.wrapped import WrappedBody
+from flocking.model.bodies.chained_bodies import WrappedBody
 from flocking.model.checks import Array, number, scalar_or_each
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part

@@ -13,9 +13,9 @@ from flocking.arrays import Array
 from flocking.engine.runs.message_log import MessageLog
 from flocking.model.bodies.actuators import APPLIED, Lagged, Limited
 from flocking.model.bodies.body import Body
+from flocking.model.bodies.chained_bodies import WrappedBody
 from flocking.model.bodies.disturbances import Disturbed
 from flocking.model.bodies.mixtures import Mixture
-from flocking.model.bodies.wrapped import WrappedBody
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND, PER_SECOND
