@@ -6,7 +6,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.runs.run import Run
-from flocking.show.net_colors import flock_colors
+from flocking.show.agent_colors import flock_colors
 from flocking.show.plane import net, pairs_of
 from flocking.show.style import GREY, PALETTE, figure
 

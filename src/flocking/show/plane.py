@@ -17,9 +17,9 @@ from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
+from flocking.show.agent_colors import DotLook, LineLook, net_colors
 from flocking.show.frames import frame_at, leaders_at
 from flocking.show.motion import motion_of, thinned_path
-from flocking.show.net_colors import DotLook, LineLook, net_colors
 from flocking.show.style import COLUMN, GREEN, OUTLINE_POINTS, PURPLE, VERMILION, axes_or_new, in_style, theme
 
 if TYPE_CHECKING:
