@@ -13,7 +13,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.nodes.bus import free_endpoint
-from flocking.engine.nodes.faults import Kill
+from flocking.engine.nodes.kills_and_cuts import Kill
 from flocking.errors import InvalidInput
 from flocking.study.sample_files.reading import read_samples
 from tests.engine.nodes.worlds import scenario

@@ -7,7 +7,7 @@ import pytest
 
 import flocking as fk
 from flocking.apps.cli import main
-from flocking.engine.nodes.faults import Cut, Kill, Restart, fault_of
+from flocking.engine.nodes.kills_and_cuts import Cut, Kill, Restart, fault_of
 from flocking.engine.nodes.nodes import Sample
 from flocking.engine.nodes.processes import LocalAgents
 from flocking.engine.nodes.requests import packed, row_of, sample_of, unpacked

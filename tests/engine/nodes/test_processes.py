@@ -18,7 +18,7 @@ import pytest
 import flocking as fk
 from flocking.apps.cli import main
 from flocking.engine.nodes import processes
-from flocking.engine.nodes.faults import Cut, Kill, Restart
+from flocking.engine.nodes.kills_and_cuts import Cut, Kill, Restart
 from flocking.engine.nodes.session import NodeSession
 from flocking.errors import EngineFailed, StorageError
 from flocking.study.sample_files.reading import read_samples

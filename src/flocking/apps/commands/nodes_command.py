@@ -64,7 +64,7 @@ def nodes(
     from flocking.apps.tables import print_facts
     from flocking.engine.driver.nodes import simulate_nodes
     from flocking.engine.interruption import partial_results
-    from flocking.engine.nodes.faults import Cut, Kill, Restart, fault_of
+    from flocking.engine.nodes.kills_and_cuts import Cut, Kill, Restart, fault_of
     from flocking.errors import InvalidInput
 
     found = find_scenario(scenario, seed, None)

@@ -12,7 +12,7 @@ from pathlib import Path
 from flocking.engine.c_export.export import c_files
 from flocking.engine.driver.simulate import run_session
 from flocking.engine.nodes.exported_node import check_callable
-from flocking.engine.nodes.faults import Fault, Kill, Restart
+from flocking.engine.nodes.kills_and_cuts import Fault, Kill, Restart
 from flocking.engine.nodes.processes import PATIENCE, AgentProcesses, Agents, LocalAgents
 from flocking.engine.nodes.recording import Recording
 from flocking.engine.nodes.session import NodeSession, check_nodes

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.session import ImperfectSession
-from flocking.engine.nodes.faults import Cut, Fault, Kill, Restart, check_faults, in_order
+from flocking.engine.nodes.kills_and_cuts import Cut, Fault, Kill, Restart, check_faults, in_order
 from flocking.engine.nodes.nodes import START
 from flocking.engine.nodes.processes import PATIENCE, Agents
 from flocking.engine.nodes.recording import Recording
