@@ -23,7 +23,7 @@ from flocking.apps.commands.storage_commands import diff, export, info
 from flocking.apps.commands.sweep_commands import sweep
 from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.integer_arguments import check_integers
-from flocking.apps.lab.command import lab
+from flocking.apps.lab.lab_command import lab
 from flocking.apps.process import discard_output, open_streams, printable, quiet_warnings
 from flocking.apps.signal_handlers import ended_by_signals
 from flocking.engine import interruption
