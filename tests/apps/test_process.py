@@ -14,7 +14,7 @@ import pytest
 import flocking as fk
 from flocking.apps.cli import main
 from flocking.apps.early_signals import INTERRUPTED, SENTENCE
-from flocking.apps.process import printable
+from flocking.apps.standard_streams import printable
 from flocking.errors import FormulaError, InvalidInput
 from flocking.study.sweeps.sweep_file import read_sweep_file
 from tests.engine.storage.stored_runs import scenario

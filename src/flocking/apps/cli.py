@@ -24,8 +24,8 @@ from flocking.apps.commands.sweep_commands import sweep
 from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.integer_arguments import check_integers
 from flocking.apps.lab.lab_command import lab
-from flocking.apps.process import discard_output, open_streams, printable, quiet_warnings
 from flocking.apps.signal_handlers import ended_by_signals
+from flocking.apps.standard_streams import discard_output, open_streams, printable, quiet_warnings
 from flocking.engine import interruption
 from flocking.engine.memory_shortage import LEAST_ADDRESS_SPACE, address_space, starved
 
