@@ -6,7 +6,7 @@ import pytest
 from flocking.papers.studies.shipped import STUDIES, study
 from flocking.study.sweeps.store import read_record
 from flocking.study.sweeps.sweep import auditing
-from flocking.study.sweeps.work import Work, run_task
+from flocking.study.sweeps.worker_tasks import Work, run_task
 
 QUICK = {"tanner-connectivity": 6, "zhou-bound": 4, "shi-informed": 1}
 """How many runs are made anew; a run of Olfati-Saber's takes too long for the default tests."""

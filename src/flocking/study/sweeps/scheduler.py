@@ -12,8 +12,8 @@ from functools import partial
 from flocking.engine.interruption import uninterrupted
 from flocking.errors import SweepError
 from flocking.study.sweeps.plan import Task
-from flocking.study.sweeps.work import Row, Work, noted_tasks, packed, run_batch, run_here, worker_notes
 from flocking.study.sweeps.worker_pool import WorkerPool
+from flocking.study.sweeps.worker_tasks import Row, Work, noted_tasks, packed, run_batch, run_here, worker_notes
 
 LEAST_SECONDS = 1e-9
 """Seconds that runs count as having taken at least: their mean divides."""

@@ -12,7 +12,7 @@ from typing import Any, TypeGuard
 
 from flocking.engine.storage import atomic_files
 from flocking.errors import StorageError
-from flocking.study.sweeps.work import LONGEST_MESSAGE, Row
+from flocking.study.sweeps.worker_tasks import LONGEST_MESSAGE, Row
 
 FORMAT = 1
 """Version of the layout on disk; a reader refuses newer ones."""

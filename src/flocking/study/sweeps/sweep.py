@@ -19,8 +19,8 @@ from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
 from flocking.study.sweeps.sampling import Sample
 from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_rows
 from flocking.study.sweeps.table import SweepTable
-from flocking.study.sweeps.work import Row, Work
 from flocking.study.sweeps.worker_pool import WorkerPool, pool
+from flocking.study.sweeps.worker_tasks import Row, Work
 
 Auditing = bool | Sequence[Claim] | Callable[[Run], object]
 

@@ -18,7 +18,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.study.confidence_intervals import check_level, mean_interval, share_interval
 from flocking.study.sweeps.plan import Plan, label
-from flocking.study.sweeps.work import Row
+from flocking.study.sweeps.worker_tasks import Row
 
 if TYPE_CHECKING:
     import xarray
