@@ -23,7 +23,7 @@ import scipy
 from scipy.integrate import DOP853, solve_ivp
 
 import flocking as fk
-from flocking.engine.integrator.stepper import RELATIVE
+from flocking.engine.adaptive_steps.stepper import RELATIVE
 from flocking.formula.native.functions import native
 
 AGENTS, RADIUS, HORIZON, SEED = 200, 4.0, 5.0, 1

@@ -39,7 +39,7 @@ MOST_FILES = 20
 MOST_ANY = 99
 ENGINE = (
     {"memory_shortage"}, {"interruption"}, {"archives"}, {"runs"}, {"protocol"}, {"kernels"}, {"reference"},
-    {"fixed_step", "integrator", "imperfect"},
+    {"fixed_step", "adaptive_steps", "imperfect"},
     {"exact", "sampled", "delayed", "discrete", "tiles", "storage"}, {"c_export", "lammps"}, {"nodes"}, {"driver"},
 )  # fmt: skip
 """Parts of the engine, each of which imports those of earlier rows alone: no engine knows storage or another engine,

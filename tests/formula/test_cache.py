@@ -195,7 +195,7 @@ import subprocess, sys
 import flocking as fk
 from flocking.formula.cache import cache_folder
 print(cache_folder(), fk.Potential("1/r")(2.0))
-import flocking.engine.integrator.segment, flocking.engine.exact.crossings.guards
+import flocking.engine.adaptive_steps.segment, flocking.engine.exact.crossings.guards
 if len(sys.argv) > 1:
     print(subprocess.run([sys.executable, __file__], capture_output=True, text=True).stderr == "")
 """

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.adaptive_steps.step_lengths import RECENT, Shrunk, StepLengths, most_strained
 from flocking.engine.exact.session import ExactSession
-from flocking.engine.integrator.step_lengths import RECENT, Shrunk, StepLengths, most_strained
 from flocking.errors import StepTooSmall
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.adaptive_steps.integration_method import RELATIVE, error_norm
 from flocking.engine.exact import barriers, session
 from flocking.engine.exact.blocks import block, tried_steps
 from flocking.engine.exact.blocks.arrays import LENGTH, TIME, TRIED
-from flocking.engine.integrator.integration_method import RELATIVE, error_norm
 from flocking.engine.runs.run_errors import accuracy_data
 from flocking.errors import LinkLost, OutOfPrecision
 from tests.engine.exact.groups import flight, spring, zhou

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import DOP853
 from scipy.integrate._ivp import dop853_coefficients
 
-from flocking.engine.integrator.integration_method import RELATIVE, first_length, tableau
+from flocking.engine.adaptive_steps.integration_method import RELATIVE, first_length, tableau
 
 
 @pytest.mark.parametrize("seed", range(40))

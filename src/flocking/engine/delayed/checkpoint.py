@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Indices, Links
+from flocking.engine.adaptive_steps.integration_method import DEGREE
+from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import Form, Real, Table
 from flocking.engine.archives.data_checks import Names as NamedForms
@@ -21,8 +23,6 @@ from flocking.engine.imperfect.checkpoint_form import (
     must,
 )
 from flocking.engine.imperfect.memory import ImperfectMemory
-from flocking.engine.integrator.integration_method import DEGREE
-from flocking.engine.integrator.segment import Segment
 from flocking.engine.protocol.session import Packed
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed

@@ -8,9 +8,9 @@ from math import comb
 import numpy as np
 
 from flocking.arrays import Array
+from flocking.engine.adaptive_steps.integration_method import DEGREE
+from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.imperfect.taylor_series import shifted
-from flocking.engine.integrator.integration_method import DEGREE
-from flocking.engine.integrator.segment import Segment
 
 BINOMIALS = np.array([comb(DEGREE, k) for k in range(DEGREE + 1)], dtype=np.float64)
 POWERS = np.arange(DEGREE + 1)

@@ -10,6 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
+from flocking.engine.adaptive_steps.adaptive_session import AdaptiveSession
+from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
+from flocking.engine.adaptive_steps.step_lengths import StepLengths
+from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.delayed.checkpoint import DelayedMemory, packed_memory, unpacked_memory
 from flocking.engine.delayed.delayed_law import DelayedLaw
 from flocking.engine.delayed.history import History, position_series, split_state
@@ -18,11 +23,6 @@ from flocking.engine.imperfect.powers import FIFTEEN, Powers, integrated
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.taylor_series import shifted
 from flocking.engine.imperfect.true_law import check_forces
-from flocking.engine.integrator.adaptive_session import AdaptiveSession
-from flocking.engine.integrator.segment import Segment
-from flocking.engine.integrator.state_tolerances import state_tolerances
-from flocking.engine.integrator.step_lengths import StepLengths
-from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.errors import InvalidInput, NotFinite, SimulationError

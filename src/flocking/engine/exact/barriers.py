@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.exact.crossings.guards import deepest_dip
 from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
-from flocking.engine.integrator.segment import Segment
 from flocking.model.checks import Array
 
 LEDGER_GAP = 1e5

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.stepper import StepperMemory
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.exact.checkpoint_form import ExactNumbers, check_exact
 from flocking.engine.exact.companion import NODES, Difference
@@ -14,8 +16,6 @@ from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.snapshot import Snapshot
 from flocking.engine.exact.solution_error import ErrorMemory
-from flocking.engine.integrator.segment import Segment
-from flocking.engine.integrator.stepper import StepperMemory
 from flocking.engine.protocol.session import Stored
 from flocking.engine.runs.run import Closest, Largest
 

@@ -8,6 +8,7 @@ from typing import NotRequired, TypedDict, cast
 import numpy as np
 
 from flocking.arrays import AnyArray
+from flocking.engine.adaptive_steps.integration_method import DEGREE
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import (
     And,
@@ -30,7 +31,6 @@ from flocking.engine.exact.dynamics import LEDGER
 from flocking.engine.exact.extremes import NAMES
 from flocking.engine.exact.origin import OriginData
 from flocking.engine.exact.uncertain_switches import DoubtMemory
-from flocking.engine.integrator.integration_method import DEGREE
 from flocking.engine.kernels.expressions import motion_formulas
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.runs.columns import KINDS

@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.corrected_companion import FEW_PAIRS as FEW_PAIRS
+from flocking.engine.adaptive_steps.corrected_companion import SHORT, correct
+from flocking.engine.adaptive_steps.integration_method import halves, powers, tableau
+from flocking.engine.adaptive_steps.segment import ROUNDING, Segment, powers_at, weights_at
 from flocking.engine.exact.crossings.switch_numbers import agent_difference, largest_difference
 from flocking.engine.exact.dynamics import Dynamics
-from flocking.engine.integrator.corrected_companion import FEW_PAIRS as FEW_PAIRS
-from flocking.engine.integrator.corrected_companion import SHORT, correct
-from flocking.engine.integrator.integration_method import halves, powers, tableau
-from flocking.engine.integrator.segment import ROUNDING, Segment, powers_at, weights_at
 from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 
@@ -223,7 +223,7 @@ def compare(
     middle, end, K, half
         The companion there, the slopes of its second half step, shape (16, size), and the length of that.
     dense
-        See `flocking.engine.integrator.integration_method.Tableau`.
+        See `flocking.engine.adaptive_steps.integration_method.Tableau`.
     inside, second
         `INSIDE` and `SECOND`.
     nodes

@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from flocking.arrays import Indices, Numbers
+from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
 from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.limit_crossings import HeldNumbers
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
-from flocking.engine.integrator.segment import Segment
-from flocking.engine.integrator.state_tolerances import state_tolerances
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import CompiledLaw, LawKernels, Pairs, Slots, stages
 from flocking.engine.kernels.layout import Layout

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.segment import Motion, Segment
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import diameter, find_fastest
 from flocking.engine.exact.crossings.guards import find_closest
 from flocking.engine.exact.crossings.images import image_closest
 from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs
 from flocking.engine.exact.origin import Origin
-from flocking.engine.integrator.segment import Motion, Segment
 from flocking.engine.kernels.bernstein import FINEST, NEVER
 from flocking.engine.runs.run import Closest, Largest
 from flocking.formula.native.functions import native, native_apart

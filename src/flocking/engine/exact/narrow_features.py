@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from flocking.arrays import Indices, Numbers
+from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.exact.crossings.guards import squared_distance
-from flocking.engine.integrator.segment import Segment
 from flocking.engine.kernels.bernstein import smallest_value
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import MARGIN
@@ -233,7 +233,7 @@ def allowed_share(
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     far
-        See `flocking.engine.integrator.segment.Motion`.
+        See `flocking.engine.adaptive_steps.segment.Motion`.
     found
         Zones, rows (from, to, width).
     owners

@@ -8,10 +8,10 @@ from typing import Self
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.extremes import Extremes
 from flocking.engine.exact.origin import Origin
-from flocking.engine.integrator.segment import Segment
 from flocking.engine.runs.new_records import RecordTables
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import DOUBT_FIELDS, Accuracy, DoubtRow, FineSamples, Largest

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.origin import Origin, may_have, origin_of
-from flocking.engine.integrator.segment import Segment
 from flocking.errors import InvalidInput
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State

@@ -9,6 +9,10 @@ from functools import partial
 import numpy as np
 
 from flocking.engine import interruption
+from flocking.engine.adaptive_steps.adaptive_session import AdaptiveSession
+from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.step_lengths import StepLengths
+from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.exact.barriers import LedgerState
 from flocking.engine.exact.blocks.arrays import STEP_JUMPED, STEP_LENGTH
 from flocking.engine.exact.blocks.block import StepBlock, take_block
@@ -27,10 +31,6 @@ from flocking.engine.exact.snapshot import Snapshot as Snapshot
 from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.exact.step_search import found_step
 from flocking.engine.exact.switch_records import write_rows, write_switch
-from flocking.engine.integrator.adaptive_session import AdaptiveSession
-from flocking.engine.integrator.segment import Segment
-from flocking.engine.integrator.step_lengths import StepLengths
-from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.kernels.ledger_rows import DEPARTED, MORE, WORKED
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_world

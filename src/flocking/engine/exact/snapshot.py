@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.stepper import StepperMemory
 from flocking.engine.exact.crossings.switching import Crossing
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.solution_error import ErrorMemory
-from flocking.engine.integrator.segment import Segment
-from flocking.engine.integrator.stepper import StepperMemory
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Law, Scenario

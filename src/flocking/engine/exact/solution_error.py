@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.segment import ROUNDING, Segment
 from flocking.engine.exact.companion import (
     SAFETY,
     Companion,
@@ -22,7 +23,6 @@ from flocking.engine.exact.extremes import Extremes
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.uncertain_switches import DoubtMemory, Doubts, Settled
-from flocking.engine.integrator.segment import ROUNDING, Segment
 from flocking.engine.runs.run import DoubtRow
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine import interruption
+from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.exact.barriers import LedgerState, jumps_barrier
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.failures import link_lost
-from flocking.engine.integrator.segment import Segment
-from flocking.engine.integrator.stepper import Stepper, StepperMemory
 
 SHORTENED = 0.25
 """Factor by which a step that is not acceptable is shortened."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.exact.crossings.switch_numbers import pair_speed
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.solution_error import SolutionError
-from flocking.engine.integrator.segment import Segment
 from flocking.engine.runs.run import is_tangential
 from flocking.model.checks import Array
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.segment import ROUNDING, Segment
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import closest_after, first_beyond, within_error
 from flocking.engine.exact.crossings.images import image_doubts, pair_paths
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.crossings.watch_tables import near_miss_floor
-from flocking.engine.integrator.segment import ROUNDING, Segment
 from flocking.engine.runs.run import DoubtRow
 from flocking.model.checks import Array
 

@@ -12,8 +12,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypedDict
 
+from flocking.engine.adaptive_steps.step_lengths import TOO_MANY_STEPS
 from flocking.engine.driver.registry import Entry, adopt_entries, registered
-from flocking.engine.integrator.step_lengths import TOO_MANY_STEPS
 from flocking.engine.interruption import interrupted
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import Run

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.adaptive_steps.segment import Motion, split_motion
 from flocking.engine.exact import session
 from flocking.engine.exact.blocks import block
 from flocking.engine.exact.crossings.nearby_pairs import (
@@ -16,7 +17,6 @@ from flocking.engine.exact.crossings.nearby_pairs import (
     unknown_pairs,
 )
 from flocking.engine.exact.crossings.watch_tables import PairWatches
-from flocking.engine.integrator.segment import Motion, split_motion
 from tests.engine.exact.groups import spring
 from tests.engine.exact.test_blocks import assert_same, one_by_one, run
 

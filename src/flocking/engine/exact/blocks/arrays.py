@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from flocking.arrays import Array, Indices, Links, Mask
+from flocking.engine.adaptive_steps.integration_method import Tableau
+from flocking.engine.adaptive_steps.segment import Motion
 from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs
 from flocking.engine.exact.crossings.watch_tables import BallWatches, PairWatches
-from flocking.engine.integrator.integration_method import Tableau
-from flocking.engine.integrator.segment import Motion
 
 TIME, LENGTH, ENERGY, KINETIC, RATE, GAP, BEGIN, TRIED, STOP, PROPOSED = range(10)
 """What ``progress`` holds: time, length proposed for the next step, energy and kinetic energy, rate of the companion,
@@ -63,7 +63,7 @@ class Method(NamedTuple):
     tableau
         The method.
     to_bernstein
-        See `flocking.engine.integrator.integration_method.TO_BERNSTEIN`.
+        See `flocking.engine.adaptive_steps.integration_method.TO_BERNSTEIN`.
     inside, second
         See `flocking.engine.exact.companion.INSIDE` and ``SECOND``.
     """

@@ -7,6 +7,9 @@ from typing import cast
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.integration_method import DEGREE, STAGES, TO_BERNSTEIN, tableau
+from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.exact import companion
 from flocking.engine.exact.blocks.arrays import (
     BEGIN,
@@ -40,9 +43,6 @@ from flocking.engine.exact.extremes import Extremes
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.precision import Precision
 from flocking.engine.exact.solution_error import SolutionError
-from flocking.engine.integrator.integration_method import DEGREE, STAGES, TO_BERNSTEIN, tableau
-from flocking.engine.integrator.segment import Segment
-from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.kernels.law_kernels import Pairs
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links

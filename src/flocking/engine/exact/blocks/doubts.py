@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from flocking.arrays import Array
+from flocking.engine.adaptive_steps.segment import ROUNDING
 from flocking.engine.exact.blocks.arrays import (
     AT,
     BEGUN,
@@ -30,7 +31,6 @@ from flocking.engine.exact.crossings.nearby_pairs import BASE, TOP
 from flocking.engine.exact.crossings.switch_numbers import largest_difference
 from flocking.engine.exact.crossings.watch_tables import near_miss_floor, slack_at
 from flocking.engine.exact.uncertain_switches import LEFT
-from flocking.engine.integrator.segment import ROUNDING
 from flocking.engine.kernels.bernstein import NEVER
 from flocking.formula.native.functions import native_apart
 

@@ -8,6 +8,8 @@ before a step that needs more than a cut at the first crossing: the session goes
 from __future__ import annotations
 
 from flocking.arrays import Array
+from flocking.engine.adaptive_steps.integration_method import DEGREE
+from flocking.engine.adaptive_steps.segment import fill_part
 from flocking.engine.exact.blocks.arrays import (
     ENERGY,
     GAP,
@@ -49,8 +51,6 @@ from flocking.engine.exact.blocks.tried_steps import (
 from flocking.engine.exact.companion import LOST, summary
 from flocking.engine.exact.crossings.nearby_pairs import note_displacements
 from flocking.engine.exact.extremes import References, StepErrors, StepTimes, add_unexplained, follow_extremes
-from flocking.engine.integrator.integration_method import DEGREE
-from flocking.engine.integrator.segment import fill_part
 from flocking.engine.kernels.law_kernels import CompiledLaw
 from flocking.formula.native.functions import native_announced
 

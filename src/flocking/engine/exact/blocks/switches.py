@@ -7,6 +7,8 @@ import math
 import numpy as np
 
 from flocking.arrays import Array, Mask
+from flocking.engine.adaptive_steps.integration_method import DEGREE
+from flocking.engine.adaptive_steps.segment import ROUNDING, fill_part
 from flocking.engine.exact.blocks.arrays import (
     BEGIN,
     DELAY,
@@ -41,8 +43,6 @@ from flocking.engine.exact.blocks.tried_steps import LAST, energy_at
 from flocking.engine.exact.companion import SAFETY
 from flocking.engine.exact.crossings.switch_numbers import largest_difference, pair_speed, radial_motion, switch_errors
 from flocking.engine.exact.crossings.watch_tables import slack_at
-from flocking.engine.integrator.integration_method import DEGREE
-from flocking.engine.integrator.segment import ROUNDING, fill_part
 from flocking.engine.kernels.law_kernels import CompiledLaw, stages
 from flocking.formula.native.functions import native_apart
 

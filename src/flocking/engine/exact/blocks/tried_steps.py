@@ -7,6 +7,10 @@ import math
 import numpy as np
 
 from flocking.arrays import Array, Links
+from flocking.engine.adaptive_steps.corrected_companion import SHORT, correct
+from flocking.engine.adaptive_steps.integration_method import DEGREE, STAGES, error_norm, next_length, polynomial
+from flocking.engine.adaptive_steps.segment import Motion, fill_part, split_motion
+from flocking.engine.adaptive_steps.stepper import SPACINGS
 from flocking.engine.exact.barriers import LEDGER_GAP, relative_gap
 from flocking.engine.exact.blocks.arrays import (
     BEGIN,
@@ -35,10 +39,6 @@ from flocking.engine.exact.crossings.watch_tables import PairWatches, slack_at
 from flocking.engine.exact.dynamics import LEDGER
 from flocking.engine.exact.narrow_features import allowed_share
 from flocking.engine.exact.precision import places_fine, times_fine
-from flocking.engine.integrator.corrected_companion import SHORT, correct
-from flocking.engine.integrator.integration_method import DEGREE, STAGES, error_norm, next_length, polynomial
-from flocking.engine.integrator.segment import Motion, fill_part, split_motion
-from flocking.engine.integrator.stepper import SPACINGS
 from flocking.engine.kernels.bernstein import NEVER
 from flocking.engine.kernels.law_kernels import CompiledLaw, stages, state_energies
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.engine.adaptive_steps.segment import BOUND_ROUNDING, ROUNDING
 from flocking.engine.exact.crossings.guards import _PRODUCT, places_and_pairs
-from flocking.engine.integrator.segment import BOUND_ROUNDING, ROUNDING
 from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, first_above
 from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array

@@ -45,7 +45,7 @@ def within_error(
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     far
-        See `flocking.engine.integrator.segment.Motion`.
+        See `flocking.engine.adaptive_steps.segment.Motion`.
     near, active, enter, leave, directed
         As for `flocking.engine.exact.crossings.guards.crossings`.
     nodes
@@ -210,7 +210,7 @@ def diameter(B: Array, far: Array, least: float) -> tuple[float, float, int, int
     B
         Bernstein coefficients of the points, shape (8, N, m).
     far
-        See `flocking.engine.integrator.segment.Motion`.
+        See `flocking.engine.adaptive_steps.segment.Motion`.
     """
     best, where, one, two = max(least, -1.0) * abs(least), NEVER, -1, -1
     square = np.empty(15)

@@ -88,7 +88,7 @@ def crossings(
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     far
-        See `flocking.engine.integrator.segment.Motion`.
+        See `flocking.engine.adaptive_steps.segment.Motion`.
     near
         Matrix (N, N): pairs that are within their distance now. They cross by rising above ``leave``, the
         others by falling below ``enter``.
@@ -173,7 +173,7 @@ def find_closest(
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     far
-        See `flocking.engine.integrator.segment.Motion`.
+        See `flocking.engine.adaptive_steps.segment.Motion`.
     linked
         Links during the segment, shape (N, N).
     nearby

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Indices
+from flocking.engine.adaptive_steps.segment import ROUNDING, Motion
 from flocking.engine.exact.crossings.band_guards import within_error
 from flocking.engine.exact.crossings.guards import crossings, find_closest
 from flocking.engine.exact.crossings.nearby_pairs import all_pairs
-from flocking.engine.integrator.segment import ROUNDING, Motion
 from flocking.engine.kernels.bernstein import NEVER
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.integrator.segment import Segment
+from flocking.engine.adaptive_steps.segment import Segment
 from flocking.errors import SimulationError
 from flocking.model.bodies.body import LIMIT_ROUNDS, Body
 from flocking.model.checks import Array

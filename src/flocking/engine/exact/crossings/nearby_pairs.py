@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array, Indices, Mask
+from flocking.engine.adaptive_steps.segment import Motion
 from flocking.engine.exact.crossings.watch_tables import PairWatches, slack_at
-from flocking.engine.integrator.segment import Motion
 from flocking.formula.native.functions import native_apart
 
 BASE, SKIN, TOP = range(3)

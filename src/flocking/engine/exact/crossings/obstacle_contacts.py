@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.engine.adaptive_steps.integration_method import DEGREE
+from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.exact.crossings.ball_guards import _place, ball_crossings, ball_slack, centre_paths, uniform_balls
 from flocking.engine.exact.crossings.switch_numbers import pair_speed
 from flocking.engine.exact.crossings.watch_tables import BallWatches
-from flocking.engine.integrator.integration_method import DEGREE
-from flocking.engine.integrator.segment import Segment
 from flocking.engine.kernels.obstacle_crossings import first_crossings, speed_bound
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.runs.run import is_tangential

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.integrator.segment import fill_part
+from flocking.engine.adaptive_steps.segment import fill_part
 from flocking.formula.native.functions import native, native_apart
 
 DIFFERENCED = 0.01

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Indices, Mask
+from flocking.engine.adaptive_steps.segment import Motion, Segment
 from flocking.engine.exact.crossings.guards import crossings
 from flocking.engine.exact.crossings.images import image_crossings
 from flocking.engine.exact.crossings.last_crossings import LastCrossings
@@ -18,7 +19,6 @@ from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.crossings.watch_tables import NO_BALLS, BallWatches, PairWatches, slack_at
 from flocking.engine.exact.crossings.watches import Watch, watches_of
-from flocking.engine.integrator.segment import Motion, Segment
 from flocking.engine.kernels.mutual_pairs import upper_first
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links

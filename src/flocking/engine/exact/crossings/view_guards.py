@@ -115,7 +115,7 @@ def view_crossings(
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     far
-        See `flocking.engine.integrator.segment.Motion`.
+        See `flocking.engine.adaptive_steps.segment.Motion`.
     near
         Matrix (N, N): pairs that are seen now.
     cosines, radii

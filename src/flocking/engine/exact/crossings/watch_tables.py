@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array, Indices, Mask
-from flocking.engine.integrator.integration_method import DEGREE
-from flocking.engine.integrator.segment import ROUNDING
+from flocking.engine.adaptive_steps.integration_method import DEGREE
+from flocking.engine.adaptive_steps.segment import ROUNDING
 
 
 class PairWatches(NamedTuple):

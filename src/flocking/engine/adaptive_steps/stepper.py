@@ -9,7 +9,7 @@ from itertools import count
 import numpy as np
 
 from flocking.engine import interruption
-from flocking.engine.integrator.integration_method import (
+from flocking.engine.adaptive_steps.integration_method import (
     DEGREE,
     RELATIVE,
     STAGES,
@@ -21,8 +21,8 @@ from flocking.engine.integrator.integration_method import (
     polynomial,
     tableau,
 )
-from flocking.engine.integrator.segment import Segment
-from flocking.engine.integrator.step_lengths import most_strained
+from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.step_lengths import most_strained
 from flocking.errors import NotFinite, StepTooSmall
 from flocking.model.checks import Array
 

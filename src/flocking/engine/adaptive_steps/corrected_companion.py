@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.integrator.integration_method import DEGREE
-from flocking.engine.integrator.segment import fill_part
+from flocking.engine.adaptive_steps.integration_method import DEGREE
+from flocking.engine.adaptive_steps.segment import fill_part
 from flocking.engine.kernels.law_kernels import CompiledLaw, stages
 from flocking.formula.native.functions import native_apart
 

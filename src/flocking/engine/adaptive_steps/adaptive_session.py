@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from flocking.engine.integrator.step_lengths import Shrunk, StepLengths
-from flocking.engine.integrator.stepper import Stepper
+from flocking.engine.adaptive_steps.step_lengths import Shrunk, StepLengths
+from flocking.engine.adaptive_steps.stepper import Stepper
 from flocking.engine.protocol.session import Session
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flocking.engine.integrator.integration_method import DEGREE, TO_BERNSTEIN
+from flocking.engine.adaptive_steps.integration_method import DEGREE, TO_BERNSTEIN
 from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 
