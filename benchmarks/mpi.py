@@ -13,6 +13,9 @@ other, the order turning with every repeat; the median is given, and the best: a
 up both ranks. Beside the wall time stands the processor time of the busiest rank, and that of its work: of each message
 and reduction within a step the time of the rank that took least counts for all ranks, since the others wait for the
 last one by asking again and again. The largest memory is that of all ranks together.
+
+``halves`` are two runs of the tiled engine at once, each on one thread, of half the agents: they send each other
+nothing, so that one run of all over these is the ratio that the two cores, their caches and the memory allow.
 """
 
 from __future__ import annotations
@@ -28,12 +31,13 @@ import time
 from pathlib import Path
 
 import flocking as fk
+from flocking.engine.lammps.library import communicator
 from flocking.papers.olfati_saber_2003 import system
 
 STEP = 0.01
 MPIEXEC = str(Path(sys.executable).with_name("mpiexec"))
 CONTENDERS = (
-    ("kernels", 1), ("kernels", 2), ("tiles", 1), ("tiles", 2), ("pair styles", 1), ("pair styles", 2),
+    ("kernels", 1), ("kernels", 2), ("tiles", 1), ("tiles", 2), ("halves", 2), ("pair styles", 1), ("pair styles", 2),
 )  # fmt: skip
 WAITING = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "MPIR_CVAR_POLLS_BEFORE_YIELD": "20"}
 """Ranks that wait sleep instead of asking again and again."""
@@ -46,6 +50,7 @@ FEWER = 20
 RATIOS = (
     ("two ranks over one", ("kernels", 1), ("kernels", 2)),
     ("one rank over tiles on one thread", ("tiles", 1), ("kernels", 1)),
+    ("what this machine allows, two halves at once over one run of all", ("tiles", 1), ("halves", 2)),
     ("tiles, two threads over one", ("tiles", 1), ("tiles", 2)),
     ("two ranks over pair styles on two ranks", ("pair styles", 2), ("kernels", 2)),
 )
@@ -89,8 +94,9 @@ def contend(engine: str, workers: int, agents: int, steps: int) -> None:
 
         timed(Copies, "refresh", spent)
         timed(Ranks, "reduced", spent)
-    if engine == "tiles":
-        session = fk.start(scenario(agents), "tiles", step=STEP, ledger=False, threads=workers, keep_frames=False)
+    if engine in ("tiles", "halves"):
+        part, threads = (agents, workers) if engine == "tiles" else (agents // workers, 1)
+        session = fk.start(scenario(part), "tiles", step=STEP, ledger=False, threads=threads, keep_frames=False)
     else:
         more = {"threads": 1, "keep_frames": False} if engine == "kernels" else {}
         session = fk.start(scenario(agents), "lammps", step=STEP, ledger=0, forces=engine, **more)
@@ -99,6 +105,9 @@ def contend(engine: str, workers: int, agents: int, steps: int) -> None:
         # For the measured steps alone, so that other processes wait for seconds at most.
         go_first(True)
         session.advance(session.time + 5 * STEP)
+    comm = None if engine == "tiles" else communicator()
+    if engine == "halves":
+        comm.Barrier()
     spent.clear()
     lists = None if engine == "pair styles" else session._particles.search
     built = lists.rebuilds if lists else 0
@@ -110,10 +119,9 @@ def contend(engine: str, workers: int, agents: int, steps: int) -> None:
     found.append(found[1] - sum(spent))
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     least = spent
-    if engine != "tiles":
-        comm = session.ranks.comm
+    if comm is not None:
         every = comm.gather((found, memory, spent))
-        if not session.ranks.first:
+        if comm.rank:
             return
         found = [max(f[k] for f, _, _ in every) for k in range(3)]
         memory = sum(m for _, m, _ in every)
@@ -185,7 +193,7 @@ def main() -> None:
     parser.add_argument("--agents", type=int, nargs="+", default=[100_000, 1_000_000])
     parser.add_argument("--steps", type=int, default=25)
     parser.add_argument("--repeats", type=int, default=1)
-    parser.add_argument("--only", nargs="+", default=["kernels", "tiles", "pair styles"])
+    parser.add_argument("--only", nargs="+", default=["kernels", "tiles", "halves", "pair styles"])
     parser.add_argument("--figures", action="store_true", help="all that the documentation states")
     parser.add_argument("--first", action="store_true", help="measured steps run before all other processes (root)")
     parser.add_argument("--json", type=Path)
