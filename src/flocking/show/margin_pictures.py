@@ -80,7 +80,7 @@ def margins_of(table: Margins, quantity: str, *, lines: Sequence[MarginLine] = (
         place = place_of(line.value, levels, falling=one.falling)
         axes.plot(
             [place, place], [-0.5, len(keys) - 0.5], ls="--", lw=1.0, color=theme().ink, zorder=2.5,
-            gid=f"proven {line.key}", label=f"proven: {line.label} {line.value:.3g}",
+            gid=f"proven {line.key}", label=f"proven: {line.label} {line.text(3)}",
         )  # fmt: skip
     _label(axes, one, keys, levels)
     return axes

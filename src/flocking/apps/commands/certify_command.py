@@ -101,12 +101,21 @@ def print_promises(rows: list[dict[str, object]]) -> None:
         return
     cells = [
         (
-            str(r["key"]), f"{SIGNS[str(r['side'])]} {r['promised']:.4g}", f"{r['observed']:.4g}",
+            str(r["key"]), _promised(r), f"{r['observed']:.4g}",
             VERDICTS[str(r["kept"])], str(r["quantity"]),
         )
         for r in rows
     ]  # fmt: skip
     print_table(("certificate", "promised", "observed", "kept", "of what"), cells, title="Guaranteed before the run")
+
+
+def _promised(row: dict[str, object]) -> str:
+    """The sign and the bound, in a narrow column."""
+    from flocking.formula.safe_digits import bound_text
+
+    side, bound = str(row["side"]), row["promised"]
+    assert isinstance(bound, float)
+    return f"{SIGNS[side]} {bound_text(bound, side, 4)}"
 
 
 def _finite(value: object) -> object:

@@ -118,7 +118,7 @@ def margins(
         print(note)
     for name_of, proven in lines.items():
         for line in proven:
-            print(f"proven before any run, {name_of}: {line.label} {line.value:.9g} ({line.key})")
+            print(f"proven before any run, {name_of}: {line.label} {line.text()} ({line.key})")
     for file in files:
         print(file)
     return FINE

@@ -7,6 +7,7 @@ from html import escape
 from flocking.apps.reproduction.report_tables import head_row, named_cells, table
 from flocking.engine.runs.run import Run
 from flocking.formula.markup.text_formulas import set_text
+from flocking.formula.safe_digits import bound_text
 from flocking.study.certificates.certify import certify
 from flocking.study.certificates.comparison import compare
 
@@ -35,7 +36,7 @@ def certificates_table(run: Run) -> str:
         row = seen.get(each.key)
         observed = "" if row is None else f"{row.observed:.4g}"
         verdict = "" if row is None else VERDICTS[row.kept]
-        promised = "" if each.safe_bound is None else f"{each.side} {each.safe_bound:.4g}"
+        promised = "" if each.safe_bound is None else f"{each.side} {bound_text(each.safe_bound, each.side, 4)}"
         rows.append(
             f"<tr><td>{set_text(each.statement)}</td><td>{set_text(each.source, letters=False)}</td>"
             f"{named_cells(COMPARED, (escape(promised), observed, verdict))}</tr>"

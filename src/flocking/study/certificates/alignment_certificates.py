@@ -15,6 +15,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import nearest_text, rounded_down, rounded_up
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
 from flocking.model.observables import diameters
@@ -232,14 +233,14 @@ def alignment_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     now = setting.difference
     found = [decided(
         "velocity_difference", source, setting.hypotheses, bound=now, quantity=difference,
-        statement=f"No two velocities ever differ by more than {float(now.hi):.9g}.",
+        statement=f"No two velocities ever differ by more than {rounded_up(now.hi)}.",
     )]  # fmt: skip
     far = setting.farthest
     reason = ""
     if far is None:
         reason = (
-            f"velocities differ by up to {float(now.lo):.9g}, and the weights beyond the largest distance suffice for "
-            f"differences below {setting.available:.9g}"
+            f"velocities differ by up to {nearest_text(now.lo)}, and the weights beyond the largest distance suffice "
+            f"for differences below {rounded_down(setting.available)}"
         )
         if setting.available > now.lo:
             reason = f"the bound of the largest distance lies beyond {FARTHEST:g}" + (
@@ -249,7 +250,7 @@ def alignment_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     found.append(decided(
         "alignment_diameter", source, setting.hypotheses, reason=reason, bound=far, quantity=place,
         statement="" if far is None else (
-            f"No two agents are ever farther apart than {float(far.hi):.9g}; the group stays together {certain}."
+            f"No two agents are ever farther apart than {rounded_up(far.hi)}; the group stays together {certain}."
         ),
     ))  # fmt: skip
     rate = None
@@ -260,6 +261,6 @@ def alignment_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         "alignment_rate", source, setting.hypotheses, reason=reason, bound=rate, side="at least", quantity=quantity,
         statement="" if rate is None else (
             f"All velocities become the same: their largest difference is at most its first value times "
-            f"exp(-{float(rate.lo):.9g} t)."
+            f"exp(-{rounded_down(rate.lo)} t)."
         ),
     ))  # fmt: skip

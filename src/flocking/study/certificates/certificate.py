@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from math import isfinite
+from fractions import Fraction
+from math import inf, isfinite, nextafter
 
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import bound_text, given_text, nearest_text, rounded_down, rounded_up
 from flocking.model.law import Scenario
 
 GRANTED, REFUSED, NOT_APPLICABLE = "granted", "refused", "not applicable"
@@ -14,6 +16,11 @@ GRANTED, REFUSED, NOT_APPLICABLE = "granted", "refused", "not applicable"
 
 TOO_EXTREME = "the numbers are too large or too small for an enclosure in double precision"
 """Why a bound that would be infinite is not granted."""
+
+MIDDLE_DIGITS = 12
+"""Digits of the middle of an enclosure as text; a convention."""
+LARGEST_MIDDLE = 1e300
+"""Ends beyond are told one by one: the distance of two doubles of this size may overflow."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +62,13 @@ class Enclosure:
 
     def __str__(self) -> str:
         if self.lo == self.hi:
-            return f"{self.lo:.12g}"
-        middle, radius = 0.5 * (self.lo + self.hi), 0.5 * (self.hi - self.lo)
-        return f"{middle:.12g} +- {radius:.1g}"
+            return given_text(self.lo)
+        if not max(abs(self.lo), abs(self.hi)) < LARGEST_MIDDLE:
+            return f"from {rounded_down(self.lo)} to {rounded_up(self.hi)}"
+        middle = nearest_text(0.5 * self.lo + 0.5 * self.hi, MIDDLE_DIGITS)
+        # The radius covers the rounding of the middle, too: both ends lie within what the text says.
+        ends = (Fraction(self.hi) - Fraction(middle), Fraction(middle) - Fraction(self.lo))
+        return f"{middle} +- {rounded_up(nextafter(float(max(ends)), inf), 1)}"
 
 
 @dataclass(frozen=True)
@@ -183,7 +194,7 @@ class Certificates:
             (
                 escape(c.key), "granted" if c.granted else "not granted",
                 set_text(c.statement if c.granted else c.reason),
-                "" if c.safe_bound is None else f"{escape(c.side)} {c.safe_bound:.4g}",
+                "" if c.safe_bound is None else f"{escape(c.side)} {bound_text(c.safe_bound, c.side, 4)}",
             )
             for c in self.all
         ]  # fmt: skip

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.bodies.point_bodies import SingleIntegrator, is_point_mass
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.connectivity import is_connected
@@ -93,7 +94,9 @@ class LinearConsensus:
         if not first and not self.rate_gain.lo > 0.0:
             return Hypothesis(statement, False, "without velocity consensus nothing decays")
         if first and not self.place_gain.lo > 0.0:
-            return Hypothesis(statement, False, f"the factor of r^2 is not positive: {float(self.place_gain.lo):g}")
+            return Hypothesis(
+                statement, False, f"the factor of r^2 is not positive: {rounded_down(self.place_gain.lo)}"
+            )
         if self.place_gain.lo < 0.0:
             return Hypothesis(statement, False, "agents repel each other")
         return Hypothesis(statement, True, "so")
@@ -249,19 +252,19 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     rate = system.rate()
     found = [_of(
         system, "decay_rate", "spectrum", rate, "rate of decay",
-        f"In the ideal world, every disagreement of {what} decays, in the end, at the rate {float(rate.lo):.9g} or "
+        f"In the ideal world, every disagreement of {what} decays, in the end, at the rate {rounded_down(rate.lo)} or "
         f"faster.",
     )]  # fmt: skip
     settling = Interval.of(SETTLED).log() / rate
-    statement = f"In the ideal world, the disagreement of {what} has fallen to 2 % after {float(settling.hi):.9g}."
+    statement = f"In the ideal world, the disagreement of {what} has fallen to 2 % after {rounded_up(settling.hi)}."
     reason = "" if system.is_first else "before it decays a disagreement of second order may grow"
     found.append(_of(system, "settling_time", "spectrum", settling, "time to 2 %", statement, reason))
     delay = system.delay()
     assert delay is not None
     found.append(_of(
         system, "delay", "delay", delay, "delay of all states, the own one too",
-        f"Agreement is stable for every such delay below {float(delay.lo):.9g}, and for none above "
-        f"{float(delay.hi):.9g}.",
+        f"Agreement is stable for every such delay below {rounded_down(delay.lo)}, and for none above "
+        f"{rounded_up(delay.hi)}.",
     ))  # fmt: skip
     reason = "" if system.is_first else "not every delay is harmless, and no bound is known here"
     found.append(_of(
@@ -275,8 +278,9 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         if period is not None:
             reason = ""
             statement = (
-                f"Under held control{words}, agreement is stable for every period below {float(period.lo):.9g}, and for"
-                f" none above {float(period.hi):.9g}."
+                f"Under held control{words}, agreement is stable for every period below {rounded_down(period.lo)}, "
+                "and for"
+                f" none above {rounded_up(period.hi)}."
             )
         key = f"control_period_delayed_{d}" if d else "control_period"
         source = "late_samples" if d and not system.is_first else "sampling"
@@ -291,7 +295,7 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
             bound = late
             statement = (
                 f"Under held control{words}, disagreement and common motion fall for every period below "
-                f"{float(late.lo):.9g}, and do not both at {float(late.hi):.9g}."
+                f"{rounded_down(late.lo)}, and do not both at {rounded_up(late.hi)}."
             )
         key = f"neighbour_period_delayed_{d}"
         found.append(_of(system, key, "late_neighbours", bound, f"period of held control{words}", statement, reason))
@@ -300,7 +304,7 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     found.append(_of(
         system, "noise_variance", "noise", variance,
         f"mean square disagreement of the {of} of an agent, for each axis and unit of noise intensity",
-        f"White noise of intensity s^2 on the {where} gives s^2 times {float(variance.hi):.9g} in the long run.",
+        f"White noise of intensity s^2 on the {where} gives s^2 times {rounded_up(variance.hi)} in the long run.",
     ))  # fmt: skip
     return tuple(found)
 

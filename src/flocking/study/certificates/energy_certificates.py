@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.arrays import Links
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.terms.pair_terms import Consensus
 from flocking.study.certificates.certificate import NOT_APPLICABLE, Certificate, decided
 from flocking.study.certificates.energy_setting import EnergySetting
@@ -48,7 +49,7 @@ def _energy(setting: EnergySetting) -> Certificate:
     bound = setting.excess
     return decided(
         "largest_energy", sources()["energy"], hypotheses, bound=bound, quantity=quantity,
-        statement=f"The {quantity} is at most {float(bound.hi):.9g} at all times.",
+        statement=f"The {quantity} is at most {rounded_up(bound.hi)} at all times.",
     )  # fmt: skip
 
 
@@ -64,7 +65,10 @@ def _distances(setting: EnergySetting) -> list[Certificate]:
     quantity = f"smallest distance of two {pairs}"
     if contact <= largest.hi:
         needed = max(contact, float(setting.least.lo))
-        reason = f"the energy may suffice for contact: {needed:.6g} is needed, {float(largest.hi):.6g} may be there"
+        reason = (
+            f"the energy may suffice for contact: {rounded_down(needed, 6)} is needed, "
+            f"{rounded_up(largest.hi, 6)} may be there"
+        )
         nearest = decided("closest_approach", sources()["energy"], hypotheses, reason=reason, quantity=quantity)
     else:
         bound = setting.nearest
@@ -72,7 +76,7 @@ def _distances(setting: EnergySetting) -> list[Certificate]:
             # A pair farther apart than this has no link yet and may be at any such distance.
             reach = float(np.asarray(setting.graph.appear_radius)) if setting.keeps_links else setting.pair.end
             bound = Interval.of(min(float(bound.lo), reach), min(float(bound.hi), reach))
-        statement = f"Two {pairs} are never closer than {float(bound.lo):.9g}: they do not collide."
+        statement = f"Two {pairs} are never closer than {rounded_down(bound.lo)}: they do not collide."
         nearest = decided(
             "closest_approach", sources()["energy"], hypotheses, statement=statement, bound=bound, side="at least",
             quantity=quantity,
@@ -102,7 +106,7 @@ def _longest(setting: EnergySetting) -> Certificate:
     quantity = "length of a link"
     bound = setting.farthest
     reason = "" if bound is not None else "the energy does not bound the distance of linked agents"
-    statement = "" if bound is None else f"No link is ever longer than {float(bound.hi):.9g}."
+    statement = "" if bound is None else f"No link is ever longer than {rounded_up(bound.hi)}."
     return decided(
         "longest_link", sources()["energy"], setting.hypotheses, reason=reason, statement=statement, bound=bound,
         quantity=quantity,
@@ -132,7 +136,7 @@ def _diameter(setting: EnergySetting, longest: Certificate) -> Certificate:
                 reason = "the graph at the start is not connected"
             else:
                 bound = Interval.of(longest.bound.lo, longest.bound.hi) * Interval.of(float(hops))
-    statement = "" if bound is None else f"No two agents are ever farther apart than {float(bound.hi):.9g}."
+    statement = "" if bound is None else f"No two agents are ever farther apart than {rounded_up(bound.hi)}."
     return decided(
         "group_diameter", sources()["kept"], hypotheses, reason=reason,
         statement=statement, bound=bound, quantity=quantity,
@@ -178,7 +182,7 @@ def _speed(setting: EnergySetting) -> Certificate:
     if setting.holds:
         speeds = speed_bounds(setting)
         bound = Interval.of(speeds.lo.max(), speeds.hi.max())
-    statement = "" if bound is None else f"The {quantity} is never above {float(bound.hi):.9g}."
+    statement = "" if bound is None else f"The {quantity} is never above {rounded_up(bound.hi)}."
     return decided(
         "largest_speed", sources()["energy"], setting.hypotheses, statement=statement, bound=bound, quantity=quantity
     )
@@ -191,7 +195,7 @@ def _force(setting: EnergySetting) -> Certificate:
     bound = _force_bound(setting)
     known = bool(np.isfinite(bound.hi))
     reason = "" if known else "distances at which the force is unbounded are not excluded"
-    statement = f"The {quantity} is never above {float(bound.hi):.9g}."
+    statement = f"The {quantity} is never above {rounded_up(bound.hi)}."
     return decided(
         "largest_force", sources()["energy"], setting.hypotheses, reason=reason, statement=statement,
         bound=Interval.of(float(bound.hi)) if known else None, quantity=quantity,

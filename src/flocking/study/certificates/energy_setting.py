@@ -16,6 +16,7 @@ import numpy as np
 from flocking.arrays import Array, Links, PerAgent
 from flocking.formula.derivatives import derivative
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import rounded_up
 from flocking.model.bodies.point_bodies import SingleIntegrator, is_point_mass
 from flocking.model.graphs.distance_graphs import Graph, Hysteresis
 from flocking.model.graphs.smooth_graphs import Smooth
@@ -231,9 +232,9 @@ class EnergySetting:
         if not np.isfinite(largest):
             return Hypothesis("the energy is finite at the start and where links appear", False, "no bound was proven")
         if self.keeps_links and not self.links_stay:
-            found = f"at most {float((self.least + self.excess).hi):.6g} in one pair, which suffices"
+            found = f"at most {rounded_up((self.least + self.excess).hi, 6)} in one pair, which suffices"
             return Hypothesis("the energy does not suffice to stretch a link to the radius", False, found)
-        return Hypothesis("the energy is finite at the start and where links appear", True, f"{largest:.6g}")
+        return Hypothesis("the energy is finite at the start and where links appear", True, f"{rounded_up(largest, 6)}")
 
     @property
     def keeps_links(self) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.bodies.actuators import Limited
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
@@ -69,15 +70,17 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     way = Interval.of(float(ways.lo.max()), float(ways.hi.max()))
     found = decided(
         STOPPING[0], source, hypotheses, bound=way, side="is", quantity="least distance on which all agents can stop",
-        statement=f"No law stops every agent on less than {float(way.lo):.9g}; braking does on {float(way.hi):.9g}.",
+        statement=f"No law stops every agent on less than {rounded_down(way.lo)}; braking does on "
+        f"{rounded_up(way.hi)}.",
     )  # fmt: skip
     share = _contact_share(start.q, start.p, most)
-    reason = f"to brake before contact two agents need {float(share.hi):.6g} times their largest forces"
+    reason = f"to brake before contact two agents need {rounded_up(share.hi, 6)} times their largest forces"
     reason = "" if share.hi <= 1.0 else reason
     return found, decided(
         STOPPING[1], source, hypotheses, reason=reason, bound=share, side="is",
         quantity="share of their largest forces that two agents need to brake before contact",
-        statement=f"Braking suffices to avoid every contact between two agents alone: at most {float(share.hi):.6g} of "
+        statement=f"Braking suffices to avoid every contact between two agents alone: at most "
+        f"{rounded_up(share.hi, 6)} of "
         "their largest forces is needed.",
     )  # fmt: skip
 
@@ -145,10 +148,10 @@ def _limits(ideal: EnergySetting, body: Limited, found: dict[str, Certificate]) 
         shares.append(np.nextafter(speed / float(np.min(body.speed)), np.inf))
         quantity = "largest speed, or force of the law, over the limit"
     share = float(max(shares))
-    reason = "" if share < 1.0 else f"the bound is {share:.6g} times the limit, which may act"
+    reason = "" if share < 1.0 else f"the bound is {rounded_up(share, 6)} times the limit, which may act"
     return decided(
         KEY, sources()["limits"], hypotheses, reason=reason, bound=Enclosure(0.0, share), quantity=quantity,
-        statement=f"Limits never act: the {quantity}, is at most {share:.6g}.",
+        statement=f"Limits never act: the {quantity}, is at most {rounded_up(share, 6)}.",
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Wall
 from flocking.model.leaders_and_obstacles.polygons import ConvexPolygon
@@ -132,7 +133,9 @@ class ObstacleSetting:
             for term in self.terms
             for obstacle in term.obstacles
         )
-        return Hypothesis("all agents start outside all obstacles", least > 0.0, f"the nearest is {least:.6g} away")
+        return Hypothesis(
+            "all agents start outside all obstacles", least > 0.0, f"the nearest is {rounded_down(least, 6)} away"
+        )
 
     @cached_property
     def energies(self) -> tuple[IntegratedEnergy, ...]:
@@ -194,13 +197,13 @@ def obstacle_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         allowed, contact = least + total, float(energy.at_contact.lo)
         if not contact > allowed.hi:
             reason = (
-                f"the energy may suffice to reach an obstacle: {contact:.6g} is needed at its boundary, "
-                f"{float(allowed.hi):.6g} may be there"
+                f"the energy may suffice to reach an obstacle: {rounded_down(contact, 6)} is needed at its boundary, "
+                f"{rounded_up(allowed.hi, 6)} may be there"
             )
             return (decided(KEY, source, hypotheses, reason=reason, quantity=quantity),)
         nearest.append(energy.nearest(allowed))
     bound = Interval.of(min(float(x.lo) for x in nearest), min(float(x.hi) for x in nearest))
     return (decided(
         KEY, source, hypotheses, bound=bound, side="at least", quantity=quantity,
-        statement=f"No agent enters an obstacle: none comes closer than {float(bound.lo):.9g}.",
+        statement=f"No agent enters an obstacle: none comes closer than {rounded_down(bound.lo)}.",
     ),)  # fmt: skip

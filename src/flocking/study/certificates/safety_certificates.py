@@ -12,6 +12,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.sampled.stopping import nearest_points, stopping_paths
+from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
 from flocking.model.world.information import Instant
@@ -86,7 +87,7 @@ def safety_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         left = _reserve(scenario, filter_)
         return Hypothesis(
             "both can brake before the distance at the start", left > MARGIN * filter_.distance,
-            f"{left:.4g} is left",
+            f"{rounded_down(left, 4)} is left",
         )  # fmt: skip
 
     hypotheses = until_failed(form, number, bodies, knowledge, clock, partial(_resolved, scenario, filter_), able)
@@ -95,7 +96,7 @@ def safety_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     verb = "never come" if n == PAIR else "ever come"
     found = decided(
         "safe_distance", source, hypotheses, bound=Enclosure(bound, filter_.distance), side="at least",
-        quantity="closest approach", statement=f"{agents} {verb} closer than {bound:.9g}.",
+        quantity="closest approach", statement=f"{agents} {verb} closer than {rounded_down(bound)}.",
     )  # fmt: skip
     if not filter_.obstacles:
         none = Hypothesis("the filter has obstacles", False, "none")
@@ -104,7 +105,7 @@ def safety_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     return found, decided(
         OBSTACLES, source, (*hypotheses, _clear(scenario, filter_)), side="at least",
         bound=Enclosure(clear, filter_.margin_of_obstacles), quantity="distance of an agent from an obstacle",
-        statement=f"No agent ever comes closer to an obstacle of the filter than {clear:.9g}.",
+        statement=f"No agent ever comes closer to an obstacle of the filter than {rounded_down(clear)}.",
     )  # fmt: skip
 
 
@@ -130,7 +131,7 @@ def _resolved(scenario: Scenario, control: SafetyFilter) -> Hypothesis:
     smallest = min(control.distance, control.margin_of_obstacles) if control.obstacles else control.distance
     return Hypothesis(
         "rounding errors of all ticks stay below the millionth of the distance that is kept more",
-        error < 0.5 * MARGIN * smallest, f"at most {error:.3g}",
+        error < 0.5 * MARGIN * smallest, f"at most {rounded_up(error, 3)}",
     )  # fmt: skip
 
 
@@ -143,7 +144,9 @@ def _paths_apart(scenario: Scenario, control: SafetyFilter) -> Hypothesis:
         least = min(least, float(np.linalg.norm(own - theirs, axis=1).min()))
     statement = "stopping paths are the distance apart at the start"
     return Hypothesis(
-        statement, least > control.guarded_distance * (1.0 + ROUNDING), f"the nearest are {least:.6g} apart"
+        statement,
+        least > control.guarded_distance * (1.0 + ROUNDING),
+        f"the nearest are {rounded_down(least, 6)} apart",
     )
 
 
@@ -160,7 +163,7 @@ def _clear(scenario: Scenario, control: SafetyFilter) -> Hypothesis:
             least = min(least, float(np.linalg.norm(away)) - ball.radius)
     statement = "stopping paths are the clearance away from obstacles at the start"
     return Hypothesis(
-        statement, least > control.guarded_clearance * (1.0 + ROUNDING), f"the nearest is {least:.6g} away"
+        statement, least > control.guarded_clearance * (1.0 + ROUNDING), f"the nearest is {rounded_down(least, 6)} away"
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import given_text, rounded_down, rounded_up
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed
@@ -88,7 +89,8 @@ def _delay(scenario: Scenario, system: LinearConsensus) -> Certificate:
         reason = "" if system.is_first else "not every delay of neighbours is harmless, and no bound is known here"
         return decided(
             key, sources()["neighbour_delay"], hypotheses, reason=reason, side="is",
-            statement=f"Agreement is stable where neighbours are known {tau:g} late, and for every other such delay.",
+            statement=f"Agreement is stable where neighbours are known {given_text(tau)} late, and for every other "
+            "such delay.",
             quantity="delay of neighbours' states, the own one undelayed",
         )  # fmt: skip
     bound, reason = system.delay(), ""
@@ -98,12 +100,16 @@ def _delay(scenario: Scenario, system: LinearConsensus) -> Certificate:
         )
     low, high = float(bound.lo), float(bound.hi)
     if tau > high:
-        reason = f"it is not stable: the delay is {tau:g}, and above {high:.9g} the disagreement swings ever wider"
+        reason = (
+            f"it is not stable: the delay is {given_text(tau)}, and above {rounded_up(high)} the disagreement "
+            f"swings ever wider"
+        )
     elif not tau < low:
-        reason = f"it is not certain: the delay {tau:.17g} lies between {low:.17g} and {high:.17g}"
+        reason = f"it is not certain: the delay {given_text(tau)} lies between {given_text(low)} and {given_text(high)}"
     return decided(
         key, sources()["delay"], hypotheses, reason=reason, bound=bound, side="is",
-        statement=f"Agreement is stable with the delay {tau:g} of all states, and for every one below {low:.9g}.",
+        statement=f"Agreement is stable with the delay {given_text(tau)} of all states, and for every one below "
+        f"{rounded_down(low)}.",
         quantity="delay of all states, the own one too",
     )  # fmt: skip
 
@@ -120,12 +126,14 @@ def _growth(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Cert
         low, high = float(root.lo), float(root.hi)
     quantity = f"factor of the {_mean(world)}{world.motion} from tick to tick, in the long run"
     if low >= 1.0:
-        reason = f"it does not fall: the {quantity} is at least {low:.9g}"
+        reason = f"it does not fall: the {quantity} is at least {rounded_down(low)}"
     elif not high < 1.0:
-        reason = f"it is not certain that it falls: the {quantity} lies between {low:.9g} and {high:.9g}"
+        reason = (
+            f"it is not certain that it falls: the {quantity} lies between {rounded_down(low)} and {rounded_up(high)}"
+        )
     else:
         reason = ""
-    statement = f"The {quantity}, is at most {high:.9g}."
+    statement = f"The {quantity}, is at most {rounded_up(high)}."
     return decided(
         "growth_in_world", sources()["moments"], hypotheses, reason=reason, statement=statement,
         bound=Enclosure(low, high), side="is", quantity=quantity,
@@ -142,14 +150,15 @@ def _period(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Cert
     places = FEW_PLACES if world.probability and size > FINELY_SEARCHED else PLACES
     found = largest_period(world, places)
     late = f", messages {world.delayed_samples} periods late" if world.delayed_samples else ""
-    lost = f", {world.probability:.3g} of the messages lost" if world.probability else ""
+    lost = f", {given_text(world.probability)} of the messages lost" if world.probability else ""
     reason = "" if found is not None else "no period was found below which it falls and above which it does not"
     statement = ""
     if found is not None:
         falls, not_so, so = ("fall", "do not both", "they were") if both else ("falls", "does not", "it was")
         statement = (
-            f"With control held for a period{late}{lost}, the {_mean(world)}{world.motion} {falls} at {found.lo:.12g}, "
-            f"and {not_so} at {found.hi:.12g}. At all shorter ones of {places} periods {so} computed to fall."
+            f"With control held for a period{late}{lost}, the {_mean(world)}{world.motion} {falls} at "
+            f"{given_text(found.lo)}, "
+            f"and {not_so} at {given_text(found.hi)}. At all shorter ones of {places} periods {so} computed to fall."
         )
     return decided(
         "period_in_world", sources()["moments"], hypotheses, reason=reason, statement=statement, bound=found,

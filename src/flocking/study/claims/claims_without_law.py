@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from flocking.formula.safe_digits import given_text
 from flocking.model.graphs.connectivity import is_connected
 from flocking.study.claims.claim import Basis, Claim, Measure, Origin, above, below
 from flocking.study.claims.conclusions.limits import SETTLED, distances_settle, velocities_agree
@@ -55,11 +56,11 @@ def connected_at_samples(e: Evidence) -> Measure:
         if is_connected(distance < radius - error):
             continue
         if not is_connected(distance < radius + error):
-            return Measure(-1.0, 0.0, f"not one group at t = {e.t[frame]:.4g}, within {radius:g}")
+            return Measure(-1.0, 0.0, f"not one group at t = {e.t[frame]:.4g}, within {given_text(radius)}")
         doubtful = frame if doubtful < 0 else doubtful
     if doubtful >= 0:
         return Measure(1.0, np.inf, f"distances are too uncertain at t = {e.t[doubtful]:.4g}")
-    return Measure(1.0, 0.0, f"one group at {len(e.t)} samples, within {radius:g}")
+    return Measure(1.0, 0.0, f"one group at {len(e.t)} samples, within {given_text(radius)}")
 
 
 @about(Subject.LINKS, lasting=True)
@@ -75,7 +76,7 @@ def neighbours_kept(e: Evidence) -> Measure:
         lost |= sure & (distance >= radius + error)
         perhaps |= possible & (distance >= radius - error)
     count, most = int(lost.sum()), int(perhaps.sum())
-    note = f"{count} of {int(sure.sum())} first neighbours are further apart than {radius:g} at some sample"
+    note = f"{count} of {int(sure.sum())} first neighbours are further apart than {given_text(radius)} at some sample"
     if most and not count:
         return Measure(0.5, np.inf, f"{note}; {most} may be")
     return Measure(0.5 - count, 0.0, note)

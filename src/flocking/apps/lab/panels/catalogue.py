@@ -9,6 +9,7 @@ import numpy as np
 from flocking.apps.lab.access.confinement import Folder
 from flocking.apps.lab.experiment.challenges import CHALLENGE, CHALLENGES, challenge_of
 from flocking.apps.lab.panels.choices import LARGER_GROUPS, library
+from flocking.apps.lab.panels.measures import MOST_CLAIMS
 from flocking.apps.lab.scene.solids import solids
 from flocking.apps.scenario_names import paper_scenarios
 from flocking.model.law import Scenario
@@ -88,12 +89,27 @@ def about(name: str, scenario: Scenario) -> dict[str, str]:
         return {"title": found.title, "question": found.goal, "paper": "", "citation": "", "size": size}
     if known is None:
         title = GROUP_TITLES.get(name, scenario.name or name)
-        return {"title": title, "question": "", "paper": "", "citation": "", "size": size}
+        return {"title": title, "question": _own_question(scenario), "paper": "", "citation": "", "size": size}
     source = paper(known[0])
     return {
         "title": source.title_of(name), "question": source.question_of(name),
         "paper": f"{_short(source)}: {source.title}", "citation": source.citation, "size": size,
     }  # fmt: skip
+
+
+def _own_question(scenario: Scenario) -> str:
+    """A question about any law, made of what the lab judges of this one; empty where it judges none of it."""
+    judged = scenario.start.n <= MOST_CLAIMS and not scenario.imperfections
+    asked = {
+        "do all velocities become the same": scenario.agents.order == 2 and not scenario.agents.discrete,
+        "does the group stay connected": scenario.law.graph.moves,
+        "do no two agents ever meet": True,
+    }
+    parts = [part for part, applies in asked.items() if applies]
+    if not judged or scenario.start.n < 2:
+        return ""
+    words = f"{', '.join(parts[:-1])} and {parts[-1]}" if len(parts) > 1 else parts[0]
+    return f"{words[0].upper()}{words[1:]}?"
 
 
 def _short(found: Paper) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from flocking.engine.runs.run import LedgerRow, Run
 from flocking.errors import FlockingError
+from flocking.formula.safe_digits import rounded_up
 from flocking.model import observables
 from flocking.model.space import OPEN, Space
 from flocking.model.state import State
@@ -199,7 +200,7 @@ def verdicts_on(run: Run, claims: Sequence[Claim], guarantees: Certificates | No
 def _note(result: Result) -> str:
     """What was measured, and how well where the error leaves the verdict open."""
     left_open = result.verdict is Verdict.NOT_RESOLVED and abs(result.margin) <= result.error < math.inf
-    return f"{result.note}, known to within {result.error:.2g}" if left_open else result.note
+    return f"{result.note}, known to within {rounded_up(result.error, 2)}" if left_open else result.note
 
 
 def _word(claim: Claim, verdict: Verdict, run: Run) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import DIGITS, rounded_down, rounded_up
 from flocking.model.law import Scenario
 from flocking.model.world.control import CONTINUOUS
 from flocking.model.world.information import INSTANT
@@ -35,6 +36,16 @@ class MarginLine:
     label: str
     key: str
     beyond: bool = False
+
+    def text(self, digits: int = DIGITS) -> str:
+        """The value with a few digits, rounded so that it is proven of it.
+
+        Parameters
+        ----------
+        digits
+            Significant digits, up to 15.
+        """
+        return rounded_up(self.value, digits) if self.beyond else rounded_down(self.value, digits)
 
 
 PROVEN_QUANTITIES = ("period", "limit")

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Scenario
 from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable, until_failed
@@ -95,12 +96,13 @@ def directed_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     grows = "" if rate.lo > 0.0 else _growing(system, rate)
     found = [_row(
         system, KEYS[0], rate, "rate of decay",
-        f"In the ideal world every disagreement decays, in the end, at the rate {float(rate.lo):.9g} or faster.", grows,
+        f"In the ideal world every disagreement decays, in the end, at the rate {rounded_down(rate.lo)} or faster.",
+        grows,
     )]  # fmt: skip
     delay = None if grows else system.delay()
     found.append(_row(
         system, KEYS[1], delay, "delay of all states, the own one too",
-        "" if delay is None else f"Agreement is stable for every such delay below {float(delay.lo):.9g}.",
+        "" if delay is None else f"Agreement is stable for every such delay below {rounded_down(delay.lo)}.",
         grows or "the angle of an eigenvalue is not distinguished from the limit" * (delay is None),
     ))  # fmt: skip
     reason = "" if system.is_first else "not every delay is harmless, and no bound is known here"
@@ -118,15 +120,15 @@ def directed_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         found.append(_row(
             system, key, period, f"period of held control{words}",
             "" if period is None else
-            f"Under held control{words}, agreement is stable for every period below {float(period.lo):.9g}.", reason,
+            f"Under held control{words}, agreement is stable for every period below {rounded_down(period.lo)}.", reason,
         ))  # fmt: skip
     return tuple(found)
 
 
 def _growing(system: DirectedConsensus, rate: Interval) -> str:
     if rate.hi < 0.0:
-        return f"it is not stable: a disagreement grows at the rate {-float(rate.hi):.9g} or faster"
-    return f"it is not certain that it decays: the rate lies between {float(rate.lo):.9g} and {float(rate.hi):.9g}"
+        return f"it is not stable: a disagreement grows at the rate {rounded_down(-rate.hi)} or faster"
+    return f"it is not certain that it decays: the rate lies between {rounded_down(rate.lo)} and {rounded_up(rate.hi)}"
 
 
 def _row(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import given_text, rounded_down, rounded_up
 from flocking.model.law import Scenario
 from flocking.study.certificates.certificate import Certificate, Enclosure, decided, not_applicable
 from flocking.study.certificates.consensus_certificates import SETTLED
@@ -42,7 +43,7 @@ def equilibrium_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         KEYS[0], source, hypotheses, bound=Enclosure(0.0, system.equilibrium.radius), side="is",
         quantity="distance of the computed from the exact equilibrium",
         statement=f"An exact equilibrium of {system.name}, is stable: the least stiffness of a deformation is "
-        f"{float(least_stiffness.lo):.9g}.",
+        f"at least {rounded_down(least_stiffness.lo)}.",
     )]  # fmt: skip
 
     def row(key: str, bound: Interval | None, quantity: str, words: str, reason: str = "") -> None:
@@ -57,26 +58,27 @@ def equilibrium_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     reason = rate if isinstance(rate, str) else "" if rate.lo > 0.0 else "the rate was not proven to be positive"
     bound = None if isinstance(rate, str) else rate
     low = 0.0 if bound is None else float(bound.lo)
-    words = f"every deformation decays, in the end, at the rate {low:.9g} or faster."
+    words = f"every deformation decays, in the end, at the rate {rounded_down(low)} or faster."
     row(KEYS[1], bound, "rate of decay", words, reason)
     settling = None if reason or bound is None else Interval.of(SETTLED).log() / bound
     late = 0.0 if settling is None else float(settling.hi)
-    row(KEYS[2], settling, "time to 2 %", f"a deformation has fallen to 2 % after {late:.9g}.",
+    row(KEYS[2], settling, "time to 2 %", f"a deformation has fallen to 2 % after {rounded_up(late)}.",
         reason or ("" if first else "before it decays a deformation of second order may grow"))  # fmt: skip
     unknown = "no limit of the ratio of stiffness to damping was proven"
     delay, period = system.delay(), system.period()
     row(KEYS[3], delay, "delay of all states, the own one too",
-        "" if delay is None else f"no such delay below {float(delay.lo):.9g} makes a deformation grow.",
+        "" if delay is None else f"no such delay below {rounded_down(delay.lo)} makes a deformation grow.",
         unknown if delay is None else "")  # fmt: skip
     row(KEYS[4], period, "period of held control",
-        "" if period is None else f"under held control no deformation grows for periods below {float(period.lo):.9g}.",
+        "" if period is None else f"under held control no deformation grows for periods below "
+        f"{rounded_down(period.lo)}.",
         unknown if period is None else "")  # fmt: skip
     row(KEYS[5], *_loss(system, period))
     noise = system.noise()
     what = "deformation" if first else "velocity relative to the mean"
     gives = "rates gives" if first else "accelerations gives at most"
     row(KEYS[6], noise, f"mean square {what} of an agent, all axes together, for each unit of noise intensity",
-        f"white noise of intensity s^2 on all {gives} s^2 times {float(noise.hi):.9g} in the long run.")  # fmt: skip
+        f"white noise of intensity s^2 on all {gives} s^2 times {rounded_up(noise.hi)} in the long run.")  # fmt: skip
     return tuple(found)
 
 
@@ -100,7 +102,7 @@ def _loss(system: NearEquilibrium, period: Interval | None) -> tuple[Interval | 
     if first:
         words = (
             "where every message may be lost, independently with any probability below 1, and is then left out, the "
-            f"mean square of deformations falls under held control for periods below {float(period.lo):.9g}; "
+            f"mean square of deformations falls under held control for periods below {rounded_down(period.lo)}; "
             f"{NO_FORCE}."
             if period is not None
             else ""
@@ -118,12 +120,14 @@ def _loss(system: NearEquilibrium, period: Interval | None) -> tuple[Interval | 
         return None, quantity, "", reason
     low, high = lattice.growth
     if low >= 1.0:
-        reason = f"it does not fall: the {quantity} is at least {low:.9g}"
+        reason = f"it does not fall: the {quantity} is at least {rounded_down(low)}"
     elif not high < 1.0:
-        reason = f"it is not certain that it falls: the {quantity} lies between {low:.9g} and {high:.9g}"
+        reason = (
+            f"it is not certain that it falls: the {quantity} lies between {rounded_down(low)} and {rounded_up(high)}"
+        )
     world = lattice.world
     words = (
-        f"under control held for {world.period:.9g}, with {world.probability:.3g} of the messages lost and left out, "
-        f"the {quantity}, is at most {high:.9g}; {NO_FORCE}."
+        f"under control held for {given_text(world.period)}, with {given_text(world.probability)} of the messages "
+        f"lost and left out, the {quantity}, is at most {rounded_up(high)}; {NO_FORCE}."
     )
     return Interval.of(low, high), quantity, words, reason

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import nearest_text, rounded_up
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
 from flocking.model.terms.body_terms import Compensate, Track
@@ -202,7 +203,7 @@ def leader_error_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         drift = _length(system.mean(scenario.start.p))
         return decided(
             DRIFT, source, hypotheses, bound=drift, quantity="speed of the centre of mass",
-            statement=f"The centre of mass moves on steadily, with the speed {float(drift.hi):.9g}.",
+            statement=f"The centre of mass moves on steadily, with the speed {nearest_text(drift.hi)}.",
         ), *not_applicable(KEYS, source, (Hypothesis("there is a leader", False, "none"),))  # fmt: skip
     led = not_applicable((DRIFT,), source, (Hypothesis("no agent follows a leader", False, "Track"),))
     hypotheses = (*hypotheses, system.even())
@@ -218,7 +219,7 @@ def _largest(system: CentreOfMass, hypotheses: tuple[Hypothesis, ...]) -> Certif
     bound = Interval(np.maximum(square.lo, 0.0), square.hi).sqrt()
     return decided(
         KEYS[0], sources()["centre"], hypotheses, reason=reason, bound=bound, quantity=quantity,
-        statement=f"The {quantity} is never above {float(bound.hi):.9g}.",
+        statement=f"The {quantity} is never above {rounded_up(bound.hi)}.",
     )  # fmt: skip
 
 
@@ -228,7 +229,7 @@ def _at_end(system: CentreOfMass, hypotheses: tuple[Hypothesis, ...]) -> Certifi
     bound = None if reason else _speed_after(system, Interval.of(scenario.t_end) - Interval.of(scenario.start.t))
     if bound is None and not reason:
         reason = "it is undecided whether the error oscillates"
-    statement = "" if bound is None else f"The {quantity} is {float(bound.hi):.9g} at most."
+    statement = "" if bound is None else f"The {quantity} is {rounded_up(bound.hi)} at most."
     return decided(
         KEYS[1], sources()["centre"], hypotheses, reason=reason, bound=bound, quantity=quantity, statement=statement
     )
@@ -270,7 +271,7 @@ def _steady(system: CentreOfMass, hypotheses: tuple[Hypothesis, ...]) -> Certifi
         quantity = f"error of the {'position' if of_place else 'velocity'} of the centre of mass in the long run"
         return decided(
             KEYS[2], source, hypotheses, bound=bound, side="is", quantity=quantity,
-            statement=f"The {quantity} is {float(bound.hi):.9g}.",
+            statement=f"The {quantity} is {nearest_text(bound.hi)}.",
         )  # fmt: skip
     square = _squared_frequency(system.accelerations, t)
     if square is None:
@@ -287,7 +288,7 @@ def _steady(system: CentreOfMass, hypotheses: tuple[Hypothesis, ...]) -> Certifi
     quantity = "amplitude of the error of the velocity of the centre of mass in the long run, all axes together"
     return decided(
         KEYS[2], source, hypotheses, bound=bound, side="is", quantity=quantity,
-        statement=f"The {quantity}, is {float(bound.hi):.9g}.",
+        statement=f"The {quantity}, is {nearest_text(bound.hi)}.",
     )  # fmt: skip
 
 

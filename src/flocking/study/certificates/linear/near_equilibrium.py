@@ -16,6 +16,7 @@ import numpy as np
 
 from flocking.errors import FormulaError
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import rounded_up
 from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Scenario
 from flocking.model.terms.pair_terms import Consensus, Gradient
@@ -156,7 +157,7 @@ class NearEquilibrium:
         moved = float(np.linalg.norm(at.q - self.scenario.start.q, axis=1).max())
         return (
             f"{len(at.q)} agents with {int(at.links.sum()) // 2} links, smallest distance {r.min():.6g}, largest "
-            f"{r.max():.6g}, up to {moved:.6g} from the start, known to within {at.radius:.2g}"
+            f"{r.max():.6g}, up to {moved:.6g} from the start, known to within {rounded_up(at.radius, 2)}"
         )
 
     @cached_property

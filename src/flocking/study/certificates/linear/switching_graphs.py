@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.formula.intervals import Interval
+from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
 from flocking.model.law import Scenario
@@ -93,20 +94,22 @@ def switching_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
             "disagreement", source, (*hypotheses, ideal), bound=spread,
             quantity=f"root of the sum of squares of {what} about their mean",
             statement=f"The {what} never differ by more than at the start: the root of the sum of squares about their "
-            f"mean is at most {float(spread.hi):.9g}, whatever links appear and break.",
+            f"mean is at most {rounded_up(spread.hi)}, whatever links appear and break.",
         ),
         decided(
             "period_of_any_graph", source, hypotheses, bound=period, side="is", quantity="period of held control",
-            statement=f"Under held control of a period of at most {float(period.lo):.9g}, and with the present known, "
+            statement=f"Under held control of a period of at most {rounded_down(period.lo)}, and with the present "
+            "known, "
             f"the {what} never differ by more than at the start, whatever links appear and break; while no agent has "
-            f"more than k neighbours, of one of at most {few_period:.9g}/k.",
+            f"more than k neighbours, of one of at most {rounded_down(few_period)}/k.",
         ),
         decided(
             "delay_of_each_graph", source, hypotheses, bound=delay, side="is",
             quantity="delay of all states, the own one too",
-            statement=f"On every connected graph that stays as it is a delay below {float(delay.lo):.9g} is harmless, "
-            f"and below {few_delay:.9g}/k where no agent has more than k neighbours; of graphs that switch this "
-            f"holds for each interval alone, not for all together.",
+            statement=f"On every connected graph that stays as it is a delay below {rounded_down(delay.lo)} is "
+            "harmless, "
+            f"and below {rounded_down(few_delay)}/k where no agent has more than k neighbours; of graphs that switch "
+            "this holds for each interval alone, not for all together.",
         ),
     )  # fmt: skip
 

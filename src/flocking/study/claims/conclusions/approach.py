@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine.runs.run import Closest
+from flocking.formula.safe_digits import given_text, rounded_down
 from flocking.model.world.safety_filters import ROUNDING, SafetyFilter
 from flocking.study.claims.claim import Measure, above
 from flocking.study.claims.subjects import Subject, Witness, about
@@ -46,7 +47,7 @@ def safe_distance_kept(e: Evidence) -> Measure:
     if not isinstance(control, SafetyFilter):
         raise NotMeasurable("no safety filter is declared")
     c = e.closest
-    note = f"closest {c.distance:.9g}, the filter keeps {control.distance:.9g}"
+    note = f"closest {c.distance:.9g}, the filter keeps {given_text(control.distance)}"
     # At every tick the filter begins anew with the states as they were computed: earlier errors do not add up.
     error = c.error if np.isfinite(c.error) else e.error_of(c)
     return above(c.distance, control.distance * (1.0 - ROUNDING), note, error)
@@ -58,7 +59,7 @@ def needs_filter(e: Evidence) -> str:
 
 
 def _apart(e: Evidence, c: Closest) -> Measure:
-    note = f"no pair closer than {c.distance:.4g}"
+    note = f"no pair closer than {rounded_down(c.distance, 4)}"
     if c.pair[0] >= 0:
         note = f"closest {c.distance:.4g} at t = {c.time:.3g} (agents {c.pair[0]}, {c.pair[1]})"
     if (agents := e.run.scenario.agents).summary and agents.ideal:

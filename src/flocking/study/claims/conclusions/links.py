@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from flocking.model.graphs.connectivity import Links, components
@@ -43,18 +45,38 @@ def stays_connected(e: Evidence) -> Measure:
     if e.seen_disconnected == np.inf:
         e.first_disconnected  # noqa: B018  raises where it is not known
     if e.switches_known and e.law.graph.moves:
+        if e.run.accuracy is None:
+            return _connected_as_computed(e)
         certain, doubtful = e.connection
         if certain == np.inf and doubtful:
             return Measure(1.0, np.inf, e.doubt_note())
     if e.seen_disconnected == np.inf:
         return Measure(1.0, 0.0, f"connected after each of {len(e.link_switches)} switches")
+    decided = certain if e.switches_known and e.law.graph.moves else e.seen_disconnected
+    return Measure(-1.0, 0.0, f"fell apart {_when_apart(e)}", decided=decided)
+
+
+def _when_apart(e: Evidence) -> str:
+    """When the graph was first seen disconnected, and in how many flocks it ended, in words."""
     lost, end = e.seen_disconnected, e.run.scenario.t_end if e.run.finished else float(e.t[-1])
     try:
         flocks = f"; {e.flocks_at_end} flocks at the end"
     except NotResolvable:
         flocks = ""
-    decided = certain if e.switches_known and e.law.graph.moves else lost
-    return Measure(-1.0, 0.0, f"fell apart at t = {lost:.3g} of {end:g}{flocks}", decided=decided)
+    return f"at t = {lost:.3g} of {end:g}{flocks}"
+
+
+def _connected_as_computed(e: Evidence) -> Measure:
+    """What the computed motion shows where nobody knows how far the exact one is from it: it decides nothing."""
+    try:
+        e.accuracy  # noqa: B018  says why the errors are not known
+        why = ""
+    except NotResolvable as reason:
+        why = str(reason)
+    apart = e.seen_disconnected < np.inf
+    seen = f"falls apart {_when_apart(e)}" if apart else f"is connected after each of {len(e.link_switches)} switches"
+    note = f"the motion as computed {seen}; whether the exact one does is open: {why}"
+    return Measure(-1.0 if apart else 1.0, math.nan, note)
 
 
 @about(Subject.LINKS, _first_break, lasting=True)

@@ -1,0 +1,90 @@
+"""Numbers as text: those of bounds rounded to their safe side, given ones in all their digits.
+
+A text is read as the double nearest to it: 0.3 is the text of the double nearest to 0.3, on no side of it.
+"""
+
+from __future__ import annotations
+
+import decimal
+import math
+from typing import SupportsFloat
+
+DIGITS = 9
+"""Digits of a bound where nobody asks for fewer; a convention: enough to tell that two bounds are not the same."""
+EXACT_DIGITS = 15
+"""Most digits with which a number and its text are each other's: a property of double precision."""
+REGULAR = (1e-290, 1e300)
+"""Sizes between which a double has all its digits and its text can be rounded away without an overflow."""
+
+
+def rounded_down(x: SupportsFloat, digits: int = DIGITS) -> str:
+    """A number with a few digits that is not above the given one: for what is guaranteed from a bound on.
+
+    Parameters
+    ----------
+    x
+        The number.
+    digits
+        Significant digits, up to 15.
+    """
+    return _rounded(float(x), digits, decimal.ROUND_FLOOR)
+
+
+def rounded_up(x: SupportsFloat, digits: int = DIGITS) -> str:
+    """A number with a few digits that is not below the given one: for what is guaranteed up to a bound.
+
+    Parameters
+    ----------
+    x, digits
+        As in `rounded_down`.
+    """
+    return _rounded(float(x), digits, decimal.ROUND_CEILING)
+
+
+def bound_text(x: SupportsFloat, side: str, digits: int = DIGITS) -> str:
+    """A bound with a few digits, rounded so that what is said of it stays true.
+
+    Parameters
+    ----------
+    x
+        The safe end of the bound.
+    side
+        ``"at least"`` of a lower bound; others are upper ones.
+    digits
+        As in `rounded_down`.
+    """
+    return rounded_down(x, digits) if side == "at least" else rounded_up(x, digits)
+
+
+def nearest_text(x: SupportsFloat, digits: int = DIGITS) -> str:
+    """A number with a few digits, rounded to the nearest: for what is said to be something, and bounds nothing.
+
+    Parameters
+    ----------
+    x, digits
+        As in `rounded_down`.
+    """
+    return f"{float(x):.{digits}g}"
+
+
+def given_text(x: SupportsFloat) -> str:
+    """A declared number with all the digits that tell it from others.
+
+    Parameters
+    ----------
+    x
+        The number.
+    """
+    return repr(float(x)).removesuffix(".0")
+
+
+def _rounded(x: float, digits: int, side: str) -> str:
+    if not math.isfinite(x) or x == 0.0:
+        return nearest_text(x + 0.0)
+    if float(nearest := nearest_text(x, digits)) == x:
+        return nearest
+    context = decimal.Context(prec=min(digits, EXACT_DIGITS), rounding=side)
+    text = context.create_decimal(decimal.Decimal(x)).normalize(context)
+    if REGULAR[0] < abs(x) < REGULAR[1]:
+        return f"{float(text):.{context.prec}g}"
+    return f"{text:e}"

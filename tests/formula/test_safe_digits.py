@@ -1,0 +1,117 @@
+"""Bounds as text stay on their safe side, and no sentence formats the end of an enclosure by itself."""
+
+import ast
+import math
+import re
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+import flocking as fk
+from flocking.formula.safe_digits import bound_text, given_text, rounded_down, rounded_up
+from flocking.study.certificates.certificate import Enclosure
+
+PACKAGE = Path(fk.__file__).parent
+SENTENCES = sorted((PACKAGE / "study/certificates").rglob("*.py")) + [
+    PACKAGE / name
+    for name in (
+        "apps/commands/certify_command.py", "apps/commands/margin_command.py",
+        "apps/reproduction/report_certificates.py", "show/margin_pictures.py",
+    )
+]  # fmt: skip
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+sized = st.floats(-1e299, 1e299)
+
+
+@given(finite, st.integers(1, 15))
+def test_text_is_on_its_side_and_near(x, digits):
+    low, high = rounded_down(x, digits), rounded_up(x, digits)
+    # A number that no text of so few digits names lies strictly between the two texts; any other has one text.
+    assert Fraction(low) < Fraction(x) < Fraction(high) or (low == high and float(low) == x)
+    # One unit of the last digit, and no more: 10^(1 - digits) of the number.
+    assert Fraction(high) - Fraction(low) <= abs(Fraction(x)) * Fraction(10) ** (1 - digits)
+
+
+@given(finite, st.integers(1, 15))
+def test_side_of_a_bound_chooses_the_rounding(x, digits):
+    assert bound_text(x, "at least", digits) == rounded_down(x, digits)
+    assert bound_text(x, "at most", digits) == rounded_up(x, digits)
+
+
+@given(st.integers(-(10**9), 10**9).map(lambda k: k / 1000))
+def test_numbers_of_few_digits_stay_as_they_are(x):
+    assert rounded_down(x, 12) == rounded_up(x, 12) == f"{x:.12g}" or x == 0.0
+
+
+@given(finite)
+def test_given_number_is_told_in_full(x):
+    assert float(given_text(x)) == x
+
+
+@given(sized, sized)
+def test_enclosure_lies_within_what_its_text_says(a, b):
+    lo, hi = min(a, b), max(a, b)
+    text = str(Enclosure(lo, hi))
+    if lo == hi:
+        assert float(text) == lo
+        return
+    middle, _, radius = text.partition(" +- ")
+    around = Fraction(radius)
+    assert Fraction(middle) - around <= Fraction(lo) <= Fraction(hi) <= Fraction(middle) + around
+
+
+def test_infinite_ends():
+    assert rounded_up(math.inf) == "inf"
+    assert rounded_down(-math.inf) == "-inf"
+    assert str(Enclosure(1.0, math.inf)) == "from 1 to inf"
+
+
+def test_bound_of_pi_over_two_is_not_above_it():
+    # The integral of 1/(1 + r^2) from 0 on is pi/2, which 1.57079633 exceeds.
+    start = fk.State([[1e-9], [0.0]], [[1.7], [0.0]])
+    scenario = fk.Scenario(fk.Law(fk.Complete(), [fk.CuckerSmale(0.5, 1.0)]), start, t_end=1.0)
+    reason = fk.certify(scenario)["alignment_diameter"].reason
+    numbers = re.findall(r"differences below (\d\.\d+)", reason)
+    assert numbers
+    assert all(1.5707 < float(x) < math.pi / 2 for x in numbers)
+
+
+def _formatted_ends(tree):
+    """Lines on which a formatted number is read from an end of an enclosure, or from the safe end of a bound."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FormattedValue) and node.format_spec is not None:
+            spec = "".join(p.value for p in node.format_spec.values if isinstance(p, ast.Constant))
+            ends = {n.attr for n in ast.walk(node.value) if isinstance(n, ast.Attribute)}
+            ends |= {n.id for n in ast.walk(node.value) if isinstance(n, ast.Name)}
+            ends |= {n.value for n in ast.walk(node.value) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+            if re.search(r"\d[gef]$|^g$", spec) and ends & {
+                "lo",
+                "hi",
+                "low",
+                "high",
+                "bound",
+                "safe_bound",
+                "promised",
+            }:
+                yield node.lineno
+
+
+def test_no_sentence_rounds_an_end_of_a_bound_to_the_nearest():
+    assert len(SENTENCES) > 30
+    found = [f"{f.name}:{line}" for f in SENTENCES for line in _formatted_ends(ast.parse(f.read_text()))]
+    assert not found, found
+    assert list(_formatted_ends(ast.parse('f"{float(bound.hi):.9g}"')))
+
+
+def test_delay_bound_and_period_bound_of_a_consensus():
+    start = fk.State(np.random.default_rng(1).normal(size=(7, 2)))
+    law = fk.Law(fk.Fixed(7, [(k, (k + 1) % 7) for k in range(7)]), [fk.Gradient(fk.Potential("0.65*r**2"))])
+    found = fk.certify(fk.Scenario(law, start, t_end=1.0, bodies=fk.SingleIntegrator()))
+    for key in ("delay", "control_period"):
+        bound, statement = found[key].bound, found[key].statement
+        low, high = re.findall(r"(?:below|above) (\d+\.\d+)", statement)
+        assert Fraction(low) <= Fraction(bound.lo) <= Fraction(bound.hi) <= Fraction(high)
