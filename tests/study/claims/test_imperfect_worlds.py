@@ -81,3 +81,15 @@ def test_margins_take_runs_as_computed():
     run = fk.simulate(made, progress=False)
     claims = [claim for claim in GENERAL if claim.key == "velocities-agree"]
     assert str(Conclusions(tuple(claims))(run).results[0].verdict) == "holds"
+
+
+@pytest.mark.parametrize(("delay", "seen"), [(0.05, "is connected after each of"), (1.0, "falls apart at t = ")])
+def test_of_a_motion_of_unknown_error_connectivity_says_what_was_seen_and_why_it_decides_nothing(delay, seen):
+    law = fk.Law(fk.Hysteresis(2.5, 0.5), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(1.0)])
+    start = fk.start.box(6, side=1.5, speed=0.2, seed=3)
+    late = fk.Delayed(delay, self_delayed=True)
+    run = fk.simulate(fk.Scenario(law, start, t_end=6, frames=61, information=late), progress=False)
+    found = fk.audit(run)["connected"]
+    assert str(found.verdict) == "not resolved"
+    assert found.note.startswith(f"the motion as computed {seen}")
+    assert "whether the exact one does is open: the errors of the run are unknown" in found.note

@@ -31,12 +31,21 @@ def test_each_scenario_of_a_paper_has_one_question(key):
     assert len(set(found.questions.values())) == len(names)
 
 
-def test_a_scenario_of_no_paper_has_its_size_alone():
+def test_a_scenario_of_no_paper_has_its_size_and_a_question_of_what_is_judged():
     law = fk.Law(fk.Complete(), [fk.Consensus(1.0)])
     scenario = fk.Scenario(law, fk.start.box(3, side=1.0, seed=0), t_end=2.0, name="mine")
     found = about("mine", scenario)
-    assert (found["question"], found["paper"]) == ("", "")
+    # The graph never changes: whether it stays connected is no question.
+    assert found["question"] == "Do velocities agree and do no two agents meet?"
+    assert found["paper"] == ""
     assert found["size"] == "3 agents in 2 dimensions, until t = 2"
+    moving = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
+    alike = ", does the group stay connected and do no two agents meet?"
+    assert about("mine", scenario.with_(law=moving))["question"] == f"Do velocities agree{alike}"
+    # Of late knowledge the lab judges none of these, and of a thousand agents nothing.
+    assert about("mine", scenario.with_(information=fk.Delayed(0.1)))["question"] == ""
+    many = fk.start.box(1000, side=9.0, seed=0)
+    assert about("mine", scenario.with_(law=moving, start=many))["question"] == ""
 
 
 @pytest.fixture
@@ -93,9 +102,16 @@ def test_on_a_phone_curves_claims_and_the_control_that_changes_them_are_seen_tog
         "[data-curve=connectivity]",
         "#strips .strip",
         "#strips button svg",
+        "#strips button .text",
         "#gain input",
     ):
         assert tab.ask(SEEN, part), part
+    # Sentences can be read: of a line's height, and of more than half the width, three of them at least.
+    sentences = """() => { const whole = document.querySelector('#strips').getBoundingClientRect();
+        return [...document.querySelectorAll('#strips button .text')].map((x) => x.getBoundingClientRect())
+            .filter((b) => b.top >= whole.top && b.bottom <= whole.bottom)
+            .filter((b) => b.width > 195 && b.height > 11).length; }"""
+    assert tab.ask(sentences) >= 3
     assert tab.tab.locator("#scene").bounding_box()["height"] > 0.3 * 844
     tab.tab.locator("#law .pot label.row:has(input[type=range])").first.scroll_into_view_if_needed()
     tab.drawn()

@@ -101,9 +101,9 @@ def _own_question(scenario: Scenario) -> str:
     """A question about any law, made of what the lab judges of this one; empty where it judges none of it."""
     judged = scenario.start.n <= MOST_CLAIMS and not scenario.imperfections
     asked = {
-        "do all velocities become the same": scenario.agents.order == 2 and not scenario.agents.discrete,
+        "do velocities agree": scenario.agents.order == 2 and not scenario.agents.discrete,
         "does the group stay connected": scenario.law.graph.moves,
-        "do no two agents ever meet": True,
+        "do no two agents meet": True,
     }
     parts = [part for part, applies in asked.items() if applies]
     if not judged or scenario.start.n < 2:
