@@ -26,7 +26,7 @@ def particles() -> Any:
 def draw_tile(path: Path) -> None:
     """Draw the picture."""
     found = particles()
-    q, lists, grid = found.X[:2, : found.n], found.lists[0], found.sorter.grid
+    q, lists, grid = found.X[:2, : found.n], found.lists[0], found.search.sorter.grid
     mine = np.arange(SHOWN * WIDTH, (SHOWN + 1) * WIDTH)
     looked_at = mine[7]
     table = lists.rows[lists.first[SHOWN] : lists.first[SHOWN] + lists.count[SHOWN]] & NUMBER

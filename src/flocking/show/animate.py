@@ -6,7 +6,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 from subprocess import CalledProcessError
-from typing import TYPE_CHECKING, BinaryIO, Unpack
+from typing import TYPE_CHECKING, Any, BinaryIO, Unpack
 
 import numpy as np
 
@@ -28,6 +28,10 @@ SUFFIXES = (".mp4", ".gif")
 
 FASTEST = 240
 """Largest number of pictures per second."""
+
+GAP, ABOVE = 1.5, 5.0
+"""Points between the middle of the axes and the symbol or number of the time, half a space of the text, and points from
+the axes up to them, those of a title."""
 
 MOST_PICTURES = 100_000
 """Default limit on the number of pictures of a film."""
@@ -110,8 +114,10 @@ def animate(
         raise InvalidInput("animate", "path", f"must be writable ({error.strerror})", str(path)) from None
     # Writers determine the format by the suffix.
     partial = target.with_name(f".{target.stem}.{os.getpid()}.partial{target.suffix}")
+    import matplotlib
+
     try:
-        with themed(theme):
+        with themed(theme), matplotlib.rc_context():
             _film(run, partial, frames, fps, follow, size, dpi, progress, options)
         os.replace(partial, target)
     except Exception as error:
@@ -180,12 +186,12 @@ def _film(
 
     made = figure(size, size)
     if path.suffix == ".mp4":
-        matplotlib.rcParams["animation.ffmpeg_path"] = ffmpeg()  # Restored with the style.
+        matplotlib.rcParams["animation.ffmpeg_path"] = ffmpeg()  # Restored by the caller.
         # The index is written first, so that a browser can start before the file is complete.
         writer: FFMpegWriter | PillowWriter = FFMpegWriter(fps=fps, extra_args=["-movflags", "+faststart"])
     else:
         writer = PillowWriter(fps=fps)
-    # Nothing stands above the axes that the title must avoid, so it is not looked for. Restored with the style.
+    # Nothing stands above the axes that the title must avoid, so it is not looked for.
     matplotlib.rcParams["axes.titley"] = 1.0
     made.set_dpi(dpi)
     canvas = FigureCanvasAgg(made)
@@ -221,7 +227,12 @@ def _film(
         # Limits that change with every frame hide the motion, so the window is fixed before the first.
         window: NetOptions = {} if limits is None else {"limits": (limits[0, k].tolist(), limits[1, k].tolist())}
         look: NetOptions = {**window, **scale, **options}
+        timed = not space and look.get("title", True) is True
+        if timed:
+            look["title"] = False
         net(run, frame=k, axes=axes, **look)
+        if timed:
+            _write_time(axes, float(run.t[k]))
 
     # The layout is computed once, for the frame with the longest tick labels: for each frame it would take half the
     # time of a film and make the axes jitter.
@@ -229,6 +240,8 @@ def _film(
     made.draw_without_rendering()
     places = [axes.get_position() for axes in made.axes]
     made.set_layout_engine("none")
+    if not space:
+        _keep_labels(made.axes[0])
     if not space and not follow:
         still = _without_moving(canvas)
     with writer.saving(made, str(path), dpi), Pictures(progress, len(frames)) as drawn:
@@ -238,6 +251,19 @@ def _film(
                 axes.set_position(place)
             writer.grab_frame()
             drawn.count()
+
+
+def _write_time(axes: Axes, t: float) -> None:
+    """The time above the axes: the symbol is typeset once, which takes long, and the number is plain."""
+    above: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "baseline"}
+    axes.annotate("$t =$", (0.5, 1.0), xytext=(-GAP, ABOVE), ha="right", **above)
+    axes.annotate(f"{t:.6g}", (0.5, 1.0), xytext=(GAP, ABOVE), ha="left", gid="time", **above)
+
+
+def _keep_labels(axes: Axes) -> None:
+    """Leave the names of both axes where they are: else the extent of all ticks is looked for in each picture."""
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_label_coords(*axis.label.get_position(), transform=axis.label.get_transform())
 
 
 def _moving(axes: Axes) -> list[Artist]:

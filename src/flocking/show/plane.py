@@ -20,7 +20,7 @@ from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.show.agent_colors import DotLook, LineLook, net_colors
 from flocking.show.frames import frame_at, leaders_at
 from flocking.show.motion import motion_of, thinned_path
-from flocking.show.style import COLUMN, GREEN, OUTLINE_POINTS, PURPLE, VERMILION, axes_or_new, in_style, theme
+from flocking.show.style import COLUMN, GREEN, OUTLINE_POINTS, PURPLE, VERMILION, axes_or_new, in_style, quivers, theme
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -206,7 +206,7 @@ def _choose(what: Run | State, time: float | None, frame: int | None) -> tuple[S
     if not isinstance(what, Run):
         raise InvalidInput("net", "what", "must be a Run or a State", what)
     k = frame_at(what, time, frame)
-    speeds = np.sqrt((what.p**2).sum(axis=-1))
+    speeds = np.sqrt(np.einsum("fnm,fnm->fn", what.p, what.p))
     # Slow agents have a visible arrow, but agents nearly at rest do not appear fast.
     return (
         what.state(k),
@@ -318,9 +318,10 @@ def _draw_arrows(axes: Axes, q: Reals, p: Reals, seconds: float, notes: list[str
         axes.quiver(*base.T, *shift.T, color=theme().ink, linewidth=0.7, arrow_length_ratio=0.28, gid="velocities")
     else:
         width = float(np.clip(0.0045 * (30.0 / len(agents)) ** 0.4, 0.001, 0.0045))
-        axes.quiver(*base.T, *shift.T, color=theme().ink, angles="xy", scale_units="xy", scale=1.0,
-                    width=width, headwidth=4, headlength=5, headaxislength=4.5,
-                    minlength=0.5, zorder=3, gid="velocities")  # fmt: skip
+        axes.add_collection(quivers()(
+            axes, *base.T, *shift.T, color=theme().ink, angles="xy", scale_units="xy", scale=1.0, width=width,
+            headwidth=4, headlength=5, headaxislength=4.5, minlength=0.5, zorder=3, gid="velocities",
+        ), autolim=False)  # fmt: skip
     return base + shift
 
 
