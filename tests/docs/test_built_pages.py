@@ -16,7 +16,7 @@ __all__ = ["chromium"]
 
 pytestmark = pytest.mark.built_docs
 
-BUILT = Path(os.environ.get("DOCS_OUT", Path(__file__).parents[2] / "docs" / "_build" / "html"))
+BUILT = Path(os.environ.get("DOCS_OUT", Path(__file__).parents[2] / "docs" / "_build" / "html")).resolve()
 WIDE, PHONE = {"width": 1300, "height": 900}, {"width": 390, "height": 844}
 
 

@@ -6,7 +6,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 from subprocess import CalledProcessError
-from typing import TYPE_CHECKING, Any, BinaryIO, Unpack
+from typing import TYPE_CHECKING, BinaryIO, Unpack
 
 import numpy as np
 
@@ -255,9 +255,8 @@ def _film(
 
 def _write_time(axes: Axes, t: float) -> None:
     """The time above the axes: the symbol is typeset once, which takes long, and the number is plain."""
-    above: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "baseline"}
-    axes.annotate("$t =$", (0.5, 1.0), xytext=(-GAP, ABOVE), ha="right", **above)
-    axes.annotate(f"{t:.6g}", (0.5, 1.0), xytext=(GAP, ABOVE), ha="left", gid="time", **above)
+    for text, side, shift in (("$t =$", "right", -GAP), (f"{t:.6g}", "left", GAP)):
+        axes.annotate(text, (0.5, 1.0), (shift, ABOVE), "axes fraction", "offset points", ha=side, va="baseline")
 
 
 def _keep_labels(axes: Axes) -> None:

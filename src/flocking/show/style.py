@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 from flocking.engine.storage.atomic_files import write_through
 from flocking.errors import InvalidInput
@@ -19,7 +19,9 @@ from flocking.model.checks import number
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.path import Path as Outline
     from matplotlib.quiver import Quiver
+    from numpy.typing import ArrayLike
 
 BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 SKY, PURPLE, GREY = "#56B4E9", "#CC79A7", "#7F7F7F"
@@ -176,7 +178,7 @@ def quivers() -> type[Quiver]:
     from matplotlib.quiver import Quiver
 
     class Arrows(Quiver):
-        def set_verts(self, verts: Any, closed: bool = True) -> None:
+        def set_verts(self, verts: Sequence[ArrayLike | Outline], closed: bool = True) -> None:
             # Open polygons, as Matplotlib's arrows are, are made one by one. Filled, both look the same.
             super().set_verts(verts, closed=True)
 
