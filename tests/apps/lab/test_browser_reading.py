@@ -210,7 +210,7 @@ def test_what_an_error_leaves_open_is_said_with_that_error():
         def __init__(self, verdict, error):
             self.verdict, self.error = verdict, error
 
-    assert _note(Given(Verdict.NOT_RESOLVED, 2.117)) == "closest 1.33 to an obstacle, known to within 2.1"
+    assert _note(Given(Verdict.NOT_RESOLVED, 2.117)) == "closest 1.33 to an obstacle, known to within 2.2"
     assert _note(Given(Verdict.HOLDS, 0.1)) == _note(Given(Verdict.NOT_RESOLVED, np.nan)) == Given.note
 
 
