@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from flocking.errors import CacheError
+from flocking.formula.listed_files import files_below
 
 MOST_BYTES = 512 * 2**20
 """Largest size of the folder; the files used longest ago are removed first, down to `REMAINING_SHARE` of it."""
@@ -305,17 +306,12 @@ def clear() -> Contents:
 def _files(folder: Path) -> list[tuple[float, int, Path]]:
     """Time of the last use, size and path of every file that this library writes there."""
     found = []
-    waiting = [str(folder)]
-    while waiting:
-        # The folder holds tens of thousands of files: they are listed without an object for each path.
-        with suppress(OSError), os.scandir(waiting.pop()) as entries:
-            for entry in entries:
-                with suppress(OSError):
-                    if entry.is_dir(follow_symlinks=False):
-                        waiting.append(entry.path)
-                    elif entry.name.endswith(_ENDINGS) and entry.is_file(follow_symlinks=False):
-                        about = entry.stat(follow_symlinks=False)
-                        found.append((about.st_mtime, about.st_size, entry.path))
+    for entry in files_below(folder):
+        if entry.name.endswith(_ENDINGS):
+            with suppress(OSError):
+                if entry.is_file(follow_symlinks=False):
+                    about = entry.stat(follow_symlinks=False)
+                    found.append((about.st_mtime, about.st_size, entry.path))
     return [(used, size, Path(path)) for used, size, path in found]
 
 

@@ -6,13 +6,13 @@ import ast
 import dataclasses
 import hashlib
 import importlib.util
-import os
 import time
 from collections.abc import Iterable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 
 from flocking.formula.grammar import Formula
+from flocking.formula.listed_files import files_below
 
 PACKAGE = Path(__file__).resolve().parent.parent
 FLOORS = ("formula", "model", "engine")
@@ -51,18 +51,11 @@ def _sources(package: Path) -> list[Path]:
 
 def as_loaded() -> bool:
     """Whether the library's files are those that this process imported; else its code differs from them."""
-    waiting = [str(PACKAGE / floor) for floor in FLOORS]
-    while waiting:
-        # Asked before every law that is made: the files are listed without an object for each path.
-        with os.scandir(waiting.pop()) as entries:
-            for entry in entries:
-                if entry.name.endswith(".py"):
-                    about = entry.stat()
-                    if max(about.st_mtime, about.st_ctime) > _BEGAN:
-                        return False
-                elif entry.name != "__pycache__" and entry.is_dir(follow_symlinks=False):
-                    waiting.append(entry.path)
-    return True
+    # Asked before every law that is made.
+    sources = (
+        entry.stat() for entry in files_below(*(PACKAGE / floor for floor in FLOORS)) if entry.name.endswith(".py")
+    )
+    return all(max(about.st_mtime, about.st_ctime) <= _BEGAN for about in sources)
 
 
 def library_states_all(parts: Iterable[object]) -> bool:

@@ -22,7 +22,6 @@ from flocking.engine.kernels.motion_source import RATES
 from flocking.engine.kernels.pieces import FREE, free_pieces, limits
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import Reading
-from flocking.formula.origins import library_states_all
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -230,8 +229,7 @@ class Dynamics:
         Call `repack` for the parameters, and then `divide` and `keep_pairs` for the spans of the pieces.
         """
         layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space)
-        known = self._declared is None and library_states_all(layout.parts)
-        if not known or layout.structure != self._structure:
+        if self._declared is not None or not layout.same_kernels(self.layout):
             return None
         found = copy(self)
         found.scenario, found.layout, found._energies, found._reading = scenario, layout, {}, Reading()
@@ -239,10 +237,6 @@ class Dynamics:
         found._places = list(layout.places)
         found._judge_contacts()
         return found
-
-    @cached_property
-    def _structure(self) -> tuple[object, ...]:
-        return self.layout.structure
 
     def _judge_contacts(self) -> None:
         """Find where potentials are infinite."""

@@ -15,7 +15,6 @@ from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import NotFinite
-from flocking.formula.origins import library_states_all
 from flocking.model.law import Law, Scenario
 
 
@@ -66,16 +65,12 @@ class TrueLaw:
             The scenario, of the same agents.
         """
         layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space)
-        if not library_states_all(layout.parts) or layout.structure != self._structure:
+        if not layout.same_kernels(self.layout):
             return None
         found = copy(self)
-        found.scenario, found.law, found.layout, found._structure = scenario, scenario.law, layout, self._structure
+        found.scenario, found.law, found.layout = scenario, scenario.law, layout
         found.barriers = [found.law.has_barrier(graph) for graph in found.law.graphs]
         return found
-
-    @cached_property
-    def _structure(self) -> tuple[object, ...]:
-        return self.layout.structure
 
     def take_parameters(self, t: float) -> None:
         """Take the gains that are in force from the scenario's time ``t`` on."""

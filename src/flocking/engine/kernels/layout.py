@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.errors import UnsupportedLaw
+from flocking.formula.origins import library_states_all
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass
 from flocking.model.checks import Array
@@ -180,7 +181,11 @@ class Layout:
         """Symbol of one parameter."""
         return self.slots[owner, name]
 
-    @property
+    def same_kernels(self, other: Layout) -> bool:
+        """Whether the kernels of this layout are those of ``other``, with other numbers at most."""
+        return library_states_all(self.parts) and self.structure == other.structure
+
+    @cached_property
     def structure(self) -> tuple[object, ...]:
         """What determines the kernels of the library's own parts: which terms act on which graph, and the slots."""
         law = self.law

@@ -11,7 +11,6 @@ import numpy as np
 from flocking.engine.fixed_step.supported_bodies import is_point, refused_in_tiles
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
-from flocking.formula.origins import library_states_all
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
@@ -236,4 +235,4 @@ def only_numbers_differ(spec: KernelSpec, other: KernelSpec) -> bool:
     """
     layout, changed = spec.layout, other.layout
     alike = changed.law.graphs == layout.law.graphs and not changed.obstacle_groups() and spec.kind == other.kind
-    return alike and changed.structure == layout.structure and library_states_all(changed.parts)
+    return alike and changed.same_kernels(layout)
