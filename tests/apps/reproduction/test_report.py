@@ -226,6 +226,26 @@ def test_what_is_not_as_expected_is_framed_and_what_fails_is_listed_first(folder
     assert set_text(judged[0].claim.statement) not in top
 
 
+def _seeds_told(page):
+    """What stands right before the words on seeds, without tags."""
+    return re.sub(r"<[^>]*>", " ", page.split("seeds a scenario")[0])[-20:]
+
+
+def test_the_summary_tells_the_fewest_and_the_most_seeds_of_a_scenario(folder):
+    from dataclasses import replace
+
+    from flocking.apps.reproduction.report import _summary
+    from flocking.study.claims.judgement import Judgement
+
+    _, found = folder
+    papers = {"tanner-2003-fixed": paper("tanner-2003-fixed")}
+    assert " to " not in _seeds_told(_summary(found, papers))
+    assert "5" in _seeds_told(_summary(found, papers))
+    name, (first, *others) = next(iter(found.judgements.items()))
+    fewer = replace(found, judgements={**found.judgements, name: [Judgement(first.claim, first.results[:3]), *others]})
+    assert "3 to 5" in _seeds_told(_summary(fewer, papers))
+
+
 def test_too_few_seeds_are_named_as_the_reason(folder, tmp_path):
     from dataclasses import replace
 

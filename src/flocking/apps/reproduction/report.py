@@ -131,6 +131,8 @@ def _summary(found: Reproduction, papers: dict[str, Paper]) -> str:
     counts = Counter(j.verdict for j in judged)
     faults = Counter(row["verdict"] for rows in found.errata.values() for row in rows)
     origins = Counter(j.claim.origin for j in judged)
+    # Where few seeds meet a hypothesis more of them are tried.
+    tried = [j.tried for j in judged] or [0]
     numbers = [
         (str(len(judged)), "claims judged"),
         (str(counts[Verdict.HOLDS]), "hold"),
@@ -143,7 +145,7 @@ def _summary(found: Reproduction, papers: dict[str, Paper]) -> str:
         (str(faults[Fault.MISPRINT]), "misprints"),
         (str(faults[Fault.READING]), "ambiguities or missing values"),
         (str(faults[Fault.OWN]), "statements of our own, not printed"),
-        (str(max((j.tried for j in judged), default=0)), "seeds a scenario"),
+        (" to ".join(map(str, sorted({min(tried), max(tried)}))), "seeds a scenario"),
         (f"{found.seconds:.0f} s", "computing time"),
     ]
     rows = "".join(_paper_row(key, article, found) for key, article in papers.items())
