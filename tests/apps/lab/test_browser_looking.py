@@ -171,6 +171,12 @@ def test_a_flock_is_fragmented_and_its_strip_turns_at_its_time(page, tab):
         page.send({"kind": "set", "path": ["law", "terms", 0, "potential", *path], "value": value})
     page.send({"kind": "set", "path": list(GAIN), "value": 0.0})
     page.clock.do(lambda: None)
+    # Judged while it is whole: a slow machine would judge it for the first time when it has broken up already.
+    for _ in range(3):
+        page.clock.step(0.01)
+        measured(page, tab)
+    tab.wait(lambda: tab.ask("() => lab.timeline.record.record.strips.connected?.length") == 1, "it is judged while whole")
+    assert tab.ask("() => lab.timeline.record.record.strips.connected[0][1]") != "fails"
     page.clock.speed = 2.0
     tab.press("Play")
     broken = "() => lab.timeline.record.claims.some((c) => c.key === 'connected' && c.word === 'fails')"
