@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.formula.safe_digits import bound_text, given_text, rounded_down, rounded_up
+from flocking.formula.safe_digits import bound_text, compared_texts, given_text, rounded_down, rounded_up
 from flocking.study.certificates.certificate import Enclosure
 
 PACKAGE = Path(fk.__file__).parent
@@ -115,3 +115,17 @@ def test_delay_bound_and_period_bound_of_a_consensus():
         bound, statement = found[key].bound, found[key].statement
         low, high = re.findall(r"(?:below|above) (\d+\.\d+)", statement)
         assert Fraction(low) <= Fraction(bound.lo) <= Fraction(bound.hi) <= Fraction(high)
+
+
+@given(sized, st.one_of(sized, st.floats(-8, 8)), st.integers(1, 9))
+def test_two_texts_compare_as_their_numbers_do(x, y, digits):
+    # Also of two that differ in the last bits alone.
+    for first, second in ((x, y), (x, math.nextafter(x, math.inf)), (x, x)):
+        a, b = compared_texts(first, second, digits)
+        assert (float(a) < float(b)) == (first < second)
+        assert (float(a) == float(b)) == (first == second)
+
+
+def test_two_texts_are_short_where_few_digits_tell_the_numbers_apart():
+    assert compared_texts(1.23456, 2.0) == ("1.23", "2")
+    assert compared_texts(1.0004, 1.0001) == ("1.0004", "1.0001")

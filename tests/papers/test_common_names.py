@@ -33,6 +33,14 @@ def test_a_paper_has_the_common_names(key: str) -> None:
         assert part in described.citation
 
 
+def test_a_short_citation_names_up_to_three_authors():
+    shorts = {key: paper(key).short_citation for key in ALL_KEYS}
+    assert shorts["olfati-saber-2003"] == "Olfati-Saber 2003"
+    assert shorts["cucker-smale-2007"] == "Cucker and Smale 2007"
+    assert shorts["shi-2009"] == "Shi, Wang and Chu 2009"
+    assert shorts["vicsek-1995"] == "Vicsek and others 1995"
+
+
 @pytest.mark.parametrize("key", ALL_KEYS)
 def test_a_paper_gives_the_names_of_its_package_and_no_others(key: str) -> None:
     assert key == paper(key).system.KEY

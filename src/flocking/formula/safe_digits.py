@@ -67,6 +67,24 @@ def nearest_text(x: SupportsFloat, digits: int = DIGITS) -> str:
     return f"{float(x):.{digits}g}"
 
 
+def compared_texts(x: SupportsFloat, y: SupportsFloat, digits: int = 3) -> tuple[str, str]:
+    """Two numbers with so many digits that their texts compare as they do: what exceeds its bound is read to exceed it.
+
+    Parameters
+    ----------
+    x, y
+        The numbers, each rounded to the nearest.
+    digits
+        Fewest significant digits.
+    """
+    first, second = float(x), float(y)
+    for number in range(digits, EXACT_DIGITS + 3):  # seventeen digits tell any two doubles apart
+        texts = nearest_text(first, number), nearest_text(second, number)
+        if texts[0] != texts[1] or first == second:
+            break
+    return texts
+
+
 def given_text(x: SupportsFloat) -> str:
     """A declared number with all the digits that tell it from others.
 

@@ -86,6 +86,16 @@ class Paper:
         return f"{self.authors}: {self.title}. {self.venue}, {self.year}"
 
     @property
+    def short_citation(self) -> str:
+        """Surnames of the authors and the year; of more than three authors the first alone is named."""
+        names = [part.split()[-1] for part in self.authors.replace(" and ", ", ").split(", ") if part.strip()]
+        if len(names) > 3:
+            named = f"{names[0]} and others"
+        else:
+            named = " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+        return f"{named} {self.year}"
+
+    @property
     def package(self) -> str:
         """Dotted name of its package."""
         return self.home or f"flocking.papers.{self.key.replace('-', '_')}"

@@ -175,7 +175,8 @@ def test_a_flock_is_fragmented_and_its_strip_turns_at_its_time(page, tab):
     for _ in range(3):
         page.clock.step(0.01)
         measured(page, tab)
-    tab.wait(lambda: tab.ask("() => lab.timeline.record.record.strips.connected?.length") == 1, "it is judged while whole")
+    count = "() => lab.timeline.record.record.strips.connected?.length"
+    tab.wait(lambda: tab.ask(count) == 1, "it is judged while it is whole")
     assert tab.ask("() => lab.timeline.record.record.strips.connected[0][1]") != "fails"
     page.clock.speed = 2.0
     tab.press("Play")

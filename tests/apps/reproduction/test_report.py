@@ -85,6 +85,11 @@ def test_every_claim_and_erratum_is_in_the_report(folder):
         assert row["verdict"] in ("false statement", "misprint", "ambiguity or missing value")
 
 
+def test_the_contents_name_all_authors_of_a_paper(folder):
+    text, _ = read(folder[0] / "report.html")
+    assert ">Tanner, Jadbabaie and Pappas 2003: " in text
+
+
 def test_the_report_is_well_formed_and_asks_for_nothing(folder):
     out, _ = folder
     text, tags = read(out / "report.html")

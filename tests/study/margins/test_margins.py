@@ -169,6 +169,16 @@ def test_a_conclusion_that_is_open_before_it_is_refuted_is_not_sought_nearer_to_
     assert not open_from_ideal(refuted_first, bracket(refuted_first, 1.0))
 
 
+def test_levels_are_told_in_full_and_intervals_are_rounded_outwards():
+    # 20 of 30 runs: Clopper and Pearson's interval at 95 % is 0.4719 to 0.8271, and a level of 1/3 was tried, no other.
+    level = 1.0 / 3.0
+    counts = {level: Count(20, 10, 0), 0.5: Count(1, 29, 0)}
+    period = Varied("period", "seconds", "held", {"agree": counts}, False)
+    table = Margins("four", {"agree": ""}, {"agree": Count(30)}, (period,), {}, 0.6, 0.1, 0.95, (1,), 90, "finished")
+    (row,) = table.cells
+    assert row[2:7] == ("0.3333333333333333", "20/30", "0.47 to 0.83", "0.5", "1 show it, 29 refute it")
+
+
 def test_the_rounds_of_a_search_share_one_pool(monkeypatch):
     opened = []
 

@@ -216,7 +216,7 @@ def _failing_of(found: Reproduction, titles: dict[str, str], origin: Origin, hea
 
 
 def _name(article: Paper) -> str:
-    return f"{article.authors.split(',')[0].split()[-1]} {article.year}: {article.title}"
+    return f"{article.short_citation}: {article.title}"
 
 
 def _paper(key: str, article: Paper, found: Reproduction, out: Path) -> str:

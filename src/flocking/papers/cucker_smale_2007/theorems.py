@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from flocking.formula.safe_digits import compared_texts
 from flocking.model.bodies.discrete_bodies import Impulsive
 from flocking.model.checks import NO_LESS
 from flocking.model.graphs.all_pairs import Complete
@@ -88,7 +89,8 @@ def differences_decay(e: Evidence) -> Measure:
     worst = int(np.argmin((allowed[frames] - differences) / allowed[frames]))
     frame = int(frames[worst])
     error = _difference_error(e, frame)
-    note = f"largest difference {differences[worst]:.3g} at t = {e.t[frame]:.3g}, bound {allowed[frame]:.3g}"
+    largest, bound = compared_texts(differences[worst], allowed[frame])
+    note = f"largest difference {largest} at t = {e.t[frame]:.3g}, bound {bound}"
     return above(float(allowed[frame]), float(differences[worst]), note, error)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flocking.formula.safe_digits import compared_texts
 from flocking.model.terms.body_terms import Track
 from flocking.papers.grounds import claims_by_name
 from flocking.papers.zhou_2015.bounds import largest_energy, most_new_links
@@ -28,7 +29,8 @@ def energy_limit(e: Evidence) -> float:
 def energy_bounded(e: Evidence) -> Measure:
     """Largest energy of the run against its bound."""
     largest, bound = float(e.trace["energy"].max()), energy_limit(e)
-    return below(largest, bound, f"largest {largest:.4g}, bound {bound:.4g}")
+    reached, limit = compared_texts(largest, bound, 4)
+    return below(largest, bound, f"largest {reached}, bound {limit}")
 
 
 @about(Subject.LINKS, lasting=True)
@@ -73,7 +75,8 @@ def unlinked_apart(e: Evidence) -> Measure:
     """Closest unlinked pair against r - eps, below which every pair is linked."""
     least = float(np.min(np.asarray(e.law.graph.appear_radius)))
     found = e.closest_unlinked
-    return above(found.distance, least * (1 - 1e-9), f"closest unlinked pair {found.distance:.6g}, threshold {least:g}")
+    closest, threshold = compared_texts(found.distance, least, 6)
+    return above(found.distance, least * (1 - 1e-9), f"closest unlinked pair {closest}, threshold {threshold}")
 
 
 def agents_coincide(e: Evidence) -> Measure:

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from flocking.engine.fixed_step.step_checks import RESIDUAL
+from flocking.formula.safe_digits import compared_texts
 from flocking.model.checks import Array
 from flocking.study.evidence.basis import NotResolvable, stated
 from flocking.study.evidence.links import LinkEvidence
@@ -148,10 +149,8 @@ class LedgerEvidence(LinkEvidence):
         gap, allowed = (stated(value, "the difference of its forces from its law") for value in (law.gap, law.allowed))
         if gap <= allowed:
             return ""
-        return (
-            f"a force or power differs from the declared law's by {100 * gap:.3g} %; "
-            f"rounding explains {100 * allowed:.2g} %"
-        )
+        found, explained = compared_texts(100 * gap, 100 * allowed)
+        return f"a force or power differs from the declared law's by {found} %; rounding explains {explained} %"
 
     @property
     def ledger_closes(self) -> bool:
@@ -183,4 +182,5 @@ class LedgerEvidence(LinkEvidence):
         if law is not None and law.checks:
             gap = stated(law.gap, "the difference of its forces from its law")
             share += f"; forces are those of the law to {gap:.0e} of their parts in {law.checks} comparisons"
-        return f"ledger residual {self.residual:.2e}, allowed {self.ledger_bound:.2e}{share}"
+        residual, allowed = compared_texts(self.residual, self.ledger_bound)
+        return f"ledger residual {residual}, allowed {allowed}{share}"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from flocking.formula.safe_digits import given_text
+from flocking.study.confidence_intervals import Interval
 from flocking.study.margins.brackets import Bracket, Count, bracket, islands, open_everywhere, open_from_ideal
 
 
@@ -173,16 +176,16 @@ class Margins:
         lower, upper = row.bracket.lower, row.bracket.upper
         if upper is not None and open_from_ideal(row.counts, row.bracket):
             first = self._first_refuted(row)
-            where, there = ("none tried", "") if first is None else (f"{first:.4g}", _counted(row.counts[first]))
-            shown = (f"not known, open at {upper:.4g}", _counted(row.counts[upper]), "")
+            where, there = ("none tried", "") if first is None else (given_text(first), _counted(row.counts[first]))
+            shown = (f"not known, open at {given_text(upper)}", _counted(row.counts[upper]), "")
             return (row.quantity, row.conclusion, *shown, where, there, _spans(row))
         at_lower = self.ideal[row.conclusion] if lower is None else row.counts[lower]
         interval = at_lower.interval(self.confidence)
         return (
-            row.quantity, row.conclusion, "ideal" if lower is None else f"{lower:.4g}",
+            row.quantity, row.conclusion, "ideal" if lower is None else given_text(lower),
             f"{at_lower.held}/{at_lower.total}",
-            f"{interval.low:.2f} to {interval.high:.2f}" if at_lower.total > 1 else "one run",
-            "all tried" if upper is None else f"{upper:.4g}",
+            _outwards(interval) if at_lower.total > 1 else "one run",
+            "all tried" if upper is None else given_text(upper),
             "" if upper is None else _counted(row.counts[upper]), _spans(row),
         )  # fmt: skip
 
@@ -283,8 +286,13 @@ def _read(data: Mapping[str, object]) -> Margins:
     )  # fmt: skip
 
 
+def _outwards(interval: Interval) -> str:
+    """An interval with two decimals that holds all of it."""
+    return f"{math.floor(100 * interval.low) / 100:.2f} to {math.ceil(100 * interval.high) / 100:.2f}"
+
+
 def _spans(row: Margin) -> str:
-    return ", ".join(f"{a:.4g}" if a == b else f"{a:.4g} to {b:.4g}" for a, b in row.islands)
+    return ", ".join(f"{given_text(a)}" if a == b else f"{given_text(a)} to {given_text(b)}" for a, b in row.islands)
 
 
 def counts_of(verdicts: list[str]) -> Count:

@@ -14,7 +14,6 @@ from flocking.apps.lab.scene.solids import solids
 from flocking.apps.scenario_names import paper_scenarios
 from flocking.model.law import Scenario
 from flocking.papers import keys, paper
-from flocking.papers.description import Paper
 
 MOST_POINTS = 150
 """Agents of a small picture: more would hide each other."""
@@ -41,7 +40,7 @@ def catalogue(folder: Folder) -> dict[str, object]:
         title = found.titles.get(names[0], names[0])
         groups.append(
             {
-                "title": _short(found),
+                "title": found.short_citation,
                 "about": found.title,
                 "first": title,
                 "scenarios": [
@@ -93,7 +92,7 @@ def about(name: str, scenario: Scenario) -> dict[str, str]:
     source = paper(known[0])
     return {
         "title": source.title_of(name), "question": source.question_of(name),
-        "paper": f"{_short(source)}: {source.title}", "citation": source.citation, "size": size,
+        "paper": f"{source.short_citation}: {source.title}", "citation": source.citation, "size": size,
     }  # fmt: skip
 
 
@@ -110,18 +109,6 @@ def _own_question(scenario: Scenario) -> str:
         return ""
     words = f"{', '.join(parts[:-1])} and {parts[-1]}" if len(parts) > 1 else parts[0]
     return f"{words[0].upper()}{words[1:]}?"
-
-
-def _short(found: Paper) -> str:
-    return f"{_surnames(found.authors)} {found.year}"
-
-
-def _surnames(authors: str) -> str:
-    """The authors without their initials, at most three of them."""
-    names = [part.split()[-1] for part in authors.replace(" and ", ", ").split(", ") if part.strip()]
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if len(names) < 4 else (
-        f"{names[0]} and others"
-    )  # fmt: skip
 
 
 def small_picture(scenario: Scenario) -> dict[str, object]:

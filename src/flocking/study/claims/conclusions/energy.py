@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flocking.formula.safe_digits import rounded_up
+from flocking.formula.safe_digits import compared_texts
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.study.claims.claim import Measure, below
 from flocking.study.claims.subjects import Subject, Witness, about
@@ -113,16 +113,16 @@ def at_most(e: Evidence, name: str, seen: float, bound: float) -> Measure:
     """
     found = e.largest(name)
     if found is None:
-        note = f"largest {name} at {len(e.t)} frames {seen:.3g}, bound {rounded_up(bound, 3)}"
+        largest, limit = compared_texts(seen, bound)
+        note = f"largest {name} at {len(e.t)} frames {largest}, bound {limit}"
         known = not seen < bound or e.sampled
         error = 0.0 if known else np.inf
         if e.sampled:
             error += 2.0 * (e.velocity_error + e.position_error) * float(np.sqrt(e.q.shape[2]))
         return below(seen, bound, note if known else f"{note}; nothing is known between", error)
     value, error = max(seen, found.value), max(found.error, ROUNDING * bound)
-    return below(
-        value, bound, f"largest {name} {value:.3g} at t = {found.time:.3g}, bound {rounded_up(bound, 3)}", error
-    )
+    largest, limit = compared_texts(value, bound)
+    return below(value, bound, f"largest {name} {largest} at t = {found.time:.3g}, bound {limit}", error)
 
 
 def needs_ideal(e: Evidence) -> str:
