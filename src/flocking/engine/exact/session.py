@@ -223,7 +223,7 @@ class ExactSession(AdaptiveSession):
         """Record the current segment and apply the switches at its end."""
         segment = self._segment
         t, y = segment.t1, segment.coefficients[-1]
-        self._centres.look(self.steps, lambda: self.state)
+        self._centres.look(self.steps, lambda: (self.state, self.accelerations()))
         if t > segment.t0:
             self._error.leave(segment, self._links, self._origin)
             self.records.sample(segment, self._dynamics.split, self._origin)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.errors import Chattering
 from flocking.model.law import Scenario
 from flocking.model.leaders_and_obstacles.obstacles import Ball
@@ -27,7 +28,7 @@ class ObstacleCentres:
     """Looks now and then whether agents stay at centres of balls in steps that hardly advance.
 
     A law that drives agents inside a ball to its centre, as that of Olfati-Saber (2006) does, has no solution after
-    one arrives there: the direction of the force jumps.
+    one arrives there: the direction of the force jumps. One that rests there without a force stays, as it should.
 
     Parameters
     ----------
@@ -39,17 +40,18 @@ class ObstacleCentres:
         terms = [term for term in scenario.law.body_terms if isinstance(term, ObstacleTerm)]
         self._balls = [o for term in terms for o in term.obstacles if isinstance(o, Ball)]
         self._end, self._steps, self._time = scenario.t_end, 0, scenario.start.t
+        self._order = scenario.agents.order
         self._there: set[tuple[int, int]] = set()
 
-    def look(self, steps: int, state: Callable[[], State]) -> None:
+    def look(self, steps: int, moment: Callable[[], tuple[State, Array]]) -> None:
         """Look at a state after so many steps.
 
         Parameters
         ----------
         steps
             Number of steps of the run.
-        state
-            Gives the state.
+        moment
+            Gives the state, and the rates of change of the velocities, of agents of order 1 their velocities.
 
         Raises
         ------
@@ -58,13 +60,17 @@ class ObstacleCentres:
         """
         if not self._balls or steps - self._steps < LASTING:
             return
-        now = state()
+        now, rates = moment()
         places = np.array([ball.centre.at(now.t)[0] for ball in self._balls])
         reach = CLOSE * np.array([ball.radius for ball in self._balls])
         near = ((now.q[:, None] - places) ** 2).sum(axis=2) < reach**2
+        # A force that would not even move an agent from there in all of the time that remains does not hold it there.
+        remaining = self._end - now.t
+        carried = np.linalg.norm(rates, axis=1) * (remaining if self._order == 1 else remaining**2 / 2.0)
+        near &= carried[:, None] > reach
         there = {(int(i), int(k)) for i, k in zip(*np.nonzero(near), strict=True)}
         staying = sorted({agent for agent, _ in there & self._there})
-        short = (now.t - self._time) * REMAINING < self._end - now.t
+        short = (now.t - self._time) * REMAINING < remaining
         self._steps, self._time, self._there = steps, now.t, there
         if staying and short:
             raise Chattering(
