@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
+import sys
 from collections.abc import Generator
 
 import pytest
@@ -26,6 +28,10 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("project")
+
+# Where Python may write no bytecode, as in many containers, each process that tests start compiles the library again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # A shell starts jobs in the background with interrupts ignored, and processes inherit it: those of the tests need them.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
