@@ -4,9 +4,22 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 Imports = dict[str, set[str]]
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """The syntax tree of a file, which is parsed once."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def nodes_of(tree: ast.Module) -> tuple[ast.AST, ...]:
+    """All nodes of a tree, which is walked once."""
+    return tuple(ast.walk(tree))
 
 
 def imports_of(package: Path) -> Imports:
@@ -27,7 +40,7 @@ def imports_of(package: Path) -> Imports:
         if name == root:
             continue
         named: set[str] = set()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes_of(tree_of(path)):
             if isinstance(node, ast.ImportFrom) and node.level == 0 and (node.module or "").split(".")[0] == root:
                 module = str(node.module)
                 named |= {full if (full := f"{module}.{alias.name}") in modules else module for alias in node.names}

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 import flocking
-from tests.import_graph import Imports, among_children, circles, imports_of
+from tests.import_graph import Imports, among_children, circles, imports_of, nodes_of, tree_of
 
 SOURCE = Path(flocking.__file__).resolve().parent
 ROOT = Path(__file__).resolve().parents[1]
@@ -65,11 +65,6 @@ def test_imports_go_down_only():
 @cache
 def imports_of_source() -> Imports:
     return imports_of(SOURCE)
-
-
-@cache
-def tree_of(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def test_no_files_import_each_other():
@@ -191,7 +186,7 @@ def test_building_a_law_needs_nothing_heavy():
 
 def imports_up(floor: str, tree: ast.Module) -> list[str]:
     """Modules of higher floors that a file imports, anywhere in it."""
-    named = [str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    named = [str(node.module) for node in nodes_of(tree) if isinstance(node, ast.ImportFrom)]
     own = [module for module in named if module.startswith("flocking.")]
     return [module for module in own if FLOORS.index(module.split(".")[1]) > FLOORS.index(floor)]
 
@@ -249,7 +244,7 @@ def test_public_names_are_there_and_listed_once():
     stated = {
         alias.asname
         for path in (SOURCE / "__init__.py", SOURCE / "model" / "library.py")
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes_of(tree_of(path))
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
         if alias.asname and not alias.asname.startswith("_")
@@ -296,8 +291,8 @@ def is_typed_dict(node: ast.AST) -> bool:
 
 def identifiers(tree: ast.Module) -> set[str]:
     """Names that a file gives to variables, arguments, attributes, functions and classes."""
-    keys = {x for node in ast.walk(tree) if is_typed_dict(node) for x in ast.walk(node) if isinstance(x, ast.Name)}
-    nodes = [node for node in ast.walk(tree) if node not in keys]
+    keys = {x for node in nodes_of(tree) if is_typed_dict(node) for x in ast.walk(node) if isinstance(x, ast.Name)}
+    nodes = [node for node in nodes_of(tree) if node not in keys]
     found = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
     found |= {node.attr for node in nodes if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)}
     found |= {node.arg for node in nodes if isinstance(node, ast.arg)}
@@ -362,7 +357,7 @@ MANY_ARGUMENTS = {
 
 def argument_counts(tree: ast.Module) -> dict[str, int]:
     """How many arguments functions have that may be given by position."""
-    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    nodes = [node for node in nodes_of(tree) if isinstance(node, ast.FunctionDef)]
     return {node.name: len(node.args.posonlyargs) + len(node.args.args) for node in nodes}
 
 
@@ -383,7 +378,7 @@ def test_few_values_are_of_any_type():
     found = [
         (path.relative_to(SOURCE).as_posix(), node.lineno)
         for path in FILES
-        for node in ast.walk(tree_of(path))
+        for node in nodes_of(tree_of(path))
         if isinstance(node, ast.Name) and node.id == "Any"
     ]
     assert len(found) <= MOST_ANY, found
