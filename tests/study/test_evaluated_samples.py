@@ -10,19 +10,25 @@ from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference import control
 from flocking.study.trajectory import run_from_samples
 
+GAINS = {"always the same": 0.5, "changed amid the run": fk.Schedule([0.25, 0.45], [0.5, 2.0, 0.1])}
 
-def scenario() -> fk.Scenario:
+
+def scenario(gain: float | fk.Schedule = 0.5) -> fk.Scenario:
     law = fk.Law(
         fk.Proximity(2.0),
-        [fk.Gradient(fk.Potential("(r - 1)**2")), fk.Consensus(0.5)],
+        [fk.Gradient(fk.Potential("(r - 1)**2")), fk.Consensus(0.5), fk.Track(fk.Velocity([1.0, 0.5]), gain)],
     )
     return fk.Scenario(law, fk.start.box(5, side=2.0, speed=1.0, seed=3), t_end=0.6, frames=7)
 
 
-def test_together_they_have_the_bits_of_one_by_one() -> None:
-    made = scenario()
+@pytest.mark.parametrize("gain", GAINS)
+def test_together_they_have_the_bits_of_one_by_one(gain: str) -> None:
+    made = scenario(GAINS[gain])
     run = fk.simulate(made, progress=False)
     states = [fk.State(q, p, float(t)) for q, p, t in zip(run.q, run.p, run.t, strict=True)]
+    # Links that are given, as those of a graph with memory, are not looked for again.
+    states += [fk.State(run.q[0], run.p[0], 0.0, np.zeros((5, 5), dtype=bool))]
+    assert control.evaluate(made.law, states[0]).storage > control.evaluate(made.law, states[-1]).storage == 0.0
     for state, found in zip(states, control.evaluate_each(made, states), strict=True):
         alone = control.evaluate(made.law, state)
         assert found.u.tobytes() == alone.u.tobytes()

@@ -11,7 +11,7 @@ import numpy as np
 
 from flocking.arrays import Indices
 from flocking.engine.kernels.codegen import array_kernels
-from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.layout import Layout, Slots
 from flocking.engine.reference.evaluation import Evaluation
 from flocking.engine.reference.finite_forces import check_finite, check_neighbours
 from flocking.engine.reference.motion import motion_of
@@ -35,10 +35,8 @@ __all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "evaluate
 
 def graph_links(law: Law, state: State, headings: Array | None = None, space: Space = OPEN) -> list[Links]:
     """Link matrix of each graph of the law in a ``space``; for the first, the links of the state if it has any."""
-    found = [g.links_in(space, state.q, headings) for g in law.graphs]
-    if state.links is not None:
-        found[0] = np.asarray(state.links)
-    return found
+    given = [] if state.links is None else [np.asarray(state.links)]
+    return [*given, *(g.links_in(space, state.q, headings) for g in law.graphs[len(given) :])]
 
 
 def control(law: Law, state: State, *, agents: Body | None = None, space: Space = OPEN) -> Array:
@@ -106,13 +104,15 @@ def evaluate_each(scenario: Scenario, states: Iterable[State]) -> list[Evaluatio
     """
     law, agents, energy, space = scenario.law, scenario.agents, scenario.energy, scenario.space
     layout = Layout(law, energy, agents, space, steering=True)
-    taken_apart = layout, array_kernels(layout, scenario.start.dimension)
+    n, m = scenario.start.q.shape
+    slots = layout.values(agents, n) if layout.constant else None
+    taken_apart = layout, array_kernels(layout, m), slots
     return [_evaluated(law, state, agents, energy, space, taken_apart, checked=False) for state in states]
 
 
 def _evaluated(
     law: Law, state: State, agents: Body | None, energy: Energy | None, space: Space,
-    taken_apart: tuple[Layout, ModuleType] | None = None, *, checked: bool,
+    taken_apart: tuple[Layout, ModuleType, Slots | None] | None = None, *, checked: bool,
 ) -> Evaluation:  # fmt: skip
     if not isinstance(state, State):
         raise InvalidInput("control", "state", "must be a State", state, "Use fk.State(q, p).")
@@ -134,9 +134,9 @@ def _evaluated(
     energy = energy or Energy()
     if taken_apart is None:
         layout = Layout(law, energy, agents, space, steering=True)
-        taken_apart = layout, array_kernels(layout, m)
-    layout, module = taken_apart
-    P, A, W = layout.values(agents, n, state.t)
+        taken_apart = layout, array_kernels(layout, m), None
+    layout, module, slots = taken_apart
+    P, A, W = layout.values(agents, n, state.t) if slots is None else slots
     u = np.zeros((n, m))
     force_sum = np.zeros(n)
     frame = frame_velocity(energy, state, A[0])
@@ -234,7 +234,7 @@ def _pair_forces(
     d: Array,
     p: Array,
     pairs: tuple[Indices, Indices],
-    slots: tuple[Array, Array, Array],
+    slots: Slots,
     functional: Array | None,
     frame: Array,
 ) -> tuple[dict[str, Any], Array]:
