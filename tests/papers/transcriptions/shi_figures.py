@@ -59,7 +59,7 @@ def motion(name):
         return np.concatenate([v.ravel(), (u / m[:, None]).ravel()])
 
     y = np.concatenate([q.ravel(), p.ravel()])
-    found = solve_ivp(rate, (0.0, END), y, "DOP853", rtol=1e-9, atol=1e-9, dense_output=True, max_step=0.01).sol
+    found = solve_ivp(rate, (0.0, END), y, "DOP853", rtol=1e-9, atol=1e-9, dense_output=True, max_step=0.03).sol
     return (lambda t: (found(t)[:20].reshape(10, 2), found(t)[20:].reshape(10, 2))), m
 
 

@@ -137,6 +137,10 @@ def acceleration(q, p, links, slope, pull=None):
     return u if pull is None else u - (p - np.asarray(pull))
 
 
+EARLY = 5.0
+"""Time until which links are looked for in short steps."""
+
+
 class Motion:
     """Dense solution of one of the papers' systems, integrated here from the transcribed formulas."""
 
@@ -155,14 +159,16 @@ class Motion:
                 return event(y[: 2 * n].reshape(n, 2), links)
 
             cross.terminal, cross.direction = True, -1
+            # Links switch early, and often: later no step is bounded.
+            early = event is not None and t < EARLY
             with np.errstate(all="ignore"):
                 found = solve_ivp(
-                    rhs, (t, end), y, "DOP853", rtol=1e-10, atol=1e-10, dense_output=True,
-                    events=cross if event else None, max_step=0.02 if event and t < 5 else np.inf,
+                    rhs, (t, min(end, EARLY) if early else end), y, "DOP853", rtol=1e-10, atol=1e-10,
+                    dense_output=True, events=cross if event else None, max_step=0.02 if early else np.inf,
                 )  # fmt: skip
             self.pieces.append((found.t[-1], found.sol, links))
             t, y = found.t[-1], found.y[:, -1]
-            if event:
+            if found.status == 1:
                 links = next_links(y[: 2 * n].reshape(n, 2), links)
         self.n = n
 
