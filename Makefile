@@ -193,7 +193,7 @@ TIER_slow := slow or not slow
 robustness: $(CLUSTER_READY) $(LAB_READY) $(NODES_READY)
 	$(BIN)/python -m pytest -m "($(TIER_$(TIER))) and not mpi and not browser" -n $(WORKERS) --dist loadfile \
 		tests/engine/storage/test_storage.py tests/engine/storage/test_storage_kill.py tests/engine/storage/test_crafted_checkpoints.py \
-		tests/engine/storage/test_foreign_runs.py tests/engine/storage/test_formats.py tests/engine/tiles/test_stored_sessions.py \
+		tests/engine/storage/test_foreign_runs.py tests/engine/storage/test_hostile_folders.py tests/engine/storage/test_formats.py tests/engine/tiles/test_stored_sessions.py \
 		tests/engine/storage/test_storage_creation.py tests/apps/test_process.py tests/machines \
 		tests/engine/storage/test_storage_resume.py tests/apps/lab/test_access.py tests/apps/lab/test_server.py \
 		tests/engine/storage/test_zarr_thread.py tests/engine/nodes/test_signals.py tests/engine/nodes/test_odd_machines.py \
@@ -211,7 +211,8 @@ TIMED := tests/machines tests/apps/test_process.py tests/apps/test_cli.py tests/
 	tests/engine/outside tests/engine/discrete/test_heading_updates.py tests/study/sample_files tests/engine/test_interruption.py tests/engine/driver/test_slices.py tests/engine/driver/test_progress.py tests/engine/driver/test_waits.py tests/engine/driver/test_ensembles.py \
 	tests/engine/reference/test_controller.py tests/engine/nodes \
 	tests/engine/storage/test_storage_kill.py tests/engine/storage/test_storage_creation.py tests/engine/storage/test_storage_resume.py \
-	tests/engine/storage/test_zarr_thread.py tests/engine/tiles/test_stored_sessions.py tests/engine/tiles/test_refusals.py \
+	tests/engine/storage/test_zarr_thread.py tests/engine/storage/test_hostile_folders.py tests/study/scenario_files/test_faults.py \
+	tests/engine/tiles/test_stored_sessions.py tests/engine/tiles/test_refusals.py \
 	tests/engine/tiles/test_cache.py tests/engine/tiles/test_pair_count_bound.py tests/engine/tiles/test_sessions.py \
 	tests/engine/tiles/test_periodic_space.py tests/engine/tiles/test_single_integrators.py \
 	tests/formula/test_cache.py tests/formula/test_grammar.py tests/formula/test_origins.py tests/formula/native \

@@ -9,14 +9,17 @@ import os
 import shutil
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol, cast
 
 from flocking.engine.interruption import interrupted
 from flocking.engine.memory_shortage import starved
+from flocking.engine.storage.bounded_chunks import Bound, bounded_store
+from flocking.engine.storage.regular_files import NO_FILE, opened
 from flocking.errors import FlockingError, StorageError
+from flocking.formula.listed_files import files_below
 
 PARTIAL = ".partial"
 """Suffix of a partly written file; a kill may leave one behind, and it is never read."""
@@ -64,7 +67,7 @@ def put(path: Path, data: bytes | Callable[[BinaryIO], None], *, lasting: bool =
 def checksum(path: Path) -> int:
     """CRC-32 of a file."""
     found = 0
-    with open(path, "rb") as file:
+    with opened(path) as file:
         while part := file.read(2**24):
             found = zlib.crc32(part, found)
     return found
@@ -99,8 +102,9 @@ def settle(folders: set[Path]) -> None:
 
 def sweep(folder: Path) -> None:
     """Remove partial files of a killed process."""
-    for path in folder.rglob(f"*{PARTIAL}"):
-        path.unlink(missing_ok=True)
+    for entry in files_below(folder):
+        if entry.name.endswith(PARTIAL):
+            Path(entry.path).unlink(missing_ok=True)
 
 
 class WritingStore(Protocol):
@@ -109,12 +113,14 @@ class WritingStore(Protocol):
     touched: set[Path]
 
 
-def atomic_store(folder: Path) -> WritingStore:
-    """A Zarr store in ``folder`` whose files are written by `put`; ``touched`` collects the folders of new ones."""
-    from zarr.storage import LocalStore
+def atomic_store(folder: Path, bounds: Mapping[str, Bound] | None = None) -> WritingStore:
+    """A Zarr store in ``folder`` whose files are written by `put`; ``touched`` collects the folders of new ones.
 
-    class AtomicStore(LocalStore):  # type: ignore[misc]
-        """LocalStore whose files are replaced atomically."""
+    Chunks that are there already are read within ``bounds``, see `flocking.engine.storage.bounded_chunks`.
+    """
+
+    class AtomicStore(bounded_store(bounds or {})):  # type: ignore[misc]
+        """A store whose files are replaced atomically."""
 
         touched: set[Path]
 
@@ -257,6 +263,17 @@ def _alive(process: int) -> bool:
     return True
 
 
+def _lock_of(folder: Path) -> BinaryIO:
+    """The file of the folder's lock, made where it is missing: never what a link leads to, never a pipe."""
+    path = folder / ".lock"
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
+    file = os.fdopen(handle, "ab")
+    if not path.is_file():
+        file.close()
+        raise OSError(errno.EINVAL, NO_FILE, str(path))
+    return file
+
+
 @contextmanager
 def only_writer(folder: Path) -> Iterator[None]:
     """Hold the folder's lock; the system releases it when the process ends.
@@ -271,7 +288,7 @@ def only_writer(folder: Path) -> Iterator[None]:
     except ImportError:  # Windows has no such locks.
         yield
         return
-    with open(folder / ".lock", "ab") as file:
+    with _lock_of(folder) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

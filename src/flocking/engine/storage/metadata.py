@@ -12,12 +12,20 @@ from flocking.engine.archives.data_checks import And, Flag, Integer, MalformedEr
 from flocking.engine.runs.columns import ARRAYS, ERRORS, GROWING, LARGEST_CHUNK, MEASURES, QUANTITIES
 from flocking.engine.runs.message_log import TICK_PARTS, USE_PARTS
 from flocking.engine.runs.run import FIRST_QUANTITIES
+from flocking.engine.storage.bounded_chunks import COMPRESSORS
 
 CODECS = ("bytes", "crc32c", "gzip", "vlen-utf8", "zstd")
 """Codecs of Zarr format 3 that a run may use. None of them executes data."""
 
 TYPES = {"f8": "float64", "f4": "float32", "i8": "int64", "u4": "uint32", "u1": "uint8", "?": "bool", "str": "string"}
 """Zarr's names of the types of `flocking.engine.runs.columns.ARRAYS`."""
+
+MOST_CODECS = len(CODECS)
+"""Codecs of one array: each of them once."""
+
+MOST_PIECES, LEAST_PIECE = 1000, 2**10
+"""An array may have so many chunks, and one more for every 1024 bytes: this library stores 4096 rows, or megabytes, in
+a chunk. Zarr keeps a task for every chunk, and a million of them take minutes."""
 
 CHECKPOINT_DIGITS = 6
 """Number of digits in the name of a checkpoint, so that names sort like numbers up to a million."""
@@ -95,15 +103,22 @@ def _check_array(name: str, data: Any, record: dict[str, object]) -> None:
     transformers = And(Many(Text()), "hold no transformers", lambda x: not x)
     grid = Names({"name": Text(("regular",)), "configuration": Names({"chunk_shape": Row([Integer(1)] * len(shape))})})
     codec = Names({"name": Text(CODECS)}, others=True)
+    few = And(Many(codec), f"be at most {MOST_CODECS}", lambda x: len(x) <= MOST_CODECS)
+    # Data packed twice would be bounded after the first unpacking alone.
+    codecs = And(few, "be packed once", lambda x: sum(c["name"] in COMPRESSORS for c in x) < 2)
     keys = Names({"name": Text(("default",))}, others=True)
     Names(
         {"zarr_format": Integer(3, 3), "node_type": Text(("array",)), "shape": Row([*map(Integer, least, shape)]),
-         "data_type": Text(kinds), "chunk_grid": grid, "chunk_key_encoding": keys, "codecs": Many(codec)},
+         "data_type": Text(kinds), "chunk_grid": grid, "chunk_key_encoding": keys, "codecs": codecs},
         {"storage_transformers": transformers}, others=True,
     ).check(data, name)  # fmt: skip
     size = 1 if kind == "str" else np.dtype(data["data_type"]).itemsize
-    if math.prod(data["chunk_grid"]["configuration"]["chunk_shape"]) * size > 2 * LARGEST_CHUNK:
+    chunks = data["chunk_grid"]["configuration"]["chunk_shape"]
+    if math.prod(chunks) * size > 2 * LARGEST_CHUNK:
         raise MalformedError(f"{name}: chunks must be of {LARGEST_CHUNK // 2**20} MiB at most")
+    pieces = math.prod(-(-k // chunk) for k, chunk in zip(data["shape"], chunks, strict=True))
+    if pieces > MOST_PIECES + math.prod(data["shape"]) * size // LEAST_PIECE:
+        raise MalformedError(f"{name}: chunks must not be {pieces} pieces of an array of shape {tuple(data['shape'])}")
 
 
 def _sizes(dimensions: tuple[str, ...], record: Mapping[str, Any]) -> Iterator[int]:

@@ -11,6 +11,7 @@ from typing import Any
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.storage.atomic_files import put, settle
 from flocking.engine.storage.metadata import check_metadata
+from flocking.engine.storage.regular_files import LARGEST_RECORD, bounded_content
 from flocking.errors import StorageError
 
 FORMAT = 2
@@ -36,7 +37,7 @@ def read_record(folder: str | Path) -> dict[str, Any]:
     folder = Path(folder)
     path = folder / RECORD
     try:
-        root = json.loads(path.read_bytes())
+        root = json.loads(bounded_content(path, LARGEST_RECORD))
         record = root["attributes"]["flocking"]
     except (FileNotFoundError, NotADirectoryError):
         raise StorageError(f"{folder}: not a run. A run is a folder with the file {RECORD}.") from None
@@ -63,7 +64,7 @@ def read_record(folder: str | Path) -> dict[str, Any]:
 def read_provenance(folder: Path) -> dict[str, Any]:
     """Provenance of a run as of its last commit."""
     read_record(folder)
-    return dict(json.loads((folder / RECORD).read_bytes())["attributes"].get("provenance", {}))
+    return dict(json.loads(bounded_content(folder / RECORD, LARGEST_RECORD))["attributes"].get("provenance", {}))
 
 
 def engine_of(folder: Path) -> tuple[str, str]:

@@ -40,6 +40,7 @@ from flocking.engine.storage.atomic_files import (
     storage_errors,
     sweep,
 )
+from flocking.engine.storage.bounded_chunks import bounds_of
 from flocking.engine.storage.metadata import checkpoint_name
 from flocking.engine.storage.new_folders import check_free, scenario_text
 from flocking.engine.storage.part_writer import PartSums, joined_sums
@@ -52,6 +53,7 @@ from flocking.engine.storage.record import (
     read_record,
     write_record,
 )
+from flocking.engine.storage.regular_files import LARGEST_RECORD, bounded_content, first_foreign
 from flocking.engine.storage.zarr_thread import zarr_calls
 from flocking.errors import StorageError
 from flocking.model.law import Law, Scenario
@@ -73,7 +75,6 @@ class RunWriter:
         with zarr_calls(), storage_errors(folder, "write the run"), ExitStack() as opening:
             opening.enter_context(only_writer(folder))
             self.record = read_record(folder)
-            self._store = atomic_store(folder)
             self._arrays = self._open_arrays()
             self._closing = opening.pop_all()
         self._counts = dict.fromkeys(GROWING, 0) | dict(self.record["counts"])
@@ -179,13 +180,14 @@ class RunWriter:
         import zarr
 
         sweep(self.folder)
+        if (foreign := first_foreign(self.folder)) is not None:
+            raise StorageError(f"{foreign[0]}: {foreign[1]}; a run is written in its own folder.")
         read_record(self.folder)
-        committed = json.loads((self.folder / RECORD).read_bytes())["consolidated_metadata"]["metadata"]
+        committed = json.loads(bounded_content(self.folder / RECORD, LARGEST_RECORD))["consolidated_metadata"][
+            "metadata"
+        ]
+        self._store = atomic_store(self.folder, bounds_of(committed))
         for name, metadata in committed.items():
-            if (self.folder / name).is_symlink():
-                raise StorageError(
-                    f"{self.folder / name}: a link to another place; a run is written in its own folder."
-                )
             put(self.folder / name / RECORD, json.dumps(metadata).encode(), lasting=False)
         return {name: zarr.open_array(self._store, path=name, mode="r+", zarr_format=3) for name in committed}
 

@@ -39,11 +39,14 @@ from flocking.engine.runs.run import OBSERVED_FIELDS, TRACE_FIELDS, Closest, Run
 from flocking.engine.runs.run_errors import accuracy_of
 from flocking.engine.runs.stored_fidelity import fidelity_of
 from flocking.engine.storage.atomic_files import NO_MEMORY, read_soundly, storage_errors
-from flocking.engine.storage.record import SCENARIO, read_record
+from flocking.engine.storage.bounded_chunks import bounded_store, bounds_of
+from flocking.engine.storage.record import RECORD, SCENARIO, read_record
 from flocking.engine.storage.record_checks import check_records
+from flocking.engine.storage.regular_files import LARGEST_RECORD, LARGEST_SCENARIO, bounded_content
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.zarr_thread import zarr_calls
 from flocking.errors import FlockingError, InvalidInput, StorageError
+from flocking.formula.listed_files import files_below
 from flocking.model.checks import integer
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import from_data
@@ -125,7 +128,9 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     with storage_errors(folder, "read the run"), zarr_calls():
         import zarr
 
-        group = zarr.open_group(str(folder), mode="r", use_consolidated=True, zarr_format=3)
+        root = json.loads(bounded_content(folder / RECORD, LARGEST_RECORD))
+        store = bounded_store(bounds_of(root["consolidated_metadata"]["metadata"]))(folder, read_only=True)
+        group = zarr.open_group(store, mode="r", use_consolidated=True, zarr_format=3)
         arrays = {name: group[name] for name in group.attrs["flocking"]["arrays"]}
     count = record["counts"]["time"] if frames is None else min(frames, record["counts"]["time"])
     first = 0 if last is None else max(0, count - last)
@@ -198,7 +203,7 @@ def stored_facts(folder: str | Path) -> StoredFacts:
 def _stored_facts(folder: Path) -> StoredFacts:
     record = read_record(folder)
     with storage_errors(folder, "read the run"):
-        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+        size = sum(entry.stat().st_size for entry in files_below(folder) if entry.is_file())
     return {
         "title": record["title"], "status": record["status"], "agents": record["n"], "dimension": record["dimension"],
         "frames": record["counts"]["time"], "links": record["links"], "commits": record["commits"],
@@ -223,7 +228,7 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
             "Give it when reading in Python: read_run(folder, scenario=...)."
         )
     with storage_errors(folder, "read the scenario"):
-        text = (folder / SCENARIO).read_bytes()
+        text = bounded_content(folder / SCENARIO, LARGEST_SCENARIO)
     if zlib.crc32(text) != about["checksum"]:
         raise StorageError(f"{folder / SCENARIO}: the scenario does not match its checksum; the file was damaged.")
     try:
