@@ -1,5 +1,7 @@
 """Faults of scenario files: all of them at once, each at its place, and files that mean harm."""
 
+import time
+
 import pytest
 
 import flocking as fk
@@ -178,6 +180,69 @@ def test_limits_have_an_explicit_way_out(tmp_path):
 def test_deep_nesting_is_refused_at_once(text):
     with pytest.raises(ScenarioFileError, match="must not nest deeper"):
         parse_scenario(text)
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        "",
+        "x = { ",
+        '"#".',
+        '"=".',
+        "'='.",
+        '"[".',
+        'x = { "#" = 1, ',
+        'x = { y = """a"""", ',
+        "x = { y = '''a'''', ",
+        "[",
+        "[['#'.",
+    ],
+)
+def test_keys_of_many_parts_are_refused_at_once(before):
+    """The parser takes the square of the number of parts: 200,000 take minutes."""
+    begin = time.process_time()
+    with pytest.raises(ScenarioFileError, match="must not nest deeper"):
+        parse_scenario(before + "a." * 200_000 + "b = 1\n")
+    assert time.process_time() - begin < 5.0
+
+
+@pytest.mark.parametrize("text", ["x = '#', [", 'x = ["#", ', 'x = """a"""", ', "x = '''a''''', "])
+def test_texts_hide_no_brackets(text):
+    with pytest.raises(ScenarioFileError, match="must not nest deeper"):
+        parse_scenario(text + "[" * 1000)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# [[[[[[[[[[[[[[[[[[[[[[[[[[[[[ a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a",
+        "y = '[[[[[[[[[[[[[[[[[[[[[[[[[[[[[ a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a'",
+        'y = """\n[[[[[[[[[[[[[[[[[[[[[[[[[[\na.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a\\""" """'.replace(
+            ' """', '"""'
+        ),
+        f"y = [{', '.join(['1.5'] * 100)}]",
+    ],
+)
+def test_texts_comments_and_lists_of_numbers_are_not_nested(text):
+    with pytest.raises(ScenarioFileError) as error:
+        parse_scenario(text)
+    assert "nest" not in str(error.value)
+
+
+@pytest.mark.parametrize("number", ["0x" + "f" * 5000, "0b" + "1_0" * 20_000, "0o" + "7" * 100_000])
+def test_integers_that_python_cannot_print_are_refused(number):
+    for text in (f"seed = {number}\n{DRAWN}", f"x = [1, {number}]"):
+        with pytest.raises(ScenarioFileError, match="integer of more than 100 digits"):
+            parse_scenario(text)
+
+
+def test_a_key_of_a_file_is_one_line_of_bounded_length():
+    with pytest.raises(ScenarioFileError) as error:
+        parse_scenario('"a\\nflocking: all is fine\\u202e\\u001b[2J" = 1\n' + "k" * 1_000_000 + " = 1\n")
+    message = str(error.value)
+    assert len(message.splitlines()) == 1 + len(error.value.problems)
+    assert all(line.isprintable() for line in message.splitlines())
+    assert len(message) < 3000
 
 
 def test_a_file_that_cannot_be_read_is_told_in_one_line(tmp_path):

@@ -10,6 +10,9 @@ from flocking.errors import InvalidInput, said
 LONGEST_SHOWN = 60
 """Characters of a wrong value that a message repeats: half a line."""
 
+LONGEST_LINE = 1000
+"""Characters of a fault in a message: the longest list of known names takes about half."""
+
 LONGEST_LIST = 8
 """Entries up to which a list is shown and not counted: more do not fit in half a line."""
 
@@ -44,11 +47,24 @@ class Problem:
 
 
 def place_of(path: Iterable[str | int]) -> str:
-    """A path as text, such as ``terms[1].gain``."""
+    """A path as text, such as ``terms[1].gain``; a long key of the file is cut."""
     text = ""
     for step in path:
-        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+        key = (
+            f"[{step}]"
+            if isinstance(step, int)
+            else step
+            if len(step) <= LONGEST_SHOWN
+            else f"{step[:LONGEST_SHOWN]}..."
+        )
+        text += f".{key}" if text and isinstance(step, str) else key
     return text or "file"
+
+
+def one_line(text: str) -> str:
+    """A text of a file in one line of at most `LONGEST_LINE` characters: no line of it passes for another message."""
+    line = "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text[: LONGEST_LINE + 1])
+    return line if len(text) <= LONGEST_LINE else f"{line[:LONGEST_LINE]}..."
 
 
 def shown(value: object) -> str:

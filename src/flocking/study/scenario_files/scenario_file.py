@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from flocking.errors import InvalidInput
 from flocking.model.law import Law, Scenario
 from flocking.model.parts.seeds import SeedNumber, given_seed
 from flocking.model.state import State
-from flocking.study.scenario_files.problems import problem_of
+from flocking.study.scenario_files.problems import one_line, problem_of
 from flocking.study.scenario_files.scenario_misfits import misfits
 from flocking.study.scenario_files.text_files import read_text_file
 
@@ -21,6 +22,9 @@ LARGEST_FILE = 32 * 2**20
 28 million as text."""
 DEEPEST_NESTING = 20
 """Nested brackets of a file: far below the recursion limit of the parser."""
+
+MOST_DIGITS = 100
+"""Digits of an integer in another base than ten: one of 64 bits has 64 at most, and TOML asks for no more."""
 
 MOST_SHOWN = 200
 """Faults that a message lists; the error holds them all."""
@@ -44,7 +48,7 @@ class ScenarioFileError(InvalidInput):
         super().__init__(self.content, source, f"must be a {self.content} file", problems)
         self.problems = tuple(problems)
         more = [f"  ... and {len(problems) - MOST_SHOWN} more"] if len(problems) > MOST_SHOWN else []
-        self.args = ("\n".join([head, *(f"  {line}" for line in problems[:MOST_SHOWN]), *more]),)
+        self.args = ("\n".join([head, *(f"  {one_line(line)}" for line in problems[:MOST_SHOWN]), *more]),)
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -176,8 +180,12 @@ def _reseed(data: dict[str, object], seed: int, source: str) -> None:
 def _toml(text: str, source: str) -> dict[str, object]:
     import tomllib
 
-    if _nesting(text) > DEEPEST_NESTING:
+    bare = _TEXTS.sub("s", text)
+    if _nests_deeply(bare):
         raise ScenarioFileError(source, [f"file: must not nest deeper than {DEEPEST_NESTING} brackets or dots"])
+    if _LONG_NUMBER.search(bare):
+        # Python reads them, and prints none of more than 4,300 decimal digits.
+        raise ScenarioFileError(source, [f"file: must not hold an integer of more than {MOST_DIGITS} digits"])
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -186,22 +194,24 @@ def _toml(text: str, source: str) -> dict[str, object]:
         raise ScenarioFileError(source, [f"file: is not TOML that can be read ({error})"]) from None
 
 
-def _nesting(text: str) -> int:
-    """Deepest nesting of brackets, or of a dotted key, outside comments; text in quotes counts too."""
-    deepest = 0
+_TEXTS = re.compile(
+    r'"""(?:[^\\]|\\.)*?""""{0,2}|' + r"'''.*?''''{0,2}|" + r'"(?:[^"\\\n]|\\.)*"|' + r"'[^'\n]*'|#[^\n]*", re.DOTALL
+)
+_LONG_KEY = re.compile(rf"(?:^|[\n=,{{}}\[\]])(?:[^\n=,{{}}\[\].]*\.){{{DEEPEST_NESTING + 1}}}")
+
+
+_LONG_NUMBER = re.compile(rf"\b0[xob][0-9a-fA-F_]{{{MOST_DIGITS + 1}}}")
+
+
+def _nests_deeply(bare: str) -> bool:
+    """Whether brackets, or the dots of a key, nest deeper than `DEEPEST_NESTING`, texts and comments left out."""
     depth = 0
-    for line in text.splitlines():
-        key = line.split("=", 1)[0]
-        if "#" not in key:
-            deepest = max(deepest, key.count("."))
-        if "[" not in line and "{" not in line and depth == 0:
-            continue
-        for letter in line:
-            if letter == "#":
-                break
-            depth = max(0, depth + (letter in "[{") - (letter in "]}"))
-            deepest = max(deepest, depth)
-    return deepest
+    for found in re.finditer(r"[\[\]{}]", bare):
+        depth = max(0, depth + (1 if found[0] in "[{" else -1))
+        if depth > DEEPEST_NESTING:
+            return True
+    # The parser takes the square of the number of dots.
+    return _LONG_KEY.search(bare) is not None
 
 
 def scenario_to_text(scenario: Scenario) -> str:

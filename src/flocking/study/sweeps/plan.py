@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flocking.errors import InvalidInput
+from flocking.errors import InvalidInput, said
 from flocking.model.checks import integer
 from flocking.study.sweeps.sampling import Sample
 
@@ -95,7 +95,7 @@ class Plan:
         if self.size > self.most_runs:
             raise InvalidInput(
                 "sweep", "grid", f"must make at most {self.most_runs} runs", self.size,
-                f"Pass most_runs={self.size} (--most-runs {self.size}) if you mean it.",
+                f"Pass most_runs={said(self.size)} (--most-runs {said(self.size)}) if you mean it.",
             )  # fmt: skip
 
     @property
@@ -226,7 +226,8 @@ def recorded(value: object) -> object:
     try:
         json.dumps(value)
     except (TypeError, ValueError):
-        return {"repr": repr(value)}
+        # Python prints no integer of thousands of decimal digits.
+        return {"repr": hex(value) if isinstance(value, int) else repr(value)}
     return value
 
 
