@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import flocking.model.library  # noqa: F401  registers the parts of the library
-from flocking.arrays import AnyArray
+from flocking.arrays import HEADER_ERRORS, AnyArray
 from flocking.errors import InvalidInput
 from flocking.model.parts.description import Description, registered, registered_names
 from flocking.model.parts.values import NAMED_NUMBERS, Value
@@ -198,7 +198,7 @@ def _array(text: str | bytes, where: str) -> AnyArray:
     try:
         file = io.BytesIO(base64.b64decode(text, validate=True))
         values = np.load(file, allow_pickle=False)
-    except (TypeError, ValueError, EOFError, OSError, binascii.Error) as error:
+    except (*HEADER_ERRORS, TypeError, EOFError, OSError, binascii.Error) as error:
         raise InvalidInput(where, "npy", f"must be a NumPy array in base64 ({error})", str(text)[:20]) from None
     if not isinstance(values, np.ndarray) or values.dtype.kind not in "bfiu":
         raise InvalidInput(where, "npy", "must be an array of numbers", str(text)[:20])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import resource
@@ -13,7 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flocking.errors import InvalidInput
+from flocking.engine.archives.archive import UNREADABLE, read_archive
+from flocking.engine.storage.start_files import read_start
+from flocking.errors import InvalidInput, StorageError
+from flocking.model.serial import from_data
 from flocking.study.sample_files import samples as limits
 from flocking.study.sample_files.reading import read_samples
 from tests.counting import count
@@ -215,4 +219,67 @@ def test_labels_of_parquet_files(tmp_path):
     assert (read_samples(path).q == Q).all()
     path.write_bytes(parquet([None, *(str(k % 4) for k in range(1, 24))]))
     with pytest.raises(InvalidInput, match="row 1, column id must name an agent"):
+        read_samples(path)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        ",".join(f"c{k}" for k in range(300_000)),
+        "t,id,x,y," + ",".join(f"c{k}" for k in range(300_000)),
+        "t,id,x,y" + "," * 300_000,
+        ",".join("c" * 100_000 + str(k) for k in range(100)),
+        "t" * 100_000 + ",id,x",
+    ],
+)
+def test_headers_of_many_or_long_names_take_no_longer_than_they_are(tmp_path, header):
+    """Each name was compared with every other one."""
+    path = tmp_path / "a.csv"
+    path.write_text(header + "\n1,2,3\n")
+    begin = time.process_time()
+    with pytest.raises(InvalidInput) as error:
+        read_samples(path)
+    assert time.process_time() - begin < SOON / 2
+    assert len(str(error.value)) < 3000
+    count("files of samples: with many or long names")
+
+
+def header_of(shape: object, kind: str = "<f8", text: str = "") -> bytes:
+    said = text or repr({"descr": kind, "fortran_order": False, "shape": shape})
+    said += " " * (-(len(said) + 11) % 64) + "\n"
+    return b"\x93NUMPY\x01\x00" + len(said).to_bytes(2, "little") + said.encode()
+
+
+def packed_arrays(path: Path, q: bytes) -> Path:
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("t.npy", header_of((6,)) + T.tobytes())
+        file.writestr("q.npy", q)
+    return path
+
+
+CRAFTED = {
+    "brackets": "(" * 9000 + ")" * 900, "braces": "{" * 60_000, "quote": "'",
+    "digits": "1" * 9000, "open": "{1: 2", "back": "\\", "lines": "(\n" * 4000,
+}  # fmt: skip
+"""Headers of arrays, for which NumPy raises errors of its tokenizer and of its parser."""
+
+
+@pytest.mark.parametrize("text", CRAFTED)
+def test_headers_of_arrays_are_refused_in_one_sentence(tmp_path, text):
+    array = header_of((), text=CRAFTED[text])
+    with pytest.raises(InvalidInput, match="plain arrays"):
+        read_samples(packed_arrays(tmp_path / "a.npz", array))
+    with pytest.raises(InvalidInput, match="NumPy array in base64"):
+        from_data({"npy": base64.b64encode(array).decode()})
+    with pytest.raises(StorageError, match="plain arrays"):
+        read_start(packed_arrays(tmp_path / "b.npz", array))
+    with pytest.raises(UNREADABLE):
+        read_archive(packed_arrays(tmp_path / "c.npz", array))
+    count("files of samples: crafted headers of arrays")
+
+
+def test_small_numbers_count_as_the_large_ones_that_they_become(tmp_path, monkeypatch):
+    monkeypatch.setattr(limits, "LARGEST_FILE", 100_000)
+    path = packed_arrays(tmp_path / "a.npz", header_of((6, 10_000, 1), "|u1") + bytes(60_000))
+    with pytest.raises(InvalidInput, match="must have at most 100000 bytes; got 480000"):
         read_samples(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import struct
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any, BinaryIO, cast
 
 import numpy as np
 
-from flocking.arrays import AnyArray
+from flocking.arrays import HEADER_ERRORS, AnyArray
 from flocking.engine.archives.data_checks import MalformedError
 
 Arrays = dict[str, AnyArray]
@@ -24,8 +25,8 @@ PLAIN = "biuf"
 """NumPy kinds that arrays may have: truth values, integers and floating-point numbers."""
 
 UNREADABLE = (
-    ValueError, KeyError, TypeError, IndexError, AttributeError, ArithmeticError, RecursionError, OSError, EOFError,
-    NotImplementedError, zipfile.BadZipFile,
+    *HEADER_ERRORS, KeyError, TypeError, IndexError, AttributeError, ArithmeticError, OSError, EOFError,
+    NotImplementedError, zipfile.BadZipFile, struct.error,
 )  # fmt: skip
 """Errors of reading data that are no archive, or another one."""
 

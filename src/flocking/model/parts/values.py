@@ -13,6 +13,9 @@ import numpy as np
 if TYPE_CHECKING:
     from flocking.formula.grammar import Formula
 
+LONGEST_WORD, LONGEST_WORDS = 200, 2000
+"""Characters of a word that is compared, and of a list of words in a hint: longer than any of this library."""
+
 SIMILAR = 0.6
 """Similarity of two words from which on one is offered for the other: the default of `difflib`."""
 
@@ -103,10 +106,15 @@ def hidden(value: Value) -> Value:
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """A hint with the known word most similar to ``word``, or a list of all known words."""
+    """A hint with the known word most similar to ``word``, or a list of all known words, as far as they fit."""
     choices = sorted(known)
-    close = difflib.get_close_matches(word, choices, n=1, cutoff=SIMILAR)
-    return f"Did you mean {close[0]!r}?" if close else f"Known here: {', '.join(choices)}."
+    # Words of files may be of any length, and comparing two takes the product of theirs.
+    short = [choice for choice in choices if len(choice) <= LONGEST_WORD]
+    close = difflib.get_close_matches(word[:LONGEST_WORD], short, n=1, cutoff=SIMILAR)
+    if close:
+        return f"Did you mean {close[0]!r}?"
+    words = ", ".join(choices)
+    return f"Known here: {words if len(words) <= LONGEST_WORDS else words[:LONGEST_WORDS] + '...'}."
 
 
 def _number(value: object) -> float:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.arrays import HEADER_ERRORS
 from flocking.engine.storage.export_formats import missing_package
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
@@ -57,8 +58,8 @@ def read_npz(path: Path, columns: Columns) -> Samples:
     except InvalidInput:
         raise
     except (
-        ValueError, OSError, EOFError, KeyError, TypeError, SyntaxError, MemoryError, OverflowError, RuntimeError,
-        NotImplementedError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error,
+        *HEADER_ERRORS, OSError, EOFError, KeyError, TypeError, MemoryError, OverflowError, RuntimeError,
+        zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error,
     ) as error:  # fmt: skip
         said = f"must be an NPZ file of plain arrays ({reason(error)})"
         raise InvalidInput(str(path), "file", said, path.name) from None

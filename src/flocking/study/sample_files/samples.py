@@ -17,6 +17,10 @@ LARGEST_FILE = 2_000_000_000
 """Bytes of a file, and of the arrays unpacked from it, a bound on memory: 2 GB."""
 
 
+MOST_COMPARED = 1000
+"""Names of a file that are compared with a missing one, to suggest the nearest: more are no table of a motion."""
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Samples of a motion.
@@ -95,7 +99,7 @@ class Columns:
             Columns of the file.
         """
         name = self.name(ours)
-        fix = f"{nearest(name, found)} Name it with --column {ours}=NAME."
+        fix = f"{nearest(name, found[:MOST_COMPARED])} Name it with --column {ours}=NAME."
         return InvalidInput(str(self.path), f"column {name}", f"must be in the file ({ours})", found, fix)
 
     def present(self, ours: str, found: list[str]) -> bool:
@@ -182,6 +186,7 @@ def finite_array(path: Path, name: str, values: object, ndim: int) -> Array:
     if array.ndim != ndim:
         axes = {1: "(times)", 3: "(times, agents, axes)"}[ndim]
         raise InvalidInput(str(path), f"array {name}", f"must have the shape {axes}", array.shape)
+    check_size(path, array.size * np.dtype(np.float64).itemsize, f"array {name} in double precision")
     found = np.ascontiguousarray(array, dtype=np.float64)
     wrong = np.argwhere(~np.isfinite(found))
     if len(wrong):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from array import array as buffer
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,8 +61,8 @@ def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
     if other:
         fix = "Write the table with commas between columns, and points in numbers."
         raise InvalidInput(str(path), "line 1, columns", "must be separated by commas", SEPARATORS[other], fix)
-    twice = next((name for name in header if header.count(name) > 1), "")
-    if twice:
+    if len(set(header)) < len(header):
+        twice = next(name for name, times in Counter(header).items() if times > 1)
         raise InvalidInput(str(path), "line 1, columns", "must have different names", twice)
     axes, speeds = _axes(columns, header)
     needed = ["t", *axes, *speeds]
