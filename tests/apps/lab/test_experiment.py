@@ -1,6 +1,7 @@
 """Experiments without any page: events on step boundaries, exact replay, the way back, bounded memory."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -254,6 +255,39 @@ def test_what_is_no_log_is_refused(tmp_path, text):
     path.write_text(text)
     with pytest.raises(InvalidInput):
         EventLog.read(path)
+
+
+@pytest.mark.parametrize("name", ["end", "time"])
+@pytest.mark.parametrize(
+    "text", ["NaN", "Infinity", "-Infinity", "1e400", "9" * 400, "9" * 100_000, '"1"', "[]", "true", "null"]
+)
+def test_times_of_a_log_are_finite_numbers(tmp_path, name, text):
+    """An event at an infinite time kept a replay running without end; NaN as its end left nothing to replay."""
+    path = disturbed().log.write(tmp_path / "log.json")
+    said = re.sub(rf'"{name}": [-+.e0-9]+', lambda _: f'"{name}": {text}', path.read_text(), count=1)
+    assert said != path.read_text()
+    path.write_text(said)
+    with pytest.raises(InvalidInput):
+        EventLog.read(path)
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        {"kind": []}, {"kind": {}}, {"kind": None}, {"kind": "add", "q": [[0, 0]] * 9, "p": [[0, 0]] * 9},
+        {"kind": "add", "n": 10**12, "seed": 1}, {"kind": "kill", "agents": [10**400]}, {"kind": "kill", "agents": "x"},
+        {"kind": "kick", "agents": [0], "velocity": [[1, 2], [3]]}, {"kind": "kick", "agents": [0], "speed": 10**400},
+        {"kind": "set", "path": [10**400], "value": 1}, {"kind": "set", "path": [[]], "value": 1},
+        {"kind": "set", "path": "", "value": 1}, {"kind": "set", "path": ["__class__"], "value": 1},
+    ],
+)  # fmt: skip
+def test_what_is_no_event_is_refused(event):
+    made = Experiment(led())
+    made.advance(0.05)
+    before = made.state
+    with pytest.raises(InvalidInput):
+        made.apply(event)
+    assert made.state.q.tobytes() == before.q.tobytes()
 
 
 def test_a_log_is_plain_data(tmp_path):

@@ -74,13 +74,15 @@ def outcome(event: Event, scenario: Scenario, base: Scenario, state: State) -> O
         When it is not an event, or a part refuses the change.
     """
     kind = event.get("kind")
-    if kind not in _KINDS:
+    if not isinstance(kind, str) or kind not in _KINDS:
         raise InvalidInput("lab", "kind", f"must be one of {', '.join(_KINDS)}", kind)
     try:
         return _KINDS[kind](event, scenario, base, state)
     except KeyError as missing:
         raise InvalidInput("lab", str(missing.args[0]), f"must be given for an event of kind {kind!r}", None) from None
-    except (TypeError, IndexError) as error:
+    except InvalidInput:
+        raise
+    except (TypeError, IndexError, ValueError, ArithmeticError) as error:
         raise InvalidInput("lab", kind, f"must be an event that fits the scenario ({error})", event) from None
 
 
@@ -352,12 +354,14 @@ class EventLog:
             data = json.loads(file.read_text(encoding="utf-8"))
             if data["format"] != FORMAT:
                 raise InvalidInput("lab", "format", f"must be {FORMAT}", data["format"])
-            entries = [(float(e["time"]), {k: v for k, v in e.items() if k != "time"}) for e in data["events"]]
+            entries = [
+                (number("lab", "time", e["time"]), {k: v for k, v in e.items() if k != "time"}) for e in data["events"]
+            ]
             scenario = from_data(data["scenario"])
-            found = cls(scenario, str(data["engine"]), entries, float(data["end"]))
+            found = cls(scenario, str(data["engine"]), entries, number("lab", "end", data["end"]))
         except InvalidInput:
             raise
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, ArithmeticError) as error:
             raise InvalidInput("lab", "log", f"must be an event log ({error})", str(path)) from None
         if not isinstance(scenario, Scenario):
             raise InvalidInput("lab", "scenario", "must be a scenario", type(scenario).__name__)
