@@ -29,7 +29,7 @@ def nodes(machines: Machines, place: Path) -> LongCommand:
     )  # fmt: skip
 
 
-@moments(number=60, default=4)
+@moments(default=4)
 def test_processes_end_with_their_world(nodes: LongCommand, memory: Path, moment: int) -> None:
     early = nodes.struck(memory, moment).early
     folder, recording = memory / "struck" / "run", memory / "struck" / "run.mcap"
