@@ -72,3 +72,11 @@ def test_diff(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert (found["equal"], found["first_difference"]["agent"]) == (False, 7)
     assert main(["diff", str(folder), str(other), "--tolerance", "1e-9"]) == 0
     assert main(["diff", str(folder), str(tmp_path / "none")]) == 2
+
+
+def test_the_name_of_the_cache_folder_is_printed_without_control_characters(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("FLOCKING_CACHE", str(tmp_path / "a\x1b[2J\u202e"))
+    assert main(["cache"]) == 0
+    said = capsys.readouterr().out
+    assert all(line.isprintable() for line in said.splitlines())
+    assert "a\\x1b[2J\\u202e" in said

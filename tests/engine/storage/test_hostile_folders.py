@@ -183,6 +183,13 @@ def test_sizes_are_those_of_what_is_unpacked(size: int, compressor: str) -> None
             check_unpacked(packed, Bound(size - 1, compressor))
 
 
+def test_the_version_of_a_record_is_said_in_few_digits(folder: Path) -> None:
+    sealed(folder, lambda root, _: root["attributes"]["flocking"].update(format=10**4000))
+    with pytest.raises(StorageError, match="newer version") as error:
+        read_run(folder)
+    assert len(str(error.value)) < 500
+
+
 def test_a_large_file_in_place_of_a_record_is_not_read(folder: Path) -> None:
     os.truncate(folder / RECORD, 2**40)
     with pytest.raises(StorageError, match="bytes, more than"):

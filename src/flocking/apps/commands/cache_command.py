@@ -7,6 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from flocking.apps.standard_streams import printable
+
 MEGABYTE = 1e6
 """Bytes in a megabyte, as storage is sold and `ls --si` counts."""
 
@@ -29,7 +31,7 @@ def cache(*, clear: bool = False, as_json: Annotated[bool, Parameter(name="--jso
                  "limit": code_cache.MOST_BYTES, "cleared": clear}  # fmt: skip
         print(json.dumps(facts, indent=2))
         return 0
-    print(f"folder    {found.folder}")
+    print(printable(f"folder    {found.folder}"))
     what = f"{found.files} files, {found.size / MEGABYTE:.3g} MB, of {found.formulas} laws and formulas"
     print(f"{'cleared' if clear else 'holds':9} {what}")
     print(f"limit     {code_cache.MOST_BYTES / MEGABYTE:.3g} MB; the least recently used is removed first")

@@ -12,7 +12,7 @@ from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.storage.atomic_files import put, settle
 from flocking.engine.storage.metadata import check_metadata
 from flocking.engine.storage.regular_files import LARGEST_RECORD, bounded_content
-from flocking.errors import StorageError
+from flocking.errors import StorageError, said
 
 FORMAT = 2
 """Version of the layout on disk; a reader refuses newer ones. Runs of format 1 contain no errors of frames."""
@@ -49,8 +49,8 @@ def read_record(folder: str | Path) -> dict[str, Any]:
         raise StorageError(f"{path}: not the record of a run; the file is damaged or foreign.")
     if record["format"] > FORMAT:
         raise StorageError(
-            f"{folder}: written by a newer version of flocking (format {record['format']}; this one reads {FORMAT}). "
-            "Update flocking to read it."
+            f"{folder}: written by a newer version of flocking "
+            f"(format {said(record['format'])}; this one reads {FORMAT}). Update flocking to read it."
         )
     if record.pop("seal", None) != _seal(root):
         raise StorageError(f"{path}: the record of the run does not match its checksum; the file was damaged.")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeGuard
 
 from flocking.engine.storage import atomic_files
-from flocking.errors import StorageError
+from flocking.errors import StorageError, said
 from flocking.study.sweeps.worker_tasks import LONGEST_MESSAGE, Row
 
 FORMAT = 1
@@ -175,7 +175,7 @@ def _opened(path: Path, *, check_format: bool = False) -> dict[str, object]:
     if check_format and isinstance(inner.get("format"), int) and inner["format"] > FORMAT:
         raise StorageError(
             f"{path.parent}: written by a newer version of flocking "
-            f"(format {inner['format']}; this one reads {FORMAT}). Update flocking to read it."
+            f"(format {said(inner['format'])}; this one reads {FORMAT}). Update flocking to read it."
         )
     return inner
 
