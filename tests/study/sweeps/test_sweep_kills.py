@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import textwrap
 import threading
 import time
 from functools import cache
@@ -168,6 +169,19 @@ def test_a_process_that_begins_without_interrupts_never_hears_of_ctrl_c():
     assert signal.getsignal(signal.SIGINT) is before
     outside = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert "KeyboardInterrupt" in outside.stderr
+
+
+def test_workers_have_ctrl_c_blocked_from_their_first_moment():
+    """In a process of its own: whoever starts Python's tracker of resources had its signals unblocked at the end."""
+    code = """
+        import signal
+        from flocking.study.sweeps.worker_pool import LocalProcesses
+        with LocalProcesses(2) as workers:
+            print(signal.SIGINT in workers.submit(signal.pthread_sigmask, signal.SIG_BLOCK, ()).result())
+            print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+    """
+    ended = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True)
+    assert (ended.stdout.split(), ended.stderr) == (["True", "False"], "")
 
 
 def test_workers_are_stopped_while_much_waits_for_them(tmp_path, monkeypatch):

@@ -71,9 +71,12 @@ def without_interrupts() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    from multiprocessing import resource_tracker
+
     from joblib.externals.loky.backend.resource_tracker import ensure_running
 
-    # Started first, since it unblocks signals when it begins.
+    # Both are started first: whoever starts the one of Python has its signals unblocked at the end.
+    resource_tracker.ensure_running()
     ensure_running()
     with uninterrupted():
         # New programs inherit blocked signals; this process receives them afterwards.
