@@ -40,7 +40,7 @@ CONTENDERS = (
     ("kernels", 1), ("kernels", 2), ("tiles", 1), ("tiles", 2), ("halves", 2), ("pair styles", 1), ("pair styles", 2),
 )  # fmt: skip
 WAITING = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "MPIR_CVAR_POLLS_BEFORE_YIELD": "20"}
-"""Ranks that wait sleep instead of asking again and again."""
+"""Ranks that wait sleep instead of asking again and again: with ``--sleep``, where others need the processors."""
 SERIES = 5
 """Series of ``--figures``."""
 WINDOWS = {100_000: 3000, 1_000_000: 600}
@@ -55,6 +55,8 @@ RATIOS = (
     ("two ranks over pair styles on two ranks", ("pair styles", 2), ("kernels", 2)),
 )
 """Names of ratios of speeds, and the contenders whose times a step are divided."""
+SLEEP = "FLOCKING_BENCHMARK_SLEEP"
+"""Environment variable that is set if ranks that wait sleep."""
 FIRST = "FLOCKING_BENCHMARK_FIRST"
 """Environment variable that is set if measured steps run before all other processes, as real-time ones."""
 
@@ -135,7 +137,7 @@ def measured(engine: str, workers: int, agents: int, steps: int) -> list[float]:
     words = [sys.executable, __file__, "--contender", engine, str(workers), str(agents), str(steps)]
     if engine != "tiles":
         words = [MPIEXEC, "-n", str(workers), *words]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", **({} if os.environ.get(FIRST) else WAITING)}
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", **(WAITING if os.environ.get(SLEEP) else {})}
     done = subprocess.run(words, capture_output=True, text=True, check=True, env=environment)
     return [float(x) for x in json.loads(done.stdout.strip().splitlines()[-1])]
 
@@ -196,9 +198,12 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=["kernels", "tiles", "halves", "pair styles"])
     parser.add_argument("--figures", action="store_true", help="all that the documentation states")
     parser.add_argument("--first", action="store_true", help="measured steps run before all other processes (root)")
+    parser.add_argument("--sleep", action="store_true", help="ranks that wait sleep: for a machine that others use")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--contender", nargs=4)
     asked = parser.parse_args()
+    if asked.sleep:
+        os.environ[SLEEP] = "1"
     if asked.first:
         os.environ[FIRST] = "1"
     if asked.contender:

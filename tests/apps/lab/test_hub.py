@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 from types import SimpleNamespace
@@ -44,6 +45,40 @@ def test_a_frame_of_the_present_does_not_replace_the_record_that_a_page_looks_at
     tab.looking = None
     tab.show(b"present")
     assert tab.frame == b"present"
+
+
+def test_a_slow_page_is_sent_the_last_record_alone_and_in_its_place_among_other_messages():
+    """It got all of them late, until its connection counted as dead: a record holds all that those before it did."""
+
+    class Slow:
+        """A page that reads, and has not drawn its frame."""
+
+        def __init__(self) -> None:
+            self.got: list[str] = []
+
+        async def send(self, message: str) -> None:
+            self.got.append(message)
+
+    async def told() -> tuple[list[str], list[str]]:
+        page, tab = Slow(), Tab(asyncio.get_running_loop())
+        sender = asyncio.create_task(Hub._send(SimpleNamespace(sent=0), page, tab))  # type: ignore[arg-type]
+        tab.show(b"frame")
+        await asyncio.sleep(0.01)
+        for number in range(500):
+            tab.tell({"kind": "record", "number": number})
+            await asyncio.sleep(0)
+        tab.tell({"kind": "scenario"})
+        tab.tell({"kind": "record", "number": 500})
+        await asyncio.sleep(0.01)
+        before = list(page.got)
+        tab.acknowledge()
+        await asyncio.sleep(0.01)
+        sender.cancel()
+        return before, page.got
+
+    before, after = asyncio.run(told())
+    assert before == [b"frame", '{"kind":"record","number":499}', '{"kind":"scenario"}']
+    assert after == [*before, '{"kind":"record","number":500}']
 
 
 def test_a_page_that_leaves_the_record_is_shown_the_present():

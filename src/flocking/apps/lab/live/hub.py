@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from flocking.apps.lab.access.web_server import WebServer
@@ -45,6 +46,8 @@ class Tab:
         self.wake = asyncio.Event()
         self.messages: deque[str | bytes] = deque()
         self.frame: bytes | None = None
+        self.record: str | None = None
+        """The last record, for a page that is ready for it: one that is slow is not sent all that it never shows."""
         self.drawn = True
         """Whether the page has drawn the last frame that it was sent."""
         self.looking: float | None = None
@@ -54,7 +57,20 @@ class Tab:
     def tell(self, message: Message | bytes) -> None:
         """Send a message, from any thread."""
         data = message if isinstance(message, bytes) else json.dumps(message, allow_nan=False, separators=(",", ":"))
-        self._soon(lambda: self.messages.append(data))
+        if not isinstance(message, bytes) and message["kind"] == "record":
+            self._soon(partial(self._put_record, str(data)))
+        else:
+            self._soon(partial(self._put, data))
+
+    def _put_record(self, data: str) -> None:
+        self.record = data
+
+    def _put(self, data: str | bytes) -> None:
+        # A record that waits is older than this message: pages take them in the order in which they came about.
+        if self.record is not None:
+            self.messages.append(self.record)
+            self.record = None
+        self.messages.append(data)
 
     def show(self, frame: bytes, *, present: bool = True) -> None:
         """Send a frame when the page is ready for it; of those that wait only the last is sent. From any thread.
@@ -198,6 +214,9 @@ class Hub:
                 return
             while tab.messages:
                 await connection.send(tab.messages.popleft())
+            if tab.drawn and tab.record is not None:
+                record, tab.record = tab.record, None
+                await connection.send(record)
             if tab.drawn and tab.frame is not None:
                 data, tab.frame, tab.drawn = tab.frame, None, False
                 self.sent += 1
