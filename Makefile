@@ -194,7 +194,7 @@ robustness: $(CLUSTER_READY) $(LAB_READY) $(NODES_READY)
 	$(BIN)/python -m pytest -m "($(TIER_$(TIER))) and not mpi and not browser" -n $(WORKERS) --dist loadfile \
 		tests/engine/storage/test_storage.py tests/engine/storage/test_storage_kill.py tests/engine/storage/test_crafted_checkpoints.py \
 		tests/engine/storage/test_foreign_runs.py tests/engine/storage/test_hostile_folders.py tests/engine/storage/test_formats.py tests/engine/tiles/test_stored_sessions.py \
-		tests/engine/storage/test_storage_creation.py tests/apps/test_process.py tests/machines \
+		tests/engine/storage/test_storage_creation.py tests/apps/test_commands_in_odd_places.py tests/machines \
 		tests/engine/storage/test_storage_resume.py tests/apps/lab/test_access.py tests/apps/lab/test_server.py \
 		tests/engine/storage/test_zarr_thread.py tests/engine/nodes/test_signals.py tests/engine/nodes/test_odd_machines.py \
 		tests/engine/sampled/test_safety_of_extreme_numbers.py tests/apps/lab/test_collapse_of_many_laws.py \
@@ -207,7 +207,7 @@ robustness: $(CLUSTER_READY) $(LAB_READY) $(NODES_READY)
 # tests/packaging/test_repeat.py checks that none is missing here; make repeat TIMED=tests/machines repeats a part.
 TIMES ?= 20
 LOAD ?= 6
-TIMED := tests/machines tests/apps/test_process.py tests/apps/test_cli.py tests/apps/commands tests/apps/lab tests/cluster \
+TIMED := tests/machines tests/apps/test_commands_in_odd_places.py tests/apps/test_cli.py tests/apps/commands tests/apps/lab tests/cluster \
 	tests/engine/outside tests/engine/discrete/test_heading_updates.py tests/study/sample_files tests/engine/test_interruption.py tests/engine/driver/test_slices.py tests/engine/driver/test_progress.py tests/engine/driver/test_waits.py tests/engine/driver/test_ensembles.py \
 	tests/engine/reference/test_controller.py tests/engine/nodes \
 	tests/engine/storage/test_storage_kill.py tests/engine/storage/test_storage_creation.py tests/engine/storage/test_storage_resume.py \
