@@ -87,6 +87,10 @@ class SuspectInput(UserWarning):
     """A value given by the user is allowed and probably not intended."""
 
 
+class HardlyAdvances(UserWarning):
+    """A run goes on with steps so short that it may never come to its end."""
+
+
 class FormulaError(InvalidInput):
     """A text formula that the grammar does not admit."""
 

@@ -10,6 +10,7 @@ from flocking.engine import interruption
 from flocking.engine.driver.progress import Progress, stops
 from flocking.engine.driver.registry import check_name, chosen_engine, engine_named, options_of
 from flocking.engine.driver.session_writer import SessionWriter
+from flocking.engine.driver.stalls import StallWarning
 from flocking.engine.driver.waits import Wait, stage
 from flocking.engine.interruption import Deferred, Noted
 from flocking.engine.memory_shortage import starved
@@ -234,13 +235,14 @@ def _drive(
     deferred = Deferred()
     try:
         with deferred, Progress(progress and team.first, scenario) as bar:
-            begin = session.steps
+            begin, stalls = session.steps, StallWarning(session)
             # A saved run can be committed at every frame; otherwise it stops only by wall time.
             for t in [scenario.t_end] if writer is None else stops(scenario, session.time, often=True):
                 while not session.reached(t):
                     advance_slice(session, t)
                     if watch is not None:
                         watch(session)
+                    stalls.look(session)
                     note = "" if session.shrunk is None else str(session.shrunk)
                     bar.show(session.time, (session.steps - begin) * scenario.start.n, note)
                     if writer is not None and not session.reached(scenario.t_end):

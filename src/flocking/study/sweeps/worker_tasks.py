@@ -12,8 +12,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypedDict
 
-from flocking.engine.adaptive_steps.step_lengths import TOO_MANY_STEPS
 from flocking.engine.driver.registry import Entry, adopt_entries, registered
+from flocking.engine.driver.stalls import Pace
 from flocking.engine.interruption import interrupted
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import Run
@@ -37,9 +37,6 @@ class Row(TypedDict):
 
 LONGEST_MESSAGE = 500
 """Characters of the message of a failed run that are stored."""
-
-STALLED_STEPS = 2000
-"""Steps that must have been too short on average before a run is given up: forty times as many as make it slow."""
 
 
 @dataclass(frozen=True)
@@ -142,18 +139,13 @@ class _GivesUp:
     """
 
     def __init__(self, session: Session) -> None:
-        scenario = session.scenario
-        self._least = (scenario.t_end - scenario.start.t) / TOO_MANY_STEPS
-        self._time, self._steps = session.time, session.steps
+        self._pace = Pace(session)
 
     def __call__(self, session: Session) -> None:
         """Look at the session between two slices; raises `SimulationError` when it is given up."""
-        made = session.steps - self._steps
-        if made < STALLED_STEPS:
-            return
-        if session.shrunk is not None and session.time - self._time < made * self._least:
-            raise SimulationError(f"It was given up: {session.shrunk}", time=session.time)
-        self._time, self._steps = session.time, session.steps
+        why = self._pace.stalled(session)
+        if why:
+            raise SimulationError(f"It was given up: {why}", time=session.time)
 
 
 def packed(work: Work) -> bytes:
