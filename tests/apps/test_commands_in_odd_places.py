@@ -294,3 +294,15 @@ def test_a_signal_while_modules_are_imported_ends_quietly(tmp_path: Path, module
         assert found.stderr.count("\n") == 1
     else:
         assert (found.stderr, found.stdout) == (SENTENCE + "\n", "")
+
+
+def test_the_command_line_shows_it_and_hides_warnings_of_libraries() -> None:
+    code = "; ".join(
+        (
+            "import warnings", "from flocking.apps.standard_streams import quiet_warnings",
+            "from flocking.errors import HardlyAdvances", "quiet_warnings()", "warnings.warn('of a library')",
+            "warnings.warn('it hardly advances', HardlyAdvances)",
+        )
+    )  # fmt: skip
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stderr == "flocking: it hardly advances\n"

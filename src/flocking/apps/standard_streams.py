@@ -10,7 +10,7 @@ import warnings
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from flocking.errors import SuspectInput
+from flocking.errors import HardlyAdvances, SuspectInput
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -84,7 +84,7 @@ def discard_output() -> None:
 def quiet_warnings() -> None:
     """Keep warnings of other libraries off the terminal, unless they were requested with ``-W``.
 
-    Suspect input is reported in a line of its own. The setting stays, since destructors may warn at exit too. Logged
+    Suspect input, and a run that hardly advances, are reported in a line of their own. The setting stays, since destructors may warn at exit too. Logged
     warnings are suppressed as well.
     """
     if sys.warnoptions:
@@ -92,7 +92,8 @@ def quiet_warnings() -> None:
     if logging.lastResort is not None:
         logging.lastResort.setLevel(logging.ERROR)
     warnings.simplefilter("ignore")
-    warnings.simplefilter("default", SuspectInput)
+    for shown in (SuspectInput, HardlyAdvances):
+        warnings.simplefilter("default", shown)
     warnings.showwarning = _show_warning
 
 
