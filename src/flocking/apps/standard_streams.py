@@ -84,8 +84,8 @@ def discard_output() -> None:
 def quiet_warnings() -> None:
     """Keep warnings of other libraries off the terminal, unless they were requested with ``-W``.
 
-    Suspect input, and a run that hardly advances, are reported in a line of their own. The setting stays, since destructors may warn at exit too. Logged
-    warnings are suppressed as well.
+    Suspect input, and a run that hardly advances, are reported in a line of their own. The setting stays, since
+    destructors may warn at exit too. Logged warnings are suppressed as well.
     """
     if sys.warnoptions:
         return
