@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dis
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import CodeType, FunctionType
 from typing import TYPE_CHECKING, Any
@@ -30,26 +30,17 @@ def traced(parts: list[Part]) -> Iterator[set[tuple[str, Any]]]:
     steps: dict[CodeType, set[int]] = {}
     defaults = {p.function.__code__: _defaults(p.function) for p in parts}
 
-    def local(frame: Any, event: str, _: Any) -> Any:
-        if event == "opcode":
-            steps.setdefault(frame.f_code, set()).add(frame.f_lasti)
-        return local
+    def begun(frame: Any) -> None:
+        for name, value in defaults.get(frame.f_code, {}).items():
+            if frame.f_locals.get(name, lines) is value:
+                lines.add((f"{frame.f_code.co_filename} {frame.f_code.co_qualname} {name}", 0))
 
-    def start(frame: Any, event: str, _: Any) -> Any:
-        if frame.f_code in codes:
-            for name in defaults.get(frame.f_code, {}).items():
-                if frame.f_locals.get(name[0], lines) is name[1]:
-                    lines.add((f"{frame.f_code.co_filename} {frame.f_code.co_qualname} {name[0]}", 0))
-            frame.f_trace_opcodes = True
-            return local
-        return None
-
-    before = sys.gettrace()
-    sys.settrace(start)
+    # Since Python 3.12 there are such events; a function that traces hears of no instructions there.
+    watched = _monitored if hasattr(sys, "monitoring") else _traced
     try:
-        yield lines
+        with watched(codes, begun, lambda code, offset: steps.setdefault(code, set()).add(offset)):
+            yield lines
     finally:
-        sys.settrace(before)
         for code, offsets in steps.items():
             places = list(code.co_positions())
             for offset in offsets:
@@ -58,6 +49,58 @@ def traced(parts: list[Part]) -> Iterator[set[tuple[str, Any]]]:
                     constant = code.co_code[offset] == dis.opmap["LOAD_CONST"]
                     constant = constant and not isinstance(code.co_consts[_argument(code, offset)], CodeType)
                     lines.add((code.co_filename, ((line, column), (end, last), constant)))
+
+
+Begun = Callable[[Any], None]
+Ran = Callable[[CodeType, int], object]
+
+
+@contextmanager
+def _traced(codes: set[CodeType], begun: Begun, ran: Ran) -> Iterator[None]:
+    """Hear of frames of these ``codes`` that begin, and of their instructions that run, from a function that traces."""
+
+    def local(frame: Any, event: str, _: Any) -> Any:
+        if event == "opcode":
+            ran(frame.f_code, frame.f_lasti)
+        return local
+
+    def start(frame: Any, event: str, _: Any) -> Any:
+        if frame.f_code in codes:
+            begun(frame)
+            frame.f_trace_opcodes = True
+            return local
+        return None
+
+    before = sys.gettrace()
+    sys.settrace(start)
+    try:
+        yield
+    finally:
+        sys.settrace(before)
+
+
+TOOL = 3
+"""A number of tools of ``sys.monitoring`` that Python gives to none: 0, 1, 2 and 5 have uses of their own."""
+
+
+@contextmanager
+def _monitored(codes: set[CodeType], begun: Begun, ran: Ran) -> Iterator[None]:
+    """The same from the events of the interpreter."""
+    monitoring = sys.monitoring  # type: ignore[attr-defined]
+    events = monitoring.events
+    monitoring.use_tool_id(TOOL, "places of homes that run")
+    try:
+        monitoring.register_callback(TOOL, events.PY_START, lambda *_: begun(sys._getframe(1)))
+        monitoring.register_callback(TOOL, events.INSTRUCTION, ran)
+        for code in codes:
+            monitoring.set_local_events(TOOL, code, events.PY_START | events.INSTRUCTION)
+        yield
+    finally:
+        for code in codes:
+            monitoring.set_local_events(TOOL, code, events.NO_EVENTS)
+        for event in (events.PY_START, events.INSTRUCTION):
+            monitoring.register_callback(TOOL, event, None)
+        monitoring.free_tool_id(TOOL)
 
 
 def _argument(code: CodeType, offset: int) -> int:
