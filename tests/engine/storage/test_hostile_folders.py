@@ -7,6 +7,7 @@ import os
 import resource
 import shutil
 import signal
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -194,6 +195,17 @@ def test_a_large_file_in_place_of_a_record_is_not_read(folder: Path) -> None:
     os.truncate(folder / RECORD, 2**40)
     with pytest.raises(StorageError, match="bytes, more than"):
         read_run(folder)
+
+
+@pytest.mark.parametrize("size", [2**34, 2**40])
+def test_a_checkpoint_is_no_larger_than_its_scenario_explains(folder: Path, size: int) -> None:
+    """Without content it takes no room on the disk, and its checksum was computed to the end."""
+    os.truncate(folder / "checkpoint-000001.npz", size)
+    begin = time.process_time()
+    with pytest.raises(StorageError, match=rf"checkpoint has {size} bytes, more than the \d+"):
+        fk.resume(folder, progress=False)
+    assert time.process_time() - begin < SOON / 6
+    count("runs on disk: checkpoints without content")
 
 
 def test_folders_within_folders_are_listed(folder: Path) -> None:

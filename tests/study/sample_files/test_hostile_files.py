@@ -283,3 +283,48 @@ def test_small_numbers_count_as_the_large_ones_that_they_become(tmp_path, monkey
     path = packed_arrays(tmp_path / "a.npz", header_of((6, 10_000, 1), "|u1") + bytes(60_000))
     with pytest.raises(InvalidInput, match="must have at most 100000 bytes; got 480000"):
         read_samples(path)
+
+
+@pytest.mark.parametrize("column", ["t", "x", "id"])
+@pytest.mark.parametrize("kind", ["time64[ns]", "timestamp[us, tz=Mars/Olympus]", "duration[ns]", "list", "struct"])
+def test_columns_of_parquet_files_that_hold_no_numbers(tmp_path, kind, column):
+    """Arrow raises errors of its own where Python has no such time, or knows no such place on the clock."""
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet as tables
+
+    kinds = {
+        "time64[ns]": pyarrow.time64("ns"), "timestamp[us, tz=Mars/Olympus]": pyarrow.timestamp("us", "Mars/Olympus"),
+        "duration[ns]": pyarrow.duration("ns"),
+    }  # fmt: skip
+    numbers = list(range(24))
+    odd = {
+        "list": pyarrow.array([[float(k)] for k in numbers]),
+        "struct": pyarrow.array([{column: k} for k in numbers]),
+    }
+    whole = {"t": np.repeat(T, 4), "id": np.tile(np.arange(4), 6), "x": Q[:, :, 0].ravel()}
+    found = odd[kind] if kind in odd else pyarrow.array(numbers, kinds[kind])
+    path = tmp_path / "a.parquet"
+    tables.write_table(pyarrow.table({**whole, column: found}), path)
+    with pytest.raises(InvalidInput, match="column id must name agents" if column == "id" else f"column {column} must"):
+        read_samples(path)
+    count("files of samples: columns of other kinds")
+
+
+def test_names_of_columns_are_shown_on_one_line(tmp_path):
+    """A name with a line break could pass for another message."""
+    path = tmp_path / "a.csv"
+    path.write_text('t,x,"a\nflocking: all is well\u2028\x1b[2J"\n1,2,3\n')
+    with pytest.raises(InvalidInput, match="column id must be in the file") as error:
+        read_samples(path)
+    assert str(error.value).isprintable()
+
+
+def test_columns_of_parquet_files_have_different_names(tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet as tables
+
+    path, column = tmp_path / "a.parquet", pyarrow.array(np.arange(4.0))
+    for names in (["t", "t", "id", "x"], ["t", "id", "id", "x"]):
+        tables.write_table(pyarrow.Table.from_arrays([column] * 4, names=names), path)
+        with pytest.raises(InvalidInput, match="columns must have different names"):
+            read_samples(path)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from flocking.engine.driver.checkpoint import read_checkpoint, restored
+from flocking.engine.driver.checkpoint import largest_checkpoint, read_checkpoint, restored
 from flocking.engine.driver.registry import entry_named, missing_engine
 from flocking.engine.driver.session_writer import SessionWriter
 from flocking.engine.driver.simulate import drive, open_session
@@ -133,6 +133,10 @@ def _left(folder: Path, writer: RunWriter | None, engine: str, scenario: Scenari
     read_last(folder, scenario, 0)
     place = folder / checkpoint["file"]
     with storage_errors(folder, "read the checkpoint"):
+        size, most = place.stat().st_size, largest_checkpoint(scenario)
+        if size > most:
+            rule = f"the checkpoint has {size} bytes, more than the {most} that its scenario explains"
+            raise StorageError(f"{place}: {rule}; the file was damaged.")
         found = checksum(place)
     if found != checkpoint["checksum"]:
         raise StorageError(f"{place}: the checkpoint does not match its checksum; the file was damaged.")

@@ -113,7 +113,8 @@ def nearest(word: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(word[:LONGEST_WORD], short, n=1, cutoff=SIMILAR)
     if close:
         return f"Did you mean {close[0]!r}?"
-    words = ", ".join(choices)
+    # Names of a file may hold line breaks, and pass for another message.
+    words = "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in ", ".join(choices))
     return f"Known here: {words if len(words) <= LONGEST_WORDS else words[:LONGEST_WORDS] + '...'}."
 
 

@@ -109,27 +109,60 @@ def read_parquet(path: Path, columns: Columns) -> Samples:
     except ImportError:
         raise missing_package("pyarrow", "Parquet") from None
     try:
-        # A label that many rows repeat is held once.
-        with parquet.ParquetFile(path, read_dictionary=[columns.name("id")]) as file:
-            names = [str(name) for name in file.schema_arrow.names]
+        with parquet.ParquetFile(path) as file:
+            schema = file.schema_arrow
+            names = [str(name) for name in schema.names]
+            if len(set(names)) < len(names):
+                twice = next(name for name, times in Counter(names).items() if times > 1)
+                raise InvalidInput(str(path), "columns", "must have different names", twice)
             axes, speeds = _axes(columns, names)
             needed = ["t", *axes, *speeds]
             check_size(path, file.metadata.num_rows * 8 * (len(needed) + 1), "its columns")
             groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
             check_size(path, sum(max(group.total_byte_size, 0) for group in groups), "its columns unpacked")
-            found = file.read(columns=[columns.name(ours) for ours in (*needed, "id")])
-            labels = found.column(columns.name("id")).dictionary_encode().combine_chunks()
-    except (pyarrow.ArrowException, OSError, MemoryError, UnicodeDecodeError) as error:
+        kinds = [(name, schema.types[names.index(name)]) for name in map(columns.name, (*needed, "id"))]
+        for name, kind in kinds[:-1]:
+            if not _is_number(kind):
+                raise InvalidInput(str(path), f"column {name}", "must hold numbers", str(kind))
+        if not _is_label(kinds[-1][1]):
+            said = "must name agents by numbers or texts"
+            raise InvalidInput(str(path), f"column {kinds[-1][0]}", said, str(kinds[-1][1]))
+        # A label that many rows repeat is held once.
+        with parquet.ParquetFile(path, read_dictionary=[columns.name("id")]) as file:
+            found = file.read(columns=[name for name, _ in kinds])
+        labels = found.column(columns.name("id")).dictionary_encode().combine_chunks()
+        listed = labels.dictionary.to_pylist()
+    except InvalidInput:
+        raise
+    except (pyarrow.ArrowException, OSError, MemoryError, LookupError, ValueError, OverflowError) as error:
         raise InvalidInput(str(path), "file", f"must be a Parquet table ({reason(error)})", path.name) from None
     numbers = [_parquet_column(path, columns.name(ours), found.column(columns.name(ours))) for ours in needed]
     known: dict[str, int] = {}
-    numbered = np.array([known.setdefault(str(x), len(known)) for x in labels.dictionary.to_pylist()], dtype=np.int64)
+    numbered = np.array([known.setdefault(str(x), len(known)) for x in listed], dtype=np.int64)
     if labels.null_count:
         row = int(np.flatnonzero(labels.is_null().to_numpy(zero_copy_only=False))[0])
         raise InvalidInput(str(path), f"row {row + 1}, column {columns.name('id')}", "must name an agent", "nothing")
     agents = numbered[labels.indices.to_numpy()]
     rows = np.arange(1, len(agents) + 1)
     return _pivoted(path, columns, np.stack(numbers, axis=1), agents, list(known), rows, len(axes), "row")
+
+
+def _is_number(kind: object) -> bool:
+    """Whether a type of Arrow is one of numbers, or of a dictionary of numbers."""
+    from pyarrow import types
+
+    plain = kind.value_type if types.is_dictionary(kind) else kind  # type: ignore[attr-defined]
+    return bool(types.is_integer(plain) or types.is_floating(plain))
+
+
+def _is_label(kind: object) -> bool:
+    """Whether a type of Arrow names agents; Python has no times of nanoseconds, and not every place on the clock."""
+    from pyarrow import types
+
+    plain = kind.value_type if types.is_dictionary(kind) else kind  # type: ignore[attr-defined]
+    views = getattr(types, "is_string_view", types.is_string)  # Arrow has them since version 16.
+    texts = (types.is_string, types.is_large_string, views, types.is_boolean, types.is_decimal)
+    return _is_number(plain) or any(is_one(plain) for is_one in texts)
 
 
 def _parquet_column(path: Path, name: str, column: object) -> Array:
