@@ -12,6 +12,7 @@ import numpy as np
 
 from flocking.apps.lab.experiment.selection import selected, state_of
 from flocking.arrays import Array, Indices
+from flocking.engine.archives.data_checks import squarable
 from flocking.engine.storage.atomic_files import write_through
 from flocking.errors import InvalidInput
 from flocking.model.checks import NO_LESS, array, integer, number
@@ -30,6 +31,12 @@ FORMAT = 1
 """Version of the format of the log; another one is refused."""
 LARGEST_LOG = 64 * 2**20
 """Bytes of a log that is read, a bound on memory: 64 MiB."""
+
+MOST_DURATIONS = 10**6
+"""Times of a log lie within so many durations of its scenario: a page that computes all of it in each second gets there
+in eleven days. A replay to a time that nothing reaches would go on without end."""
+FARTHEST = squarable("f8")
+"""Largest component of a vector of an event, and largest speed: squares of it do not overflow, nor does their sum."""
 
 LOSS, NOISE = ("information", "loss"), ("information", "noise")
 """Paths at which a number is the probability of a loss, and the standard deviation of measured positions."""
@@ -131,6 +138,8 @@ def _kick(event: Event, scenario: Scenario, base: Scenario, state: State) -> Out
         added[agents] += _vector("velocity", event["velocity"], state.dimension)
         return Outcome(scenario, base, replace(state, p=added))
     speed = number("lab", "speed", event["speed"], least=0.0)
+    if speed > FARTHEST:
+        raise InvalidInput("lab", "speed", f"must be at most {FARTHEST:.3g}", speed)
     draws = np.random.default_rng(integer("lab", "seed", event["seed"], least=0)).normal(
         size=(len(agents), state.dimension)
     )
@@ -172,7 +181,7 @@ def _kill(event: Event, scenario: Scenario, base: Scenario, state: State) -> Out
 
 def _add(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
     """One more agent, at ``q`` with ``p``: its own numbers are agent 0's, its links those of the graph's rule."""
-    q, p = (np.array([event[name]], dtype=np.float64) for name in ("q", "p"))
+    q, p = (_vector(name, event[name], state.dimension)[None] for name in ("q", "p"))
     chosen = np.append(np.arange(state.n), 0)
     columns = {
         name: np.concatenate([values, scenario.agents.start(name, q, p)]) for name, values in state.columns.items()
@@ -280,6 +289,8 @@ def _vector(name: str, given: object, dimension: int) -> Array:
     found = array("lab", name, given, ndim=1)
     if found.shape != (dimension,):
         raise InvalidInput("lab", name, f"must have {dimension} components", given)
+    if (np.abs(found) > FARTHEST).any():
+        raise InvalidInput("lab", name, f"must be at most {FARTHEST:.3g} in each component", given)
     return found
 
 
@@ -288,6 +299,15 @@ _KINDS: dict[str, Callable[[Event, Scenario, Scenario, State], Outcome]] = {
     "add": _add, "cut": _cut, "term": _term, "drop": _drop, "obstacle": _obstacle, "remove": _remove,
     "clear obstacles": _clear,
 }  # fmt: skip
+
+
+def _check_times(log: EventLog) -> None:
+    """Refuse times that no experiment reaches."""
+    start = log.scenario.start.t
+    longest = MOST_DURATIONS * (log.scenario.t_end - start)
+    for name, time in (*(("time", time) for time, _ in log.entries), ("end", log.end)):
+        if abs(time - start) > longest:
+            raise InvalidInput("lab", name, f"must lie within {longest:g} of the start at {start:g}", time)
 
 
 @dataclass
@@ -359,6 +379,8 @@ class EventLog:
             ]
             scenario = from_data(data["scenario"])
             found = cls(scenario, str(data["engine"]), entries, number("lab", "end", data["end"]))
+            if isinstance(scenario, Scenario):
+                _check_times(found)
         except InvalidInput:
             raise
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, ArithmeticError) as error:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from flocking.apps.lab.experiment.events import Event, EventLog, outcome
 from flocking.engine.driver.registry import check_name, chosen_engine, engine_named
+from flocking.engine.driver.waits import stage
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import SwitchRow
 from flocking.errors import InvalidInput, SimulationError
@@ -285,4 +286,5 @@ def _advance_to(experiment: Experiment, to: float, proceed: Callable[[], bool]) 
     while not experiment.reached(to):
         if not proceed():
             raise InvalidInput("lab", "replay", "was cancelled", f"t = {experiment.time:.6g}")
+        stage(f"replaying a log, t = {experiment.time:.6g} of {to:.6g}")
         experiment.advance(to, REPLAY_SECONDS)

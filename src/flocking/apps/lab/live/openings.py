@@ -10,6 +10,7 @@ from flocking.apps.lab.experiment.challenges import CHALLENGE, challenge_of
 from flocking.apps.lab.experiment.events import EventLog
 from flocking.apps.lab.experiment.experiment import Experiment, replay
 from flocking.apps.lab.panels.choices import first_choice, is_built_in, scenario_of
+from flocking.engine.driver.waits import Wait
 from flocking.model.law import Scenario
 
 
@@ -37,7 +38,8 @@ class Openings:
 
     def first(self) -> Experiment:
         """What the lab was started with."""
-        return self.opened(self.first_name, None, lambda: True)
+        with Wait("lab"):
+            return self.opened(self.first_name, None, lambda: True)
 
     def opened(self, name: str, seed: int | None, proceed: Callable[[], bool]) -> Experiment:
         """The experiment of a name given by a page.
