@@ -139,6 +139,7 @@ ROW = {
     [
         {"index": 4}, {"index": -1}, {"index": True}, {"index": "0"}, {"status": "fine"}, {"values": {"flocks": "x"}},
         {"values": []}, {"verdicts": {"a": 1}}, {"message": 3}, {"message": "x" * 501}, {"tries": 1.5},
+        {"tries": 10**400}, {"values": {"flocks": 10**400}}, {"values": {"flocks": -(10**30)}},
         {"seconds": "1"}, {"extra": 1},
     ],
 )  # fmt: skip

@@ -23,6 +23,8 @@ MOST_DIFFERENCES, LONGEST_SHOWN = 20, 100
 """Differences that a message lists, and characters of each value: a message fits on a screen."""
 LARGEST_FILE = 64 * 2**20
 """Bytes of a file of results that is read, a bound on memory: 64 MiB."""
+LARGEST_COUNT = 2**53
+"""Largest integer of a row: a double holds each one below exactly, and tables of results have columns of doubles."""
 _CHUNK = re.compile(r"\d{8}\.json")
 _FIELDS = {"index", "status", "values", "verdicts", "message", "tries", "seconds"}
 
@@ -147,10 +149,14 @@ def _is_row(row: object, size: int) -> TypeGuard[Row]:
         type(index) is int and 0 <= index < size
         and row["status"] in ("ok", "failed")
         and isinstance(row["message"], str) and len(row["message"]) <= LONGEST_MESSAGE
-        and type(row["tries"]) is int and isinstance(row["seconds"], float)
-        and isinstance(values, dict) and all(isinstance(v, bool | int | float) for v in values.values())
+        and type(row["tries"]) is int and abs(row["tries"]) <= LARGEST_COUNT and isinstance(row["seconds"], float)
+        and isinstance(values, dict) and all(map(_is_value, values.values()))
         and isinstance(verdicts, dict) and all(isinstance(v, str) for v in verdicts.values())
     )  # fmt: skip
+
+
+def _is_value(value: object) -> bool:
+    return isinstance(value, bool | float) or (isinstance(value, int) and abs(value) <= LARGEST_COUNT)
 
 
 def _sealed(data: Mapping[str, object]) -> bytes:
