@@ -310,6 +310,21 @@ def test_columns_of_parquet_files_that_hold_no_numbers(tmp_path, kind, column):
     count("files of samples: columns of other kinds")
 
 
+def test_messages_of_a_recording_become_numbers_one_by_one(tmp_path, monkeypatch):
+    """Three messages of 90 MB of empty lists, 26 kB packed, were all read before one was refused."""
+    read = []
+
+    def loads(text):
+        read.append(text)
+        return {"t": 0, "q": [[], [], 0]}
+
+    path = mcap(tmp_path / "a.mcap")
+    monkeypatch.setattr("flocking.study.sample_files.recordings.json.loads", loads)
+    with pytest.raises(InvalidInput, match="q must be numbers of one shape in all messages"):
+        read_samples(path)
+    assert len(read) == 1
+
+
 def test_names_of_columns_are_shown_on_one_line(tmp_path):
     """A name with a line break could pass for another message."""
     path = tmp_path / "a.csv"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -55,13 +56,21 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
         import zstandard  # noqa: F401
     except ImportError as error:
         raise missing_package(str(error.name).split(".")[0], "MCAP", "nodes") from None
-    rows: list[dict[str, object]] = []
+    rows: dict[str, list[Array]] = {}
     try:
         for data in _messages(path):
             found = json.loads(data)
             if not isinstance(found, dict):
                 raise ValueError(f"a message of {TOPIC} is no object")
-            rows.append(found)
+            if not rows:
+                names = list(found)
+                for ours in ("t", "q"):
+                    if columns.name(ours) not in names:
+                        raise columns.missing(ours, names)
+                rows = {ours: [] for ours in ("t", "q", "p") if columns.present(ours, names)}
+            # Lists of Python take many times the memory of their text: those of one message are held at a time.
+            for ours, arrays in rows.items():
+                arrays.append(_numbers(path, columns.name(ours), found))
     except InvalidInput:
         raise
     except (
@@ -71,26 +80,31 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
         raise InvalidInput(str(path), "file", f"must be a finished MCAP file ({reason(error)})", path.name) from None
     if not rows:
         raise InvalidInput(str(path), "file", f"must have messages of the topic {TOPIC}", "none")
-    names = list(rows[0])
-    for ours in ("t", "q"):
-        if columns.name(ours) not in names:
-            raise columns.missing(ours, names)
 
     def values(ours: str, axes: int) -> Array:
         name = columns.name(ours)
-        try:
-            array = np.array([row[name] for row in rows], dtype=np.float64)
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
-            said = f"must be numbers of one shape in all messages ({reason(error)})"
-            raise InvalidInput(str(path), name, said, name) from None
-        return finite_array(path, name, array, axes)
+        shapes = {array.shape for array in rows[ours]}
+        if len(shapes) > 1:
+            said = (
+                f"must be numbers of one shape in all messages (shapes are {', '.join(map(str, sorted(shapes)[:3]))})"
+            )
+            raise InvalidInput(str(path), name, said, name)
+        return finite_array(path, name, np.array(rows[ours]), axes)
 
     t, q = values("t", 1), values("q", 3)
-    p = values("p", 3) if columns.present("p", names) else None
+    p = values("p", 3) if "p" in rows else None
     if p is not None and p.shape != q.shape:
         raise InvalidInput(str(path), columns.name("p"), f"must have the shape of q, {q.shape}", p.shape)
     check_times(path, t, f"field {columns.name('t')}")
     return Samples(t, q, p, tuple(map(str, range(q.shape[1]))))
+
+
+def _numbers(path: Path, name: str, message: Mapping[str, object]) -> Array:
+    try:
+        return np.array(message[name], dtype=np.float64)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        said = f"must be numbers of one shape in all messages ({reason(error)})"
+        raise InvalidInput(str(path), name, said, name) from None
 
 
 def _messages(path: Path) -> list[bytes]:
