@@ -316,3 +316,11 @@ def test_a_thread_never_gets_a_module_that_another_one_is_still_running(folder: 
 
 PAUSES: list[Callable[[], None]] = []
 """What a generated module calls in the test of two threads."""
+
+
+@pytest.mark.parametrize("place", ["~nobody-of-this-name/cache", "deep"])
+def test_a_cache_folder_without_a_home_or_too_deep_is_refused(monkeypatch, tmp_path, place):
+    monkeypatch.setenv("FLOCKING_CACHE", place if place != "deep" else f"{tmp_path}/{'y/' * 1900}")
+    with pytest.raises(CacheError, match="cannot be used") as error:
+        cache.cache_folder()
+    assert len(str(error.value)) < 600

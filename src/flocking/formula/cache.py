@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from flocking.errors import CacheError
+from flocking.errors import CacheError, said
 from flocking.formula.listed_files import files_below
 
 MOST_BYTES = 512 * 2**20
@@ -71,14 +71,14 @@ def cache_folder() -> Path:
     """
     chosen = os.environ.get("FLOCKING_CACHE")
     if chosen:
-        folder = Path(chosen).expanduser()
-        if folder == NOWHERE:
-            return NOWHERE
         try:
+            folder = Path(chosen).expanduser()
+            if folder == NOWHERE:
+                return NOWHERE
             _make(folder)
-        except OSError as error:
+        except (OSError, RuntimeError) as error:  # The other is of a home that is not known, and of too many folders.
             raise CacheError(
-                f"The cache folder {folder} cannot be used ({error.strerror}). "
+                f"The cache folder {said(chosen)} cannot be used ({getattr(error, 'strerror', None) or error}). "
                 "Set FLOCKING_CACHE to a folder you can write."
             ) from None
         _require_own(folder)

@@ -13,7 +13,6 @@ from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.errors import StorageError
 from flocking.model.law import Scenario
-from flocking.model.world.information import Delayed
 
 ENGINE = "engine"
 """Key of the engine's name in a checkpoint."""
@@ -21,17 +20,17 @@ ENGINE = "engine"
 MOST_OF_REASON = 200
 """Most characters of another library's reason: those that quote data would fill the screen."""
 
-ROOM, ROOM_OF_AGENT, ROOM_OF_PAIR = 2**28, 2**17, 2**9
+ROOM, ROOM_OF_AGENT, ROOM_OF_PAIR = 2**30, 2**17, 2**9
 """Bytes that a checkpoint may have, for each agent, and for each ordered pair and graph, a bound on what is read.
-That is 64 numbers of a pair, and 16,000 of an agent, such as forces and messages on their way. Engines write fewer."""
+That is 64 numbers of a pair, and 16,000 of an agent, such as forces. Engines write fewer."""
 ROOM_OF_HISTORY = 10**8
-"""Bytes for each agent whose past is known: 100,000 steps of 1 kB within the delay."""
+"""Bytes for each agent whose past is known, or on its way: 100,000 steps or messages of 1 kB within the delay."""
 
 
 def largest_checkpoint(scenario: Scenario) -> int:
     """Bytes beyond which a file is no checkpoint of this scenario."""
     n = scenario.start.n
-    history = ROOM_OF_HISTORY if isinstance(scenario.information, Delayed) else 0
+    history = 0 if scenario.information.ideal else ROOM_OF_HISTORY
     return ROOM + (ROOM_OF_AGENT + history) * n + ROOM_OF_PAIR * n * n * len(scenario.law.graphs)
 
 
