@@ -16,8 +16,8 @@ BINS = 40
 """Bars of the histogram of distances."""
 STATES = ("holds", "fails", "hypothesis not met", "not yet", "not resolved", "known to fail")
 DEFERRED = "() => { lab.link.hear = () => {}; lab.link.send = () => {}; }"
-"""Lets no message reach the page or leave it, so that a record that a test makes stays: asked for a moment of it, the lab
-would answer with one of its own."""
+"""Lets no message reach the page or leave it, so that a record that a test makes stays: asked for a moment of it, the
+lab would answer with one of its own."""
 
 
 def test_bars_are_the_distances_of_pairs(page, tab):
