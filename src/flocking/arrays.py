@@ -6,7 +6,6 @@ the number of space dimensions, T the number of frames.
 
 from __future__ import annotations
 
-import tokenize
 from typing import Any
 
 import numpy as np
@@ -56,6 +55,3 @@ Reals = NDArray[np.floating]
 
 AnyArray = NDArray[Any]
 """An array whose type is known only at run time, as that of a file."""
-
-HEADER_ERRORS = (ValueError, SyntaxError, RecursionError, tokenize.TokenError)
-"""What NumPy raises for headers of arrays that somebody crafted: it reads them as tokens, then as a literal."""

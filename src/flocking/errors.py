@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import tokenize
 from collections.abc import Mapping
 from typing import Any
 
 LONGEST_VALUE = 120
 """Characters of a value in a message."""
+
+HEADER_ERRORS = (ValueError, SyntaxError, RecursionError, tokenize.TokenError)
+"""What NumPy raises for headers of arrays that somebody crafted: it reads them as tokens, then as a literal."""
 
 
 def said(value: object) -> str:
@@ -18,6 +22,11 @@ def said(value: object) -> str:
     except Exception:  # what somebody else's objects raise, or a list that contains itself
         text = f"an object of type {type(value).__name__} that cannot be printed"
     return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
+
+
+def escaped(text: str, kept: str = "") -> str:
+    """A text in which what cannot be printed is written as Python does, but for the characters ``kept``."""
+    return "".join(x if x.isprintable() or x in kept else x.encode("unicode_escape").decode() for x in text)
 
 
 def _plain(value: object) -> object:

@@ -10,7 +10,7 @@ import warnings
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from flocking.errors import HardlyAdvances, SuspectInput
+from flocking.errors import HardlyAdvances, SuspectInput, escaped
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -24,7 +24,7 @@ def printable(text: str) -> str:
     text
         The text, which may come from an untrusted file.
     """
-    return "".join(x if x.isprintable() or x in "\n\t" else x.encode("unicode_escape").decode() for x in text)
+    return escaped(text, kept="\n\t")
 
 
 def open_streams() -> None:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 import flocking.model.library  # noqa: F401  registers the parts of the library
-from flocking.arrays import HEADER_ERRORS, AnyArray
-from flocking.errors import InvalidInput
+from flocking.arrays import AnyArray
+from flocking.errors import HEADER_ERRORS, InvalidInput
 from flocking.model.parts.description import Description, registered, registered_names
 from flocking.model.parts.values import NAMED_NUMBERS, Value
 

@@ -90,10 +90,9 @@ class Paper:
         """Surnames of the authors and the year; of more than three authors the first alone is named."""
         names = [part.split()[-1] for part in self.authors.replace(" and ", ", ").split(", ") if part.strip()]
         if len(names) > 3:
-            named = f"{names[0]} and others"
-        else:
-            named = " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
-        return f"{named} {self.year}"
+            return f"{names[0]} and others {self.year}"
+        *first, last = names
+        return f"{', '.join(first)} and {last} {self.year}" if first else f"{last} {self.year}"
 
     @property
     def package(self) -> str:

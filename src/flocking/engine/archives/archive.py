@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import io
 import json
+import lzma
 import struct
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 import numpy as np
 
-from flocking.arrays import HEADER_ERRORS, AnyArray
+from flocking.arrays import AnyArray
 from flocking.engine.archives.data_checks import MalformedError
+from flocking.errors import HEADER_ERRORS
 
 Arrays = dict[str, AnyArray]
 """Arrays by name."""
@@ -24,9 +27,11 @@ NUMBERS = "numbers"
 PLAIN = "biuf"
 """NumPy kinds that arrays may have: truth values, integers and floating-point numbers."""
 
+NPZ_ERRORS = (*HEADER_ERRORS, EOFError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error)
+"""What NumPy raises for ``.npz`` files that are damaged or crafted."""
+
 UNREADABLE = (
-    *HEADER_ERRORS, KeyError, TypeError, IndexError, AttributeError, ArithmeticError, OSError, EOFError,
-    NotImplementedError, zipfile.BadZipFile, struct.error,
+    *NPZ_ERRORS, KeyError, TypeError, IndexError, AttributeError, ArithmeticError, OSError, NotImplementedError,
 )  # fmt: skip
 """Errors of reading data that are no archive, or another one."""
 

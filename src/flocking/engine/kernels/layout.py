@@ -29,9 +29,6 @@ SPACE = "space"
 BODIES = "bodies"
 """Owner of the parameters of the agents' bodies."""
 
-Slots = tuple[Array, Array, Array]
-"""Arrays P, A and W of the numbers of a law at one time, see `Layout.values`."""
-
 
 @dataclass(frozen=True)
 class Place:
@@ -262,7 +259,7 @@ class Layout:
         """Whether all run-time numbers are the same at any time."""
         return not any(isinstance(v, Schedule | Place) for _, owned in self.owners() for v in owned.values())
 
-    def values(self, agents: Body, n: int, t: float = 0.0) -> Slots:
+    def values(self, agents: Body, n: int, t: float = 0.0) -> tuple[Array, Array, Array]:
         """Numbers for the slots at time ``t``.
 
         P has the single numbers, then the rows of `obstacle_rows`; A has shape (rows, n), W (matrices, n, n).

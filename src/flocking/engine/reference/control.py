@@ -11,7 +11,8 @@ import numpy as np
 
 from flocking.arrays import Indices
 from flocking.engine.kernels.codegen import array_kernels
-from flocking.engine.kernels.layout import Layout, Slots
+from flocking.engine.kernels.law_kernels import Slots
+from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.evaluation import Evaluation
 from flocking.engine.reference.finite_forces import check_finite, check_neighbours
 from flocking.engine.reference.motion import motion_of
@@ -105,8 +106,7 @@ def evaluate_each(scenario: Scenario, states: Iterable[State]) -> list[Evaluatio
     law, agents, energy, space = scenario.law, scenario.agents, scenario.energy, scenario.space
     layout = Layout(law, energy, agents, space, steering=True)
     n, m = scenario.start.q.shape
-    slots = layout.values(agents, n) if layout.constant else None
-    taken_apart = layout, array_kernels(layout, m), slots
+    taken_apart = layout, array_kernels(layout, m), Slots(*layout.values(agents, n)) if layout.constant else None
     return [_evaluated(law, state, agents, energy, space, taken_apart, checked=False) for state in states]
 
 
@@ -234,7 +234,7 @@ def _pair_forces(
     d: Array,
     p: Array,
     pairs: tuple[Indices, Indices],
-    slots: Slots,
+    slots: tuple[Array, Array, Array],
     functional: Array | None,
     frame: Array,
 ) -> tuple[dict[str, Any], Array]:

@@ -270,7 +270,7 @@ def _lock_of(folder: Path) -> BinaryIO:
     file = os.fdopen(handle, "ab")
     if not path.is_file():
         file.close()
-        raise OSError(errno.EINVAL, NO_FILE, str(path))
+        raise OSError(errno.EINVAL, f"it is {NO_FILE}", str(path))
     return file
 
 

@@ -26,6 +26,11 @@ UNFINISHED = "unfinished"
 """Status of a run whose end was not recorded: it is running, or was killed."""
 
 
+def read_root(folder: Path) -> Any:
+    """Zarr's metadata of a whole run, with the attributes of this library: JSON data that nothing has checked."""
+    return json.loads(bounded_content(folder / RECORD, LARGEST_RECORD))
+
+
 def read_record(folder: str | Path) -> dict[str, Any]:
     """Record of the last commit of a run: its status, counts, checksums and checkpoint.
 
@@ -37,7 +42,7 @@ def read_record(folder: str | Path) -> dict[str, Any]:
     folder = Path(folder)
     path = folder / RECORD
     try:
-        root = json.loads(bounded_content(path, LARGEST_RECORD))
+        root = read_root(folder)
         record = root["attributes"]["flocking"]
     except (FileNotFoundError, NotADirectoryError):
         raise StorageError(f"{folder}: not a run. A run is a folder with the file {RECORD}.") from None
@@ -64,7 +69,7 @@ def read_record(folder: str | Path) -> dict[str, Any]:
 def read_provenance(folder: Path) -> dict[str, Any]:
     """Provenance of a run as of its last commit."""
     read_record(folder)
-    return dict(json.loads(bounded_content(folder / RECORD, LARGEST_RECORD))["attributes"].get("provenance", {}))
+    return dict(read_root(folder)["attributes"].get("provenance", {}))
 
 
 def engine_of(folder: Path) -> tuple[str, str]:

@@ -18,7 +18,7 @@ kilobytes."""
 LARGEST_SCENARIO = 2**31
 """Bytes of a stored scenario that is read, a bound on memory: 2 GiB, the starts of about 40 million agents."""
 
-NO_FILE = "it is no file but a pipe, a socket or a device"
+NO_FILE = "no file but a pipe, a socket or a device"
 _NEVER_WAITING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
 
@@ -62,7 +62,7 @@ def _check(found: os.stat_result, path: str | Path) -> None:
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(found.st_mode):
-        raise OSError(errno.EINVAL, NO_FILE, str(path))
+        raise OSError(errno.EINVAL, f"it is {NO_FILE}", str(path))
 
 
 def first_foreign(folder: Path) -> tuple[Path, str] | None:
@@ -71,5 +71,5 @@ def first_foreign(folder: Path) -> tuple[Path, str] | None:
         if entry.is_symlink():
             return Path(entry.path), "a link to another place"
         if not entry.is_file(follow_symlinks=False):
-            return Path(entry.path), "no file but a pipe, a socket or a device"
+            return Path(entry.path), NO_FILE
     return None

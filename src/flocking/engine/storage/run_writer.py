@@ -51,9 +51,10 @@ from flocking.engine.storage.record import (
     UNFINISHED,
     read_provenance,
     read_record,
+    read_root,
     write_record,
 )
-from flocking.engine.storage.regular_files import LARGEST_RECORD, bounded_content, first_foreign
+from flocking.engine.storage.regular_files import first_foreign
 from flocking.engine.storage.zarr_thread import zarr_calls
 from flocking.errors import StorageError
 from flocking.model.law import Law, Scenario
@@ -183,9 +184,7 @@ class RunWriter:
         if (foreign := first_foreign(self.folder)) is not None:
             raise StorageError(f"{foreign[0]}: {foreign[1]}; a run is written in its own folder.")
         read_record(self.folder)
-        committed = json.loads(bounded_content(self.folder / RECORD, LARGEST_RECORD))["consolidated_metadata"][
-            "metadata"
-        ]
+        committed = read_root(self.folder)["consolidated_metadata"]["metadata"]
         self._store = atomic_store(self.folder, bounds_of(committed))
         for name, metadata in committed.items():
             put(self.folder / name / RECORD, json.dumps(metadata).encode(), lasting=False)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import csv
-import lzma
-import struct
-import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from flocking.arrays import HEADER_ERRORS, AnyArray
+from flocking.arrays import AnyArray
+from flocking.engine.archives.archive import NPZ_ERRORS
 from flocking.engine.storage.atomic_files import storage_errors
 from flocking.engine.storage.export_formats import axis_names
 from flocking.errors import InvalidInput, StorageError
@@ -83,7 +80,7 @@ def _read_npz(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
                 raise StorageError(f"{path}: contains no array 'q'.")
             q = file["q"]
             p = file["p"] if "p" in file.files else np.zeros_like(q)
-    except (*HEADER_ERRORS, EOFError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error) as error:
+    except NPZ_ERRORS as error:
         raise StorageError(f"{path}: not an NPZ file of plain arrays ({error}).") from None
     if q.ndim == 3 and q.shape == p.shape:
         k = _pick(path, len(q), frame)

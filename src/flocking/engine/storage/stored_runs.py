@@ -40,9 +40,9 @@ from flocking.engine.runs.run_errors import accuracy_of
 from flocking.engine.runs.stored_fidelity import fidelity_of
 from flocking.engine.storage.atomic_files import NO_MEMORY, read_soundly, storage_errors
 from flocking.engine.storage.bounded_chunks import bounded_store, bounds_of
-from flocking.engine.storage.record import RECORD, SCENARIO, read_record
+from flocking.engine.storage.record import SCENARIO, read_record, read_root
 from flocking.engine.storage.record_checks import check_records
-from flocking.engine.storage.regular_files import LARGEST_RECORD, LARGEST_SCENARIO, bounded_content
+from flocking.engine.storage.regular_files import LARGEST_SCENARIO, bounded_content
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.zarr_thread import zarr_calls
 from flocking.errors import FlockingError, InvalidInput, StorageError
@@ -128,8 +128,7 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     with storage_errors(folder, "read the run"), zarr_calls():
         import zarr
 
-        root = json.loads(bounded_content(folder / RECORD, LARGEST_RECORD))
-        store = bounded_store(bounds_of(root["consolidated_metadata"]["metadata"]))(folder, read_only=True)
+        store = bounded_store(bounds_of(read_root(folder)["consolidated_metadata"]["metadata"]))(folder, read_only=True)
         group = zarr.open_group(store, mode="r", use_consolidated=True, zarr_format=3)
         arrays = {name: group[name] for name in group.attrs["flocking"]["arrays"]}
     count = record["counts"]["time"] if frames is None else min(frames, record["counts"]["time"])

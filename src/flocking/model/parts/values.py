@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from flocking.errors import escaped
+
 if TYPE_CHECKING:
     from flocking.formula.grammar import Formula
 
@@ -114,7 +116,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     if close:
         return f"Did you mean {close[0]!r}?"
     # Names of a file may hold line breaks, and pass for another message.
-    words = "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in ", ".join(choices))
+    words = escaped(", ".join(choices))
     return f"Known here: {words if len(words) <= LONGEST_WORDS else words[:LONGEST_WORDS] + '...'}."
 
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import io
 import json
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import HEADER_ERRORS, AnyArray
+from flocking.arrays import AnyArray
+from flocking.engine.archives.archive import NPZ_ERRORS
 from flocking.engine.storage.atomic_files import write_file
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
@@ -71,7 +70,7 @@ class StoredSummary:
             with np.load(path, allow_pickle=False) as found:
                 arrays = {name: found[name] for name in found.files}
             return cls(json.loads(arrays.pop(FACTS).tobytes()), arrays)
-        except (*HEADER_ERRORS, OSError, KeyError, EOFError, BadZipFile, zlib.error) as error:
+        except (*NPZ_ERRORS, OSError, KeyError) as error:
             raise InvalidInput("showcases", "path", f"must contain the summary of a run ({error})", str(path)) from None
 
 

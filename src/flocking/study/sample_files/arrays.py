@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import lzma
-import struct
 import zipfile
-import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.arrays import HEADER_ERRORS
+from flocking.engine.archives.archive import NPZ_ERRORS
 from flocking.engine.storage.export_formats import missing_package
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
@@ -58,8 +55,7 @@ def read_npz(path: Path, columns: Columns) -> Samples:
     except InvalidInput:
         raise
     except (
-        *HEADER_ERRORS, OSError, EOFError, KeyError, TypeError, MemoryError, OverflowError, RuntimeError,
-        zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error,
+        *NPZ_ERRORS, OSError, KeyError, TypeError, MemoryError, OverflowError, RuntimeError,
     ) as error:  # fmt: skip
         said = f"must be an NPZ file of plain arrays ({reason(error)})"
         raise InvalidInput(str(path), "file", said, path.name) from None

@@ -61,9 +61,7 @@ def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
     if other:
         fix = "Write the table with commas between columns, and points in numbers."
         raise InvalidInput(str(path), "line 1, columns", "must be separated by commas", SEPARATORS[other], fix)
-    if len(set(header)) < len(header):
-        twice = next(name for name, times in Counter(header).items() if times > 1)
-        raise InvalidInput(str(path), "line 1, columns", "must have different names", twice)
+    _check_names(path, "line 1, columns", header)
     axes, speeds = _axes(columns, header)
     needed = ["t", *axes, *speeds]
     places = [header.index(columns.name(ours)) for ours in needed]
@@ -112,9 +110,7 @@ def read_parquet(path: Path, columns: Columns) -> Samples:
         with parquet.ParquetFile(path) as file:
             schema = file.schema_arrow
             names = [str(name) for name in schema.names]
-            if len(set(names)) < len(names):
-                twice = next(name for name, times in Counter(names).items() if times > 1)
-                raise InvalidInput(str(path), "columns", "must have different names", twice)
+            _check_names(path, "columns", names)
             axes, speeds = _axes(columns, names)
             needed = ["t", *axes, *speeds]
             check_size(path, file.metadata.num_rows * 8 * (len(needed) + 1), "its columns")
@@ -145,6 +141,12 @@ def read_parquet(path: Path, columns: Columns) -> Samples:
     agents = numbered[labels.indices.to_numpy()]
     rows = np.arange(1, len(agents) + 1)
     return _pivoted(path, columns, np.stack(numbers, axis=1), agents, list(known), rows, len(axes), "row")
+
+
+def _check_names(path: Path, where: str, names: list[str]) -> None:
+    for name, times in Counter(names).items():
+        if times > 1:
+            raise InvalidInput(str(path), where, "must have different names", name)
 
 
 def _is_number(kind: object) -> bool:

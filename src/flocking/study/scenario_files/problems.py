@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from flocking.errors import InvalidInput, said
+from flocking.errors import InvalidInput, escaped, said
 
 LONGEST_SHOWN = 60
 """Characters of a wrong value that a message repeats: half a line."""
@@ -50,20 +50,17 @@ def place_of(path: Iterable[str | int]) -> str:
     """A path as text, such as ``terms[1].gain``; a long key of the file is cut."""
     text = ""
     for step in path:
-        key = (
-            f"[{step}]"
-            if isinstance(step, int)
-            else step
-            if len(step) <= LONGEST_SHOWN
-            else f"{step[:LONGEST_SHOWN]}..."
-        )
-        text += f".{key}" if text and isinstance(step, str) else key
+        if isinstance(step, int):
+            text += f"[{step}]"
+            continue
+        key = step if len(step) <= LONGEST_SHOWN else f"{step[:LONGEST_SHOWN]}..."
+        text += f".{key}" if text else key
     return text or "file"
 
 
 def one_line(text: str) -> str:
     """A text of a file in one line of at most `LONGEST_LINE` characters: no line of it passes for another message."""
-    line = "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text[: LONGEST_LINE + 1])
+    line = escaped(text[: LONGEST_LINE + 1])
     return line if len(text) <= LONGEST_LINE else f"{line[:LONGEST_LINE]}..."
 
 

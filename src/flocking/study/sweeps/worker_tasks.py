@@ -126,26 +126,13 @@ def _followed(scenario: Scenario, work: Work) -> Run:
 
     session = start(scenario, **work.options)
     session.records.check_fits()
-    return drive(session, progress=False, watch=_GivesUp(session))
+    pace = Pace(session)
 
-
-class _GivesUp:
-    """Ends a run whose last steps are on average too short to come to the end of its scenario.
-
-    Parameters
-    ----------
-    session
-        The session at its start.
-    """
-
-    def __init__(self, session: Session) -> None:
-        self._pace = Pace(session)
-
-    def __call__(self, session: Session) -> None:
-        """Look at the session between two slices; raises `SimulationError` when it is given up."""
-        why = self._pace.stalled(session)
-        if why:
+    def watch(session: Session) -> None:
+        if why := pace.stalled(session):
             raise SimulationError(f"It was given up: {why}", time=session.time)
+
+    return drive(session, progress=False, watch=watch)
 
 
 def packed(work: Work) -> bytes:
