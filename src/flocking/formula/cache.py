@@ -315,7 +315,7 @@ def _files(folder: Path) -> list[tuple[float, int, Path]]:
     return [(used, size, Path(path)) for used, size, path in found]
 
 
-_ENDINGS = (".py", ".txt", ".tmp", ".nbi", ".nbc", ".pyc", ".o")
+_ENDINGS = (".py", ".txt", ".tmp", ".nbi", ".nbc", ".pyc", ".o", ".lock")
 """Endings of the files that are listed; some are those of earlier versions."""
 
 
@@ -328,7 +328,7 @@ def _limit_size(folder: Path) -> None:
     root = next((p for p in (folder, *folder.parents) if (p / MACHINE).is_dir()), folder)
     found = sorted(_files(root))
     for used, _, path in found:
-        if path.suffix == ".tmp" and used < time.time() - ABANDONED_AFTER:
+        if path.suffix in (".tmp", ".lock") and used < time.time() - ABANDONED_AFTER:
             with suppress(OSError):
                 path.unlink()
     size = sum(x[1] for x in found)

@@ -6,7 +6,7 @@ import zlib
 import pytest
 
 import flocking as fk
-from flocking.errors import StorageError
+from flocking.errors import InvalidInput, StorageError
 from tests.counting import count
 from tests.study.sweeps.sweep_cases import make
 
@@ -159,3 +159,27 @@ def refusal(folder):
     assert found.columns["run"] == sorted(found.rows)
     assert found.summary() is not None
     return None
+
+
+@pytest.mark.parametrize("change", [
+    lambda record: record.update(measures="latin"),
+    lambda record: record.update(measures={"speed": "speed"}),
+    lambda record: record.update(measures={"run": "run"}),
+    lambda record: record.update(measures=dict.fromkeys(map(str, range(10**5)), "")),
+    lambda record: record["plan"]["grid"].update(speed="x" * 10**6),
+])  # fmt: skip
+def test_records_with_other_measures_or_values_are_refused_in_a_few_words(copy, change):
+    path = copy / "sweep.json"
+    record = json.loads(json.loads(path.read_text())["body"])
+    change(record)
+    path.write_text(sealed(record))
+    with pytest.raises(StorageError, match="the record of the sweep is invalid") as error:
+        fk.read_sweep(copy)
+    assert len(str(error.value)) < 600
+    count("sweeps: records changed")
+
+
+def test_a_measure_has_no_name_of_a_parameter():
+    measures = {"speed": lambda run: 1.0}
+    with pytest.raises(InvalidInput, match="must not have the name of a parameter of the sweep; got 'speed'"):
+        fk.sweep(make, grid={"speed": [0.5]}, measures=measures, workers=1, progress=False)

@@ -15,6 +15,7 @@ from llvmlite import binding
 from flocking.errors import CacheError
 from flocking.formula.cache import MACHINE, cache_folder, read_code, write_code
 from flocking.formula.native.entries import HEAD, SUFFIX
+from flocking.formula.native.one_compiler import one_compiler
 
 _engines: list[object] = []
 """LLVM engines of the loaded code; they must live as long as the process."""
@@ -98,9 +99,12 @@ def addresses_of(
     path = _path(name, key)
     stored = read_code(path)
     if stored is None:
-        text, results, called = make()
-        stored = "\n".join((" ".join(results), "|".join(called), "")).encode() + object_code(text)
-        write_code(path, stored)
+        with one_compiler(path):
+            stored = read_code(path)
+            if stored is None:
+                text, results, called = make()
+                stored = "\n".join((" ".join(results), "|".join(called), "")).encode() + object_code(text)
+                write_code(path, stored)
     head, called_ones, code = stored.split(b"\n", 2)
     for reference in filter(None, called_ones.decode().split("|")):
         binding.add_symbol(*provide(reference))

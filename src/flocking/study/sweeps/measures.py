@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from types import CodeType
 
 import numpy as np
@@ -16,9 +16,13 @@ from flocking.model import observables
 from flocking.model.terms.body_terms import Track
 from flocking.study.claims.general_claims import SETTLED
 from flocking.study.evidence import Evidence, NotMeasurable
+from flocking.study.sweeps.plan import RESERVED
 
 Measured = float | bool
 Measuring = Callable[[Evidence], object]
+
+MOST_MEASURES = 1_000
+"""Measures a sweep may take of each run."""
 
 
 def _settling(t: Array, sizes: Array) -> float:
@@ -117,6 +121,7 @@ class OfRun:
 def find_measures(
     requested: Sequence[str | Callable[[Run], object]] | Mapping[str, Callable[[Run], object]] | str,
     more: Mapping[str, tuple[str, Measuring]] | None = None,
+    parameters: Collection[str] = (),
 ) -> dict[str, Measuring]:
     """Measures by name.
 
@@ -126,14 +131,15 @@ def find_measures(
         Names of `MEASURES` and functions of a run, each under its own name; or a mapping of names to functions.
     more
         Further measures that may be named.
+    parameters
+        Names of what the sweep varies, which no measure may have.
 
     Raises
     ------
     InvalidInput
-        When a name is unknown or taken twice, or a function has no name.
+        When a name is unknown or taken, a function has no name, or there are too many.
     """
     from flocking.model.parts.values import nearest
-    from flocking.study.sweeps.plan import RESERVED
 
     known = {**MEASURES, **(more or {})}
     entries: list[tuple[str | None, object]]
@@ -156,10 +162,35 @@ def find_measures(
             function = OfRun(entry)
         else:
             raise InvalidInput("sweep", "measures", "must be names, or functions of a run", entry)
-        if name in found or name in RESERVED:
-            raise InvalidInput("sweep", "measures", "must have different names, none of them reserved", name)
+        if name in found:
+            raise InvalidInput("sweep", "measures", "must have different names", name)
         found[name] = function
+    check_names(found, parameters)
     return found
+
+
+def check_names(measures: Collection[str], parameters: Collection[str]) -> None:
+    """Refuse names of measures that would stand for two things in the results.
+
+    Parameters
+    ----------
+    measures, parameters
+        Names of what a sweep measures, and of what it varies.
+
+    Raises
+    ------
+    InvalidInput
+        When a name is empty, reserved or that of a parameter, or there are too many.
+    """
+    if len(measures) > MOST_MEASURES:
+        raise InvalidInput("sweep", "measures", f"must be at most {MOST_MEASURES}", len(measures))
+    for name in measures:
+        if not name or name in RESERVED:
+            raise InvalidInput("sweep", "measures", "must have names that are not reserved", name)
+        if name in parameters:
+            raise InvalidInput(
+                "sweep", "measures", "must not have the name of a parameter of the sweep", name, "Give it another name."
+            )
 
 
 def plain_measure(name: str, value: object) -> Measured | int:

@@ -188,7 +188,9 @@ def make_plan(
     axes: dict[str, tuple[object, ...]] = {}
     for name, values in (grid or {}).items():
         if isinstance(values, str | bytes) or not isinstance(values, Iterable):
-            raise InvalidInput("sweep", f"grid[{name!r}]", "must be a list of values", values, f"Write [{values!r}].")
+            raise InvalidInput(
+                "sweep", f"grid[{name!r}]", "must be a list of values", values, f"Write [{said(values)}]."
+            )
         axes[name] = tuple(_bounded(values, most_runs, f"grid[{name!r}]"))
     if isinstance(seeds, int | np.integer) and not isinstance(seeds, bool):
         checked_seeds: int | tuple[int, ...] = integer("sweep", "seeds", seeds, least=1)

@@ -14,7 +14,7 @@ from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.model.parts.seeds import SeedNumber, given_seed
 from flocking.study.claims.claim import Claim
-from flocking.study.sweeps.measures import Measuring, code_of, find_measures
+from flocking.study.sweeps.measures import Measuring, check_names, code_of, find_measures
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
 from flocking.study.sweeps.sampling import Sample
 from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_rows
@@ -114,7 +114,7 @@ def sweep(
     root = given_seed("sweep", seed, rng)
     plan = make_plan(grid, sample, seeds, 0 if root is None else root, most_runs)
     _check_call(make, plan)
-    found = find_measures(measures, more_measures)
+    found = find_measures(measures, more_measures, plan.names)
     choices = {"engine": engine, **(options or {})}
     check_name("sweep", engine)
     work = Work(make, found, auditing(audit), choices, gives_up=gives_up)
@@ -195,7 +195,10 @@ def read_sweep(folder: str | Path, *, most_runs: int = MOST_RUNS) -> SweepTable:
             ranges = {name: (low, high) for name, (low, high) in drawn["ranges"].items()}
             sample = Sample(drawn["method"], drawn["count"], ranges, tuple(drawn["log"]), drawn["seed"])
         plan = make_plan(data["grid"], sample, data["seeds"], data["seed"], most_runs)
-        measures = tuple(str(name) for name in record["measures"])
+        if not isinstance(record["measures"], dict):
+            raise ValueError("its measures are no table")
+        check_names(record["measures"], plan.names)
+        measures = tuple(record["measures"])
         if data["dimensions"] != list(plan.lengths):
             raise ValueError("its dimensions are not those of its grid")
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
