@@ -10,6 +10,7 @@ import pytest
 
 import flocking
 from flocking.engine.driver.registry import BUILT_IN
+from tests.import_graph import nodes_of, tree_of
 
 SOURCE = Path(flocking.__file__).resolve().parent
 FOLDERS = tuple(f"flocking.engine.{name}" for name in BUILT_IN)
@@ -28,13 +29,18 @@ FORMATS = {("apps/commands/storage_commands.py", "to.lower() == 'lammps'")}
 """Comparisons with a format of files that has the name of an engine."""
 HELD = {"session", "engine", "run", "records", "recorder", "options"}
 """Names of variables that hold what the protocol describes."""
+EXPORT = "apps/commands/storage_commands.py"
+"""Compares the format of an export, which is called as an engine is."""
+
+ALLOWED = ("getattr(stored, name)", "getattr(recent, name)")
+"""Arrays of runs, which have them all."""
 PROBES = {"getattr", "hasattr", "cast", "isinstance"}
 """Functions that ask what a variable is."""
 
 
 def faults(tree: ast.Module) -> Iterator[str]:
     """Comparisons with an engine's name, probing for attributes, and casts to the classes of one engine."""
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         if isinstance(node, ast.Compare | ast.match_case):
             inner = ast.walk(node if isinstance(node, ast.Compare) else node.pattern)
             if any(isinstance(part, ast.Constant) and part.value in BUILT_IN for part in inner):
@@ -50,13 +56,13 @@ def faults(tree: ast.Module) -> Iterator[str]:
 
 def imported(tree: ast.Module) -> set[str]:
     """Modules of engines that a file imports, anywhere in it."""
-    names = {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    names |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    names = {str(node.module) for node in nodes_of(tree) if isinstance(node, ast.ImportFrom)}
+    names |= {alias.name for node in nodes_of(tree) if isinstance(node, ast.Import) for alias in node.names}
     return {name for name in names if f"{name}.".startswith(tuple(f"{folder}." for folder in FOLDERS))}
 
 
 def test_no_engine_is_known_by_name_outside_its_folder() -> None:
-    trees = {path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text()) for path in SOURCE.rglob("*.py")}
+    trees = {path.relative_to(SOURCE).as_posix(): tree_of(path) for path in SOURCE.rglob("*.py")}
     own = [["engine", name] for name in BUILT_IN]
     outside = {name: tree for name, tree in trees.items() if name.split("/")[:2] not in own}
     assert len(trees) - len(outside) > 80
@@ -91,3 +97,20 @@ def test_imports_of_engines_are_found() -> None:
     text = "def f():\n    from flocking.engine.exact.session import ExactSession\nimport flocking.engine.tiles\n"
     assert imported(ast.parse(text)) == {"flocking.engine.exact.session", "flocking.engine.tiles"}
     assert not imported(ast.parse("from flocking.engine.driver.simulate import start"))
+
+
+def test_nobody_but_an_engine_compares_its_name() -> None:
+    """Nor asks a session for what may or may not be there: all that others use is in the protocol."""
+    found = []
+    for path in sorted(SOURCE.rglob("*.py")):
+        place = path.relative_to(SOURCE).as_posix()
+        for node in nodes_of(tree_of(path)):
+            if isinstance(node, ast.Compare):
+                values = [x.value for x in [node.left, *node.comparators] if isinstance(x, ast.Constant)]
+                if set(values) & set(BUILT_IN) and place != EXPORT:
+                    found.append(f"{place}:{node.lineno}")
+            called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+            about = place.startswith(("engine/driver", "engine/protocol", "apps/lab/experiment/experiment"))
+            if called in ("getattr", "hasattr", "cast") and about and ast.unparse(node) not in ALLOWED:
+                found.append(f"{place}:{node.lineno} {called}")
+    assert found == []

@@ -74,7 +74,16 @@ def use(text: str) -> fk.Potential:
     return psi
 
 
-@pytest.mark.parametrize("name", ALLOWED)
+FEW = {
+    "99 factors", "functions", "nested products", "sum of products", "pieces", "a condition of many factors",
+    "no limit that is found soon", "nested, too",
+}  # fmt: skip
+"""Those that the default tests try: one of each kind, or what took longest."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in FEW else pytest.mark.slow) for name in ALLOWED]
+)
 def test_a_long_formula_takes_a_bounded_time(name: str) -> None:
     fk.Potential("r")(1.0)  # what is imported at the first formula is not part of the time
     begin = time.process_time()

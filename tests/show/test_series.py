@@ -176,7 +176,7 @@ def test_a_crowd_is_one_faint_hue(synthetic, part):
     assert collection.get_alpha() < 0.5
 
 
-@pytest.mark.parametrize("n", [12, 150])
+@pytest.mark.parametrize("n", [12, pytest.param(150, marks=pytest.mark.slow)])
 def test_pictures_of_periodic_space_take_nearest_images(part, n):
     """Lengths of links and closest pairs against explicit images, for few agents and for many; all leave the box."""
     rng = np.random.default_rng(3)

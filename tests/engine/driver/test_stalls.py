@@ -23,13 +23,13 @@ def parting(**world: object) -> fk.Scenario:
 
 @pytest.mark.parametrize(
     "world",
-    [{"agents": fk.Limited(fk.PointMass(), force=0.2)}, {"information": fk.Delayed(0.5)}],
+    [{"agents": fk.Limited(fk.PointMass(), force=0.2)}, {"information": fk.Delayed(0.2)}],
     ids=["limited", "delayed"],
 )
 def test_a_run_that_comes_to_a_pole_and_never_to_its_end_says_so_once(
     world: dict[str, object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stalls, "STALLED_STEPS", 200)
+    monkeypatch.setattr(stalls, "STALLED_STEPS", 50)
     slices, session = [], fk.start(parting(**world))
 
     def watch(session: object) -> None:

@@ -362,31 +362,6 @@ def test_it_is_written_in_the_number_of_files_that_the_page_says() -> None:
         assert missing == [], kind
 
 
-def test_nobody_but_an_engine_compares_its_name() -> None:
-    """Nor asks a session for what may or may not be there: all that others use is in the protocol."""
-    source = Path(fk.__file__).parent
-    found = []
-    for path in sorted(source.rglob("*.py")):
-        place = path.relative_to(source).as_posix()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Compare):
-                values = [x.value for x in [node.left, *node.comparators] if isinstance(x, ast.Constant)]
-                if set(values) & set(registry.BUILT_IN) and place != EXPORT:
-                    found.append(f"{place}:{node.lineno}")
-            called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
-            about = place.startswith(("engine/driver", "engine/protocol", "apps/lab/experiment/experiment"))
-            if called in ("getattr", "hasattr", "cast") and about and ast.unparse(node) not in ALLOWED:
-                found.append(f"{place}:{node.lineno} {called}")
-    assert found == []
-
-
-EXPORT = "apps/commands/storage_commands.py"
-"""Compares the format of an export, which is called as an engine is."""
-
-ALLOWED = ("getattr(stored, name)", "getattr(recent, name)")
-"""Arrays of runs, which have them all."""
-
-
 def test_engines_are_imported_when_they_are_used() -> None:
     code = (
         "import sys, flocking; flocking.simulate, flocking.resume, flocking.register_engine; "

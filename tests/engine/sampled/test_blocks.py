@@ -45,7 +45,7 @@ def same_bits(scenario, monkeypatch, steps=()):
     return a, sum(x.events for x in taken)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(k, marks=pytest.mark.slow) for k in range(4, 8))])
 @pytest.mark.parametrize("kind", ["plain", "limited", "periodic"])
 def test_random_worlds_have_the_same_bits(monkeypatch, seed, kind):
     made, _ = random_world(

@@ -72,7 +72,13 @@ def test_smooth_bodies_are_of_order_four(name):
         assert np.log2(found[0, 2] / found[1, 2]) > 3.3
 
 
-@pytest.mark.parametrize("name", LIMITED)
+FEW = {"limited", "limited order 1", "a chain"}
+"""Those that the default tests try."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in FEW else pytest.mark.slow) for name in LIMITED]
+)
 def test_limited_bodies_approach_the_located_limits(name):
     """Kinks lie within steps: the state is of order 2, the ledger, integrated by the same passes, of order 4."""
     found, departed = errors(LIMITED[name])

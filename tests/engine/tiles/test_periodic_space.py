@@ -124,8 +124,14 @@ def stepped(lengths, start, h, count, gap=0.0, order=2):
     return q, changes
 
 
-@pytest.mark.parametrize("box", BOXES)
-@pytest.mark.parametrize("order", [1, 2])
+FEW = {(1, "plane"), (1, "space"), (2, "channel"), (2, "smallest"), (2, "three cells"), (2, "tube")}
+"""Order and box of the cases that the default tests try."""
+
+
+@pytest.mark.parametrize(
+    ("order", "box"),
+    [pytest.param(*x, marks=() if x in FEW else pytest.mark.slow) for x in product((1, 2), BOXES)],
+)
 def test_the_motion_and_the_memory_of_links_are_those_of_all_images(box, order):
     lengths, h, count = BOXES[box], 0.01, 60
     start = group(lengths, 50, seed=8, speed=2.0)

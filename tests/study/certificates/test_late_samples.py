@@ -79,9 +79,10 @@ def test_all_states_late_of_fifty_random_graphs():
             assert all(radius(links, a, b, s * bound.hi, d, own_late=True) > 1.0 for s in (1.3, 2.0, 5.0, 30.0))
 
 
-def test_neighbours_late_of_fifty_random_graphs():
+@pytest.mark.parametrize("graphs", [8, pytest.param(50, marks=pytest.mark.slow)])
+def test_neighbours_late_of_random_graphs(graphs):
     rng = np.random.default_rng(22)
-    for number in range(50):
+    for number in range(graphs):
         links, (a, b) = regular_links(rng), gains(rng)
         for d in DELAYS:
             place = 0.0 if (number + d) % 3 == 0 else a

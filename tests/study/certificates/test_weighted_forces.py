@@ -58,7 +58,7 @@ def test_collisions_are_bounded_as_the_paper_does() -> None:
     assert most > 0
 
 
-@pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 12), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 12), marks=pytest.mark.slow)])
 def test_no_run_contradicts_them(seeds: range) -> None:
     checked = 0
     for seed in seeds:

@@ -51,8 +51,15 @@ def scenario(bodies, world, start=START, **more):
     return fk.Scenario(LAW, start, bodies=bodies, **{"t_end": 2.0, "frames": 8} | WORLDS[world] | more)
 
 
-@pytest.mark.parametrize("world", WORLDS)
-@pytest.mark.parametrize("name", BODIES)
+def tried(k, name):
+    """Worlds of the ``k``-th body: the default tests try all with the chain, one after the other with others."""
+    return [
+        pytest.param(name, world, marks=() if name == "a chain" or number == k % len(WORLDS) else pytest.mark.slow)
+        for number, world in enumerate(WORLDS)
+    ]
+
+
+@pytest.mark.parametrize(("name", "world"), [x for k, name in enumerate(BODIES) for x in tried(k, name)])
 def test_the_motion_is_that_of_the_closed_form(name, world):
     held = scenario(BODIES[name], world)
     exact = fk.simulate(held, engine="sampled", progress=False)

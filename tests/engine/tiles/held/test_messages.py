@@ -137,14 +137,13 @@ def check(seed, space=None):
     return run
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_random_worlds(seed):
-    check(seed)
+def test_a_random_world():
+    check(0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("space", [None, fk.Periodic([5.0, 6.0])], ids=["open", "periodic"])
-@pytest.mark.parametrize("seed", range(2, 102))
+@pytest.mark.parametrize("seed", range(1, 102))
 def test_many_random_worlds(seed, space):
     check(seed, space)
 
