@@ -22,8 +22,8 @@ article = paper("reynolds-1987")
 
 names = ("reynolds-1987", "reynolds-1987-comparison-small", "reynolds-1987-comparison-large")
 runs = [fk.simulate(article.scenario(name=name), progress=False) for name in names]
-groups = article.figure(1, *runs)
-groups.savefig("plot_reynolds_1987.png", dpi=150)
+picture = article.figure(1, *runs)
+picture.savefig("plot_reynolds_1987.png", dpi=150)
 
 # %%
 # What is observed of them over time, and of ten seeds at the end with the 95 % interval of their mean.

@@ -22,8 +22,8 @@ article = paper("vasarhelyi-2018")
 names = [f"vasarhelyi-2018{name}" for name in ("", "-program", "-optimized", "-obstacles")]
 scenarios = [article.scenario(name=name).with_(t_end=120.0, frames=121) for name in names]
 runs = [fk.simulate(scenario, progress=False) for scenario in scenarios]
-flocks = article.figure(1, *runs)
-flocks.savefig("plot_vasarhelyi_2018.png", dpi=150)
+picture = article.figure(1, *runs)
+picture.savefig("plot_vasarhelyi_2018.png", dpi=150)
 
 # %%
 # The six order parameters over time, and their means after a minute. With the parameters of the released file

@@ -18,8 +18,8 @@ article = paper("vicsek-1995")
 
 names = ("vicsek-1995", "vicsek-1995-gathering", "vicsek-1995-ordered")
 runs = [fk.simulate(article.scenario(name=name), progress=False) for name in names]
-groups = article.figure(1, *runs)
-groups.savefig("plot_vicsek_1995.png", dpi=150)
+picture = article.figure(1, *runs)
+picture.savefig("plot_vicsek_1995.png", dpi=150)
 
 # %%
 # What is judged of each run is its rule, update by update, from the frames alone. A motion with the velocity after

@@ -127,7 +127,7 @@ def vicsek_1995(made):
 def reynolds_1987(made):
     assert set(made["verdicts"].values()) == {"holds"}
     assert made["late"][0] != made["late"][1]
-    drawn = [a for a in made["groups"].axes if any(c.get_gid() == "velocity" for c in a.collections)]
+    drawn = [a for a in made["picture"].axes if any(c.get_gid() == "velocity" for c in a.collections)]
     assert len(drawn) == 5
     assert made["apart"] > 0.3
 
@@ -137,7 +137,7 @@ def vasarhelyi_2018(made):
     assert made["means"]["overrun"] < 10.0
     np.testing.assert_allclose(made["distances"], [2.5, 10.0, (64 + 6.25**2) / 5])
     np.testing.assert_allclose(made["article"].braking_speed(made["distances"], 2.5, 0.4), made["speeds"])
-    assert len([a for a in made["flocks"].axes if any(x.get_gid() == "walls" for x in a.lines)]) == 5
+    assert len([a for a in made["picture"].axes if any(x.get_gid() == "walls" for x in a.lines)]) == 5
     plain, program, optimized, _ = made["late"].values()
     assert max(plain, program) < 0.4
     assert optimized > 0.8
