@@ -97,11 +97,11 @@ $(EMULATOR_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[emulator]'
 	@touch $@
 
-# A process for each agent, over zenoh on this machine; some agents run exported C, for which Debian's gcc is installed if missing.
+# A process for each agent, over zenoh on this machine, and files of recordings; some agents run exported C, for which Debian's gcc is installed if missing.
 test-nodes: $(NODES_READY)
 	@command -v gcc >/dev/null || { apt-get update -qq && apt-get install -y -qq gcc libc6-dev; } || \
 		{ echo "make test-nodes needs gcc: install it and run this again."; exit 1; }
-	$(BIN)/python -m pytest -m nodes -p no:xdist tests/engine/nodes $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m nodes -p no:xdist tests/engine/nodes tests/study/sample_files $(PYTEST_ARGS)
 
 $(NODES_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[nodes]'

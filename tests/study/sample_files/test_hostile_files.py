@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import io
 import json
 import resource
@@ -70,7 +71,8 @@ def gsd(path: Path, change: Callable[[int, dict[str, np.ndarray]], None] = lambd
 
 def mcap(path: Path, compression: str = "ZSTD", padding: int = 0) -> Path:
     """A recording; every message has so many blanks beside its numbers."""
-    writer = pytest.importorskip("mcap.writer")
+    from mcap import writer
+
     with path.open("wb") as file:
         log = writer.Writer(file, compression=writer.CompressionType[compression])
         log.start(profile="", library="")
@@ -120,7 +122,7 @@ def little_room():
     resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-@pytest.mark.parametrize("kind", ["npz", "csv", "parquet", "gsd", "mcap"])
+@pytest.mark.parametrize("kind", ["npz", "csv", "parquet", "gsd", pytest.param("mcap", marks=pytest.mark.nodes)])
 @pytest.mark.parametrize("cases", [30, pytest.param(400, marks=pytest.mark.repeated)])
 def test_damaged_files_are_read_or_refused(tmp_path, little_room, kind, cases):
     whole, said = made(kind, tmp_path), []
@@ -141,6 +143,7 @@ def test_damaged_files_are_read_or_refused(tmp_path, little_room, kind, cases):
     assert all(20 < len(text) < 1500 for text in said)
 
 
+@pytest.mark.nodes
 @pytest.mark.parametrize("compression", ["ZSTD", "LZ4", "NONE"])
 def test_recordings_are_unpacked_no_further_than_they_declare(tmp_path, monkeypatch, compression):
     whole = read_samples(mcap(tmp_path / "a.mcap", compression))
@@ -310,6 +313,7 @@ def test_columns_of_parquet_files_that_hold_no_numbers(tmp_path, kind, column):
     count("files of samples: columns of other kinds")
 
 
+@pytest.mark.nodes
 def test_messages_of_a_recording_become_numbers_one_by_one(tmp_path, monkeypatch):
     """Three messages of 90 MB of empty lists, 26 kB packed, were all read before one was refused."""
     read = []
@@ -343,3 +347,26 @@ def test_columns_of_parquet_files_have_different_names(tmp_path):
         tables.write_table(pyarrow.Table.from_arrays([column] * 4, names=names), path)
         with pytest.raises(InvalidInput, match="columns must have different names"):
             read_samples(path)
+
+
+@pytest.mark.nodes
+def test_recordings_of_very_many_records_are_refused_before_they_are_made(tmp_path, monkeypatch):
+    from flocking.study.sample_files import recordings
+
+    path = mcap(tmp_path / "a.mcap")
+    whole = read_samples(path)
+    from mcap import stream_reader as stream
+
+    with path.open("rb") as file:
+        outer = list(stream.StreamReader(file, emit_chunks=True).records)
+    inner = sum(len(stream.breakup_chunk(x)) for x in outer if type(x).__name__ == "Chunk")
+    monkeypatch.setattr(recordings, "MOST_RECORDS", len(outer) + inner)
+    np.testing.assert_array_equal(read_samples(path).q, whole.q)
+    monkeypatch.setattr(recordings, "MOST_RECORDS", len(outer) + inner - 1)
+    with pytest.raises(InvalidInput, match=f"more than {len(outer) + inner - 1} records"):
+        read_samples(path)
+    monkeypatch.undo()
+    monkeypatch.setattr(stream, "breakup_chunk", lambda *given, **more: pytest.fail("the records were made"))
+    monkeypatch.setattr(recordings, "_unpacked", lambda chunk: dataclasses.replace(chunk, data=bytes(9) * 1_100_000))
+    with pytest.raises(InvalidInput, match="more than 1000000 records"):
+        read_samples(path)

@@ -31,6 +31,13 @@ TOPIC = "/state"
 """Topic whose messages are read: JSON with the time ``t`` and the rows of ``q`` and, where there are any, of ``p``."""
 
 
+MOST_RECORDS = 1_000_000
+"""Records of a file, those within its chunks included: a bound on the time that reading takes."""
+
+RECORD_HEAD = struct.Struct("<BQ")
+"""Kind of a record and bytes of its content, which follow."""
+
+
 def read_mcap(path: Path, columns: Columns) -> Samples:
     """Read the frames of an MCAP file.
 
@@ -114,14 +121,19 @@ def _messages(path: Path) -> list[bytes]:
 
     channels: dict[int, Channel] = {}
     found: list[tuple[int, bytes]] = []
-    size = 0
+    size = count = 0
     with path.open("rb") as file:
         for record in StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LARGEST_FILE).records:
             parts = [record]
+            count += 1
             if isinstance(record, Chunk):
                 size += record.uncompressed_size
                 check_size(path, size, "its messages unpacked")
-                parts = breakup_chunk(_unpacked(record), validate_crc=True)
+                record = _unpacked(record)
+                count += _records(record.data, MOST_RECORDS - count)
+                parts = breakup_chunk(record, validate_crc=True) if count <= MOST_RECORDS else []
+            if count > MOST_RECORDS:
+                raise ValueError(f"it has more than {MOST_RECORDS} records")
             for part in parts:
                 if isinstance(part, Channel):
                     channels[part.id] = part
@@ -131,6 +143,15 @@ def _messages(path: Path) -> list[bytes]:
                         raise ValueError(f"messages of {TOPIC} are {encoding}, not JSON")
                     found.append((part.log_time, part.data))
     return [data for _, data in sorted(found, key=lambda message: message[0])]
+
+
+def _records(data: bytes, most: int) -> int:
+    """Number of records in a chunk without compression, counted up to one more than ``most``."""
+    place = found = 0
+    while place + RECORD_HEAD.size <= len(data) and found <= most:
+        place += RECORD_HEAD.size + RECORD_HEAD.unpack_from(data, place)[1]
+        found += 1
+    return found
 
 
 def _unpacked(chunk: Chunk) -> Chunk:
