@@ -75,7 +75,7 @@ test-pythons:
 # of Python alone, WHEEL_FORM=sdist one of wheel and sdist, WHEEL_TESTS=tests/formula these tests alone.
 test-wheel: $(READY)
 	FLOCKING_WHEEL_PYTHON=$(WHEEL_PYTHON) FLOCKING_WHEEL_FORM=$(WHEEL_FORM) FLOCKING_WHEEL_TESTS="$(WHEEL_TESTS)" \
-		$(BIN)/python -m pytest -s -m slow -p no:xdist tests/packaging/test_setup.py -k quick_tests $(PYTEST_ARGS)
+		$(BIN)/python -m pytest -s -m wheel -p no:xdist tests/packaging/test_setup.py $(PYTEST_ARGS)
 
 # The engine for clusters on 1, 2 and 4 ranks of this machine. Its packages bring MPI along: nothing else is needed.
 test-mpi: $(MPI_READY)
@@ -153,12 +153,12 @@ bench-check: $(READY)
 bench-mpi: $(MPI_READY)
 	$(BIN)/python benchmarks/mpi.py
 
-# The slow tests: many seeds, long runs, the package built and installed anew. They are meant to take an hour on two free
+# The slow tests: many seeds, long runs, the pages and the package built anew. They are meant to take an hour on two free
 # processors; their end states the processor time that they took (tests/counting.py). Random
 # runs are compared with a Taylor integration in C: Debian's gcc, installed where it is missing. Repetitions of kills,
 # signals, full disks, damage and random cases are marked `repeated`: make robustness TIER=slow runs them. Slow tests of an
 # extra are run by the target of that extra.
-VALIDATION := slow and not repeated and not mpi and not cluster and not browser and not server and not emulator and not nodes and not peers
+VALIDATION := slow and not repeated and not mpi and not cluster and not browser and not server and not emulator and not nodes and not peers and not wheel
 validate: $(READY)
 	@command -v cc >/dev/null || command -v gcc >/dev/null || \
 		{ apt-get update -qq && apt-get install -y -qq gcc libc6-dev; } || \

@@ -146,7 +146,7 @@ def installations() -> list[tuple[str, str]]:
     return [(kind, python) for kind, python in every if not form or kind == form]
 
 
-@pytest.mark.slow
+@pytest.mark.wheel
 @pytest.mark.parametrize(("form", "python"), installations())
 def test_the_wheel_and_the_source_distribution_are_installed_and_pass_the_quick_tests(
     built: Path, tmp_path: Path, form: str, python: str

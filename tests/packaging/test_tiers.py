@@ -12,8 +12,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["pytest"]["ini_options"]
 MARKERS = [line.split(":")[0] for line in SETTINGS["markers"]]
-EXTRAS = ["mpi", "cluster", "browser", "server", "emulator", "nodes", "peers"]
-"""Markers of tests that need packages of an extra."""
+EXTRAS = ["mpi", "cluster", "browser", "server", "emulator", "nodes", "peers", "wheel"]
+"""Markers of tests that need packages of an extra, or environments of their own."""
 
 MAKEFILE = (ROOT / "Makefile").read_text().replace("\\\n", " ")
 
