@@ -38,6 +38,8 @@ HOMES = {
     "change how kernels are given to threads": "class Workers:",
     "change how the native loop hears messages under held control": "def hear(",
     "change how a safety filter changes forces": "class ForceFilter:",
+    "change how bodies without a closed form move between ticks": "class IntegratedMotion(",
+    "change how bodies without a closed form are integrated again": "class IntegratedForcedMotion",
     "change how agents keep their stopping paths apart": "def between(",
     "add a guarantee of consensus on graphs that switch": "def switching_certificates(",
     "add a guarantee of consensus on directed graphs": "def directed_certificates(",

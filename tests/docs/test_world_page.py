@@ -6,6 +6,7 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import flocking as fk
@@ -18,6 +19,7 @@ ENGINES = ("exact", "sampled", "delayed", "discrete", "tiles", "lammps")
 PSI = fk.Potential("(r - 2)**2")
 LAW = fk.Law(fk.Proximity(2.0), [fk.Gradient(PSI), fk.Consensus(1.0)])
 START = fk.State([[0.0, 0.0], [1.5, 0.0], [0.0, 1.5]], [[0.0, 0.1], [0.1, 0.0], [0.1, 0.0]])
+FLIGHT = fk.State(*(np.pad(x, ((0, 0), (0, 1))) for x in (START.q, START.p)))
 ROWS = re.findall(r"^\| `(.+)` " + r"\| (yes|no) " * len(ENGINES) + r"\|$", PAGE, re.MULTILINE)
 
 
@@ -37,7 +39,8 @@ def scenario(part, engine):
         world = {"bodies": fk.Impulsive()} | world
     if engine == "delayed":
         world = {"information": fk.Delayed(0.1)} | world
-    return fk.Scenario(law, START, t_end=1.0, **world)
+    start = FLIGHT if "Quadrotor" in part else START
+    return fk.Scenario(law, start, t_end=1.0, **world)
 
 
 def test_rows_are_found():

@@ -221,20 +221,6 @@ def test_short_periods_tend_to_the_motion_of_continuous_control():
     assert np.log2(np.array(gaps[0]) / gaps[1]) == pytest.approx([1.0, 1.0, 1.0], abs=0.2)
 
 
-@pytest.mark.parametrize(
-    ("bodies", "words"),
-    [
-        (fk.Lagged(fk.Limited(fk.PointMass(), force=1.0), 0.1), "a limit of what a lagged body exerts"),
-        (fk.Quadrotor(), "not Quadrotor"),
-    ],
-)
-def test_what_would_change_while_a_force_is_held_is_refused(bodies, words):
-    made = scenario(bodies) if not isinstance(bodies, fk.Quadrotor) else fk.Scenario(
-        PAIR, fk.State([[0.0, 0.0, 0.0], [6.0, 2.0, 0.0]]), t_end=1.0, bodies=bodies, control=fk.Held(0.1))  # fmt: skip
-    with pytest.raises(UnsupportedLaw, match=words):
-        fk.start(made, "sampled")
-
-
 def test_links_switch_where_gusts_push_agents():
     """A gust that begins between two ticks ends every motion: links found beyond it are not taken."""
     law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(0.5)])

@@ -114,21 +114,6 @@ def test_a_limit_that_is_left_out_is_caught(monkeypatch):
     assert "from where the logged forces lead" in str(fk.replay(fk.simulate(scenario(**WORLD), progress=False)))
 
 
-@pytest.mark.parametrize(
-    ("bodies", "words"),
-    [
-        (fk.Lagged(fk.Limited(fk.PointMass(), force=1.0), 0.1), "a limit of what a lagged body exerts would act"),
-        (
-            fk.Limited(fk.Lagged(fk.SingleIntegrator(), 0.1), speed=1.0),
-            "a limit of what a lagged body exerts would act",
-        ),
-    ],
-)
-def test_what_would_change_while_a_force_is_held_is_refused(bodies, words):
-    with pytest.raises(UnsupportedLaw, match=words):
-        fk.start(scenario(bodies=bodies), "sampled")
-
-
 def test_a_safety_filter_is_for_bodies_that_brake_as_it_says():
     with pytest.raises(UnsupportedLaw, match="SafetyFilter is for"):
         fk.start(scenario(control=fk.SafetyFilter(0.1, distance=0.5, acceleration=2.0)))

@@ -5,7 +5,6 @@ import pytest
 
 import flocking as fk
 from flocking.engine.sampled.session import SampledSession
-from flocking.errors import UnsupportedLaw
 from tests.engine.sampled.test_sessions import same
 
 LAW = fk.Law(fk.Proximity(4.0), [fk.Gradient(fk.Potential("(r - 1.5)**2/2")), fk.Consensus(0.7)])
@@ -93,8 +92,3 @@ def test_a_limit_that_acts_on_the_wrong_kind_is_caught():
         chain.rows = ~chain.rows
     session.advance(3.0)
     assert "from where the logged forces lead" in str(fk.replay(session.run()))
-
-
-def test_a_lag_of_some_is_refused():
-    with pytest.raises(UnsupportedLaw, match="no Lagged agents in a Mixture"):
-        fk.start(scenario(fk.Mixture((fk.PointMass(), fk.Lagged(fk.PointMass(), 0.2)), KINDS)))

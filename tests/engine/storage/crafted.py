@@ -48,6 +48,7 @@ ENGINES = {
     "bodies": "sampled",
     "mixture": "sampled",
     "periodic held": "sampled",
+    "held quadrotor": "sampled",
     "delayed": "delayed",
     "discrete": "discrete",
     "heading": "discrete",
@@ -112,6 +113,9 @@ def scenario(engine: str) -> fk.Scenario:
         begin = fk.start.box(4, side=4.0, dimension=3, speed=0.3, seed=2)
         law = fk.Law(fk.Proximity(6.0), [fk.Gradient(fk.Potential("(r - 3)**2")), fk.Consensus(1.0)])
         return fk.Scenario(law, begin, t_end=0.5, frames=6, agents=fk.Quadrotor())
+    if engine == "held quadrotor":
+        heard = fk.Messages(0.02, delay=0.05, jitter=0.01, loss=0.2, seed=5)
+        return scenario("quadrotor").with_(control=fk.Held(0.02, latency=0.03), information=heard)
     begin = fk.start.hexagonal(8, spacing=3.6, noise=0.2, speed=1.0, seed=5)
     made = fk.Scenario(zhou(), begin, t_end=0.5, frames=6)
     if engine == "periodic":

@@ -176,6 +176,17 @@ class Segment:
             return left[-1], DEGREE / (x * span) * (left[-1] - left[-2])
         return left[-1], DEGREE / span * (self.coefficients[1] - self.coefficients[0])
 
+    def series(self, count: int) -> Array:
+        """Taylor coefficients of the first ``count`` components about ``t0``, shape (8, count)."""
+        differences, span = self.coefficients[:, :count], self.t1 - self.t0
+        found = np.zeros(differences.shape)
+        found[0] = differences[0]
+        if span > 0.0:
+            for k in range(1, DEGREE + 1):
+                differences = np.diff(differences, axis=0)
+                found[k] = comb(DEGREE, k) * differences[0] / span**k
+        return found
+
     def cut(self, x: float) -> Segment:
         """The first fraction ``x`` of the segment. Its end is at ``x`` exactly; only its time is rounded."""
         return Segment(self.t0, self.t0 + x * (self.t1 - self.t0), _part(self.coefficients, x))

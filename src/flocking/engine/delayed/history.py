@@ -107,12 +107,4 @@ def position_series(segment: Segment, n: int, m: int, about: float) -> Array:
     about
         Time about which they are.
     """
-    differences = segment.coefficients[:, : n * m].reshape(DEGREE + 1, n, m)
-    span = segment.t1 - segment.t0
-    series = np.zeros(differences.shape)
-    series[0] = differences[0]
-    if span > 0.0:
-        for k in range(1, DEGREE + 1):
-            differences = np.diff(differences, axis=0)
-            series[k] = comb(DEGREE, k) * differences[0] / span**k
-    return shifted(series, about - segment.t0)
+    return shifted(segment.series(n * m).reshape(DEGREE + 1, n, m), about - segment.t0)

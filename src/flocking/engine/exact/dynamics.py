@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from flocking.arrays import Indices, Numbers
+from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
 from flocking.engine.exact.crossings.images import linked_paths
-from flocking.engine.exact.crossings.limit_crossings import HeldNumbers
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
 from flocking.engine.kernels.codegen import compiled_kernels

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from flocking.engine.protocol.body_chains import chain_of, check_bodies
+from flocking.engine.protocol.body_chains import chain_of, check_bodies, has_energy_of_points
 from flocking.errors import UnsupportedLaw
 from flocking.model.bodies.actuators import Lagged, Limited
 from flocking.model.bodies.body import Body
-from flocking.model.bodies.chained_bodies import WrappedBody
 from flocking.model.bodies.disturbances import Disturbed
-from flocking.model.bodies.mixtures import Mixture
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.bodies.unicycles import Unicycle
 
@@ -86,12 +84,3 @@ def _not_by_rates_alone(body: Body, dimension: int) -> str:
     if body.order == 2 and not has_energy_of_points(body):
         return f"{name} agents, whose kinetic energy is another one than that of points"
     return ""
-
-
-def has_energy_of_points(body: Body) -> bool:
-    """Whether the kinetic energy of a body is that of a point mass, m |w|^2/2."""
-    if isinstance(body, WrappedBody):
-        return has_energy_of_points(body.body)
-    if isinstance(body, Mixture):
-        return all(has_energy_of_points(each) for each in body.bodies)
-    return type(body).kinetic is Body.kinetic

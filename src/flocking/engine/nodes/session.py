@@ -15,6 +15,7 @@ from flocking.engine.nodes.nodes import START
 from flocking.engine.nodes.processes import PATIENCE, Agents
 from flocking.engine.nodes.recording import Recording
 from flocking.engine.nodes.requests import Answer, Request, sample_of, well_formed
+from flocking.engine.protocol.body_chains import why_not_closed
 from flocking.engine.protocol.session import Session
 from flocking.engine.sampled.engine import ENGINE as SAMPLED
 from flocking.engine.sampled.knowledge import Knowledge, Known
@@ -74,6 +75,11 @@ def check_nodes(scenario: Scenario, *, real_time: float | None, exported: bool) 
         raise UnsupportedLaw("Processes of agents need control=Held(...): they act at ticks, not at every moment.")
     SAMPLED.check(scenario)
     SAMPLED.check_space(scenario)
+    if why_not_closed(scenario.agents):
+        raise UnsupportedLaw(
+            f"The process of the world moves bodies in closed form between two ticks, which {scenario.agents.summary} "
+            "do not. fk.simulate runs them, by engine='sampled'."
+        )
     if exported and scenario.start.links is not None:
         raise UnsupportedLaw(
             "Exported C begins with the links of its graph: a start with links of its own is for Python agents."

@@ -64,50 +64,110 @@ def check_bodies(engine: str, body: Body) -> None:
     UnsupportedLaw
         When there is one; the message names it.
     """
+    if why := why_not_closed(body):
+        raise UnsupportedLaw(f"engine={engine!r} {why}")
+
+
+def why_not_closed(body: Body) -> str:
+    """Why a body does not move in closed form while a force is held, in words that follow an engine; empty if it does.
+
+    Parameters
+    ----------
+    body
+        What the agents are.
+    """
     members = members_of(body)
     for _, chain, inner in members:
-        _check_chain(engine, chain, inner)
+        if why := _why_not_closed(chain, inner):
+            return why
         if len(members) > 1 and any(isinstance(x, Lagged) for x in chain):
-            raise UnsupportedLaw(f"engine={engine!r} moves no Lagged agents in a Mixture. Leave the lag out.")
+            return "moves no Lagged agents in a Mixture. Leave the lag out."
+    return ""
 
 
-def _check_chain(engine: str, chain: list[WrappedBody], inner: Body) -> None:
-    """Refuse a chain of bodies that does not move in closed form while a force is held."""
+def _why_not_closed(chain: list[WrappedBody], inner: Body) -> str:
+    """As `why_not_closed`, of a chain of bodies."""
     strange = [x for x in chain if type(x) not in (Limited, Lagged, Disturbed)]
     point = type(inner) is Unicycle or inner.structure in (PointMass().structure, SingleIntegrator().structure)
     if strange or not point:
         name = type(strange[0] if strange else inner).__name__
-        raise UnsupportedLaw(
-            f"engine={engine!r} moves point masses, single integrators and unicycles, limited, lagged or disturbed, "
-            f"not {name}."
-        )
+        return f"moves point masses, single integrators and unicycles, limited, lagged or disturbed, not {name}."
     lagged = any(isinstance(x, Lagged) for x in chain)
     gusty = inner.order == 2 and any(isinstance(x, Disturbed) for x in chain)
     behind = False
     for each in chain:
         if isinstance(each, Limited):
             if (behind and each.force is not None) or (lagged and each.speed is not None):
-                raise UnsupportedLaw(
-                    f"engine={engine!r} holds forces, and a limit of what a lagged body exerts would act between two "
-                    "ticks. Limit the force before the lag, as Limited(Lagged(...), force=...) does."
+                return (
+                    "holds forces, and a limit of what a lagged body exerts would act between two ticks. Limit the "
+                    "force before the lag, as Limited(Lagged(...), force=...) does."
                 )
             if gusty and each.speed is not None:
-                raise UnsupportedLaw(
-                    f"engine={engine!r} scales held forces back to a largest speed, which a gust between two ticks "
-                    "would exceed. Leave the speed or the gusts out."
+                return (
+                    "scales held forces back to a largest speed, which a gust between two ticks would exceed. Leave "
+                    "the speed or the gusts out."
                 )
         behind = behind or isinstance(each, Lagged)
+    return ""
+
+
+def check_integrated(engine: str, body: Body) -> None:
+    """Refuse bodies that cannot be integrated while a force is held.
+
+    Parameters
+    ----------
+    engine
+        Name of the engine, for messages.
+    body
+        What the agents are.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When there is one; the message names it.
+    """
+    for _, chain, inner in members_of(body):
+        if inner.discrete:
+            raise UnsupportedLaw(
+                f"engine={engine!r} moves no {type(inner).__name__} agents, whose velocities are set at ticks. Use "
+                "engine='discrete'."
+            )
+        speeds = [x for x in chain if isinstance(x, Limited) and x.speed is not None]
+        if speeds and body.order > 1:
+            why = _why_not_closed(chain, inner)
+            if not why or (type(inner) is not Unicycle and inner.structure != PointMass().structure):
+                why = (
+                    "scales held forces back to a largest speed, for which motions must be in closed form, which those "
+                    f"of {type(body).__name__} agents are not. Leave the speed out."
+                )
+            raise UnsupportedLaw(f"engine={engine!r} {why}")
+
+
+def has_energy_of_points(body: Body) -> bool:
+    """Whether the kinetic energy of a body is that of a point mass, m |w|^2/2."""
+    if isinstance(body, WrappedBody):
+        return has_energy_of_points(body.body)
+    if isinstance(body, Mixture):
+        return all(has_energy_of_points(each) for each in body.bodies)
+    return type(body).kinetic is Body.kinetic
 
 
 def point_of(body: Body) -> Body:
     """The body without what stands between it and the desired force: points, such as the hand point of a unicycle."""
     inner = chain_of(body)[1]
-    if isinstance(inner, Mixture) and inner.order == 1:
-        return SingleIntegrator()
-    return PointMass(inner.masses, inner.damping) if isinstance(inner, Unicycle | Mixture) else inner
+    if inner.structure in (PointMass().structure, SingleIntegrator().structure):
+        return inner
+    if inner.order == 1:
+        return SingleIntegrator(inner.masses, inner.headings)
+    return PointMass(inner.masses, inner.damping, inner.headings)
 
 
 def of_points(scenario: Scenario) -> Scenario:
-    """The scenario of the points that the law sees, whose law and energy are the same."""
+    """The scenario of the points that the law sees, whose law and energy are the same.
+
+    Bodies with another kinetic energy than that of points stay, for the energy is theirs.
+    """
     point = point_of(scenario.agents)
-    return scenario if point is scenario.agents else scenario.with_(agents=point)
+    if point is scenario.agents or not has_energy_of_points(scenario.agents):
+        return scenario
+    return scenario.with_(agents=point)

@@ -1,1 +1,1 @@
-"""Held control and messages: motion in closed form from event to event, without an integrator."""
+"""Held control and messages: motion from event to event, in closed form where bodies have one."""

@@ -81,11 +81,23 @@ def unpacked_memory(fresh: SampledMemory, packed: Packed, scenario: Scenario) ->
     data, arrays = packed
     arrays = {**arrays, "coefficients": _with_further_terms(arrays.get("coefficients"), fresh.motion)}
     fresh.truth.recall(arrays, check_sampled(data, arrays, scenario, fresh))
-    motion, knowledge = fresh.motion, fresh.knowledge
-    fresh.ticked, fresh.applied = arrays["ticked"], arrays["applied"]
-    motion.begin, motion.coefficients, motion.force = arrays["begin"], arrays["coefficients"], arrays["force"]
+    motion = fresh.motion
+    motion.begin, motion.coefficients = arrays["begin"], arrays["coefficients"]
     motion.lag, motion.heading = arrays.get("lag"), arrays.get("heading")
-    fresh.desired = arrays.get("wanted", motion.force.copy())
+    recall_forces_and_knowledge(fresh, arrays)
+
+
+def recall_forces_and_knowledge(fresh: SampledMemory, arrays: Arrays) -> None:
+    """Take from checked ``arrays`` all but the motion.
+
+    Parameters
+    ----------
+    fresh
+        Memory of a session of the same scenario at its start.
+    """
+    knowledge = fresh.knowledge
+    fresh.ticked, fresh.applied, fresh.motion.force = arrays["ticked"], arrays["applied"], arrays["force"]
+    fresh.desired = arrays.get("wanted", arrays["force"].copy())
     if (obstacle_ranges := fresh.obstacle_ranges).groups:
         ends = np.cumsum([there.shape[1] for there in obstacle_ranges.near])[:-1]
         obstacle_ranges.near = [x.copy() for x in np.split(arrays["near_obstacles"], ends, axis=1)]

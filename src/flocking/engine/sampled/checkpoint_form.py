@@ -7,12 +7,14 @@ acted, which forces wait, which samples have arrived and where links switch.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
+from typing import Protocol
 
 import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.engine.archives.archive import Arrays
-from flocking.engine.archives.data_checks import Names, Table
+from flocking.engine.archives.data_checks import Form, Names, Table
 from flocking.engine.imperfect.checkpoint_form import (
     LARGEST,
     MOST_COUNT,
@@ -25,7 +27,7 @@ from flocking.engine.imperfect.checkpoint_form import (
 )
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
 from flocking.engine.sampled.knowledge import Knowledge
-from flocking.engine.sampled.motion import Drive, Motion
+from flocking.engine.sampled.motion import Drive
 from flocking.engine.sampled.piece_series import LONGEST_PIECE
 from flocking.engine.sampled.range_crossings import ObstacleRanges
 from flocking.engine.sampled.samples import FIRST_ROOM, START
@@ -39,7 +41,42 @@ MOST_NEWER = 32
 """Newer samples of each sender that are looked at: none of them may have arrived."""
 
 
-def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: SampledMemory) -> dict[str, float]:
+Places = Callable[[Indices, Array], Array]
+"""Positions of agents at times in seconds from the start, shape (..., m) for agents and times of shape (...)."""
+
+
+class MotionForm(Protocol):
+    """What a checkpoint holds of the motion between two changes of forces."""
+
+    @property
+    def numbers(self) -> Mapping[str, Form[object]]:
+        """Forms of its numbers."""
+
+    @property
+    def tables(self) -> Mapping[str, Table]:
+        """Forms of its arrays."""
+
+    def check(self, arrays: Arrays, began: Instants, now: tuple[float, float]) -> None:
+        """Refuse arrays that do not follow from the forces.
+
+        Parameters
+        ----------
+        began
+            Nanoseconds at which the forces began to act, shape (N,).
+        now
+            Least and largest nanosecond that may be the time reached.
+        """
+
+    def ends(self, arrays: Arrays) -> Array:
+        """When the motion of each agent goes on in another way under the same force, in seconds, shape (N,)."""
+
+    def places(self, arrays: Arrays) -> Places:
+        """Where agents are."""
+
+
+def check_sampled(
+    data: object, arrays: Arrays, scenario: Scenario, fresh: SampledMemory, form: MotionForm | None = None
+) -> dict[str, float]:
     """The numbers of a checkpoint of a session of this scenario, after all checks.
 
     Parameters
@@ -48,6 +85,8 @@ def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: Sampl
         What was read.
     fresh
         Memory of a session of the scenario at its start.
+    form
+        What it holds of the motion; polynomials of `Motion` when absent.
 
     Raises
     ------
@@ -56,8 +95,9 @@ def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: Sampl
     """
     n, m = scenario.start.q.shape
     graphs, base = len(scenario.law.graphs), scenario.start.t
-    numbers = checked_numbers(data, base, scenario.t_end)
-    _forms(n, m, graphs, fresh).check(arrays, "")
+    form = _ClosedForm(fresh) if form is None else form
+    numbers = checked_numbers(data, base, scenario.t_end, form.numbers)
+    _forms(n, m, graphs, fresh, form.tables).check(arrays, "")
     now, accounted = numbers["time"] - base, numbers["accounted"]
     slack = ROUNDED * (abs(base) + abs(numbers["time"]))
     must(accounted <= now + slack, "accounted", "not lie after the time")
@@ -81,56 +121,45 @@ def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: Sampl
     must(ticked.max() <= numbers["steps"] <= ticked.sum(), "steps", "be the number of times at which agents acted")
     _check_waiting(arrays, ticks, latency)
     began = np.where(applied > 0, ticks.at(np.arange(n), applied - 1) + latency, 0)
-    _take_gusts(arrays, fresh, (earliest, latest))
-    _check_motion(arrays, fresh, began, (earliest, latest))
+    must(not arrays.get("wanted", arrays["force"])[applied == 0].any(), "force", "be zero until a force acts")
+    form.check(arrays, began, (earliest, latest))
     rules = link_rules(scenario.law.graphs, n)
     check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.truth.links)
-    pieces = np.minimum(ticks.at(np.arange(n), applied) + latency, _ends(arrays, fresh.motion))
-    if (gust := fresh.actuation.next_gust()) is not None:
-        pieces = np.minimum(pieces, gust)
-    _check_crossings(arrays, rules, now, (slack, pieces * NANOSECOND), scenario.space)
+    pieces = np.minimum((ticks.at(np.arange(n), applied) + latency) * NANOSECOND, form.ends(arrays))
+    places = form.places(arrays)
+    _check_crossings(arrays, rules, now, (slack, pieces), (scenario.space, places))
     check_closest(arrays["closest"], n, accounted)
-    fresh.obstacle_ranges.ends = pieces * NANOSECOND
+    fresh.obstacle_ranges.ends = pieces
     if fresh.obstacle_ranges.groups:
-        _check_obstacle_ranges(arrays, fresh.obstacle_ranges, (base, now, slack))
+        _check_obstacle_ranges(arrays, fresh.obstacle_ranges, (base, now, slack), places)
     _check_knowledge(arrays, fresh.knowledge, ticks)
     return numbers
 
 
-def _forms(n: int, m: int, graphs: int, fresh: SampledMemory) -> Names:
+def _forms(n: int, m: int, graphs: int, fresh: SampledMemory, motion: Mapping[str, Table]) -> Names:
     room, waiting = None, None
     count = Table("i8", (n,), least=0, most=MOST_COUNT)
     agent = Table("i8", (None,), least=0, most=n - 1)
     links = Table("?", (graphs, n, n))
     shown = n if fresh.knowledge.reads_distances else 0
 
-    def vectors(*shape: int | None) -> Table:
-        return Table("f8", shape, least=-LARGEST, most=LARGEST)
-
     noise = {"noise": vectors(n, 2 * m)} if fresh.knowledge.draws_errors else {}
-    motion = fresh.motion
-    bodies: dict[str, Table] = {}
-    if fresh.actuation.gusts:
-        bodies |= {"wanted": vectors(n, m), "gusts": Table("i8", (len(fresh.actuation.gusts),), 0, MOST_COUNT)}
-    if motion.lag is not None:
-        bodies["lag"] = vectors(n, m)
+    bodies = dict(motion)
     if fresh.obstacle_ranges.groups:
         every = sum(there.shape[1] for there in fresh.obstacle_ranges.near)
         bodies |= {
             "near_obstacles": Table("?", (n, every)), "meeting_time": Table("f8", (None,), least=0.0),
             "meeting": Table("i8", (None, 3), least=0, most=max(n, every) - 1),
         }  # fmt: skip
-    if motion.heading is not None:
-        bodies["heading"] = Table("f8", motion.heading.shape, -1.0 - NEAR, 1.0 + NEAR)
     if fresh.filter is not None:
         noise |= {
             "filter_normals": Table("f8", (n, n, m), -1.0 - NEAR, 1.0 + NEAR),
             "filter_counts": Table("i8", (3,), -1, MOST_COUNT),
         }
     return Names({
-        "ticked": count, "applied": count, "taken": count, "begin": count, "links": links, "known_links": links,
-        "coefficients": vectors(fresh.motion.degree + 1, n, m), "force": vectors(n, m),
-        "waiting_time": Table("i8", (waiting,), least=0, most=MOST_COUNT), "waiting_agent": agent,
+        "ticked": count, "applied": count, "taken": count, "links": links, "known_links": links,
+        "force": vectors(n, m), "waiting_agent": agent,
+        "waiting_time": Table("i8", (waiting,), least=0, most=MOST_COUNT),
         "waiting_force": vectors(waiting, m), "crossing_time": Table("f8", (None,), least=0.0),
         "crossing": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
         "closest": Table("f8", (2, 4), finite=False), "sums": Table("f8", (4,), finite=False),
@@ -138,6 +167,11 @@ def _forms(n: int, m: int, graphs: int, fresh: SampledMemory) -> Names:
         "newest": Table("i8", (n, n), least=START, most=MOST_COUNT), "sample_rows": vectors(room, n, 2 * m),
         "sample_distances": Table("f8", (room, shown, shown), least=0.0, most=LARGEST), **bodies,
     }, noise)  # fmt: skip
+
+
+def vectors(*shape: int | None) -> Table:
+    """The form of an array of numbers that can be squared."""
+    return Table("f8", shape, least=-LARGEST, most=LARGEST)
 
 
 def _check_waiting(arrays: Arrays, ticks: PeriodicTimes, latency: int) -> None:
@@ -163,10 +197,61 @@ def _take_gusts(arrays: Arrays, fresh: SampledMemory, now: tuple[float, float]) 
     fresh.motion.beside = fresh.actuation.beside(np.arange(len(arrays["begin"])))
 
 
-def _ends(arrays: Arrays, motion: Motion) -> Instants:
-    """When pieces of motion end, under the forces of a checkpoint."""
-    motion.begin, motion.force, motion.lag = arrays["begin"], arrays["force"], arrays.get("lag")
-    return motion.ends()
+class _ClosedForm:
+    """Polynomials of each agent, which follow from its force.
+
+    Parameters
+    ----------
+    fresh
+        Memory of a session at its start.
+    """
+
+    def __init__(self, fresh: SampledMemory) -> None:
+        self._fresh = fresh
+
+    @property
+    def numbers(self) -> Mapping[str, Form[object]]:
+        """None."""
+        return {}
+
+    @property
+    def tables(self) -> Mapping[str, Table]:
+        """When polynomials began, their coefficients, and what stands between forces and motion."""
+        motion, gusts = self._fresh.motion, self._fresh.actuation.gusts
+        _, n, m = motion.coefficients.shape
+        found = {"begin": Table("i8", (n,), least=0, most=MOST_COUNT), "coefficients": vectors(motion.degree + 1, n, m)}
+        if gusts:
+            found |= {"wanted": vectors(n, m), "gusts": Table("i8", (len(gusts),), 0, MOST_COUNT)}
+        if motion.lag is not None:
+            found["lag"] = vectors(n, m)
+        if motion.heading is not None:
+            found["heading"] = Table("f8", motion.heading.shape, -1.0 - NEAR, 1.0 + NEAR)
+        return found
+
+    def check(self, arrays: Arrays, began: Instants, now: tuple[float, float]) -> None:
+        """Pieces begin where forces change or the last piece ends, and follow from the force that acts."""
+        _take_gusts(arrays, self._fresh, now)
+        _check_motion(arrays, self._fresh, began, now)
+
+    def ends(self, arrays: Arrays) -> Array:
+        """When pieces of motion end, or a gust does."""
+        motion, gust = self._fresh.motion, self._fresh.actuation.next_gust()
+        motion.begin, motion.force, motion.lag = arrays["begin"], arrays["force"], arrays.get("lag")
+        ends = motion.ends() if gust is None else np.minimum(motion.ends(), gust)
+        return np.asarray(ends * NANOSECOND)
+
+    def places(self, arrays: Arrays) -> Places:
+        """By the polynomials."""
+        begin, C = arrays["begin"] * NANOSECOND, arrays["coefficients"]
+
+        def at(agents: Indices, time: Array) -> Array:
+            s: Array = (time - begin[agents])[..., None]
+            found: Array = C[-1][agents]
+            for k in range(len(C) - 2, -1, -1):
+                found = found * s + C[k][agents]
+            return found
+
+        return at
 
 
 def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tuple[float, float]) -> None:
@@ -183,11 +268,9 @@ def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tu
     fits = (age >= 0) & (steady | (age == 0) | (short & together)) & (begin <= now[1])
     fits &= np.minimum(begin, MOST_COUNT - motion.longest) + motion.longest >= min(now[0], float(MOST_COUNT))
     must(fits.all(), "begin", "be when the pieces of motion began")
-    desired = arrays.get("wanted", force)
-    must(not desired[arrays["applied"] == 0].any(), "force", "be zero until a force acts")
     if fresh.actuation.gusts:
         with np.errstate(over="ignore", invalid="ignore"):
-            again = fresh.actuation.exerted(everyone, desired, C[1])
+            again = fresh.actuation.exerted(everyone, arrays["wanted"], C[1])
             fits = np.abs(again - force) <= ROUNDED * np.abs(force)
         must(fits.all(), "force", "be what bodies exert for the desired one")
     first = begin == 0
@@ -210,9 +293,11 @@ def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tu
     must((np.asarray(reach) <= LARGEST).all(), "coefficients", "keep the agents within numbers that can be squared")
 
 
-def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[float, Array], space: Space) -> None:
+def _check_crossings(
+    arrays: Arrays, rules: LinkRules, now: float, spans: tuple[float, Array], where: tuple[Space, Places]
+) -> None:
     """Crossings lie in the future, at their distances, and agree with the distances at the ends of pieces."""
-    slack, ends = spans
+    (slack, ends), (space, places) = spans, where
     time, rows = arrays["crossing_time"], arrays["crossing"]
     must(len(time) == len(rows), "crossing", "have as many rows as crossing_time")
     must((rows[:, 2] < len(rules.ways)).all() and (rows[:, :2] < len(ends)).all(), "crossing",
@@ -225,16 +310,6 @@ def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[
     must(early.all(), "crossing_time", "lie between now and the end of a piece of motion")
     order = list(zip(time.tolist(), *rows.T.tolist(), strict=True))
     must(order == sorted(set(order)), "crossing", "be in order")
-    begin, C = arrays["begin"] * NANOSECOND, arrays["coefficients"]
-
-    def places(agents: Indices, at: Array) -> Array:
-        """Positions of agents at times, shape (..., m)."""
-        s: Array = (at - begin[agents])[..., None]
-        found: Array = C[-1][agents]
-        for k in range(len(C) - 2, -1, -1):
-            found = found * s + C[k][agents]
-        return found
-
     links = arrays["links"].copy()
     everyone = np.arange(len(ends))
     size = NEAR * float(np.abs(places(everyone, np.full(len(ends), now))).max())
@@ -260,7 +335,9 @@ def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[
             must(fits.all(), name, "fit the distances of the agents")
 
 
-def _check_obstacle_ranges(arrays: Arrays, obstacle_ranges: ObstacleRanges, when: tuple[float, float, float]) -> None:
+def _check_obstacle_ranges(
+    arrays: Arrays, obstacle_ranges: ObstacleRanges, when: tuple[float, float, float], places: Places
+) -> None:
     """Agents stated to be within range of obstacles are, and crossings of the range lie in the future, at the range."""
     (base, now, slack), time, rows = when, arrays["meeting_time"], arrays["meeting"]
     must(len(time) == len(rows), "meeting", "have as many rows as meeting_time")
@@ -274,17 +351,8 @@ def _check_obstacle_ranges(arrays: Arrays, obstacle_ranges: ObstacleRanges, when
     must((np.diff(time) >= 0.0).all(), "meeting_time", "be in order")
     late = time <= obstacle_ranges.ends[agents] + slack + 2.0 * NANOSECOND
     must((late & (time >= now - slack - 2.0 * NANOSECOND)).all(), "meeting_time", "lie between now and the next change")
-    begin, C = arrays["begin"] * NANOSECOND, arrays["coefficients"]
-
-    def places(agents: Indices, at: Array) -> Array:
-        s: Array = (at - begin[agents])[:, None]
-        found: Array = C[-1][agents]
-        for k in range(len(C) - 2, -1, -1):
-            found = found * s + C[k][agents]
-        return found
-
-    everyone = np.arange(len(begin))
-    here = places(everyone, np.full(len(begin), now))
+    everyone = np.arange(len(obstacle_ranges.ends))
+    here = places(everyone, np.full(len(everyone), now))
     first = 0
     for number, there in enumerate(obstacle_ranges.near):
         near = arrays["near_obstacles"][:, first : first + there.shape[1]]

@@ -86,11 +86,7 @@ class SampledSession(ImperfectSession):
         self.desired = np.zeros((self.n, self.m))
         """The forces that agents computed last and that have begun to act, shape (N, m)."""
         periods = np.asarray(self._ticks.period * NANOSECOND, dtype=np.float64)
-        self.actuation = Actuation(scenario.agents, self.n, self.m, periods)
-        columns = start.columns
-        self.motion = Motion(
-            start.q, start.p, scenario.agents, self.actuation, columns.get(APPLIED), columns.get(HEADING)
-        )
+        self.actuation, self.motion = self._new_motion(scenario, periods)
         # Agents of order 1 stand still before the start, whatever velocities it gives.
         sent = start.p if scenario.agents.order == 2 else np.zeros_like(start.p)
         self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
@@ -109,6 +105,13 @@ class SampledSession(ImperfectSession):
         self.begin()
         self._watch_pieces(0, np.ones(self.n, dtype=bool))
         self._record_frames(0.0)
+
+    def _new_motion(self, scenario: Scenario, periods: Array) -> tuple[Actuation, Motion]:
+        """What becomes of forces, and the motion from the start on; ``periods`` is how long each force is held."""
+        start, columns = scenario.start, scenario.start.columns
+        found = Actuation(scenario.agents, self.n, self.m, periods)
+        lag, heading = columns.get(APPLIED), columns.get(HEADING)
+        return found, Motion(start.q, start.p, scenario.agents, found, lag, heading)
 
     @property
     def _law(self) -> SampledLaw:
@@ -390,7 +393,11 @@ class SampledSession(ImperfectSession):
         memory = session._memory
         rest = unpacked_changes(packed, session.interventions, session.knowledge)
         unpacked_memory(memory, rest, stored.scenario)
-        session.ticked, session.applied, session.desired = memory.ticked, memory.applied, memory.desired
-        session.obstacle_ranges = memory.obstacle_ranges
-        session.recall(memory.truth, stored)
+        session.take_back(memory, stored)
         return session
+
+    def take_back(self, memory: SampledMemory, stored: Stored) -> None:
+        """Go on from a ``memory``, with the records that were ``stored``."""
+        self.ticked, self.applied, self.desired = memory.ticked, memory.applied, memory.desired
+        self.obstacle_ranges = memory.obstacle_ranges
+        self.recall(memory.truth, stored)

@@ -16,6 +16,7 @@ from flocking.model.world.information import Messages
 from flocking.model.world.random_numbers import Purpose, uniform
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.forced_motion import ForcedMotion
+from flocking.study.message_logs.integrated_motion import IntegratedForcedMotion
 
 NEVER = np.iinfo(np.int64).max
 """When a lost message arrives."""
@@ -61,7 +62,7 @@ class Arrivals:
         Nanosecond after which nothing is looked up.
     """
 
-    def __init__(self, scenario: Scenario, motion: ForcedMotion, last: int) -> None:
+    def __init__(self, scenario: Scenario, motion: ForcedMotion | IntegratedForcedMotion, last: int) -> None:
         assert isinstance(scenario.information, Messages)
         self.world, self.scenario, self.motion = scenario.information, scenario, motion
         self.n, self.m = motion.n, motion.m
@@ -123,7 +124,8 @@ class Arrivals:
         for part, step in enumerate((world.resolution, world.velocity_resolution)):
             if step:
                 ratio = found[part] / step
-                open_ |= bool((np.abs(ratio - np.floor(ratio) - 0.5) < ROUNDED).any())
+                moved = self.motion.error * (1.0 + float(np.abs(found[part]).max())) / step
+                open_ |= bool((np.abs(ratio - np.floor(ratio) - 0.5) < ROUNDED + moved).any())
                 found[part] = np.rint(ratio) * step
         return Sample(found[0], found[1], q, p, instant, open_)
 

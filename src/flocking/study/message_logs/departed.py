@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Array, Links
+from flocking.engine.protocol.body_chains import why_not_closed
 from flocking.engine.runs.message_log import OWN, PRESENT
 from flocking.engine.runs.run import Run
 from flocking.errors import UnsupportedLaw
@@ -66,14 +67,16 @@ def departed_causes(run: Run) -> Departed:
     scenario, log = logged(run)
     if scenario.agents.order == 1:
         raise UnsupportedLaw("departed_causes splits the work of forces; agents of order 1 have none.")
-    if not ForcedMotion(scenario, log).follows_desired:
+    if why_not_closed(scenario.agents) or not ForcedMotion(scenario, log).follows_desired:
         raise UnsupportedLaw(
             f"departed_causes splits the work of forces that change at ticks alone, and {scenario.agents.summary}."
         )
-    world = LoggedWorld(scenario, log)
+    world = LoggedWorld(run, scenario, log)
     trace = run.trace
     with Reading(), np.errstate(over="ignore", invalid="ignore"):
         differences = _differences(run, world)
+    motion = world.motion
+    assert isinstance(motion, ForcedMotion)
     causes = {name: np.zeros(len(trace)) for name in CAUSES}
     acting = {name: np.full(world.n, -1) for name in differences}
     previous: Array | None = None
@@ -92,7 +95,7 @@ def departed_causes(run: Run) -> Departed:
         for name in differences:
             causes[name][row] = sums[name]
             acting[name] = np.array(
-                [world.motion.rows[a][world.motion.piece(a, seconds / NANOSECOND + 1.0)] for a in range(world.n)]
+                [motion.rows[a][motion.piece(a, seconds / NANOSECOND + 1.0)] for a in range(world.n)]
             )
         previous = now
     causes["hold"] = trace["departed"] - sum(causes[name] for name in differences)
@@ -148,6 +151,7 @@ def _differences(run: Run, world: LoggedWorld) -> dict[str, Array]:
 
         # Not the logged force: equal arguments then give equal bits, and a difference that is exactly zero.
         before = law(mine, received(used))
+        assert isinstance(world.motion, ForcedMotion)
         exerted = world.motion.exerted(row, agent)
         if exerted is not None:
             found["limits"][row] = exerted - log.forces[row]

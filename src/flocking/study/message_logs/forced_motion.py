@@ -55,6 +55,9 @@ class ForcedMotion:
         The forces, and when they were computed.
     """
 
+    error = 0.0
+    """By how much errors of the run's steps may move agents: both motions are in closed form."""
+
     def __init__(self, scenario: Scenario, log: MessageLog) -> None:
         assert isinstance(scenario.control, Held)
         bodies, start = scenario.agents, scenario.start

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Array, Links
+from flocking.engine.protocol.body_chains import why_not_closed
 from flocking.engine.reference.control import Agent, control_of
 from flocking.engine.runs.message_log import AT_START, OWN, PRESENT, MessageLog
 from flocking.engine.runs.run import Run
@@ -21,6 +22,7 @@ from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.arrivals import NEVER, Arrivals, Sample
 from flocking.study.message_logs.forced_motion import ForcedMotion
+from flocking.study.message_logs.integrated_motion import IntegratedForcedMotion
 
 NEAR = 1e-9
 """Distance from a radius, relative to 1 and to it, within which rounding leaves open whether a link switches, and by
@@ -29,6 +31,10 @@ which stored positions may differ from those of the second computation, relative
 SAME_FORCE = 1e-7
 """Difference of two computations of a force, relative to 1 and to it: steep potentials amplify the rounding of
 positions, 1e-16 of them, by up to their second derivative, for which this leaves 1e9."""
+
+STEEP = 100.0
+"""Largest change of a force, relative to 1 and to it, over that of positions by which it is taken to change where both
+motions have errors of steps: forces of steeper laws are reported where they agree with nothing that the log names."""
 
 MOST_ERRORS = 20
 """Findings that are listed."""
@@ -171,16 +177,22 @@ class LoggedWorld:
 
     Parameters
     ----------
+    run
+        The run.
     scenario
-        The scenario.
+        Its scenario.
     log
         Its log.
     """
 
-    def __init__(self, scenario: Scenario, log: MessageLog) -> None:
+    def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
         self.scenario, self.log = scenario, log
         self.base, self.space = scenario.start.t, scenario.space
-        self.motion = ForcedMotion(scenario, log)
+        self.motion: ForcedMotion | IntegratedForcedMotion = ForcedMotion(scenario, log)
+        if why_not_closed(scenario.agents):
+            self.motion = IntegratedForcedMotion(run, scenario, log)
+        self.near = NEAR + self.motion.error
+        """As `NEAR`, where the motion of the run has errors of steps."""
         self.n, self.m = self.motion.n, self.motion.m
         self.messages = scenario.information if isinstance(scenario.information, Messages) else None
         last = int(log.ticks[-1, 0]) if len(log.ticks) else 0
@@ -248,7 +260,7 @@ class _Replaying:
 
     def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
         self.run, self.log = run, log
-        self.world = LoggedWorld(scenario, log)
+        self.world = LoggedWorld(run, scenario, log)
         self.links = [links.copy() for links in self.world.first_links]
         self.undecided = 0
 
@@ -267,7 +279,7 @@ class _Replaying:
             pairs = [("position", q, run.q[k])] + ([] if self.world.motion.order == 1 else [("velocity", p, run.p[k])])
             for name, again, stored in pairs:
                 off = np.abs(again - stored).max(axis=1)
-                bad = np.flatnonzero(~(off <= NEAR * (1.0 + np.abs(stored).max())))
+                bad = np.flatnonzero(~(off <= self.world.near * (1.0 + np.abs(stored).max())))
                 if bad.size:
                     agent = int(bad[0])
                     yield WrongEntry(
@@ -337,7 +349,7 @@ class _Replaying:
         again = world.force(agent, (own.q, own.p), others, instant)
         stored = self.log.forces[row]
         off = float(np.abs(again - stored).max())
-        if off <= SAME_FORCE * (1.0 + float(np.abs(again).max())):
+        if off <= (SAME_FORCE + STEEP * self.world.motion.error) * (1.0 + float(np.abs(again).max())):
             self.undecided += open_
         elif open_:
             self.undecided += 1
@@ -377,7 +389,7 @@ class _Replaying:
                     radius = graph.break_radius if near else graph.appear_radius
                     level = float(np.broadcast_to(np.asarray(radius), world.n)[agent])
                     near = there[j] and distance < level
-                    doubtful = sample.open or own.open or abs(distance - level) <= NEAR * (1.0 + level)
+                    doubtful = sample.open or own.open or abs(distance - level) <= world.near * (1.0 + level)
                     if there[j] and doubtful:
                         near, undecided = (number, j) in logged, True
                     mine[j] = near
