@@ -49,6 +49,7 @@ ENGINES = {
     "mixture": "sampled",
     "periodic held": "sampled",
     "held quadrotor": "sampled",
+    "held views": "sampled",
     "delayed": "delayed",
     "discrete": "discrete",
     "heading": "discrete",
@@ -100,6 +101,10 @@ def scenario(engine: str) -> fk.Scenario:
         return scenario("sampled").with_(agents=fk.Mixture(kinds, np.arange(8) % 2))
     if engine == "periodic held":
         return scenario("sampled").with_(space=fk.Periodic([14.0, 14.0]))
+    if engine == "held views":
+        headings, sampled = np.linspace(-3.0, 3.0, 8), scenario("sampled")
+        law = fk.Law(fk.FieldOfView(4.0, 1.5), sampled.law.terms)
+        return sampled.with_(law=law, agents=fk.PointMass(damping=0.5, headings=headings))
     if engine == "heading":
         torus = fk.Law(fk.Proximity(1.0), [fk.VelocityAverage(0.02)])
         begin = fk.start.box(8, side=3.0, speed=0.5, velocities="sphere", seed=3)

@@ -17,8 +17,8 @@ class LinkRules(NamedTuple):
     Parameters
     ----------
     ways
-        Of each graph: 0 where its links never change, 1 where both agents of a pair sense each other, 2 where they may
-        differ; shape (graphs,).
+        Of each graph: 0 where its links never change, or not by distances alone, 1 where both agents of a pair sense
+        each other, 2 where they may differ; shape (graphs,).
     appear, break_
         Distances of each graph and sensing agent, shape (graphs, N).
     """
@@ -44,5 +44,6 @@ def link_rules(graphs: Sequence[Graph], n: int) -> LinkRules:
     levels = [
         [np.broadcast_to(np.asarray(x, dtype=np.float64), n) for x in (g.appear_radius, g.break_radius)] for g in graphs
     ]
-    ways = np.array([(2 if g.directed else 1) if g.moves else 0 for g in graphs], dtype=np.int64)
+    follows = [g.moves and not g.sees_headings for g in graphs]
+    ways = np.array([(2 if g.directed else 1) if f else 0 for g, f in zip(graphs, follows, strict=True)], np.int64)
     return LinkRules(ways, np.array([a for a, _ in levels]), np.array([b for _, b in levels]))

@@ -24,6 +24,7 @@ from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, closest_
 from flocking.engine.imperfect.pair_switches import pair_events, radial_speed
 from flocking.engine.imperfect.powers import SEVEN, Rule
 from flocking.engine.imperfect.true_law import TrueLaw
+from flocking.engine.imperfect.view_switches import view_events, views_of
 from flocking.engine.protocol.session import Session, Stored
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
@@ -86,6 +87,7 @@ class ImperfectSession(Session):
         if start.links is not None:
             self.links[0] = start.links
         self._rules: LinkRules = link_rules(graphs, self.n)
+        self._views = views_of(graphs, scenario.agents.headings, start.q)
         self.crossings: list[tuple[float, int, int, int]] = []
         self.closest = np.array([[np.inf, np.nan, -1.0, -1.0]] * 2)
         self.accounted = 0.0
@@ -263,7 +265,7 @@ class ImperfectSession(Session):
         changed
             Whose motion begins now, shape (N,).
         """
-        if not self._rules.ways.any():
+        if not self._rules.ways.any() and not self._views:
             return
         # A motion may change before its end: its later switches do not take place.
         self.crossings = [x for x in self.crossings if not (changed[x[1]] or changed[x[2]])]
@@ -271,6 +273,9 @@ class ImperfectSession(Session):
         size = float(np.abs((paths := self._paths(seconds)).S[0]).max())
         for s, i, j, graph in pair_events(paths, length, changed, self.links, *self._rules, size):
             heapq.heappush(self.crossings, (float(seconds + s), int(i), int(j), int(graph)))
+        for graph, view in self._views.items():
+            for s, i, j in view_events(paths, length, changed, self.links[graph], view, size):
+                heapq.heappush(self.crossings, (float(seconds + s), int(i), int(j), graph))
 
     def _switch(self) -> None:
         """Switch a true link that crosses its distance."""

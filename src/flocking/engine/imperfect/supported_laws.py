@@ -6,6 +6,7 @@ from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
+from flocking.model.graphs.views import FieldOfView
 from flocking.model.law import Law, Scenario
 
 MOST_AGENTS = 2000
@@ -13,8 +14,9 @@ MOST_AGENTS = 2000
 
 
 def check_law(
-    engine: str, scenario: Scenario, plant: Law | None, points: Body | None = None, *, obstacles: bool = False
-) -> None:
+    engine: str, scenario: Scenario, plant: Law | None, points: Body | None = None, *, obstacles: bool = False,
+    views: bool = False,
+) -> None:  # fmt: skip
     """Refuse what these engines do not support.
 
     Parameters
@@ -27,6 +29,8 @@ def check_law(
         The points that the law sees; the agents themselves when absent.
     obstacles
         Whether there may be obstacles.
+    views
+        Whether there may be fields of view.
 
     Raises
     ------
@@ -60,6 +64,8 @@ def check_law(
         if getattr(pair_term, "functional", False):
             raise UnsupportedLaw(f"engine={engine!r} does not count neighbours, as {type(pair_term).__name__} needs.")
     for graph in law.graphs:
+        if views and type(graph) is FieldOfView:
+            continue
         if graph.sees_headings or (graph.moves and not graph.follows_radii):
             raise UnsupportedLaw(
                 f"engine={engine!r} follows links by two distances; {type(graph).__name__} has another rule."

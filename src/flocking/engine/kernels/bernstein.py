@@ -75,6 +75,49 @@ def first_above(g: Array) -> float:
     return NEVER
 
 
+def first_all_above(g: Array) -> float:
+    """First x in [0, 1] at which all polynomials with Bernstein coefficients ``g``, shape (k, size), exceed zero.
+
+    Returns `NEVER` when there is none. A stretch shorter than 1e-15 on which they do may be missed.
+    """
+    count, size = g.shape[0], g.shape[1]
+    stack = np.empty((count, _DEPTH, size))
+    begin = np.empty(_DEPTH)
+    width = np.empty(_DEPTH)
+    for k in range(count):
+        for b in range(size):
+            stack[k, 0, b] = g[k, b]
+    begin[0], width[0] = 0.0, 1.0
+    top = 0
+    while top >= 0:
+        possible, holds = True, True
+        for k in range(count):
+            above, number = False, True
+            for b in range(size):
+                above = above or stack[k, top, b] > 0.0
+                number = number and stack[k, top, b] == stack[k, top, b]
+            possible = possible and above and number
+            holds = holds and stack[k, top, 0] > 0.0
+        if holds:
+            return float(begin[top])
+        if not possible:
+            top -= 1
+            continue
+        if width[top] < NARROWEST or top + 2 >= _DEPTH:
+            at_end = True
+            for k in range(count):
+                at_end = at_end and stack[k, top, size - 1] > 0.0
+            if at_end:
+                return float(begin[top])
+            top -= 1
+            continue
+        for k in range(count):
+            halve_top(stack[k], top)
+        halve_interval(begin, width, top)
+        top += 1
+    return NEVER
+
+
 def smallest_value(g: Array, below: float) -> tuple[float, float]:
     """Smallest value of a Bernstein polynomial on [0, 1] if it is less than ``below``, and where.
 

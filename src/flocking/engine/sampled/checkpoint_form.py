@@ -26,6 +26,7 @@ from flocking.engine.imperfect.checkpoint_form import (
     must,
 )
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
+from flocking.engine.imperfect.view_switches import View, views_of
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.motion import Drive
 from flocking.engine.sampled.piece_series import LONGEST_PIECE
@@ -127,7 +128,8 @@ def check_sampled(
     check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.truth.links)
     pieces = np.minimum((ticks.at(np.arange(n), applied) + latency) * NANOSECOND, form.ends(arrays))
     places = form.places(arrays)
-    _check_crossings(arrays, rules, now, (slack, pieces), (scenario.space, places))
+    views = views_of(scenario.law.graphs, scenario.agents.headings, scenario.start.q)
+    _check_crossings(arrays, (rules, views), now, (slack, pieces), (scenario.space, places))
     check_closest(arrays["closest"], n, accounted)
     fresh.obstacle_ranges.ends = pieces
     if fresh.obstacle_ranges.groups:
@@ -294,16 +296,17 @@ def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tu
 
 
 def _check_crossings(
-    arrays: Arrays, rules: LinkRules, now: float, spans: tuple[float, Array], where: tuple[Space, Places]
-) -> None:
+    arrays: Arrays, every: tuple[LinkRules, dict[int, View]], now: float, spans: tuple[float, Array],
+    where: tuple[Space, Places],
+) -> None:  # fmt: skip
     """Crossings lie in the future, at their distances, and agree with the distances at the ends of pieces."""
-    (slack, ends), (space, places) = spans, where
+    (rules, views), (slack, ends), (space, places) = every, spans, where
     time, rows = arrays["crossing_time"], arrays["crossing"]
     must(len(time) == len(rows), "crossing", "have as many rows as crossing_time")
     must((rows[:, 2] < len(rules.ways)).all() and (rows[:, :2] < len(ends)).all(), "crossing",
           "name agents and graphs that there are")  # fmt: skip
     i, j, graph = rows.T
-    ways = rules.ways[graph]
+    ways = np.where(np.isin(graph, list(views)), 2, rules.ways[graph])
     must(((ways > 0) & (i != j) & ((i < j) | (ways == 2))).all(), "crossing", "name pairs whose links switch")
     late = np.minimum(ends[i], ends[j])
     early = (time >= now - slack - 2.0 * NANOSECOND) & (time <= late + slack + 2.0 * NANOSECOND)
@@ -318,7 +321,10 @@ def _check_crossings(
     for row in range(len(time)):
         a, b, k = rows[row].tolist()
         level = (rules.break_ if links[k, a, b] else rules.appear)[k, a]
-        must(abs(distance[row] - level) <= NEAR * level + size, "crossing_time", "be when a pair is at its distance")
+        off = distance[row] - level
+        if k in views:
+            off = views[k].margins(np.array([a]), space.displacement(to[row] - from_[row])[None])[0]
+        must(abs(off) <= NEAR * level + size, "crossing_time", "be when a pair is at its distance")
         links[k, a, b] = not links[k, a, b]
         if rules.ways[k] == 1:
             links[k, b, a] = links[k, a, b]
@@ -327,12 +333,19 @@ def _check_crossings(
         ("links", np.full(until.shape, now), arrays["links"]), ("crossing", np.maximum(until, now), links),
     ):  # fmt: skip
         pairs = np.broadcast_to(everyone[:, None], at.shape)
-        apart = np.linalg.norm(space.displacement(places(pairs.T, at) - places(pairs, at)), axis=-1)
+        offset = space.displacement(places(pairs.T, at) - places(pairs, at))
+        apart = np.linalg.norm(offset, axis=-1)
         for k in np.flatnonzero(rules.ways).tolist():
             appear, break_ = rules.appear[k][:, None], rules.break_[k][:, None]
             fits = np.where(there[k], apart <= break_ * (1.0 + NEAR) + size, apart >= appear * (1.0 - NEAR) - size)
             np.fill_diagonal(fits, True)
             must(fits.all(), name, "fit the distances of the agents")
+        for k, view in views.items():
+            slackened = NEAR * view.radii[:, None] + size
+            inside = np.array([view.margins(np.full(len(ends), i), offset[i]) for i in everyone.tolist()])
+            fits = np.where(there[k], inside >= -slackened, inside <= slackened)
+            np.fill_diagonal(fits, True)
+            must(fits.all(), name, "fit the fields of view of the agents")
 
 
 def _check_obstacle_ranges(

@@ -59,7 +59,7 @@ class SampledEngine(Engine):
             check_filter(scenario)
         if why_not_closed(scenario.agents):
             check_integrated(self.name, scenario.agents)
-        check_law(self.name, scenario, plant, point_of(scenario.agents), obstacles=True)
+        check_law(self.name, scenario, plant, point_of(scenario.agents), obstacles=True, views=True)
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
         """Start a session."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Array, Indices, Links
 from flocking.engine.imperfect.link_rules import LinkRules
+from flocking.engine.imperfect.view_switches import View
 from flocking.engine.runs.message_log import OWN, PRESENT
 from flocking.engine.sampled.samples import START, Samples
 from flocking.model.space import Space
@@ -272,7 +273,7 @@ class Knowledge:
             own = self.samples.of(agents, self.taken[agents] - 1)
         return Known(agents, own, rows, there, begun if self.messages.predict else None, time)
 
-    def relink(self, known: Known, rules: LinkRules) -> None:
+    def relink(self, known: Known, rules: LinkRules, views: Mapping[int, View]) -> None:
         """Let links appear and break by what agents know; an agent that is not known any more is no neighbour.
 
         Parameters
@@ -281,12 +282,18 @@ class Knowledge:
             What the agents that act now know.
         rules
             When links of each graph appear and break.
+        views
+            The fields of view of graphs that have some, by number.
         """
         agents, m = known.agents, self.m
         offset = self.space.displacement(known.positions(m) - known.own[:, None, :m])
         distance = np.sqrt((offset**2).sum(axis=-1))
         for graph in np.flatnonzero(rules.ways).tolist():
             links = rules.followed(graph, self.links[graph, agents], distance, agents) & known.there
+            links[np.arange(len(agents)), agents] = False
+            self.links[graph, agents] = links
+        for graph, view in views.items():
+            links = view.seen(agents, offset) & known.there
             links[np.arange(len(agents)), agents] = False
             self.links[graph, agents] = links
 

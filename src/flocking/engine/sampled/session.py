@@ -187,7 +187,7 @@ class SampledSession(ImperfectSession):
         if acting.size:
             knowledge.hear(instant, acting)
             known = knowledge.known(instant, acting, *motion.at(seconds))
-            knowledge.relink(known, self._rules)
+            knowledge.relink(known, self._rules, self._views)
             pairs = knowledge.pairs(known)
             force = self._desired(instant, known, pairs)
             check_forces(force, self._base + seconds, acting)
@@ -221,7 +221,7 @@ class SampledSession(ImperfectSession):
         self._watch_pieces(instant, changed)
 
     def _take_block(self, bound: float, earliest: float) -> int:
-        if not (self.in_blocks and earliest < bound) or self._meets:
+        if not (self.in_blocks and earliest < bound) or self._meets or self._views:
             return 0
         memory = self._memory
         if not self._blocks.can(memory):
@@ -347,7 +347,7 @@ class SampledSession(ImperfectSession):
         if state is not None or law is None or self.filter is not None:
             return super().replace(law=law, state=state)
         scenario = check_law_change(self.scenario, law)
-        check_law(self.engine, scenario, None, point_of(scenario.agents), obstacles=True)
+        check_law(self.engine, scenario, None, point_of(scenario.agents), obstacles=True, views=True)
         points = of_points(scenario)
         new = self._sampled_law.renumbered(points) or SampledLaw(points, self.knowledge.degree)
         new.take_parameters(self.time)

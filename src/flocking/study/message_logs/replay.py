@@ -23,6 +23,7 @@ from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.arrivals import NEVER, Arrivals, Sample
 from flocking.study.message_logs.forced_motion import ForcedMotion
 from flocking.study.message_logs.integrated_motion import IntegratedForcedMotion
+from flocking.study.message_logs.link_margins import margin_of
 
 NEAR = 1e-9
 """Distance from a radius, relative to 1 and to it, within which rounding leaves open whether a link switches, and by
@@ -385,11 +386,10 @@ class _Replaying:
                 if graph.moves:
                     sample = world.sample(j, numbers[j], instant)
                     place, _ = world.received(sample, instant)
-                    distance = float(np.linalg.norm(world.space.displacement(place - own.q)))
-                    radius = graph.break_radius if near else graph.appear_radius
-                    level = float(np.broadcast_to(np.asarray(radius), world.n)[agent])
-                    near = there[j] and distance < level
-                    doubtful = sample.open or own.open or abs(distance - level) <= world.near * (1.0 + level)
+                    offset = world.space.displacement(place - own.q)
+                    inside, level = margin_of(graph, world.scenario.agents.headings, agent, near, offset)
+                    near = there[j] and inside > 0.0
+                    doubtful = sample.open or own.open or abs(inside) <= world.near * (1.0 + level)
                     if there[j] and doubtful:
                         near, undecided = (number, j) in logged, True
                     mine[j] = near

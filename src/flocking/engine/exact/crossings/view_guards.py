@@ -1,9 +1,6 @@
-"""Certified crossings of fields of view: distance and bearing at once, as signs of Bernstein polynomials.
+"""Crossings of fields of view on one step of degree 7: distance and bearing at once.
 
-With d = q_j - q_i, heading h, radius r and c the cosine of the half angle, j is seen when D = r^2 - |d|^2 >= 0 and
-d.h >= c |d|. With L = d.h and Q = L^2 - c^2 |d|^2 the second is (L >= 0 and Q >= 0) for c >= 0, and
-(L >= 0 or Q <= 0) for c < 0: first moments of being seen or lost are first moments at which some of these
-polynomials are all positive.
+See `flocking.engine.imperfect.view_switches` for the polynomials.
 """
 
 from __future__ import annotations
@@ -12,53 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.exact.crossings.guards import _PRODUCT, places_and_pairs, squared_distance
-from flocking.engine.kernels.bernstein import _DEPTH, NARROWEST, NEVER, add_row, all_rows, halve_interval, halve_top
+from flocking.engine.imperfect.view_switches import view_change
+from flocking.engine.kernels.bernstein import add_row, all_rows
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
-
-
-def first_all_above(g: Array) -> float:
-    """First x in [0, 1] at which all polynomials with Bernstein coefficients ``g``, shape (k, size), exceed zero.
-
-    Returns `NEVER` when there is none. A stretch shorter than 1e-15 on which they do may be missed.
-    """
-    count, size = g.shape[0], g.shape[1]
-    stack = np.empty((count, _DEPTH, size))
-    begin = np.empty(_DEPTH)
-    width = np.empty(_DEPTH)
-    for k in range(count):
-        for b in range(size):
-            stack[k, 0, b] = g[k, b]
-    begin[0], width[0] = 0.0, 1.0
-    top = 0
-    while top >= 0:
-        possible, holds = True, True
-        for k in range(count):
-            above, number = False, True
-            for b in range(size):
-                above = above or stack[k, top, b] > 0.0
-                number = number and stack[k, top, b] == stack[k, top, b]
-            possible = possible and above and number
-            holds = holds and stack[k, top, 0] > 0.0
-        if holds:
-            return float(begin[top])
-        if not possible:
-            top -= 1
-            continue
-        if width[top] < NARROWEST or top + 2 >= _DEPTH:
-            at_end = True
-            for k in range(count):
-                at_end = at_end and stack[k, top, size - 1] > 0.0
-            if at_end:
-                return float(begin[top])
-            top -= 1
-            continue
-        for k in range(count):
-            halve_top(stack[k], top)
-        halve_interval(begin, width, top)
-        top += 1
-    return NEVER
 
 
 def _polynomials(B: Array, i: int, j: int, heading: Array, c: float, out: Array) -> None:
@@ -76,33 +31,6 @@ def _polynomials(B: Array, i: int, j: int, heading: Array, c: float, out: Array)
             out[2, a + b] += _PRODUCT[a, b] * ahead[a] * ahead[b]
     for a in range(15):
         out[2, a] -= c * c * out[0, a]
-
-
-def _change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: float, slack: float) -> float:
-    """Position at which a seen pair is lost, or an unseen one is seen."""
-    wide = 4.0 * radius * slack + slack * slack
-    border = (radius + slack) ** 2 if near else max(radius - slack, 0.0) ** 2
-    one, other, two, three = np.empty((1, 15)), np.empty((1, 15)), np.empty((2, 15)), np.empty((3, 15))
-    if near:
-        for k in range(15):
-            one[0, k] = square[k] - border
-            two[0, k], two[1, k] = -L[k] - slack, Q[k] - wide
-            other[0, k] = -Q[k] - wide
-        first = first_all_above(one)
-        if c < 0.0:
-            return min(first, first_all_above(two))
-        for k in range(15):
-            one[0, k] = two[0, k]
-        return min(first, first_all_above(one), first_all_above(other))
-    for k in range(15):
-        three[0, k], three[1, k], three[2, k] = border - square[k], L[k] - slack, Q[k] - wide
-        two[0, k], two[1, k] = three[0, k], three[1, k]
-    if c >= 0.0:
-        return first_all_above(three)
-    first = first_all_above(two)
-    for k in range(15):
-        two[1, k] = -Q[k] - wide
-    return min(first, first_all_above(two))
 
 
 def view_crossings(
@@ -150,7 +78,7 @@ def _view_crossings(
                 if d2 > (radii[i] + far[i] + far[j] + slack) ** 2:
                     continue
             _polynomials(B, i, j, headings[i], cosines[i], out)
-            x = _change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], slack)
+            x = view_change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], slack)
             if x <= 1.0:
                 count = add_row(found, count, x, i, j)
     return count

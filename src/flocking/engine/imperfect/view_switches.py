@@ -1,0 +1,210 @@
+"""Every time at which an agent comes into the field of view of another one, or leaves it, on polynomials in time.
+
+With d = q_j - q_i, heading h, radius r and c the cosine of the half angle, j is seen when D = r^2 - |d|^2 >= 0 and
+d.h >= c |d|. With L = d.h and Q = L^2 - c^2 |d|^2 the second is (L >= 0 and Q >= 0) for c >= 0, and
+(L >= 0 or Q <= 0) for c < 0: first moments of being seen or lost are first moments at which some of these
+polynomials are all positive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flocking.arrays import Array, Indices, Links
+from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, reach_within, squared_distance
+from flocking.engine.kernels.bernstein import all_rows, first_all_above, part_from
+from flocking.formula.native.functions import native_apart
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.views import FieldOfView
+
+MOST_CHANGES = 60
+"""Changes of one pair within one piece: each is a root of one of three polynomials of degree 18 or less."""
+
+
+class View(NamedTuple):
+    """The fields of view of one graph.
+
+    Parameters
+    ----------
+    directions
+        Unit vectors in which agents look, shape (N, m).
+    cosines, radii
+        Cosine of the half angle and radius of each agent, shape (N,).
+    """
+
+    directions: Array
+    cosines: Array
+    radii: Array
+
+    def seen(self, agents: Indices | slice, offset: Array) -> Links:
+        """What ``agents`` see at displacements from them, shape (agents, others, m), as shape (agents, others)."""
+        distance = np.sqrt((offset**2).sum(axis=-1))
+        ahead = np.einsum("ijk,ik->ij", offset, self.directions[agents])
+        within = distance <= self.radii[agents][:, None]
+        return np.asarray(within & (ahead >= self.cosines[agents][:, None] * distance))
+
+    def margins(self, i: Indices, offset: Array) -> Array:
+        """How far displacements from agents ``i``, shape (k, m), are from the border, in length; negative outside."""
+        distance = np.sqrt((offset**2).sum(axis=-1))
+        ahead = (offset * self.directions[i]).sum(axis=-1) - self.cosines[i] * distance
+        return np.asarray(np.minimum(self.radii[i] - distance, ahead))
+
+
+def views_of(graphs: Sequence[Graph], headings: Array | None, q: Array) -> dict[int, View]:
+    """The fields of view of those graphs that have some, by number.
+
+    Parameters
+    ----------
+    headings
+        Those of the agents; they must be given where a graph has fields of view.
+    q
+        Positions at the start, shape (N, m).
+    """
+    n = len(q)
+    return {
+        k: View(
+            np.ascontiguousarray(graph.directions(headings)),
+            graph.cosines(n),
+            np.broadcast_to(np.asarray(graph.radius, dtype=np.float64), n).copy(),
+        )
+        for k, graph in enumerate(graphs)
+        if isinstance(graph, FieldOfView)
+    }
+
+
+def view_change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: float, slack: float) -> float:
+    """First place in [0, 1] at which a seen agent is lost, or an unseen one is seen, or `NEVER`; for native functions.
+
+    Parameters
+    ----------
+    near
+        Whether it is seen.
+    square, L, Q
+        Bernstein coefficients of |d|^2, L and Q.
+    c, radius
+        Cosine of the half angle, and the radius.
+    slack
+        Overshoot in distance that counts as a change; covers rounding.
+    """
+    size = square.shape[0]
+    wide = 4.0 * radius * slack + slack * slack
+    border = (radius + slack) ** 2 if near else max(radius - slack, 0.0) ** 2
+    one, other, two, three = np.empty((1, size)), np.empty((1, size)), np.empty((2, size)), np.empty((3, size))
+    if near:
+        for k in range(size):
+            one[0, k] = square[k] - border
+            two[0, k], two[1, k] = -L[k] - slack, Q[k] - wide
+            other[0, k] = -Q[k] - wide
+        first = first_all_above(one)
+        if c < 0.0:
+            return min(first, first_all_above(two))
+        for k in range(size):
+            one[0, k] = two[0, k]
+        return min(first, first_all_above(one), first_all_above(other))
+    for k in range(size):
+        three[0, k], three[1, k], three[2, k] = border - square[k], L[k] - slack, Q[k] - wide
+        two[0, k], two[1, k] = three[0, k], three[1, k]
+    if c >= 0.0:
+        return first_all_above(three)
+    first = first_all_above(two)
+    for k in range(size):
+        two[1, k] = -Q[k] - wide
+    return min(first, first_all_above(two))
+
+
+@native_apart
+def find_view_events(
+    paths: Paths, length: Array, changed: Links, near: Links, directions: Array, cosines: Array, radii: Array,
+    size: float, found: Array,
+) -> int:  # fmt: skip
+    """Fill rows (time, i, j) of all changes of what agent i sees of agent j until the motion of either one changes.
+
+    Parameters
+    ----------
+    paths
+        How agents move from now on, in open space.
+    length
+        How long each agent's motion goes on from now, shape (N,).
+    changed
+        Whose motion begins now, shape (N,).
+    near
+        What is seen now, shape (N, N).
+    directions, cosines, radii
+        See `View`.
+    size
+        Size of the coordinates, for rounding.
+    found
+        Takes the rows, shape (room, 3).
+
+    Returns
+    -------
+    int
+        How many rows there are, those included for which there was no room.
+    """
+    degree, n, m = paths.S.shape[0] - 1, paths.S.shape[1], paths.S.shape[2]
+    terms = 2 * degree + 1
+    square, L, Q, offset = np.empty(terms), np.empty(terms), np.empty(terms), np.empty(m)
+    ahead, power, product = np.empty(degree + 1), np.empty(terms), np.empty(terms)
+    total = 0
+    for i in range(n):
+        slack = ROUNDING * (radii[i] + size)
+        for j in range(n):
+            if i == j or not (changed[i] or changed[j]):
+                continue
+            span = min(length[i], length[j])
+            distance = 0.0
+            for k in range(m):
+                offset[k] = paths.S[0, j, k] - paths.S[0, i, k]
+                distance += offset[k] ** 2
+            if not near[i, j] and np.sqrt(distance) - reach_within(paths, i, j, span) > radii[i] + 2.0 * slack:
+                continue
+            squared_distance(paths, i, j, offset, span, square)
+            scale = 1.0
+            for a in range(degree + 1):
+                ahead[a] = 0.0
+                for k in range(m):
+                    ahead[a] += (paths.S[a, j, k] - paths.S[a, i, k]) * directions[i, k]
+                ahead[a] *= scale
+                scale *= span
+            for a in range(terms):
+                power[a], product[a] = ahead[a] if a <= degree else 0.0, 0.0
+            for a in range(degree + 1):
+                for b in range(degree + 1):
+                    product[a + b] += ahead[a] * ahead[b]
+            for a in range(terms):
+                L[a], Q[a] = 0.0, -cosines[i] * cosines[i] * square[a]
+                for b in range(a + 1):
+                    L[a] += paths.table[a, b] * power[b]
+                    Q[a] += paths.table[a, b] * product[b]
+            seen, x, changes = near[i, j], 0.0, 0
+            while x < 1.0 and changes < MOST_CHANGES:
+                place = view_change(
+                    seen, part_from(square, x), part_from(L, x), part_from(Q, x), cosines[i], radii[i], slack
+                )
+                if place > 1.0:
+                    break
+                x = x + place * (1.0 - x)
+                seen = not seen
+                if total < found.shape[0]:
+                    found[total, 0], found[total, 1], found[total, 2] = x * span, i, j
+                total += 1
+                changes += 1
+    return total
+
+
+def view_events(paths: Paths, length: Array, changed: Links, near: Links, view: View, size: float) -> Array:
+    """Rows (time, i, j) of all changes that `find_view_events` finds, in order of time.
+
+    Parameters
+    ----------
+    paths, length, changed, near, size
+        As for `find_view_events`.
+    view
+        The fields of view.
+    """
+    given = paths, length, changed, near, *view, size
+    rows = all_rows(lambda found: int(find_view_events(*given, found)), 3)
+    return rows[np.lexsort(rows.T[::-1])]
