@@ -40,14 +40,14 @@ class View(NamedTuple):
     radii: Array
 
     def seen(self, agents: Indices | slice, offset: Array) -> Links:
-        """What ``agents`` see at displacements from them, shape (agents, others, m), as shape (agents, others)."""
+        """What ``agents`` see at each ``offset`` from them, shape (agents, others, m), as shape (agents, others)."""
         distance = np.sqrt((offset**2).sum(axis=-1))
         ahead = np.einsum("ijk,ik->ij", offset, self.directions[agents])
         within = distance <= self.radii[agents][:, None]
         return np.asarray(within & (ahead >= self.cosines[agents][:, None] * distance))
 
     def margins(self, i: Indices, offset: Array) -> Array:
-        """How far displacements from agents ``i``, shape (k, m), are from the border, in length; negative outside."""
+        """How far each ``offset`` from agents ``i``, shape (k, m), is from the border, in length; negative outside."""
         distance = np.sqrt((offset**2).sum(axis=-1))
         ahead = (offset * self.directions[i]).sum(axis=-1) - self.cosines[i] * distance
         return np.asarray(np.minimum(self.radii[i] - distance, ahead))

@@ -172,7 +172,7 @@ def _forms(n: int, m: int, graphs: int, fresh: SampledMemory, motion: Mapping[st
 
 
 def vectors(*shape: int | None) -> Table:
-    """The form of an array of numbers that can be squared."""
+    """The form of an array of numbers that can be squared, of a ``shape``; None stands for any length."""
     return Table("f8", shape, least=-LARGEST, most=LARGEST)
 
 

@@ -118,7 +118,7 @@ class IntegratedForm:
         }  # fmt: skip
 
     def segment(self, arrays: Arrays) -> Segment:
-        """The last step."""
+        """The last step that ``arrays`` hold."""
         begin, end = arrays["step_times"].tolist()
         rows = [self._motion.bodies.widened(row) for row in arrays["coefficients"]]
         return Segment(begin, end, np.array(rows))
@@ -128,6 +128,8 @@ class IntegratedForm:
 
         Parameters
         ----------
+        arrays
+            What was read.
         began
             Nanoseconds at which the forces began to act, shape (N,).
         now
@@ -160,11 +162,11 @@ class IntegratedForm:
         must(fits.all(), "coefficients", "begin with the rates of the bodies under their forces")
 
     def ends(self, arrays: Arrays) -> Array:
-        """When the step ends."""
+        """When the step of ``arrays`` ends, in seconds from the start, shape (N,)."""
         return np.full(self._motion.n, float(arrays["step_times"][1]))
 
     def places(self, arrays: Arrays) -> Places:
-        """By the polynomial of the step."""
+        """Where agents are by the polynomial of the step of ``arrays``."""
         begin, end = arrays["step_times"].tolist()
         n, m = self._motion.n, self._motion.m
         B = arrays["coefficients"][:, : n * m].reshape(DEGREE + 1, n, m)

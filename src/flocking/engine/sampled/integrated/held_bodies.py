@@ -107,7 +107,7 @@ class HeldBodies:
         return np.concatenate([*parts, np.full(int(self.departs) + len(RATES), np.inf)])
 
     def hold(self, force: Array) -> None:
-        """Let forces act from now on, shape (N, m); of agents of order 1 velocities that they want."""
+        """Let a ``force`` of each agent act from now on, shape (N, m); of agents of order 1 the velocity it wants."""
         self._slots.A[self._force_rows] = force.T
 
     def put_limits(self) -> None:
@@ -144,15 +144,27 @@ class HeldBodies:
         self, first: int, last: int, state_stage: int, t: float, y: Array, h: float, K: Array, nodes: Array,
         weights: Array,
     ) -> Array:  # fmt: skip
-        """Slopes of a step, see `flocking.engine.kernels.law_kernels.stages`; the state at ``state_stage``."""
+        """Slopes at stages of a Runge-Kutta step, and the state at the stage ``state_stage``.
+
+        Parameters
+        ----------
+        first, last
+            Slopes are computed at the stages ``first`` to ``last - 1``; those before are known.
+        t, y, h
+            Where the step begins, and its length.
+        K
+            Takes the slopes, one stage in each row.
+        nodes, weights
+            The method, see `flocking.engine.kernels.law_kernels.stages`.
+        """
         found = np.empty(len(y))
         stages(self._law, nodes, weights, first, last, state_stage, t + self._base, y, h, K, found)
         return found
 
     def signs(self, t: float, y: Array) -> Array:
-        """Where limits begin and end to act, see `HeldNumbers`, shape (limits, 2, N)."""
+        """Where limits begin and end to act at a state vector ``y``, see `HeldNumbers`, shape (limits, 2, N)."""
         return self._kernels.limit_signs(t + self._base, y, self._law, len(self.limits.limits))
 
     def departed(self, t: float, y: Array) -> float:
-        """Power that bodies of order 2 add to that of the held forces and of their damping."""
+        """Power that bodies of order 2 add to that of the held forces and of their damping, at a state vector ``y``."""
         return float(self.slope(t, y)[self.size]) if self.departs else 0.0

@@ -117,7 +117,10 @@ class IntegratedMotion(Motion):
         return y
 
     def draw(self, seconds: float) -> None:
-        """Take the numbers that the clock sets, and write them and the limits that act where the kernels read them."""
+        """Take the numbers that the clock sets at ``seconds`` from the start, and write them where the kernels read.
+
+        The limits that act are written there too.
+        """
         instant = round(seconds * PER_SECOND)
         if instant >= self.drawn_until:
             elapsed = instant / PER_SECOND
