@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from flocking.engine.adaptive_steps.segment import Segment, bound_excursions
 from flocking.engine.exact.crossings.guards import crossings, deepest_dip, find_closest, squared_distance
 from flocking.engine.exact.crossings.nearby_pairs import all_pairs
-from flocking.engine.exact.crossings.view_guards import first_all_above
-from flocking.engine.kernels.bernstein import NEVER, first_above, smallest_value
+from flocking.engine.kernels.bernstein import NEVER, first_above, first_all_above, smallest_value
 
 
 def reach(B):
