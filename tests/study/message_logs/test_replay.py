@@ -88,9 +88,9 @@ def stale(patch):
     """A link is kept that is to break."""
     relink = Knowledge.relink
 
-    def kept(self, known, rules):
+    def kept(self, known, *rules):
         before = self.links.copy()
-        relink(self, known, rules)
+        relink(self, known, *rules)
         self.links[:, known.agents] |= before[:, known.agents] & known.there
 
     patch.setattr(Knowledge, "relink", kept)
