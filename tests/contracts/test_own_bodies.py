@@ -51,6 +51,15 @@ run = fk.simulate(found, progress=False, save=sys.argv[1] + "/run")
 assert np.abs(run.residual).max() < 1e-9 and run.columns["force"][0].tolist() == json.loads(GIVEN)
 fast = fk.simulate(found, engine="tiles", step=0.005, progress=False)
 assert np.abs(fast.q - run.q).max() < 1e-7 and np.abs(fast.columns["force"] - run.columns["force"]).max() < 1e-6
+held = {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=0.03, loss=0.2)}
+ticked = fk.simulate(found.with_(**held), progress=False)
+force = fk.State(found.start.q, found.start.p, columns={"applied": found.start.columns["force"]})
+closed = found.with_(agents=fk.Lagged(fk.PointMass(damping=0.1), [0.1, 0.2, 0.3]), start=force, **held)
+closed = fk.simulate(closed, progress=False)
+assert ticked.fidelity.ledger.kind == "tolerance" and closed.fidelity.ledger.kind == "estimate"
+assert np.abs(ticked.q - closed.q).max() < 1e-8
+assert np.abs(ticked.columns["force"] - closed.columns["applied"]).max() < 1e-7
+assert fk.replay(ticked).agrees
 stored = fk.read_run(sys.argv[1] + "/run")
 assert stored.columns["force"].tobytes() == run.columns["force"].tobytes()
 assert to_data(stored.scenario) == to_data(found)
