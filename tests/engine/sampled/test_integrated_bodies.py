@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.apps.cli import main
 from flocking.engine.adaptive_steps.stepper import Stepper
 from flocking.engine.driver.nodes import simulate_nodes
 from flocking.engine.sampled.integrated.motion import IntegratedMotion
@@ -281,3 +282,10 @@ def test_largest_speeds_are_refused(bodies, words):
 def test_processes_of_agents_refuse_bodies_without_a_closed_form():
     with pytest.raises(UnsupportedLaw, match="moves bodies in closed form"):
         simulate_nodes(aircraft(), processes=False)
+
+
+def test_the_summary_of_a_run_says_how_bodies_moved(tmp_path, capsys):
+    fk.simulate(flock(), save=tmp_path / "run", progress=False)
+    assert main(["info", str(tmp_path / "run")]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert f"motion {HOW}" in text

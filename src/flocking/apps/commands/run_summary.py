@@ -75,6 +75,13 @@ def _engine(about: Mapping[str, object]) -> str:
     return ", ".join(words)
 
 
+def _motion(about: Mapping[str, object]) -> str:
+    """How bodies moved between ticks where they have no closed form, in words."""
+    if "motion" not in about:
+        return ""
+    return f"{about['motion']}, {about.get('integration steps', '?')} steps"
+
+
 def _residual(found: dict[str, Any]) -> str:
     """The ledger's residual, also as a share of the energy moved."""
     if "ledger_residual" not in found:
@@ -133,6 +140,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("status", found["status"]),
         ("agents", f"{found['agents']} in {found['dimension']} dimensions"),
         ("engine", _engine(found["provenance"])),
+        ("motion", _motion(found["provenance"])),
         ("time reached", f"{found['time']:g}" if found["time"] is not None else ""),
         ("frames", str(found["frames"])),
         ("link switches", switches or found["provenance"].get("switches", "none")),
