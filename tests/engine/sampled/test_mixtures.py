@@ -92,3 +92,17 @@ def test_a_limit_that_acts_on_the_wrong_kind_is_caught():
         chain.rows = ~chain.rows
     session.advance(3.0)
     assert "from where the logged forces lead" in str(fk.replay(session.run()))
+
+
+def test_agents_of_order_1_have_their_masses_in_the_centre_of_mass():
+    """The energy in that frame weighs agents: at the start it is that of the exact engine."""
+    law = fk.Law(fk.Fixed.complete(3), [fk.Track(fk.Velocity([1.0, 0.0]), 0.3, 0.0)])
+    slow = fk.Limited(fk.SingleIntegrator([4.0, 5.0, 6.0]), speed=0.5)
+    bodies = fk.Mixture((fk.SingleIntegrator([1.0, 2.0, 3.0]), slow), [0, 1, 1])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]])
+    given = {"t_end": 0.2, "frames": 2, "bodies": bodies, "energy": fk.Energy(frame="centre of mass")}
+    energies = [
+        fk.simulate(fk.Scenario(law, start, control=control, **given), progress=False).trace["energy"][0]
+        for control in (fk.Held(0.1), fk.Continuous())
+    ]
+    assert energies[0] == pytest.approx(energies[1], rel=1e-14)
