@@ -151,6 +151,8 @@ HOMES = {
     "change what happens on Ctrl-C": "def check(",
     "refuse a damaged checkpoint by another rule": "class Form(",
     "change how the past of delayed agents is kept": "class History:",
+    "change what agents read of the past where every pair has its delay": "def fill_states(",
+    "change where steps end because of a delay": "class BreakingPoints(",
     "change how switches of links under messages or delays are located": "def add_switches(",
     "change how parameters are handed to the kernels of large groups": "class LawParameters:",
     "change how a controller links the agents of which it has samples": "def find_linked(",

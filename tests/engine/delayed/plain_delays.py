@@ -7,6 +7,8 @@ from scipy.integrate import solve_ivp
 class PlainDelays:
     """Point masses or single integrators with an attraction and a consensus over links with hysteresis.
 
+    Delays may differ between ordered pairs; steps end at multiples of the least one.
+
     Parameters
     ----------
     scenario
@@ -25,10 +27,12 @@ class PlainDelays:
         self.damping = np.broadcast_to(scenario.agents.damping, self.n)[:, None]
         graph = scenario.law.graph
         self.enter, self.leave = float(graph.appear_radius), float(graph.break_radius)
-        self.tau, self.own_late = scenario.information.tau, scenario.information.self_delayed
+        tau, late = scenario.information.tau, scenario.information.self_delayed
+        everybody = np.full((self.n, self.n), 1.0) - (0.0 if late else np.eye(self.n))
+        self.delays = tau * everybody if np.ndim(tau) == 0 else np.array(tau)
+        self.step = self.delays[self.delays > 0].min()
         true = np.linalg.norm(self.q0[:, None] - self.q0, axis=2)
-        own, known = (self.past(-self.tau if late else 0.0, []) for late in (self.own_late, True))
-        apart = np.linalg.norm(known[0] - own[0][:, None], axis=2)
+        apart = np.linalg.norm(self.apart(0.0, np.concatenate([self.q0.ravel(), self.p0.ravel()]), [])[0], axis=2)
         self.links = np.where(true < self.leave, apart < self.leave, apart < self.enter) & ~np.eye(self.n, dtype=bool)
 
     def past(self, t, solutions):
@@ -45,9 +49,13 @@ class PlainDelays:
 
     def apart(self, t, y, solutions):
         """Displacements of what agents know of others from themselves, shape (N, N, m)."""
-        known = self.past(t - self.tau, solutions)
-        own = known if self.own_late else self.split(y)
-        return known[0] - own[0][:, None], known[1] - own[1][:, None]
+        q, p = np.empty((self.n, self.n, self.m)), np.empty((self.n, self.n, self.m))
+        for delay in np.unique(self.delays):
+            then = self.past(t - delay, solutions) if delay else self.split(y)
+            i, j = np.nonzero(self.delays == delay)
+            q[i, j], p[i, j] = then[0][j], then[1][j]
+        i = np.arange(self.n)
+        return q - q[i, i][:, None], p - p[i, i][:, None]
 
     def rate(self, t, y, solutions):
         d, v = self.apart(t, y, solutions)
@@ -62,7 +70,7 @@ class PlainDelays:
         """Positions and velocities at the end, and how often a known link switched."""
         y = np.concatenate([self.q0.ravel(), self.p0.ravel()][: self.order])
         t, solutions, switches = 0.0, [], 0
-        corners = sorted({k * self.tau for k in range(1, int(t_end / self.tau) + 1)} | {t_end})
+        corners = sorted({k * self.step for k in range(1, int(t_end / self.step) + 1)} | {t_end})
         for corner in corners:
             while t < corner:
                 levels = np.where(self.links, self.leave, self.enter)
@@ -77,7 +85,7 @@ class PlainDelays:
                 known = tuple(solutions)
                 found = solve_ivp(
                     lambda s, z, known=known: self.rate(s, z, known), (t, corner), y, method="RK45", rtol=1e-11,
-                    atol=1e-12, dense_output=True, events=worst, max_step=self.tau / 8,
+                    atol=1e-12, dense_output=True, events=worst, max_step=self.step / 8,
                 )  # fmt: skip
                 end = float(found.t[-1])
                 if end > t:

@@ -56,6 +56,7 @@ SCENARIOS = {
     ),
     "far messages": scenario(control=fk.Held(0.1), information=fk.Messages(0.05, loss=fk.DistanceLoss(3.0))),
     "late": scenario(information=fk.Delayed(0.1, self_delayed=True)),
+    "late by pairs": scenario(information=fk.Delayed(np.arange(25.0).reshape(5, 5) / 7 * (1 - np.eye(5)))),
     "cone": scenario(fk.Cone(3.0, np.arange(1.0, 6.0), "wrapped"), agents=fk.Agents(headings=np.arange(5) * 0.1)),
     "smooth cone": scenario(fk.SmoothCone(3.0, 0.5, 1 / 3), agents=fk.Agents(headings=np.arange(5) * 0.1)),
     "view": scenario(fk.FieldOfView(3.0, 1.0), agents=fk.Agents(headings=np.arange(5) * 0.1)),

@@ -12,6 +12,7 @@ from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import Form, Real, Table
 from flocking.engine.archives.data_checks import Names as NamedForms
+from flocking.engine.delayed.breaking_points import BreakingPoints
 from flocking.engine.delayed.history import History
 from flocking.engine.imperfect.checkpoint_form import (
     LARGEST,
@@ -42,8 +43,8 @@ class DelayedMemory:
         Links by what agents know, shape (graphs, N, N).
     pending
         Known links that switch at the end of the last step, rows (i, j, graph).
-    breaks
-        Times, in seconds from the start, at which steps must end.
+    points
+        Where steps must end.
     """
 
     truth: ImperfectMemory
@@ -51,7 +52,7 @@ class DelayedMemory:
     segment: Segment
     known_links: Links
     pending: Indices
-    breaks: list[float]
+    points: BreakingPoints
 
 
 def packed_memory(memory: DelayedMemory) -> Packed:
@@ -67,7 +68,7 @@ def packed_memory(memory: DelayedMemory) -> Packed:
         **memory.truth.arrays(),
         "times": np.array([segments[0].t0, *(segment.t1 for segment in segments)]),
         "coefficients": np.array([segment.coefficients for segment in segments]),
-        "known_links": memory.known_links, "pending": memory.pending, "breaks": np.array(sorted(memory.breaks)),
+        "known_links": memory.known_links, "pending": memory.pending, **memory.points.arrays(),
     }  # fmt: skip
     return dict(memory.truth.numbers), arrays
 
@@ -96,7 +97,6 @@ def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) ->
         for t0, t1, table in zip(times[:-1], times[1:], tables, strict=True):
             fresh.segment = Segment(t0, t1, np.array(table))
             fresh.history.add(fresh.segment, times[0])
-    fresh.breaks = arrays["breaks"].tolist()
     fresh.known_links, fresh.pending = arrays["known_links"], arrays["pending"]
 
 
@@ -104,12 +104,13 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     """The numbers of a checkpoint, after checks of all it holds."""
     n, graphs, base = scenario.start.n, len(scenario.law.graphs), scenario.start.t
     assert isinstance(scenario.information, Delayed)
-    tau, size = scenario.information.tau, fresh.segment.coefficients.shape[1]
+    least, largest = scenario.information.least, scenario.information.largest
+    size = fresh.segment.coefficients.shape[1]
     more: dict[str, Form[object]] = {"step": Real(0.0), "short_steps": Real(0.0, 2.0**53)}
     numbers = checked_numbers(data, base, scenario.t_end, more)
     links = Table("?", (graphs, n, n))
     NamedForms({
-        "times": Table("f8", (None,), least=0.0), "breaks": Table("f8", (None,), least=0.0),
+        "times": Table("f8", (None,), least=0.0), **fresh.points.forms(n),
         "coefficients": Table("f8", (None, DEGREE + 1, size), least=-LARGEST, most=LARGEST),
         "known_links": links, "links": links, "pending": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
         "crossing_time": Table("f8", (None,), least=0.0),
@@ -118,13 +119,13 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
         "errors": Table("f8", (4,), least=0.0, finite=False),
     }).check(arrays, "")  # fmt: skip
     now, accounted = numbers["time"] - base, numbers["accounted"]
-    slack = ROUNDED * (abs(base) + abs(numbers["time"])) + ROUNDED * tau
+    slack = ROUNDED * (abs(base) + abs(numbers["time"])) + ROUNDED * largest
     times, tables = arrays["times"], arrays["coefficients"]
     must(len(times) == len(tables) + 1 and len(tables) > 0, "times", "be one more than the steps")
     resting = len(tables) == 1 and times[0] == times[1] == 0.0
     must(resting or (np.diff(times) > 0.0).all(), "times", "be in order")
-    must(resting or (np.diff(times) <= tau + slack).all(), "times", "be no further apart than the delay")
-    must(times[0] <= max(times[-2] - tau, 0.0) + slack, "times", "reach back as far as the delay")
+    must(resting or (np.diff(times) <= least + slack).all(), "times", "be no further apart than the least delay")
+    must(times[0] <= max(times[-2] - largest, 0.0) + slack, "times", "reach back as far as the delay")
     must(times[-2] - slack <= now <= times[-1] + slack, "time", "lie in the last step")
     must(accounted <= times[-1], "accounted", "not lie after the last step")
     must((tables[1:, 0] == tables[:-1, -1]).all(), "coefficients", "be those of steps without gaps")
@@ -135,7 +136,7 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     fits = (pending[:, :2] < n).all() and (pending[:, 2] < graphs).all() and (pending[:, 0] != pending[:, 1]).all()
     must(fits and all(scenario.law.graphs[k].moves for k in pending[:, 2].tolist()), "pending",
          "name links that switch")  # fmt: skip
-    must((np.diff(arrays["breaks"]) > 0.0).all(), "breaks", "be in order")
+    fresh.points.recall(arrays)
     must(numbers["steps"] == int(numbers["steps"]), "steps", "be a whole number")
     must(numbers["steps"] >= (0 if resting else len(tables)), "steps", "be as many as are stored")
     must(numbers["short_steps"] == int(numbers["short_steps"]), "short_steps", "be a whole number")

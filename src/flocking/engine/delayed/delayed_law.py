@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Array, Links
+from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.kernels.codegen import known_kernels
 from flocking.engine.kernels.law_kernels import Pairs
@@ -33,6 +33,11 @@ class DelayedLaw(TrueLaw):
         self._neighbours = self.pairs(known_links)
         self._times = np.zeros(len(self._neighbours.senders))
 
+    @property
+    def linked(self) -> tuple[Indices, Indices]:
+        """The agent of each pair that knows, and the one that is known, by the links that agents know."""
+        return self._neighbours.senders, self._neighbours.sensed
+
     def forces(self, t: float, own: Array, known: Array) -> Array:
         """Forces of all agents, shape (N, m); of agents of order 1 their velocities.
 
@@ -41,10 +46,11 @@ class DelayedLaw(TrueLaw):
         t
             The scenario's time.
         own, known
-            What each agent knows of itself, and what others know of it, shape (N, 2 m).
+            What each agent knows of itself, shape (N, 2 m), and of its neighbours, in the order of `linked`, shape
+            (pairs, 2 m).
         """
         q, p, m = np.ascontiguousarray(own[:, : self.m]), np.ascontiguousarray(own[:, self.m :]), self.m
-        rows = known[self._neighbours.sensed][:, None]
+        rows = np.ascontiguousarray(known[:, None])
         u = np.zeros((self.n, m))
         self._known.control(t, q, p, *self._neighbours, *self.slots, self.functionals, self._times, rows, u, self.rates)
         return u

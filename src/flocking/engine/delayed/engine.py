@@ -21,7 +21,7 @@ MOST_STEPS = 1e7
 """Steps are no longer than the delay: a run that would need more of them is refused."""
 
 FINER = ((0.1, 0.7), (0.01, 0.5))
-"""Tolerance of each repetition as a share of that of the run, and its longest step as a share of the delay."""
+"""Tolerance of each repetition as a share of that of the run, and its longest step as a share of the least delay."""
 
 
 class DelayedEngine(Engine):
@@ -46,10 +46,11 @@ class DelayedEngine(Engine):
                 "engine='delayed' needs continuous control. Under control=Held(...) use information=Messages(...), "
                 "whose delay is part of them."
             )
-        if scenario.t_end - scenario.start.t > MOST_STEPS * information.tau:
+        least = _least(information)
+        if scenario.t_end - scenario.start.t > MOST_STEPS * information.least:
             raise InvalidInput(
-                "Delayed", "tau", f"must be at least {1.0 / MOST_STEPS:g} of the length of the run", information.tau,
-                "Steps are no longer than the delay. Leave so short a delay out, or end the run earlier.",
+                "Delayed", "tau", f"must be at least {1.0 / MOST_STEPS:g} of the length of the run", information.least,
+                f"Steps are no longer than the {least}delay. Leave so short a delay out, or end the run earlier.",
             )  # fmt: skip
         check_law(self.name, scenario, plant)
 
@@ -63,16 +64,23 @@ class DelayedEngine(Engine):
         if run.fidelity.ledger.kind != "tolerance":
             return None
         tolerance, step = FINER[-1]
+        assert isinstance(run.scenario.information, Delayed)
+        least = _least(run.scenario.information)
         return Repeats(
             tuple(partial(_finer, run.scenario, *each) for each in FINER),
             "with more accurate steps",
-            f"the last with {tolerance:g} of the tolerance and steps up to {step:g} of the delay",
+            f"the last with {tolerance:g} of the tolerance and steps up to {step:g} of the {least}delay",
             counted_steps(run),
         )
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""
         return DelayedSession.unpack(packed, stored, changes)
+
+
+def _least(information: Delayed) -> str:
+    """The word that tells the least of several delays from one."""
+    return "least " if information.of_pairs else ""
 
 
 def _finer(scenario: Scenario, tolerance: float, step: float) -> Session:

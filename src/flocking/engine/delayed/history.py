@@ -28,6 +28,8 @@ class History:
 
     Attributes
     ----------
+    start
+        Positions and velocities at the start, shape (N, 2 m); velocities of order 1 are 0.
     segments
         The steps, without gaps between them; their times are seconds from the start.
     """
@@ -35,7 +37,7 @@ class History:
     def __init__(self, q: Array, p: Array, order: int) -> None:
         self.n, self.m = q.shape
         self.order = order
-        self._start = np.concatenate([q, p if order == 2 else np.zeros_like(q)], axis=1, dtype=np.float64)
+        self.start = np.concatenate([q, p if order == 2 else np.zeros_like(q)], axis=1, dtype=np.float64)
         self.segments: list[Segment] = []
         self._ends: list[float] = []
 
@@ -57,7 +59,7 @@ class History:
     def at(self, seconds: float) -> Array:
         """Positions and velocities at ``seconds`` since the start, shape (N, 2 m); velocities of order 1 are 0."""
         if seconds <= 0.0 or not self.segments:
-            found = self._start.copy()
+            found = self.start.copy()
             found[:, : self.m] += seconds * found[:, self.m :]
             return found
         segment = self.segments[min(bisect_left(self._ends, seconds), len(self.segments) - 1)]
@@ -73,8 +75,8 @@ class History:
         found = []
         if begin < 0.0:
             line = np.zeros((DEGREE + 1, self.n, self.m))
-            line[0] = self._start[:, : self.m] + begin * self._start[:, self.m :]
-            line[1] = self._start[:, self.m :]
+            line[0] = self.start[:, : self.m] + begin * self.start[:, self.m :]
+            line[1] = self.start[:, self.m :]
             found.append((begin, min(end, 0.0), line))
         for segment in self.segments:
             first, last = max(segment.t0, begin), min(segment.t1, end)

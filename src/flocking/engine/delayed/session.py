@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -17,11 +15,11 @@ from flocking.engine.adaptive_steps.step_lengths import StepLengths
 from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.delayed.checkpoint import DelayedMemory, packed_memory, unpacked_memory
 from flocking.engine.delayed.delayed_law import DelayedLaw
+from flocking.engine.delayed.delays import Delays, OneDelay
 from flocking.engine.delayed.history import History, position_series, split_state
-from flocking.engine.delayed.known_links import known_switches
+from flocking.engine.delayed.pair_delays import PairDelays
 from flocking.engine.imperfect.powers import FIFTEEN, Powers, integrated
 from flocking.engine.imperfect.session import ImperfectSession
-from flocking.engine.imperfect.taylor_series import shifted
 from flocking.engine.imperfect.true_law import check_forces
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
@@ -29,17 +27,11 @@ from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed
 
-GENERATIONS = 8
-"""How often a jump of a force comes back, each time a derivative higher, until steps of order 8 do not notice it."""
-
-SAME_TIME = 1e-12
-"""Breaking points closer than this, relative to the delay and the time, are one."""
-
 SLIDING = 100
 """Successive steps cut short by switches after which an error reports that links switch to and fro without end."""
 
 SLIDING_SHARE = 1e-6
-"""Longest such step, over the delay."""
+"""Longest such step, over the least delay."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +47,8 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
     scenario
         What is simulated; its information is delayed.
     longest_step
-        Longest step as a share of the delay, at most 1. Of runs that repeat another with shorter steps, which are not
-        saved: a session that is unpacked has 1 again.
+        Longest step as a share of the least delay, at most 1. Of runs that repeat another with shorter steps, which are
+        not saved: a session that is unpacked has 1 again.
 
     Attributes
     ----------
@@ -66,8 +58,8 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         The past.
     pending
         Known links that switch at the end of the last step, rows (i, j, graph).
-    breaks
-        Heap of times, in seconds from the start, at which some derivative of the motion jumps.
+    delays
+        How late agents know each other, and where steps end because of it.
     """
 
     engine = "delayed"
@@ -79,14 +71,19 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         self.options = DelayedOptions()
         self._longest_step = longest_step
         assert isinstance(scenario.information, Delayed)
-        self.tau, self._self_delayed = scenario.information.tau, scenario.information.self_delayed
-        start = scenario.start
+        information, start = scenario.information, scenario.start
         self._delayed_law = DelayedLaw(scenario)
         self.history = History(start.q, start.p, self._law.order)
+        tau, late = information.tau, information.self_delayed
+        self.delays: Delays
+        if isinstance(tau, np.ndarray):
+            self.delays = PairDelays(tau, self.history)
+        else:
+            self.delays = OneDelay(tau, late, self.history)
         self.known_links = self._links_at_start()
         self.pending: Indices = np.zeros((0, 3), dtype=np.int64)
-        self.breaks: list[float] = []
-        self._break_from(0.0)
+        self._everybody = np.arange(self.n)
+        self.delays.points.jump(0.0, self._everybody, self.known_links)
         self._short_steps = 0
         self._lengths = StepLengths(scenario.t_end - start.t)
         y = np.asarray(start.q, dtype=np.float64).ravel()
@@ -113,9 +110,8 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
     def _links_at_start(self) -> Links:
         """Links of the start, switched by the distances that agents know at it."""
         found, m = self.links.copy(), self.m
-        known = self.history.at(-self.tau)
-        own = known if self._self_delayed else self.history.at(0.0)
-        offset = self.scenario.space.displacement(known[None, :, :m] - own[:, None, :m])
+        own, known = self.delays.at_start()
+        offset = self.scenario.space.displacement(known[..., :m] - own[:, None, :m])
         distance = np.sqrt((offset**2).sum(axis=-1))
         for graph in np.flatnonzero(self._rules.ways).tolist():
             found[graph] = self._rules.followed(graph, found[graph], distance)
@@ -134,8 +130,7 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
     # The motion.
 
     def _force(self, seconds: float, true: Array) -> Array:
-        known = self.history.at(seconds - self.tau)
-        return self._law.forces(self._base + seconds, known if self._self_delayed else true, known)
+        return self._law.forces(self._base + seconds, *self.delays.states(seconds, true, *self._law.linked))
 
     def _slope(self, seconds: float, y: Array) -> Array:
         true = split_state(y, self.n, self.m)
@@ -202,66 +197,51 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
             self._record_row(t)
         if len(self.pending):
             self._switch_known(t)
-        while self.breaks and self.breaks[0] - t <= self._rounding(t):
-            heapq.heappop(self.breaks)
-        bound = min(self.breaks[0] if self.breaks else math.inf, self._next_gains())
+        points, links = self.delays.points, self.known_links
+        points.reach(t, links)
+        bound = min(points.following(t, links), self._next_gains())
         before = self._stepper.memory
         try:
-            segment = self._stepper.step(bound, self._longest_step * self.tau)
+            segment = self._stepper.step(bound, self._longest_step * self.delays.least)
             rows = self._known_switches(segment)
         except BaseException:
             self._stepper.recall(before)
             raise
         if len(rows):
-            self.pending = rows[rows[:, 0] <= rows[0, 0] + self._rounding(segment.t1), 1:].astype(np.int64)
+            self.pending = rows[rows[:, 0] <= rows[0, 0] + points.rounding(segment.t1), 1:].astype(np.int64)
             segment = segment.cut(min(float(rows[0, 0]) / (segment.t1 - segment.t0), 1.0))
         if segment.t1 > segment.t0:
             self._segment = segment
-            self.history.add(segment, segment.t0 - self.tau)
+            self.history.add(segment, segment.t0 - self.delays.largest)
             self.steps += 1
             self._lengths.add(segment.t1 - segment.t0)
             self._watch(segment.t0, np.full(self.n, segment.t1 - segment.t0), np.ones(self.n, dtype=bool))
-        self._short_steps = self._short_steps + 1 if len(rows) and segment.t1 - t <= SLIDING_SHARE * self.tau else 0
+        self._short_steps = (
+            self._short_steps + 1 if len(rows) and segment.t1 - t <= SLIDING_SHARE * self.delays.least else 0
+        )
         # Its slope is computed anew, as it is when a saved run goes on: that of the last stage may differ in a bit.
         self._stepper.restart(self._segment.t1, np.array(self._segment.coefficients[-1]))
 
     def _change_gains(self) -> None:
         """Take the next gains, at which the forces jump."""
         super()._change_gains()
-        self._break_from(self._segment.t1)
+        self.delays.points.jump(self._segment.t1, self._everybody, self.known_links)
         self._stepper.restart(self._segment.t1, np.array(self._segment.coefficients[-1]))
 
-    def _rounding(self, seconds: float) -> float:
-        """Differences of times that count as none."""
-        return SAME_TIME * (self.tau + abs(seconds))
-
     def _known_switches(self, segment: Segment) -> Array:
-        """The first switches of known links on a step, by its pieces: rows (time since it began, i, j, graph)."""
+        """The first switches of known links on a step: rows (time since it began, i, j, graph)."""
         if not self._rules.ways.any():
             return np.zeros((0, 4))
-        begin, end, tau = segment.t0, segment.t1, self.tau
-        positions = position_series(segment, self.n, self.m, begin)
-        for first, last, known in self.history.pieces(begin - tau, end - tau):
-            since = max(first + tau - begin, 0.0)
-            span = min(last + tau, end) - (begin + since)
-            if span <= 0.0:
-                continue
-            own = known if self._self_delayed else shifted(positions, since)
-            now = self._base + begin + since
-            rows = known_switches(self.scenario.space, own, known, span, now, self.known_links, self._rules)
-            if len(rows):
-                rows[:, 0] += since
-                return rows
-        return np.zeros((0, 4))
+        return self.delays.switches(self.scenario.space, segment, self._base, self.known_links, self._rules)
 
     def _switch_known(self, seconds: float) -> None:
         """Switch the known links that are pending, and begin anew with the forces that follow."""
         for i, j, graph in self.pending.tolist():
             self.known_links[graph, i, j] = not self.known_links[graph, i, j]
-        agents = tuple(self.pending[0, :2].tolist())
+        agents, switched = tuple(self.pending[0, :2].tolist()), np.unique(self.pending[:, 0])
         self.pending = np.zeros((0, 3), dtype=np.int64)
         self._law.relink(self.known_links)
-        self._break_from(seconds)
+        self.delays.points.jump(seconds, switched, self.known_links)
         self._stepper.restart(seconds, np.array(self._segment.coefficients[-1]))
         self._check_slope()
         if self._short_steps > SLIDING:
@@ -275,13 +255,6 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         """Refuse to go on where no step is short enough for the forces."""
         rates = self._stepper.memory.slope[-self.n * self.m :].reshape(self.n, self.m)
         check_forces(rates, self._base + self._stepper.memory.t, np.arange(self.n))
-
-    def _break_from(self, seconds: float) -> None:
-        """Let steps end where a jump of the forces at a time comes back."""
-        for k in range(1, GENERATIONS + 1):
-            at = seconds + k * self.tau
-            if all(abs(at - other) > self._rounding(at) for other in self.breaks):
-                heapq.heappush(self.breaks, at)
 
     # What others ask.
 
@@ -302,7 +275,7 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         """What the session goes on from."""
         truth = self.truth
         truth.numbers |= {"step": self._stepper.memory.step, "short_steps": float(self._short_steps)}
-        return DelayedMemory(truth, self.history, self._segment, self.known_links, self.pending, self.breaks)
+        return DelayedMemory(truth, self.history, self._segment, self.known_links, self.pending, self.delays.points)
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
@@ -314,7 +287,7 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         session = cls(stored.scenario)
         memory = session._memory
         unpacked_memory(memory, packed, stored.scenario)
-        session.known_links, session.pending, session.breaks = memory.known_links, memory.pending, memory.breaks
+        session.known_links, session.pending = memory.known_links, memory.pending
         session._short_steps, session._segment = int(memory.truth.numbers["short_steps"]), memory.segment
         session.recall(memory.truth, stored)
         session._law.relink(session.known_links)

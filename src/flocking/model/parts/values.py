@@ -198,14 +198,18 @@ def _rows(value: object) -> list[list[float]]:
     return rows
 
 
-def _number_or_numbers(value: object) -> float | list[float]:
-    if isinstance(value, list):
-        return _numbers(value)
-    try:
+def _number_or(listed: Callable[[object], T], what: str) -> Callable[[object], float | T]:
+    def check(value: object) -> float | T:
+        if isinstance(value, list):
+            return listed(value)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise RefusedError(f"must be a number, or a list of {what}")
         return _number(value)
-    except RefusedError as refused:
-        rule = "must be a number, or a list of one number per agent"
-        raise RefusedError(rule if refused.rule == "must be a number" else refused.rule) from None
+
+    return check
+
+
+_number_or_numbers = _number_or(_numbers, "one number per agent")
 
 
 def _values(value: object) -> list[float | list[float]]:
@@ -217,10 +221,6 @@ def _pair(value: object) -> tuple[int, int]:
         raise RefusedError("must be a pair of agents such as [0, 1]")
     i, j = _each(value, "agents", _integer(0, LARGEST_INTEGER))
     return i, j
-
-
-def _pairs(value: object) -> tuple[tuple[int, int], ...]:
-    return tuple(_each(value, "pairs of agents", _pair))
 
 
 def _frames(value: object) -> int | list[float]:
@@ -392,8 +392,10 @@ PAIR_MATRIX = Value(_rows, _ROWS, "factor", each="pair")
 """A number for every ordered pair of agents."""
 NUMBER_OR_NUMBERS = Value(_number_or_numbers, {"anyOf": [{"type": "number"}, _NUMBERS]}, "number", each="agent")
 """A number for all agents, or one for each."""
+NUMBER_OR_ROWS = Value(_number_or(_rows, "rows"), {"anyOf": [{"type": "number"}, _ROWS]}, "number", each="pair")
+"""A number for all pairs of agents, or one for every ordered pair."""
 VALUES = Value(_values, {"type": "array", "items": {"anyOf": [{"type": "number"}, _NUMBERS]}}, each="agent")
-PAIRS = Value(_pairs, _PAIRS)
+PAIRS = Value(lambda value: tuple(_each(value, "pairs of agents", _pair)), _PAIRS)
 FRAMES = Value(_frames, {"anyOf": [{"type": "integer", "minimum": 1}, _NUMBERS]})
 HEADINGS = Value(_headings, {"anyOf": [_NUMBERS, {"type": "array", "items": _ROWS}]}, each="agent")
 NAMED_NUMBERS = Value(_named_numbers, {"type": "object", "additionalProperties": {"type": "number"}}, "numbers")

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, check_each, integer, number, one_of, scalar_or_each, truth
+from flocking.model.checks import Array, array, axes_of, check_each, integer, number, one_of, scalar_or_each, truth
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
@@ -173,7 +173,7 @@ class Messages(Information):
 
 
 @register_part("delayed")
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Delayed(Information):
     """Every agent knows its neighbours as they were a time ``tau`` ago, at every moment.
 
@@ -185,37 +185,113 @@ class Delayed(Information):
     Parameters
     ----------
     tau
-        The delay, in the unit of time; not negative.
+        The delay, in the unit of time; not negative. One number, or one for every ordered pair of agents, shape (N, N):
+        agent i, of row i, knows agent j, of column j, as it was tau[i, j] ago. Zeros mean the present state. The
+        diagonal says how late agents know themselves, and is zero unless they are ``self_delayed``.
     self_delayed
-        Whether an agent knows itself, too, only as it was ``tau`` ago, so that differences are of one moment.
+        Whether an agent knows itself, too, only as it was ``tau`` ago, so that differences are of one moment. With a
+        delay for every pair it was tau[i, i] ago, for all terms of the law: differences are of one moment where the
+        row of the agent has one value.
 
     Raises
     ------
     InvalidInput
-        When the delay is negative or not finite.
+        When a delay is negative or not finite, or the matrix is not square; when its diagonal is not zero though agents
+        know their present state, or zero though they do not.
 
     Examples
     --------
     >>> import flocking as fk
     >>> fk.Delayed(0.1).summary
     'neighbours known 0.1 late'
+    >>> fk.Delayed([[0.0, 0.1], [0.4, 0.0]]).summary
+    'neighbours known 0.1 to 0.4 late'
     """
 
-    tau: float
+    tau: Annotated[float | Array, values.NUMBER_OR_ROWS]
     self_delayed: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "tau", number("Delayed", "tau", self.tau, least=0.0))
         object.__setattr__(self, "self_delayed", truth("Delayed", "self_delayed", self.self_delayed))
+        one = axes_of(self.tau) == 0
+        tau = number("Delayed", "tau", self.tau, least=0.0) if one else _of_pairs(self.tau, self.self_delayed)
+        object.__setattr__(self, "tau", tau)
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return self.self_delayed == other.self_delayed and np.array_equal(self.tau, other.tau)
+
+    def __hash__(self) -> int:
+        return hash((np.asarray(self.tau).tobytes(), self.self_delayed))
+
+    @property
+    def of_pairs(self) -> bool:
+        """Whether there is a delay for every pair of agents."""
+        return bool(np.ndim(self.tau))
 
     @property
     def ideal(self) -> bool:
         """Whether there is no delay."""
-        return self.tau == 0.0
+        return self.largest == 0.0
+
+    @property
+    def largest(self) -> float:
+        """The largest delay, in the unit of time."""
+        return float(np.max(self.tau))
+
+    @property
+    def least(self) -> float:
+        """The least delay that is not zero, in the unit of time; zero where there is none."""
+        delays = np.ravel(self.tau)
+        return float(min(delays[delays > 0.0], default=0.0))
+
+    def check_count(self, n: int) -> None:
+        """Check that a delay for every pair is given for ``n`` agents.
+
+        Raises
+        ------
+        InvalidInput
+            When the matrix is for another number.
+        """
+        if self.of_pairs and len(np.asarray(self.tau)) != n:
+            rule = f"must be one number, or have shape ({n}, {n}) for {n} agents"
+            raise InvalidInput("Delayed", "tau", rule, f"shape {np.shape(self.tau)}")
 
     @property
     def summary(self) -> str:
-        """The delay, and of whom; empty where there is none."""
+        """The delays, and of whom; empty where there is none."""
         if self.ideal:
             return ""
-        return f"{'everybody' if self.self_delayed else 'neighbours'} known {self.tau:g} late"
+        tau = np.asarray(self.tau)
+        shown = tau if self.self_delayed or not self.of_pairs else tau[~np.eye(len(tau), dtype=bool)]
+        ends = dict.fromkeys(f"{end:g}" for end in (np.min(shown), np.max(shown)))
+        return f"{'everybody' if self.self_delayed else 'neighbours'} known {' to '.join(ends)} late"
+
+
+def _of_pairs(tau: object, self_delayed: bool) -> Array:
+    """A delay for every ordered pair of agents, after its checks."""
+    if axes_of(tau) == 1:
+        raise InvalidInput(
+            "Delayed", "tau", "must be one number, or a row for every agent", "one list",
+            "A list could be of those who know or of those who are known: repeat it as rows or as columns of a "
+            "matrix, with zeros on the diagonal.",
+        )  # fmt: skip
+    delays = array("Delayed", "tau", tau, ndim=2)
+    if delays.shape[0] != delays.shape[1] or not len(delays):
+        raise InvalidInput("Delayed", "tau", "must be a square matrix", f"shape {delays.shape}")
+    if (delays < 0.0).any():
+        i, j = (int(k) for k in np.argwhere(delays < 0.0)[0])
+        raise InvalidInput("Delayed", "tau", "must not be negative", f"{delays[i, j]:g} for agents {i} and {j}")
+    own = delays.diagonal()
+    if not self_delayed and own.any():
+        raise InvalidInput(
+            "Delayed", "tau", "must be zero on the diagonal unless self_delayed", f"{own[own > 0.0][0]:g}",
+            "The diagonal says how late agents know themselves: set it to zero, or give self_delayed=True.",
+        )  # fmt: skip
+    if self_delayed and not own.any():
+        raise InvalidInput(
+            "Delayed", "tau", "must not be zero on the whole diagonal where self_delayed", "zeros",
+            "The diagonal says how late agents know themselves: fill it, or leave self_delayed out.",
+        )  # fmt: skip
+    return delays

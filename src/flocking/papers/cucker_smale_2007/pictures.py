@@ -81,7 +81,7 @@ def _late_axes(*runs: Run, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     for run, color in zip(runs, (GREEN, BLUE, VERMILION), strict=True):
         assert isinstance(run.scenario.information, Delayed)
-        delay = run.scenario.information.tau
+        delay = run.scenario.information.largest
         axes.plot(run.t, run.p[:, 0, 0] - run.p[:, 1, 0], color=color, gid="curve", label=rf"$\lambda\tau = {delay:g}$")
     axes.set_xlim(0.0, 2.0 * system.DURATION)
     axes.set_ylim(-3.0, 3.0)

@@ -227,7 +227,9 @@ def _delay_below(e: Evidence, which: int) -> Measure:
     information = e.run.scenario.information
     if not isinstance(information, Delayed) or not information.self_delayed:
         raise NotMeasurable("the own velocity is not known late")
-    delay = information.tau
+    if information.of_pairs:
+        raise NotMeasurable("delays differ between pairs")
+    delay = information.largest
     terms = e.law.terms
     if (
         e.run.n != 2

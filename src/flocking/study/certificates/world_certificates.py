@@ -84,15 +84,21 @@ def _delay(scenario: Scenario, system: LinearConsensus) -> Certificate:
         return Certificate(key, "", sources()["delay"], system.hypotheses, NOT_APPLICABLE, reason)
     found = scenario.control.summary or "so"
     hypotheses = (*system.hypotheses, Hypothesis("control is continuous", scenario.control.ideal, found))
-    tau = information.tau
+    tau = information.largest
     if not information.self_delayed:
+        # Rows stay diagonally dominant whatever the delay of each entry.
         reason = "" if system.is_first else "not every delay of neighbours is harmless, and no bound is known here"
+        late = f"known {given_text(tau)} late, and for every other such delay."
+        if information.of_pairs:
+            late = f"known up to {given_text(tau)} late, each pair by its own delay, and for all other such delays."
         return decided(
             key, sources()["neighbour_delay"], hypotheses, reason=reason, side="is",
-            statement=f"Agreement is stable where neighbours are known {given_text(tau)} late, and for every other "
-            "such delay.",
+            statement=f"Agreement is stable where neighbours are {late}",
             quantity="delay of neighbours' states, the own one undelayed",
         )  # fmt: skip
+    if information.of_pairs:
+        reason = "no bound is known here for delays that differ between pairs where agents know themselves late, too"
+        return decided(key, sources()["delay"], hypotheses, reason=reason, side="is")
     bound, reason = system.delay(), ""
     if bound is None:
         return decided(

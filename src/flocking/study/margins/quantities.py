@@ -113,6 +113,11 @@ def _with_messages(scenario: Scenario, period: float, **changes: object) -> Scen
 
 def _with_delay(scenario: Scenario, value: float, period: float) -> Scenario:
     if isinstance(scenario.information, Delayed):
+        if scenario.information.of_pairs:
+            raise UnsupportedLaw(
+                "delay is one number, and this scenario has a delay for every pair, which it would replace. Give it "
+                "one delay, or leave delay out."
+            )
         return scenario.with_(information=replace(scenario.information, tau=value))
     return _with_messages(scenario, period, delay=value)
 

@@ -1,0 +1,110 @@
+"""Every pair of agents has a delay of its own."""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+
+from flocking.arrays import Array, Indices, Links
+from flocking.engine.adaptive_steps.integration_method import DEGREE
+from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.delayed.breaking_points import PairPoints
+from flocking.engine.delayed.delays import Delays
+from flocking.engine.delayed.history import BINOMIALS, History, position_series
+from flocking.engine.delayed.pair_past import Past, Pieces, fill_states, find_first_switches
+from flocking.engine.imperfect.link_rules import LinkRules
+from flocking.engine.imperfect.pair_polynomials import conversion, too_many_images
+from flocking.engine.kernels.bernstein import all_rows
+from flocking.model.space import Space
+
+COMBINATIONS = np.array([[comb(a, k) for k in range(DEGREE + 1)] for a in range(DEGREE + 1)], dtype=np.float64)
+
+
+class PairDelays(Delays):
+    """Agent i knows agent j as it was tau[i, j] ago.
+
+    Parameters
+    ----------
+    tau
+        The delays, shape (N, N), at least one of them positive; on the diagonal how late agents know themselves.
+    history
+        The past.
+    """
+
+    def __init__(self, tau: Array, history: History) -> None:
+        self.tau = np.ascontiguousarray(tau)
+        positive = tau[tau > 0.0]
+        self.least, self.largest = float(positive.min()), float(positive.max())
+        self.history = history
+        self.points = PairPoints(self.tau)
+        self._own = np.ascontiguousarray(tau.diagonal())
+        self._agents = np.arange(len(tau))
+        self._past = self._stacked([])
+        self._stored: list[Segment] = []
+        self._series: list[Array] = []
+
+    def _stacked(self, segments: list[Segment]) -> Past:
+        """Steps of the past as arrays."""
+        begins, ends = (np.array([getattr(x, name) for x in segments], dtype=np.float64) for name in ("t0", "t1"))
+        tables = np.array([x.coefficients for x in segments]) if segments else np.zeros((0, DEGREE + 1, 0))
+        return Past(begins, ends, tables, BINOMIALS, self.history.start)
+
+    def _look_back(self) -> None:
+        """Take the steps that the past has now."""
+        now, before = self.history.segments, self._stored
+        if len(now) == len(before) and (not now or (now[-1] is before[-1] and now[0] is before[0])):
+            return
+        known = {id(segment): series for segment, series in zip(before, self._series, strict=True)}
+        n, m = self.history.n, self.history.m
+        self._series = [
+            known[id(x)] if id(x) in known else position_series(x, n, m, x.t0) for x in now
+        ]  # fmt: skip
+        self._past, self._stored = self._stacked(now), list(now)
+
+    def _states(self, seconds: float, true: Array, agents: Indices, delays: Array) -> Array:
+        self._look_back()
+        found = np.empty((len(agents), 2 * self.history.m))
+        fill_states(self._past, true, seconds, agents, delays, found)
+        return found
+
+    def states(self, seconds: float, true: Array, senders: Indices, sensed: Indices) -> tuple[Array, Array]:
+        """States, each of a moment of its own."""
+        own = self._states(seconds, true, self._agents, self._own) if self._own.any() else true
+        return own, self._states(seconds, true, sensed, self.tau[senders, sensed])
+
+    def at_start(self) -> tuple[Array, Array]:
+        """States on the lines before the start."""
+        start, m = self.history.start, self.history.m
+        known = np.repeat(start[None], len(self.tau), axis=0)
+        known[..., :m] -= self.tau[..., None] * start[None, :, m:]
+        own = start.copy()
+        own[:, :m] -= self._own[:, None] * start[:, m:]
+        return own, known
+
+    def switches(self, space: Space, segment: Segment, base: float, links: Links, rules: LinkRules) -> Array:
+        """The first one of every link, on the overlaid pieces of its two agents."""
+        self._look_back()
+        n, m = self.history.n, self.history.m
+        segments = [*self.history.segments, segment]
+        begins, ends = ([getattr(x, name) for x in segments] for name in ("t0", "t1"))
+        series = [*self._series, position_series(segment, n, m, segment.t0)]
+        if begins[0] <= 0.0:
+            line = np.zeros((DEGREE + 1, n, m))
+            line[:2] = self.history.start[:, :m], self.history.start[:, m:]
+            # The line before the start is a piece about the time 0, at which it ends.
+            begins, ends, series = [0.0, *begins], [0.0, *ends], [line, *series]
+        pieces = Pieces(np.array(begins), np.array(ends), np.array(series), COMBINATIONS)
+        lengths = np.array(space.lengths or (np.inf,) * m, dtype=np.float64)
+        size = float(np.abs(pieces.series[:, 0]).max())
+
+        def rows_in(found: Array) -> int:
+            count = int(find_first_switches(
+                pieces, self.tau, segment.t0, segment.t1, lengths, conversion(DEGREE), links, *rules, size, found
+            ))  # fmt: skip
+            if count < 0:
+                raise too_many_images(base + segment.t0)
+            return count
+
+        rows = all_rows(rows_in, 4)
+        return rows[np.lexsort(rows.T[::-1])]

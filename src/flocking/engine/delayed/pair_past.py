@@ -1,0 +1,220 @@
+"""The past of a group where every pair has a delay of its own: states, and switches of links, pair by pair."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flocking.arrays import Array, Indices, Links, Numbers
+from flocking.engine.imperfect.pair_polynomials import Paths, nearest_offset, reach_within
+from flocking.engine.imperfect.pair_switches import TwoPaths, WatchedLink, add_switches
+from flocking.formula.native.functions import native_apart
+
+
+class Past(NamedTuple):
+    """The steps of the past as arrays.
+
+    Parameters
+    ----------
+    begins, ends
+        Times of the steps in seconds from the start, shape (steps,).
+    coefficients
+        Bernstein coefficients of the state vectors, shape (steps, 8, size).
+    binomials
+        Those of the degree of a step, shape (8,).
+    start
+        Positions and velocities at the start, shape (N, 2 m); before it agents moved in straight lines.
+    """
+
+    begins: Array
+    ends: Array
+    coefficients: Array
+    binomials: Array
+    start: Array
+
+
+class Pieces(NamedTuple):
+    """Positions from the earliest time that is read to the end of a step.
+
+    Parameters
+    ----------
+    begins, ends
+        Times of the pieces in seconds from the start, shape (pieces,).
+    series
+        Taylor coefficients about their beginnings, shape (pieces, 8, N, m).
+    binomials
+        Numbers of combinations, shape (8, 8).
+    """
+
+    begins: Array
+    ends: Array
+    series: Array
+    binomials: Array
+
+
+def step_at(ends: Array, seconds: float) -> int:
+    """Number of the first step that ends at ``seconds`` or later, or of the last; for native functions."""
+    low, high = 0, ends.shape[0] - 1
+    while low < high:
+        middle = (low + high) // 2
+        if ends[middle] < seconds:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@native_apart
+def fill_states(past: Past, true: Array, seconds: float, agents: Indices, delays: Array, found: Array) -> None:
+    """Positions and velocities of ``agents``, each a time of its own ago.
+
+    Parameters
+    ----------
+    past
+        The past.
+    true
+        The true states now, shape (N, 2 m), which are known without delay.
+    seconds
+        Now, since the start.
+    delays
+        How long ago, shape (agents,).
+    found
+        Takes the states, shape (agents, 2 m); velocities of agents of order 1 are 0.
+    """
+    n, m, steps, count = past.start.shape[0], past.start.shape[1] // 2, past.ends.shape[0], past.binomials.shape[0]
+    weights = np.empty(count)
+    for e in range(agents.shape[0]):
+        j, at = agents[e], seconds - delays[e]
+        if delays[e] == 0.0:
+            for k in range(2 * m):
+                found[e, k] = true[j, k]
+        elif at <= 0.0 or steps == 0:
+            for k in range(m):
+                found[e, k] = past.start[j, k] + at * past.start[j, m + k]
+                found[e, m + k] = past.start[j, m + k]
+        else:
+            s = step_at(past.ends, at)
+            x = (at - past.begins[s]) / (past.ends[s] - past.begins[s])
+            power = 1.0
+            for a in range(count):
+                weights[a] = past.binomials[a] * power
+                power *= x
+            power = 1.0
+            for a in range(count):
+                weights[count - 1 - a] *= power
+                power *= 1.0 - x
+            for k in range(m):
+                q, p = 0.0, 0.0
+                for a in range(count):
+                    q += weights[a] * past.coefficients[s, a, j * m + k]
+                    if past.coefficients.shape[2] > n * m:
+                        p += weights[a] * past.coefficients[s, a, (n + j) * m + k]
+                found[e, k], found[e, m + k] = q, p
+
+
+def shift_path(pieces: Pieces, piece: int, agent: int, by: float, S: Array, place: int) -> None:
+    """Put Taylor coefficients of an agent about a later time of a piece into ``S[:, place]``; for native functions.
+
+    Parameters
+    ----------
+    pieces, piece, agent
+        The pieces, and the number of the piece and of the agent.
+    by
+        How much later than its beginning.
+    S
+        Takes the coefficients, shape (8, 2, m).
+    place
+        Where, 0 or 1.
+    """
+    degree = S.shape[0] - 1
+    for k in range(S.shape[2]):
+        for a in range(degree + 1):
+            value = 0.0
+            for b in range(degree - a + 1):
+                power = degree - b
+                value = value * by + pieces.binomials[power, a] * pieces.series[piece, power, agent, k]
+            S[a, place, k] = value
+
+
+@native_apart
+def find_first_switches(
+    pieces: Pieces, tau: Array, begin: float, end: float, lengths: Array, table: Array, links: Links, ways: Numbers,
+    enter: Array, leave: Array, size: float, found: Array,
+) -> int:  # fmt: skip
+    """Fill rows (time since the step began, i, j, graph) of the first switch of every link on a step.
+
+    The motion of an agent as it knows itself and that of another one as it knows it have pieces of their own: each
+    stretch on which both are one piece is looked at.
+
+    Parameters
+    ----------
+    pieces
+        Positions until the end of the step, the last piece.
+    tau
+        Delays, shape (N, N), see `flocking.model.world.information.Delayed`.
+    begin, end
+        The step.
+    lengths, table
+        See `flocking.engine.imperfect.pair_polynomials.Paths`.
+    links
+        Links by what agents know, shape (graphs, N, N).
+    ways, enter, leave
+        See `flocking.engine.imperfect.link_rules.LinkRules`.
+    size
+        Size of the coordinates, for rounding.
+    found
+        Takes the rows, shape (room, 4).
+
+    Returns
+    -------
+    int
+        How many rows there are, those included for which there was no room; -1 if a pair has too many images.
+    """
+    n, m, graphs, last = tau.shape[0], lengths.shape[0], links.shape[0], pieces.ends.shape[0] - 1
+    S, nearest, row, switched = (
+        np.empty((pieces.series.shape[1], 2, m)),
+        np.empty(m),
+        np.empty((1, 4)),
+        np.empty(graphs),
+    )
+    paths = Paths(S, lengths, table, begin)
+    total = 0
+    for i in range(n):
+        for j in range(n):
+            if i == j:
+                continue
+            for graph in range(graphs):
+                switched[graph] = 0.0
+            t = begin
+            own, known = step_at(pieces.ends, t - tau[i, i]), step_at(pieces.ends, t - tau[i, j])
+            while t < end:
+                until = end
+                if own < last:
+                    until = min(until, pieces.ends[own] + tau[i, i])
+                if known < last:
+                    until = min(until, pieces.ends[known] + tau[i, j])
+                if until > t:
+                    shift_path(pieces, own, i, t - tau[i, i] - pieces.begins[own], S, 0)
+                    shift_path(pieces, known, j, t - tau[i, j] - pieces.begins[known], S, 1)
+                    distance, reach = nearest_offset(paths, 0, 1, nearest), reach_within(paths, 0, 1, until - t)
+                    two = TwoPaths(0, 1, until - t, distance, reach)
+                    for graph in range(graphs):
+                        if ways[graph] == 0 or switched[graph] > 0.0:
+                            continue
+                        link = WatchedLink(links[graph, i, j], enter[graph, i], leave[graph, i], i, j, graph)
+                        count = add_switches(paths, two, nearest, link, size, row, 0)
+                        if count < 0:
+                            return -1
+                        if count > 0:
+                            switched[graph] = 1.0
+                            if total < found.shape[0]:
+                                found[total, 0], found[total, 1] = t - begin + row[0, 0], i
+                                found[total, 2], found[total, 3] = j, graph
+                            total += 1
+                if own < last and pieces.ends[own] + tau[i, i] <= until:
+                    own += 1
+                if known < last and pieces.ends[known] + tau[i, j] <= until:
+                    known += 1
+                t = max(t, until)
+    return total
