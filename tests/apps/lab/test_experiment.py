@@ -354,6 +354,37 @@ def test_the_page_has_sliders_for_what_may_change_about_messages():
     assert not [s for s in sections(ideal) if s.title == "Messages"]
 
 
+@pytest.mark.parametrize("tau", [0.1, [[0.0, 0.1, 0.2], [0.1, 0.0, 0.0], [0.3, 0.1, 0.0]]])
+def test_a_delay_changes_in_a_session_that_begins_anew(tmp_path, tau):
+    """What follows is the run from the state at the change, with the straight past that the heading names."""
+    law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("(r - 1)**2")), fk.Consensus(1.0)])
+    start = fk.State(np.eye(3), 0.3 * np.roll(np.eye(3), 1, axis=0))
+    made = fk.Scenario(law, start, t_end=2.0, frames=3, information=fk.Delayed(tau))
+    (section,) = [s for s in sections(made) if s.title.startswith("Delay")]
+    (slider,) = section.settings
+    one = isinstance(tau, float)
+    assert section.title == "Delay: a change begins a new past"
+    assert (slider.kind, slider.value, slider.low) == (("number", 0.1, 0.1 * 0.1) if one else ("factor", 1.0, 0.1))
+    path = list(slider.path)
+    event = {"kind": "set", "path": path, "value": 0.2} if one else {"kind": "scale", "path": path, "value": 2.0}
+    experiment = Experiment(made)
+    experiment.advance(0.7)
+    with pytest.raises(UnsupportedLaw, match="with a delay above 0"):
+        experiment.apply(event | {"value": 0.0})
+    assert experiment.untouched
+    before = experiment.state
+    experiment.apply(event)
+    assert (experiment.state.q == before.q).all()
+    assert experiment.scenario.information == fk.Delayed(2 * np.array(tau) if not one else 0.2)
+    experiment.advance(1.5)
+    session = fk.start(made.with_(start=before, information=experiment.scenario.information))
+    session.advance(1.5)
+    assert (session.state.q == experiment.state.q).all()
+    again = replay(EventLog.read(experiment.log.write(tmp_path / "late.events.json")))
+    assert (again.state.q == experiment.state.q).all()
+    assert not [s for s in sections(made.with_(information=fk.Delayed(0.0))) if s.title.startswith("Delay")]
+
+
 def test_a_slider_keeps_what_else_losses_and_noise_are():
     noise = fk.OrnsteinUhlenbeck(0.5, 0.1, time_constant=3.0)
     experiment = Experiment(radio(loss=fk.Bernoulli(0.2, paired=True), noise=noise))

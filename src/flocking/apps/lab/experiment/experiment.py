@@ -14,6 +14,7 @@ from flocking.engine.runs.run import SwitchRow
 from flocking.errors import InvalidInput, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.state import State
+from flocking.model.world.information import Delayed
 
 Moment = tuple[Callable[[], Session], Scenario, int, float]
 """Restores a session; the scenario that factors multiply then, the number of events before, and the time."""
@@ -140,8 +141,9 @@ class Experiment:
         present, state, exact_time = self.scenario, self.state, self.session.time_is_exact
         found = outcome(event, present, self.base, state)
         now = found.scenario
-        if found.new_session or now.energy is not present.energy or now.agents is not present.agents:
-            # Agents, masses and the energy's frame are fixed for a session.
+        late = isinstance(present.information, Delayed) and now.information is not present.information
+        if found.new_session or late or now.energy is not present.energy or now.agents is not present.agents:
+            # Agents, masses, delays and the energy's frame are fixed for a session.
             if not found.new_session:
                 now = now.with_(start=state, t_end=max(now.t_end, self.time), frames=1)
             self.session, _ = opened(now, self.engine)

@@ -20,7 +20,7 @@ from flocking.model.parts.description import GROUPS, Nested
 from flocking.model.parts.structure import Step, children, field_at
 from flocking.model.parts.values import Value
 from flocking.model.potentials.potential import Potential
-from flocking.model.world.information import Messages
+from flocking.model.world.information import Delayed, Messages
 from flocking.model.world.losses import Bernoulli
 
 WIDE, ROOM = 4.0, 5.0
@@ -32,6 +32,13 @@ LARGEST_FACTOR = 4.0
 
 RADIO_PERIODS = 10.0
 """Longest delay that a slider offers, in periods of the messages; a convention."""
+
+LEAST_DELAY = 0.1
+"""Least delay that a slider offers, in delays of the scenario, and least factor of several; a convention. Without one
+another engine would have to go on."""
+
+FORGETFUL = "Delay: a change begins a new past"
+"""Title of the delay: a session whose delay changes begins anew, and before it agents moved in straight lines."""
 
 MOST_NOISE = 1.0
 """Largest standard deviation that a slider of noise offers where there is little; a convention."""
@@ -112,7 +119,18 @@ def sections(scenario: Scenario) -> list[Section]:
     found.append(_section("Agents", scenario.agents, ("agents",), seen))
     if isinstance(scenario.information, Messages):
         found.append(Section("Messages", tuple(_radio(scenario.information))))
+    if isinstance(scenario.information, Delayed) and not scenario.information.ideal:
+        found.append(Section(FORGETFUL, (_delay(scenario.information),)))
     return [s for s in found if s.settings or s.removal]
+
+
+def _delay(information: Delayed) -> Setting:
+    """How late agents know each other; a factor where pairs differ."""
+    path = ("information", "tau")
+    if information.of_pairs:
+        return Setting(path, "factor", 1.0, LEAST_DELAY, LARGEST_FACTOR)
+    tau = information.largest
+    return Setting(path, "number", tau, LEAST_DELAY * tau, WIDE * tau)
 
 
 def _radio(messages: Messages) -> Iterator[Setting]:
