@@ -152,6 +152,7 @@ HOMES = {
     "refuse a damaged checkpoint by another rule": "class Form(",
     "change how the past of delayed agents is kept": "class History:",
     "change what agents read of the past where every pair has its delay": "def fill_states(",
+    "change how bodies move under the forces of late knowledge": "class DelayedLaw(",
     "change where steps end because of a delay": "class BreakingPoints(",
     "change how switches of links under messages or delays are located": "def add_switches(",
     "change how parameters are handed to the kernels of large groups": "class LawParameters:",

@@ -44,8 +44,9 @@ class PlainDelays:
         return self.split(y)
 
     def split(self, y):
-        q = y[: self.n * self.m].reshape(self.n, self.m)
-        return q, (y[self.n * self.m :].reshape(self.n, self.m) if self.order == 2 else np.zeros_like(q))
+        count = self.n * self.m
+        q = y[:count].reshape(self.n, self.m)
+        return q, (y[count : 2 * count].reshape(self.n, self.m) if self.order == 2 else np.zeros_like(q))
 
     def apart(self, t, y, solutions):
         """Displacements of what agents know of others from themselves, shape (N, N, m)."""
@@ -61,17 +62,28 @@ class PlainDelays:
         d, v = self.apart(t, y, solutions)
         r = np.linalg.norm(d, axis=2) + np.eye(self.n)
         u = (self.links[..., None] * (self.slope(r)[..., None] * d / r[..., None] + self.gain * v)).sum(axis=1)
+        return self.moved(t, y, u)
+
+    def moved(self, t, y, u):
+        """Rates of all numbers under forces."""
         if self.order == 1:
             return u.ravel()
         p = self.split(y)[1]
         return np.concatenate([p.ravel(), ((u - self.damping * p) / self.masses).ravel()])
 
+    def begun(self):
+        """All numbers at the start."""
+        return np.concatenate([self.q0.ravel(), self.p0.ravel()][: self.order])
+
+    def corners(self, t_end):
+        """Times at which steps end."""
+        return {k * self.step for k in range(1, int(t_end / self.step) + 1)} | {t_end}
+
     def run(self, t_end):
         """Positions and velocities at the end, and how often a known link switched."""
-        y = np.concatenate([self.q0.ravel(), self.p0.ravel()][: self.order])
+        y = self.begun()
         t, solutions, switches = 0.0, [], 0
-        corners = sorted({k * self.step for k in range(1, int(t_end / self.step) + 1)} | {t_end})
-        for corner in corners:
+        for corner in sorted(self.corners(t_end)):
             while t < corner:
                 levels = np.where(self.links, self.leave, self.enter)
                 side = np.where(self.links, 1.0, -1.0)
@@ -96,4 +108,5 @@ class PlainDelays:
                     crossed = (side * (levels - r) < 1e-9) & ~np.eye(self.n, dtype=bool)
                     self.links = self.links ^ crossed
                     switches += int(crossed.sum())
+        self.end = y
         return *self.split(y), switches

@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.arrays import Indices, Links
 from flocking.engine.adaptive_steps.integration_method import DEGREE
+from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import Form, Real, Table
@@ -45,6 +46,8 @@ class DelayedMemory:
         Known links that switch at the end of the last step, rows (i, j, graph).
     points
         Where steps must end.
+    held
+        Which limits of bodies act, and gusts.
     """
 
     truth: ImperfectMemory
@@ -53,6 +56,7 @@ class DelayedMemory:
     known_links: Links
     pending: Indices
     points: BreakingPoints
+    held: HeldNumbers
 
 
 def packed_memory(memory: DelayedMemory) -> Packed:
@@ -69,6 +73,7 @@ def packed_memory(memory: DelayedMemory) -> Packed:
         "times": np.array([segments[0].t0, *(segment.t1 for segment in segments)]),
         "coefficients": np.array([segment.coefficients for segment in segments]),
         "known_links": memory.known_links, "pending": memory.pending, **memory.points.arrays(),
+        **({"limits": memory.held.acting} if memory.held.limits else {}),
     }  # fmt: skip
     return dict(memory.truth.numbers), arrays
 
@@ -98,6 +103,8 @@ def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) ->
             fresh.segment = Segment(t0, t1, np.array(table))
             fresh.history.add(fresh.segment, times[0])
     fresh.known_links, fresh.pending = arrays["known_links"], arrays["pending"]
+    if fresh.held.limits:
+        fresh.held.rows[fresh.held.limits] = arrays["limits"]
 
 
 def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMemory) -> dict[str, float]:
@@ -111,6 +118,7 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     links = Table("?", (graphs, n, n))
     NamedForms({
         "times": Table("f8", (None,), least=0.0), **fresh.points.forms(n),
+        **({"limits": Table("f8", (len(fresh.held.limits), n), least=0.0, most=1.0)} if fresh.held.limits else {}),
         "coefficients": Table("f8", (None, DEGREE + 1, size), least=-LARGEST, most=LARGEST),
         "known_links": links, "links": links, "pending": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
         "crossing_time": Table("f8", (None,), least=0.0),
@@ -137,6 +145,8 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     must(fits and all(scenario.law.graphs[k].moves for k in pending[:, 2].tolist()), "pending",
          "name links that switch")  # fmt: skip
     fresh.points.recall(arrays)
+    if fresh.held.limits:
+        must(np.isin(arrays["limits"], (0.0, 1.0)).all(), "limits", "be 0 or 1")
     must(numbers["steps"] == int(numbers["steps"]), "steps", "be a whole number")
     must(numbers["steps"] >= (0 if resting else len(tables)), "steps", "be as many as are stored")
     must(numbers["short_steps"] == int(numbers["short_steps"]), "short_steps", "be a whole number")

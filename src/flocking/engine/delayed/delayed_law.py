@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
+from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
+from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
+from flocking.engine.fixed_step.supported_bodies import is_point
 from flocking.engine.imperfect.true_law import TrueLaw
-from flocking.engine.kernels.codegen import known_kernels
+from flocking.engine.kernels.codegen import body_kernels, known_kernels
 from flocking.engine.kernels.law_kernels import Pairs
 from flocking.model.law import Scenario
+from flocking.model.state import State
 
 
 class DelayedLaw(TrueLaw):
@@ -21,12 +25,56 @@ class DelayedLaw(TrueLaw):
     """
 
     def __init__(self, scenario: Scenario) -> None:
+        body, (n, m) = scenario.agents, scenario.start.q.shape
+        self.held = HeldNumbers(body, n, m, scenario.tolerance, scenario.start.t)
+        self.held.draw(0.0)
         super().__init__(scenario)
         self._known = known_kernels(self.layout, self.m, 0)
-        self._masses = np.broadcast_to(np.asarray(scenario.agents.masses, dtype=np.float64), self.n)
-        self._damping = np.broadcast_to(np.asarray(scenario.agents.damping, dtype=np.float64), self.n)
+        self._masses = np.broadcast_to(np.asarray(body.masses, dtype=np.float64), self.n)
+        self._damping = np.broadcast_to(np.asarray(body.damping, dtype=np.float64), self.n)
         self._neighbours = self.pairs(np.zeros((len(self.law.graphs), self.n, self.n), dtype=bool))
         self._times = np.zeros(0)
+        self.widths = body.widths(m)
+        self._bodies = None if is_point(body) else body_kernels(self.layout, m)
+
+    def take_parameters(self, t: float) -> None:
+        """Take the gains that are in force from the scenario's time ``t`` on, beside what is held between events."""
+        super().take_parameters(t)
+        if self.held.names:
+            self.slots = self.slots._replace(A=np.concatenate([self.slots.A, self.held.rows]))
+
+    def put_held(self) -> None:
+        """Write the numbers held between events where the kernels read them."""
+        if self.held.names:
+            self.slots.A[len(self.slots.A) - len(self.held.rows) :] = self.held.rows
+
+    def joined(self, state: State) -> Array:
+        """State vector of a state: positions, velocities of agents of order 2, further columns.
+
+        Parameters
+        ----------
+        state
+            The state.
+        """
+        parts = [state.q, state.p][: self.order] + [state.columns[name] for name in self.widths]
+        return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
+
+    def further(self, y: Array) -> dict[str, Array]:
+        """Further columns of a state vector ``y`` by name, shape (N, width) each."""
+        found, first = {}, self.order * self.n * self.m
+        for name, width in self.widths.items():
+            found[name] = y[first : first + self.n * width].reshape(self.n, width)
+            first += self.n * width
+        return found
+
+    def tolerances(self, state: State) -> Array:
+        """Absolute error tolerance of each component of the state vector, from the size of the group at ``state``."""
+        tolerance = self.scenario.tolerance
+        parts = [state_tolerances(state, self.order, tolerance)]
+        for name, width in self.widths.items():
+            size = float(np.abs(state.columns[name]).max(initial=0.0))
+            parts.append(np.full(self.n * width, tolerance * max(1.0, size)))
+        return np.concatenate(parts)
 
     def relink(self, known_links: Links) -> None:
         """Take ``known_links``, by what agents know, shape (graphs, N, N), for the forces from now on."""
@@ -55,20 +103,55 @@ class DelayedLaw(TrueLaw):
         self._known.control(t, q, p, *self._neighbours, *self.slots, self.functionals, self._times, rows, u, self.rates)
         return u
 
-    def slope(self, force: Array, p: Array) -> Array:
-        """Slope of the state vector under a force.
+    def slope(self, t: float, y: Array, force: Array) -> Array:
+        """Slope of a state vector under a force.
 
         Parameters
         ----------
+        t, y
+            The scenario's time, and the true state vector.
         force
             What `forces` gives.
-        p
-            True velocities, shape (N, m).
         """
+        if self._bodies is not None:
+            found = np.empty(len(y))
+            self._bodies.move(t, y, *self.slots, force, found)
+            return found
         if self.order == 1:
             return force.ravel()
+        p = y[self.n * self.m :].reshape(self.n, self.m)
         rate = (force - self._damping[:, None] * p) / self._masses[:, None]
         return np.concatenate([p.ravel(), rate.ravel()])
+
+    def acting(self, t: float, y: Array, force: Array) -> Array:
+        """The force on point masses that would move as the bodies do, shape (N, m); of order 1 their velocities.
+
+        Parameters
+        ----------
+        t, y, force
+            As for `slope`.
+        """
+        if self._bodies is None:
+            return force
+        count, shape = self.n * self.m, (self.n, self.m)
+        slope = self.slope(t, y, force)
+        if self.order == 1:
+            return slope[:count].reshape(shape)
+        p, rate = y[count : 2 * count].reshape(shape), slope[count : 2 * count].reshape(shape)
+        return np.asarray(self._masses[:, None] * rate + self._damping[:, None] * p)
+
+    def limit_signs(self, t: float, y: Array, force: Array) -> Array:
+        """Expressions that are positive where limits of the bodies begin and end to act, shape (limits, 2, N).
+
+        Parameters
+        ----------
+        t, y, force
+            As for `slope`.
+        """
+        assert self._bodies is not None
+        found = np.empty(2 * len(self.held.limits) * self.n)
+        self._bodies.limit_signs(t, y, *self.slots, force, found)
+        return found.reshape(-1, 2, self.n)
 
     def power(self, t: float, q: Array, p: Array, force: Array, pairs: Pairs) -> Array:
         """Work, dissipation, supply and departure, shape (4,), see `flocking.engine.imperfect.powers.POWERS`.
@@ -79,7 +162,7 @@ class DelayedLaw(TrueLaw):
             The scenario's time, and the true positions and velocities, shape (N, m); those of agents of order 1 are
             what acts.
         force
-            The force that acts.
+            The force that acts, see `acting`.
         pairs
             Pairs linked in truth.
         """

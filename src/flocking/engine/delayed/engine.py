@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from functools import partial
 
 from flocking.engine.delayed.session import DelayedOptions, DelayedSession
+from flocking.engine.fixed_step.supported_bodies import has_energy_of_points
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.repeats import Repeats, counted_steps
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.bodies.body import Body
+from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Continuous
@@ -52,7 +55,10 @@ class DelayedEngine(Engine):
                 "Delayed", "tau", f"must be at least {1.0 / MOST_STEPS:g} of the length of the run", information.least,
                 f"Steps are no longer than the {least}delay. Leave so short a delay out, or end the run earlier.",
             )  # fmt: skip
-        check_law(self.name, scenario, plant)
+        body = scenario.agents
+        if refused := _refused_body(body):
+            raise UnsupportedLaw(f"engine={self.name!r} moves no {refused}.")
+        check_law(self.name, scenario, plant, PointMass() if body.order == 2 else SingleIntegrator())
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
         """Start a session."""
@@ -76,6 +82,13 @@ class DelayedEngine(Engine):
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""
         return DelayedSession.unpack(packed, stored, changes)
+
+
+def _refused_body(body: Body) -> str:
+    """What is not known of a body, for a message; empty where it runs."""
+    if body.order == 2 and not has_energy_of_points(body):
+        return f"{type(body).__name__} agents, whose kinetic energy is another one than that of points"
+    return ""
 
 
 def _least(information: Delayed) -> str:

@@ -65,7 +65,7 @@ class History:
         segment = self.segments[min(bisect_left(self._ends, seconds), len(self.segments) - 1)]
         x = (seconds - segment.t0) / (segment.t1 - segment.t0)
         y = (BINOMIALS * x**POWERS * (1.0 - x) ** (DEGREE - POWERS)) @ segment.coefficients
-        return split_state(y, self.n, self.m)
+        return split_state(y[: self.order * self.n * self.m], self.n, self.m)
 
     def pieces(self, begin: float, end: float) -> list[tuple[float, float, Array]]:
         """The motion from ``begin`` to ``end`` seconds, piece by piece: begin, end and Taylor coefficients about begin.

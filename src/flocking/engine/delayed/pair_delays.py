@@ -48,7 +48,7 @@ class PairDelays(Delays):
         """Steps of the past as arrays."""
         begins, ends = (np.array([getattr(x, name) for x in segments], dtype=np.float64) for name in ("t0", "t1"))
         tables = np.array([x.coefficients for x in segments]) if segments else np.zeros((0, DEGREE + 1, 0))
-        return Past(begins, ends, tables, BINOMIALS, self.history.start)
+        return Past(begins, ends, tables, BINOMIALS, self.history.start, self.history.order)
 
     def _look_back(self) -> None:
         """Take the steps that the past has now."""

@@ -25,6 +25,8 @@ class Past(NamedTuple):
         Those of the degree of a step, shape (8,).
     start
         Positions and velocities at the start, shape (N, 2 m); before it agents moved in straight lines.
+    order
+        Order of the agents.
     """
 
     begins: Array
@@ -32,6 +34,7 @@ class Past(NamedTuple):
     coefficients: Array
     binomials: Array
     start: Array
+    order: int
 
 
 class Pieces(NamedTuple):
@@ -108,7 +111,7 @@ def fill_states(past: Past, true: Array, seconds: float, agents: Indices, delays
                 q, p = 0.0, 0.0
                 for a in range(count):
                     q += weights[a] * past.coefficients[s, a, j * m + k]
-                    if past.coefficients.shape[2] > n * m:
+                    if past.order > 1:
                         p += weights[a] * past.coefficients[s, a, (n + j) * m + k]
                 found[e, k], found[e, m + k] = q, p
 

@@ -10,7 +10,6 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.adaptive_steps.adaptive_session import AdaptiveSession
 from flocking.engine.adaptive_steps.segment import Segment
-from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
 from flocking.engine.adaptive_steps.step_lengths import StepLengths
 from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.delayed.checkpoint import DelayedMemory, packed_memory, unpacked_memory
@@ -86,11 +85,10 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         self.delays.points.jump(0.0, self._everybody, self.known_links)
         self._short_steps = 0
         self._lengths = StepLengths(scenario.t_end - start.t)
-        y = np.asarray(start.q, dtype=np.float64).ravel()
-        if self._law.order == 2:
-            y = np.concatenate([y, np.asarray(start.p, dtype=np.float64).ravel()])
-        self._segment = Segment.resting(0.0, y)
+        self._segment = Segment.resting(0.0, y := self._law.joined(start))
+        self._gust_ends = scenario.agents.drawn_until(0.0)
         self._law.relink(self.known_links)
+        self._follow_limits(0.0, y)
         self._stepper = self._new_stepper(0.0)
         self.begin()
         try:
@@ -124,17 +122,35 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         y = np.array(segment.coefficients[-1])
         memory = StepperMemory(segment.t1, y, self._slope(segment.t1, y), step)
         shape = self._law.order, self.n, self.m
-        tolerances = state_tolerances(self.scenario.start, self._law.order, self.scenario.tolerance)
+        tolerances = self._law.tolerances(self.scenario.start)
         return Stepper(self._slope, self._stages, tolerances, memory, self._base, shape)
 
     # The motion.
 
-    def _force(self, seconds: float, true: Array) -> Array:
-        return self._law.forces(self._base + seconds, *self.delays.states(seconds, true, *self._law.linked))
+    def _true(self, y: Array) -> Array:
+        return split_state(y[: self._law.order * self.n * self.m], self.n, self.m)
+
+    def _force(self, seconds: float, y: Array) -> Array:
+        known = self.delays.states(seconds, self._true(y), *self._law.linked)
+        return self._law.forces(self._base + seconds, *known)
 
     def _slope(self, seconds: float, y: Array) -> Array:
-        true = split_state(y, self.n, self.m)
-        return self._law.slope(self._force(seconds, true), true[:, self.m :])
+        return self._law.slope(self._base + seconds, y, self._force(seconds, y))
+
+    def _limit_signs(self, seconds: float, y: Array) -> Array:
+        return self._law.limit_signs(self._base + seconds, y, self._force(seconds, y))
+
+    def _follow_limits(self, seconds: float, y: Array) -> bool:
+        """Change which limits of bodies act according to a state vector; whether one changed."""
+        held = self._law.held
+        if not held.limits:
+            return False
+        before = held.acting.copy()
+        if not held.follow(self._limit_signs, seconds, y, self._law.put_held):
+            return False
+        changed = np.flatnonzero((held.acting != before).any(axis=0))
+        self.delays.points.jump(seconds, changed, self.known_links)
+        return True
 
     def _stages(
         self, first: int, last: int, state_stage: int, t: float, y: Array, h: float, K: Array, nodes: Array,
@@ -154,7 +170,7 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         """Positions and velocities of ``agents`` at ``seconds`` from the start, within the last step."""
         segment, count = self._segment, self.n * self.m
         if self._law.order == 2:
-            q, p = segment.at(seconds).reshape(2, self.n, self.m)
+            q, p = segment.at(seconds)[: 2 * count].reshape(2, self.n, self.m)
             return q[agents], p[agents]
         if segment.t1 > segment.t0:
             y, slope = segment.with_slope(seconds)
@@ -176,9 +192,9 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         def at(times: Array) -> Array:
             found = np.empty((len(times), 4))
             for row, s in enumerate((seconds + times).tolist()):
-                true = split_state(self._segment.at(s), self.n, self.m)
+                true = self._true(y := self._segment.at(s))
                 q, p = (np.ascontiguousarray(true[:, part]) for part in (slice(self.m), slice(self.m, None)))
-                force = self._force(s, true)
+                force = self._law.acting(self._base + s, y, self._force(s, y))
                 found[row] = self._law.power(self._base + s, q, p, force, self._pairs)
             return found
 
@@ -197,12 +213,15 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
             self._record_row(t)
         if len(self.pending):
             self._switch_known(t)
+        self._change_bodies(t)
         points, links = self.delays.points, self.known_links
         points.reach(t, links)
-        bound = min(points.following(t, links), self._next_gains())
+        bound = min(points.following(t, links), self._next_gains(), self._gust_ends)
         before = self._stepper.memory
         try:
             segment = self._stepper.step(bound, self._longest_step * self.delays.least)
+            if (bite := self._law.held.first_limit_change(self._limit_signs, segment)) is not None:
+                segment = segment.cut(bite)
             rows = self._known_switches(segment)
         except BaseException:
             self._stepper.recall(before)
@@ -221,6 +240,18 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         )
         # Its slope is computed anew, as it is when a saved run goes on: that of the last stage may differ in a bit.
         self._stepper.restart(self._segment.t1, np.array(self._segment.coefficients[-1]))
+
+    def _change_bodies(self, t: float) -> None:
+        """Take the gusts that begin now, and change which limits act."""
+        held, y = self._law.held, np.array(self._segment.coefficients[-1])
+        gust = t >= self._gust_ends
+        if gust:
+            held.draw(t)
+            self._law.put_held()
+            self._gust_ends = self.scenario.agents.drawn_until(t)
+            self.delays.points.jump(t, self._everybody, self.known_links)
+        if self._follow_limits(t, y) or gust:
+            self._stepper.restart(t, y)
 
     def _change_gains(self) -> None:
         """Take the next gains, at which the forces jump."""
@@ -253,16 +284,22 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
 
     def _check_slope(self) -> None:
         """Refuse to go on where no step is short enough for the forces."""
-        rates = self._stepper.memory.slope[-self.n * self.m :].reshape(self.n, self.m)
+        rates = self._accelerations(self._stepper.memory.slope)
         check_forces(rates, self._base + self._stepper.memory.t, np.arange(self.n))
 
     # What others ask.
 
     def accelerations(self) -> Array:
         """Rates of change of the velocities now, shape (N, m); of agents of order 1 their velocities."""
-        seconds, count = self.time - self._base, self.n * self.m
-        slope = self._slope(seconds, self._segment.at(seconds))
-        return slope[-count:].reshape(self.n, self.m)
+        seconds = self.time - self._base
+        return self._accelerations(self._slope(seconds, self._segment.at(seconds)))
+
+    def _accelerations(self, slope: Array) -> Array:
+        order, count = self._law.order, self.n * self.m
+        return slope[(order - 1) * count : order * count].reshape(self.n, self.m)
+
+    def _columns_at(self, seconds: float) -> dict[str, Array]:
+        return self._law.further(self._segment.at(seconds))
 
     @property
     def fidelity(self) -> Fidelity:
@@ -275,7 +312,8 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         """What the session goes on from."""
         truth = self.truth
         truth.numbers |= {"step": self._stepper.memory.step, "short_steps": float(self._short_steps)}
-        return DelayedMemory(truth, self.history, self._segment, self.known_links, self.pending, self.delays.points)
+        points, held = self.delays.points, self._law.held
+        return DelayedMemory(truth, self.history, self._segment, self.known_links, self.pending, points, held)
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
@@ -291,5 +329,8 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         session._short_steps, session._segment = int(memory.truth.numbers["short_steps"]), memory.segment
         session.recall(memory.truth, stored)
         session._law.relink(session.known_links)
+        session._law.held.draw(session._segment.t0)
+        session._law.put_held()
+        session._gust_ends = stored.scenario.agents.drawn_until(session._segment.t0)
         session._stepper = session._new_stepper(memory.truth.numbers["step"])
         return session

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 
 from flocking.engine.kernels.displacements import displacement_lines
 from flocking.engine.kernels.layout import Layout
-from flocking.engine.kernels.motion_source import RATES, limits_source, motion_source, motion_values, point_source
+from flocking.engine.kernels.motion_source import (
+    RATES,
+    given_motion_source,
+    limits_source,
+    motion_source,
+    motion_values,
+    point_source,
+)
 from flocking.engine.kernels.mutual_pairs import mutual_loop
 from flocking.engine.kernels.neighbours import PRESENT, KnownNeighbours, PresentNeighbours
 from flocking.engine.kernels.obstacle_formulas import obstacle_function, obstacle_loop, obstacle_slot
@@ -78,6 +85,22 @@ def known_kernels(layout: Layout, dimension: int, degree: int) -> ModuleType:
     return generated_module(
         ("known", degree, dimension), layout.structure, layout.parts, lambda: law_formulas(layout, dimension),
         lambda stated: _header(stated) + _control_source(stated, layout.bodies.order, known),
+    )  # fmt: skip
+
+
+def body_kernels(layout: Layout, dimension: int) -> ModuleType:
+    """How bodies move under given forces, see `flocking.engine.kernels.motion_source.given_motion_source`.
+
+    Parameters
+    ----------
+    layout, dimension
+        As for `compiled_kernels`.
+    """
+    from flocking.engine.kernels.expressions import law_formulas
+
+    return generated_module(
+        ("bodies", dimension), layout.structure, layout.parts, lambda: law_formulas(layout, dimension),
+        lambda stated: _header(stated) + given_motion_source(stated),
     )  # fmt: skip
 
 

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 RATES = ("work", "dissipated", "supplied")
 """Quantities integrated beside the state: power of the control, and the two powers of the energy ledger."""
 
+GIVEN_ARGUMENTS = "f8, f8[:], f8[:], f8[:,:], f8[:,:,:], f8[:,:], f8[:]"
+"""Kinds of t, the state vector, P, A, W, the forces and the result, which functions of bodies take."""
+
 
 def point_source(m: int, order: int) -> str:
     """Lines that read the positions and velocities on which the law depends from the state vector.
@@ -76,6 +79,31 @@ def limits_source(formulas: LawFormulas) -> str:
     names, lines = _agent_lines(formulas, motion.lets | motion.limits)
     lines += [f"out[{k} * n + i] = {name}" for k, name in enumerate(motion.limits)]
     return unpack(names, 1) + indented(["for i in range(n):"], 1) + indented(lines, 2)
+
+
+def given_motion_source(formulas: LawFormulas) -> str:
+    """Functions of bodies under forces that are given, however agents came by them.
+
+    ``move(t, z, P, A, W, u, out)`` fills the rates of all columns of a state vector; of bodies with limits
+    ``limit_signs(...)`` fills the expressions of `limits_source`. ``u`` holds the forces, shape (N, m).
+
+    Parameters
+    ----------
+    formulas
+        Those of the law and its bodies.
+    """
+    motion = formulas.body.motion
+    names, lines = _agent_lines(formulas, motion.lets | motion.rates)
+    first = 0
+    for column, width in motion.columns:
+        lines += [f"out[{_place(first, width, k)}] = rate_{column}{k}" for k in range(width)]
+        first += width
+    head, count = f'@native_of("{GIVEN_ARGUMENTS}")\n', indented(["n = u.shape[0]"], 1)
+    source = f"{head}def move(t, z, P, A, W, u, out):\n" + count + unpack(names, 1)
+    source += indented(["for i in range(n):"], 1) + indented(lines, 2) + "\n\n"
+    if motion.limits:
+        source += f"{head}def limit_signs(t, z, P, A, W, u, out):\n" + count + limits_source(formulas) + "\n\n"
+    return source
 
 
 def _place(first: int, width: int, k: int) -> str:
