@@ -81,7 +81,7 @@ HOMES = {
     "change how groups of several bodies are made": "class Mixture(",
     "change what bodies make of held forces": "class Actuation",
     "change what a largest speed makes of held forces": "def fit_speed(",
-    "change when agents meet obstacles under held control": "class ObstacleRanges",
+    "change when agents meet obstacles under messages or delays": "class ObstacleRanges",
     "add a field to the checkpoint of the exact engine": "def pack_exact(",
     "add a column to the ledger of a run": "TRACE_FIELDS =",
     "change how the controller of one agent is called": "class Controller:",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Indices, Links
+from flocking.arrays import Array, Indices, Links
 from flocking.engine.adaptive_steps.integration_method import DEGREE
 from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
 from flocking.engine.adaptive_steps.segment import Segment
@@ -25,6 +25,7 @@ from flocking.engine.imperfect.checkpoint_form import (
     must,
 )
 from flocking.engine.imperfect.memory import ImperfectMemory
+from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.protocol.session import Packed
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed
@@ -48,6 +49,10 @@ class DelayedMemory:
         Where steps must end.
     held
         Which limits of bodies act, and gusts.
+    obstacles
+        Which agents are within range of obstacles.
+    meetings
+        Agents that come within range at the end of the last step, or leave it, rows (agent, group, obstacle).
     """
 
     truth: ImperfectMemory
@@ -57,6 +62,8 @@ class DelayedMemory:
     pending: Indices
     points: BreakingPoints
     held: HeldNumbers
+    obstacles: ObstacleRanges
+    meetings: Indices
 
 
 def packed_memory(memory: DelayedMemory) -> Packed:
@@ -74,8 +81,16 @@ def packed_memory(memory: DelayedMemory) -> Packed:
         "coefficients": np.array([segment.coefficients for segment in segments]),
         "known_links": memory.known_links, "pending": memory.pending, **memory.points.arrays(),
         **({"limits": memory.held.acting} if memory.held.limits else {}),
+        **_near(memory),
     }  # fmt: skip
     return dict(memory.truth.numbers), arrays
+
+
+def _near(memory: DelayedMemory) -> Arrays:
+    """Agents within range of obstacles, as named arrays."""
+    if not memory.obstacles.groups:
+        return {}
+    return {"near_obstacles": np.concatenate(memory.obstacles.near, axis=1), "meetings": memory.meetings}
 
 
 def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) -> None:
@@ -103,6 +118,10 @@ def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) ->
             fresh.segment = Segment(t0, t1, np.array(table))
             fresh.history.add(fresh.segment, times[0])
     fresh.known_links, fresh.pending = arrays["known_links"], arrays["pending"]
+    if fresh.obstacles.groups:
+        ends = np.cumsum([there.shape[1] for there in fresh.obstacles.near])[:-1]
+        fresh.obstacles.near = [x.copy() for x in np.split(arrays["near_obstacles"], ends, axis=1)]
+        fresh.meetings = arrays["meetings"]
     if fresh.held.limits:
         fresh.held.rows[fresh.held.limits] = arrays["limits"]
 
@@ -118,6 +137,7 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     links = Table("?", (graphs, n, n))
     NamedForms({
         "times": Table("f8", (None,), least=0.0), **fresh.points.forms(n),
+        **_near_forms(fresh, n),
         **({"limits": Table("f8", (len(fresh.held.limits), n), least=0.0, most=1.0)} if fresh.held.limits else {}),
         "coefficients": Table("f8", (None, DEGREE + 1, size), least=-LARGEST, most=LARGEST),
         "known_links": links, "links": links, "pending": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
@@ -153,7 +173,35 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.truth.links)
     check_closest(arrays["closest"], n, accounted)
     _check_crossings(arrays, fresh, (now, float(times[-1])), scenario)
+    if fresh.obstacles.groups:
+        _check_near(arrays, fresh.obstacles, base + float(times[-1]), tables[-1, -1, : scenario.start.q.size])
     return numbers
+
+
+def _near_forms(fresh: DelayedMemory, n: int) -> dict[str, Form[object]]:
+    """Forms of `_near`."""
+    if not fresh.obstacles.groups:
+        return {}
+    every = sum(there.shape[1] for there in fresh.obstacles.near)
+    return {"near_obstacles": Table("?", (n, every)), "meetings": Table("i8", (None, 3), least=0, most=max(n, every))}
+
+
+def _check_near(arrays: Arrays, ranges: ObstacleRanges, t: float, q: Array) -> None:
+    """At the end of the last step agents are within range of obstacles as stated, and those that cross it are on it."""
+    rows, n = arrays["meetings"], len(ranges.ends)
+    counts = np.array([there.shape[1] for there in ranges.near])
+    must((rows[:, 0] < n).all() and (rows[:, 1] < len(counts)).all(), "meetings", "name agents and groups there are")
+    must((rows[:, 2] < counts[rows[:, 1]]).all(), "meetings", "name obstacles that there are")
+    must(len(np.unique(rows, axis=0)) == len(rows), "meetings", "name an agent and an obstacle once")
+    q, first = q.reshape(n, -1), 0
+    for group, count in enumerate(counts.tolist()):
+        near = arrays["near_obstacles"][:, first : first + count]
+        first += count
+        level, size = ranges.ranges[group], NEAR * (1.0 + float(np.abs(q).max()))
+        away = ranges.distances(group, q, t)
+        must(np.where(near, away <= level + size, away >= level - size).all(), "near_obstacles", "fit the distances")
+        for agent, _, obstacle in rows[rows[:, 1] == group].tolist():
+            must(abs(away[agent, obstacle] - level) <= size, "meetings", "be at the range of an obstacle")
 
 
 def _check_crossings(arrays: Arrays, fresh: DelayedMemory, span: tuple[float, float], scenario: Scenario) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
@@ -76,15 +78,22 @@ class DelayedLaw(TrueLaw):
             parts.append(np.full(self.n * width, tolerance * max(1.0, size)))
         return np.concatenate(parts)
 
-    def relink(self, known_links: Links) -> None:
-        """Take ``known_links``, by what agents know, shape (graphs, N, N), for the forces from now on."""
-        self._neighbours = self.pairs(known_links)
-        self._times = np.zeros(len(self._neighbours.senders))
+    def relink(self, known_links: Links, met: Sequence[tuple[Indices, Indices]] = ()) -> None:
+        """Take ``known_links``, by what agents know, shape (graphs, N, N), for the forces from now on.
+
+        Parameters
+        ----------
+        met
+            Agents within range of obstacles, and the obstacles, of every group of obstacles.
+        """
+        self._neighbours = self.pairs(known_links, met)
+        self._times = np.zeros(len(self.linked[0]))
 
     @property
     def linked(self) -> tuple[Indices, Indices]:
         """The agent of each pair that knows, and the one that is known, by the links that agents know."""
-        return self._neighbours.senders, self._neighbours.sensed
+        end = self._neighbours.offsets[len(self.law.graphs)]
+        return self._neighbours.senders[:end], self._neighbours.sensed[:end]
 
     def forces(self, t: float, own: Array, known: Array) -> Array:
         """Forces of all agents, shape (N, m); of agents of order 1 their velocities.

@@ -58,7 +58,13 @@ class DelayedEngine(Engine):
         body = scenario.agents
         if refused := _refused_body(body):
             raise UnsupportedLaw(f"engine={self.name!r} moves no {refused}.")
-        check_law(self.name, scenario, plant, PointMass() if body.order == 2 else SingleIntegrator())
+        if information.self_delayed and any(getattr(term, "groups", ()) for term in scenario.law.body_terms):
+            raise UnsupportedLaw(
+                f"engine={self.name!r} runs obstacles where agents know their own present: it does not locate when an "
+                "agent that knows itself late assumes to meet one. Leave Avoid or self_delayed out."
+            )
+        points = PointMass() if body.order == 2 else SingleIntegrator()
+        check_law(self.name, scenario, plant, points, obstacles=True)
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
         """Start a session."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -18,10 +19,12 @@ from flocking.engine.delayed.delays import Delays, OneDelay
 from flocking.engine.delayed.history import History, position_series, split_state
 from flocking.engine.delayed.pair_delays import PairDelays
 from flocking.engine.imperfect.powers import FIFTEEN, Powers, integrated
+from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.true_law import check_forces
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.engine.runs.run import is_tangential
 from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed
@@ -57,6 +60,10 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         The past.
     pending
         Known links that switch at the end of the last step, rows (i, j, graph).
+    obstacles
+        Which agents are within range of obstacles.
+    meetings
+        Agents that come within range at the end of the last step, or leave it, rows (agent, group, obstacle).
     delays
         How late agents know each other, and where steps end because of it.
     """
@@ -81,13 +88,15 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
             self.delays = OneDelay(tau, late, self.history)
         self.known_links = self._links_at_start()
         self.pending: Indices = np.zeros((0, 3), dtype=np.int64)
+        self.obstacles = ObstacleRanges(scenario.law, start.q, start.t)
+        self.meetings: Indices = np.zeros((0, 3), dtype=np.int64)
         self._everybody = np.arange(self.n)
         self.delays.points.jump(0.0, self._everybody, self.known_links)
         self._short_steps = 0
         self._lengths = StepLengths(scenario.t_end - start.t)
         self._segment = Segment.resting(0.0, y := self._law.joined(start))
         self._gust_ends = scenario.agents.drawn_until(0.0)
-        self._law.relink(self.known_links)
+        self._relink_known()
         self._follow_limits(0.0, y)
         self._stepper = self._new_stepper(0.0)
         self.begin()
@@ -104,6 +113,14 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
     @property
     def _law(self) -> DelayedLaw:
         return self._delayed_law
+
+    def relink(self) -> None:
+        """Take the true links and the obstacles within range as they are now."""
+        self._pairs = self._law.pairs(self.links, self.obstacles.pairs)
+        self._linked = int(self.links[0].sum())
+
+    def _relink_known(self) -> None:
+        self._law.relink(self.known_links, self.obstacles.pairs)
 
     def _links_at_start(self) -> Links:
         """Links of the start, switched by the distances that agents know at it."""
@@ -213,6 +230,8 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
             self._record_row(t)
         if len(self.pending):
             self._switch_known(t)
+        if len(self.meetings):
+            self._meet(t)
         self._change_bodies(t)
         points, links = self.delays.points, self.known_links
         points.reach(t, links)
@@ -222,10 +241,12 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
             segment = self._stepper.step(bound, self._longest_step * self.delays.least)
             if (bite := self._law.held.first_limit_change(self._limit_signs, segment)) is not None:
                 segment = segment.cut(bite)
+            segment, meetings = self._met_on(segment)
             rows = self._known_switches(segment)
         except BaseException:
             self._stepper.recall(before)
             raise
+        self.meetings = meetings if not len(rows) else meetings[:0]
         if len(rows):
             self.pending = rows[rows[:, 0] <= rows[0, 0] + points.rounding(segment.t1), 1:].astype(np.int64)
             segment = segment.cut(min(float(rows[0, 0]) / (segment.t1 - segment.t0), 1.0))
@@ -265,13 +286,51 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
             return np.zeros((0, 4))
         return self.delays.switches(self.scenario.space, segment, self._base, self.known_links, self._rules)
 
+    def _met_on(self, segment: Segment) -> tuple[Segment, Indices]:
+        """A step up to the first moment at which an agent comes within range of an obstacle, or leaves it, and who."""
+        ranges = self.obstacles
+        if not ranges.groups:
+            return segment, self.meetings[:0]
+        ranges.ends[:], ranges.due = segment.t1, []
+        series = position_series(segment, self.n, self.m, segment.t0)
+        ranges.watch(self._base, segment.t0, series, self._everybody)
+        if not ranges.due:
+            return segment, self.meetings[:0]
+        first = ranges.due[0].seconds
+        last = first + self.delays.points.rounding(first)
+        meetings = np.array([x[1:] for x in sorted(ranges.due) if x.seconds <= last], dtype=np.int64)
+        ranges.due = []
+        return segment.cut(min((first - segment.t0) / (segment.t1 - segment.t0), 1.0)), meetings
+
+    def _meet(self, seconds: float) -> None:
+        """Let agents come within range of obstacles, or leave it, and begin anew with the forces that follow."""
+        t, ranges = self._base + seconds, self.obstacles
+        for agent, group, obstacle in self.meetings.tolist():
+            ranges.near[group][agent, obstacle] = not ranges.near[group][agent, obstacle]
+            (q,), (p,) = self.motion_at(seconds, np.array([agent]))
+            speed = ranges.speed(group, t, q, p, obstacle)
+            slow = is_tangential(speed, float(np.linalg.norm(p)))
+            number = ranges.groups[group].numbers[obstacle]
+            self.records.switches.append((t, agent, number, "obstacle", group, speed, slow, math.nan, math.nan))
+        agents = np.unique(self.meetings[:, 0])
+        self.meetings = self.meetings[:0]
+        self.relink()
+        self._relink_known()
+        before = self.energy
+        self.energy, self.kinetic = self._energy(seconds)
+        self.jumped += self.energy - before
+        self._record_row(seconds)
+        self.delays.points.jump(seconds, agents, self.known_links)
+        self._stepper.restart(seconds, np.array(self._segment.coefficients[-1]))
+        self._check_slope()
+
     def _switch_known(self, seconds: float) -> None:
         """Switch the known links that are pending, and begin anew with the forces that follow."""
         for i, j, graph in self.pending.tolist():
             self.known_links[graph, i, j] = not self.known_links[graph, i, j]
         agents, switched = tuple(self.pending[0, :2].tolist()), np.unique(self.pending[:, 0])
         self.pending = np.zeros((0, 3), dtype=np.int64)
-        self._law.relink(self.known_links)
+        self._relink_known()
         self.delays.points.jump(seconds, switched, self.known_links)
         self._stepper.restart(seconds, np.array(self._segment.coefficients[-1]))
         self._check_slope()
@@ -312,8 +371,10 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         """What the session goes on from."""
         truth = self.truth
         truth.numbers |= {"step": self._stepper.memory.step, "short_steps": float(self._short_steps)}
-        points, held = self.delays.points, self._law.held
-        return DelayedMemory(truth, self.history, self._segment, self.known_links, self.pending, points, held)
+        points, held, links = self.delays.points, self._law.held, self.known_links
+        return DelayedMemory(
+            truth, self.history, self._segment, links, self.pending, points, held, self.obstacles, self.meetings
+        )
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
@@ -328,7 +389,8 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         session.known_links, session.pending = memory.known_links, memory.pending
         session._short_steps, session._segment = int(memory.truth.numbers["short_steps"]), memory.segment
         session.recall(memory.truth, stored)
-        session._law.relink(session.known_links)
+        session.meetings = memory.meetings
+        session._relink_known()
         session._law.held.draw(session._segment.t0)
         session._law.put_held()
         session._gust_ends = stored.scenario.agents.drawn_until(session._segment.t0)

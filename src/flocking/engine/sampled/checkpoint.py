@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.archives.archive import Arrays
+from flocking.engine.imperfect.range_crossings import RangeCrossing
 from flocking.engine.protocol.session import Packed
 from flocking.engine.sampled.checkpoint_form import check_sampled
 from flocking.engine.sampled.motion import SERIES_DEGREE, Motion
-from flocking.engine.sampled.range_crossings import RangeCrossing
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
 

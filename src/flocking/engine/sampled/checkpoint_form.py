@@ -26,11 +26,11 @@ from flocking.engine.imperfect.checkpoint_form import (
     must,
 )
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
+from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.view_switches import View, views_of
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.motion import Drive
 from flocking.engine.sampled.piece_series import LONGEST_PIECE
-from flocking.engine.sampled.range_crossings import ObstacleRanges
 from flocking.engine.sampled.samples import FIRST_ROOM, START
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario

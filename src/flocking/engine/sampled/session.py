@@ -12,6 +12,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.powers import POWERS, integrate_powers
+from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.imperfect.true_law import check_forces
@@ -33,7 +34,6 @@ from flocking.engine.sampled.interventions import (
 from flocking.engine.sampled.knowledge import Knowledge, Known
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.motion import Motion
-from flocking.engine.sampled.range_crossings import ObstacleRanges
 from flocking.engine.sampled.safety import ForceFilter
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.bodies.actuators import APPLIED
