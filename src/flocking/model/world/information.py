@@ -287,11 +287,11 @@ def _of_pairs(tau: object, self_delayed: bool) -> Array:
     if not self_delayed and own.any():
         raise InvalidInput(
             "Delayed", "tau", "must be zero on the diagonal unless self_delayed", f"{own[own > 0.0][0]:g}",
-            "The diagonal says how late agents know themselves: set it to zero, or give self_delayed=True.",
+            "The diagonal has the delays of own states: set it to zero, or give self_delayed=True.",
         )  # fmt: skip
     if self_delayed and not own.any():
         raise InvalidInput(
             "Delayed", "tau", "must not be zero on the whole diagonal where self_delayed", "zeros",
-            "The diagonal says how late agents know themselves: fill it, or leave self_delayed out.",
+            "The diagonal has the delays of own states: fill it, or leave self_delayed out.",
         )  # fmt: skip
     return delays
