@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from functools import partial
 
 from flocking.engine.delayed.session import DelayedOptions, DelayedSession
-from flocking.engine.fixed_step.supported_bodies import has_energy_of_points
 from flocking.engine.imperfect.supported_laws import check_law
+from flocking.engine.protocol.body_chains import has_energy_of_points
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.repeats import Repeats, counted_steps
 from flocking.engine.protocol.session import Packed, Session, Stored

@@ -78,7 +78,10 @@ class History:
             line[0] = self.start[:, : self.m] + begin * self.start[:, self.m :]
             line[1] = self.start[:, self.m :]
             found.append((begin, min(end, 0.0), line))
-        for segment in self.segments:
+        for k in range(bisect_left(self._ends, begin), len(self.segments)):
+            segment = self.segments[k]
+            if segment.t0 >= end:
+                break
             first, last = max(segment.t0, begin), min(segment.t1, end)
             if first < last:
                 found.append((first, last, position_series(segment, self.n, self.m, first)))
