@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -11,6 +12,7 @@ import flocking as fk
 from flocking.apps.cli import main
 from flocking.engine.adaptive_steps.stepper import Stepper
 from flocking.engine.driver.nodes import simulate_nodes
+from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.sampled.integrated.motion import IntegratedMotion
 from flocking.engine.sampled.integrated.session import HOW
 from flocking.errors import UnsupportedLaw
@@ -289,3 +291,15 @@ def test_the_summary_of_a_run_says_how_bodies_moved(tmp_path, capsys):
     assert main(["info", str(tmp_path / "run")]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert f"motion {HOW}" in text
+
+
+@pytest.mark.parametrize(("part", "words"), [("forces", "its force is logged as"), ("uses", "sample")])
+def test_logs_that_were_changed_are_caught(part, words):
+    run = fk.simulate(flock(), progress=False)
+    log = {name: np.array(getattr(run.log, name)) for name in ("ticks", "forces", "uses")}
+    if part == "forces":
+        log["forces"][5] *= 1.001
+    else:
+        log["uses"][10, 2] += 1
+    found = fk.replay(dataclasses.replace(run, log=MessageLog(**log)))
+    assert any(words in wrong.what for wrong in found.wrong)

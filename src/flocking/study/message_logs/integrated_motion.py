@@ -97,7 +97,9 @@ class IntegratedForcedMotion:
         for row, (instant, _, _) in enumerate(log.ticks.tolist()):
             changes.setdefault((instant + latency) * NANOSECOND, []).append(row)
         last = max([*frames, *((instant * NANOSECOND) for instant, _, _ in log.ticks.tolist()), 0.0])
-        times = sorted({*(t for t in changes if t <= last), *frames, *self._clock(last), last})
+        # A log that somebody else wrote may name times long after the run.
+        last = min(last, scenario.t_end - self._base)
+        times = sorted({*(t for t in (*changes, *frames) if t <= last), *self._clock(last), last})
         now, frame, since, before, error = 0.0, 0, 0.0, 0, 0.0
         y = self._stored(scenario.start.q, scenario.start.p, scenario.start.columns)
         for at in times:
