@@ -149,7 +149,6 @@ def test_bodies_go_through_files():
 
 @pytest.mark.parametrize(("engine", "held", "said"), [
     ("lammps", None, "Actuated agents on ranks, only points and unicycles"),
-    ("sampled", 0.1, "not Actuated"),
     ("tiles", 0.1, "Actuated agents under held control, only points and unicycles"),
 ])  # fmt: skip
 def test_other_engines_refuse_other_bodies_by_name(engine, held, said):
