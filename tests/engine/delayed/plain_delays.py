@@ -30,6 +30,7 @@ class PlainDelays:
         tau, late = scenario.information.tau, scenario.information.self_delayed
         everybody = np.full((self.n, self.n), 1.0) - (0.0 if late else np.eye(self.n))
         self.delays = tau * everybody if np.ndim(tau) == 0 else np.array(tau)
+        self.parts = 8
         self.step = self.delays[self.delays > 0].min()
         true = np.linalg.norm(self.q0[:, None] - self.q0, axis=2)
         apart = np.linalg.norm(self.apart(0.0, np.concatenate([self.q0.ravel(), self.p0.ravel()]), [])[0], axis=2)
@@ -97,7 +98,7 @@ class PlainDelays:
                 known = tuple(solutions)
                 found = solve_ivp(
                     lambda s, z, known=known: self.rate(s, z, known), (t, corner), y, method="RK45", rtol=1e-11,
-                    atol=1e-12, dense_output=True, events=worst, max_step=self.step / 8,
+                    atol=1e-12, dense_output=True, events=worst, max_step=self.step / self.parts,
                 )  # fmt: skip
                 end = float(found.t[-1])
                 if end > t:

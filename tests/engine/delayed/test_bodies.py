@@ -135,6 +135,20 @@ def test_a_limit_that_never_acts_and_a_hand_point_change_nothing():
     assert abs(lagged.trace["departed"][-1] - ideal.trace["departed"][-1]) > 1e-3
 
 
+def test_a_limit_that_acts_where_the_force_vanishes_at_once_ends():
+    """The last link of agent 0 breaks while its force is limited: nothing is left to be scaled."""
+    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("-2*r"))])
+    start = fk.State([[0.0, 0.0], [1.5, 0.0]], [[-0.5, 0.0], [0.5, 0.0]])
+    made = fk.Scenario(law, start, t_end=1.5, frames=4, bodies=fk.Limited(fk.PointMass(), force=0.5),
+                       information=fk.Delayed([[0.0, 0.2], [0.1, 0.0]]))  # fmt: skip
+    session = fk.start(made)
+    session.advance(1.5)
+    assert not session.known_links.any()
+    # Each is pushed off with the largest force until it knows the other to be 2 away, then drifts.
+    assert (session.accelerations() == 0.0).all()
+    assert np.abs(session.run().residual).max() < 1e-9
+
+
 @pytest.mark.parametrize("body", [
     fk.Limited(fk.Lagged(fk.PointMass(), 0.1), force=0.8, rate=3.0), fk.Disturbed(fk.PointMass(), 0.3, 0.07, seed=1),
     fk.Mixture((fk.PointMass(), fk.Unicycle(0.1)), [0, 1, 1, 0]),

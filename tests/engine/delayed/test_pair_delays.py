@@ -31,21 +31,29 @@ def random_delays(rng, n, late, choices=(0.0, 0.05, 0.12, 0.31)):
 
 
 def check(seed):
-    """The engine and the second implementation agree; how often a known link switched."""
+    """The engine and the second implementation agree; how often a known link switched.
+
+    Where they differ by more than 1e-8 both are made more accurate: a link that nearly touches its distance magnifies
+    errors of either.
+    """
     made, _ = random_world(seed)
     rng = np.random.default_rng(seed)
     late = bool(rng.random() < 0.5)
     choices = (0.0, 0.05, 0.12, 0.31) if rng.random() < 0.8 else (0.0, *rng.uniform(0.04, 0.3, 5))
     made = made.with_(information=fk.Delayed(random_delays(rng, made.start.n, late, choices), late))
-    plain = PlainDelays(made, lambda r: 1.5 * (r - 1), 0.8 if made.agents.order == 2 else 0.0)
-    session = fk.start(made)
-    assert (session.known_links[0] == plain.links).all()
-    session.advance(made.t_end)
-    q, p, switches = plain.run(made.t_end)
-    run = session.run()
+    for tolerance, parts in ((1e-10, 8), (1e-12, 32)):
+        plain = PlainDelays(made, lambda r: 1.5 * (r - 1), 0.8 if made.agents.order == 2 else 0.0)
+        plain.parts = parts
+        session = fk.start(made.with_(tolerance=tolerance))
+        assert (session.known_links[0] == plain.links).all()
+        session.advance(made.t_end)
+        run = session.run()
+        q, p, switches = plain.run(made.t_end)
+        off = max(np.abs(run.q[-1] - q).max(), np.abs(run.p[-1] - p).max())
+        if off < 1e-8:
+            break
+    assert off < 1e-8
     assert run.fidelity.engine == "delayed"
-    assert np.abs(run.q[-1] - q).max() < 1e-8
-    assert np.abs(run.p[-1] - p).max() < 1e-8
     assert (session.known_links[0] == plain.links).all()
     assert np.abs(run.residual).max() <= 1e-9 * max(1.0, run.turnover)
     return switches

@@ -274,11 +274,17 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         if self._follow_limits(t, y) or gust:
             self._stepper.restart(t, y)
 
+    def _begin_anew(self, seconds: float) -> None:
+        """Go on under forces that have jumped, with the limits that act under them."""
+        y = np.array(self._segment.coefficients[-1])
+        self._follow_limits(seconds, y)
+        self._stepper.restart(seconds, y)
+
     def _change_gains(self) -> None:
         """Take the next gains, at which the forces jump."""
         super()._change_gains()
         self.delays.points.jump(self._segment.t1, self._everybody, self.known_links)
-        self._stepper.restart(self._segment.t1, np.array(self._segment.coefficients[-1]))
+        self._begin_anew(self._segment.t1)
 
     def _known_switches(self, segment: Segment) -> Array:
         """The first switches of known links on a step: rows (time since it began, i, j, graph)."""
@@ -321,7 +327,7 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         self.jumped += self.energy - before
         self._record_row(seconds)
         self.delays.points.jump(seconds, agents, self.known_links)
-        self._stepper.restart(seconds, np.array(self._segment.coefficients[-1]))
+        self._begin_anew(seconds)
         self._check_slope()
 
     def _switch_known(self, seconds: float) -> None:
@@ -332,7 +338,7 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         self.pending = np.zeros((0, 3), dtype=np.int64)
         self._relink_known()
         self.delays.points.jump(seconds, switched, self.known_links)
-        self._stepper.restart(seconds, np.array(self._segment.coefficients[-1]))
+        self._begin_anew(seconds)
         self._check_slope()
         if self._short_steps > SLIDING:
             raise SimulationError(
