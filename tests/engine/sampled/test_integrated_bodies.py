@@ -303,3 +303,15 @@ def test_logs_that_were_changed_are_caught(part, words):
         log["uses"][10, 2] += 1
     found = fk.replay(dataclasses.replace(run, log=MessageLog(**log)))
     assert any(words in wrong.what for wrong in found.wrong)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 6])
+def test_replays_let_limits_of_several_agents_begin_one_after_another(seed):
+    """Replays went on for ever where a limit was at its border but for rounding, or missed that of another agent."""
+    rng = np.random.default_rng(seed)
+    start = fk.State(1.5 * rng.normal(size=(3, 2)), rng.normal(size=(3, 2)))
+    law = fk.Law(fk.Fixed.complete(3), [fk.Consensus(1.0)])
+    bodies = fk.Lagged(fk.Limited(fk.PointMass(), force=1.0), 0.2)
+    run = fk.simulate(fk.Scenario(law, start, 0.3, frames=2, bodies=bodies, control=fk.Held(0.1)), progress=False)
+    found = fk.replay(run)
+    assert found.agrees, str(found)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Links
 from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.runs.run import Run
 from flocking.model.bodies.body import Body, MotionSymbols
@@ -83,6 +83,8 @@ class IntegratedForcedMotion:
         self._held = {name: drawn.get(name, np.zeros(self.n)) for name in bodies.held(self.m)}
         self._acting = [name for name in self._held if name not in drawn]
         self._force = np.zeros((self.n, self.m))
+        self._crossed = np.zeros((0, self.n))
+        """When limits crossed their borders last, shape (limits, N)."""
         self._at_start = start.q, start.p if self.order == 2 else np.zeros_like(start.q)
         self.stretches: list[Stretch] = []
         self._steps = 0
@@ -155,7 +157,7 @@ class IntegratedForcedMotion:
         instant = round(begin * PER_SECOND)
         drawn = self._body.drawn(instant / PER_SECOND, self.n, self.m)
         self._held = {name: drawn.get(name, value) for name, value in self._held.items()}
-        self._switch(begin, y, -np.inf)
+        self._switch(begin, y, None)
         shape = y.shape
         while begin < end:
             slope = partial(self._slope, self._force.copy(), dict(self._held))
@@ -163,14 +165,17 @@ class IntegratedForcedMotion:
             def flat(t: float, z: Array, slope: Callable[[float, Array], Array] = slope) -> Array:
                 return slope(t, z.reshape(shape)).ravel()
 
-            def crossing(t: float, z: Array) -> float:
-                return float(self._signs(t, z.reshape(shape)).max())
+            def crossing(t: float, z: Array, k: int) -> float:
+                return float(self._signs(t, z.reshape(shape)).flat[k])
 
-            crossing.terminal, crossing.direction = True, 1.0  # type: ignore[attr-defined]
+            # Every limit of every agent by itself: beside one that has just crossed, another one would not be seen.
+            events = [partial(crossing, k=k) for k in range(len(self._acting) * self.n)]
+            for event in events:
+                event.terminal, event.direction = True, 1.0  # type: ignore[attr-defined]
             with np.errstate(all="ignore"):
                 found = solve_ivp(
                     flat, (begin, end), y.ravel(), "DOP853", rtol=RELATIVE, atol=ABSOLUTE, dense_output=True,
-                    events=crossing if self._acting else None,
+                    events=events or None,
                 )  # fmt: skip
             if found.status < 0:
                 y = np.full(shape, np.nan)
@@ -182,16 +187,26 @@ class IntegratedForcedMotion:
             self.stretches.append(Stretch(float(found.t[-1]), partial(_read, found.sol, shape), slope))
             begin = float(found.t[-1]) if found.status == 1 else end
             if found.status == 1:
-                self._switch(begin, y, float(self._signs(begin, y).max()))
+                assert found.t_events is not None
+                reached = np.array([begin in times for times in found.t_events], dtype=bool)
+                self._switch(begin, y, reached.reshape(-1, self.n))
         return y
 
-    def _switch(self, t: float, y: Array, reached: float) -> None:
-        """Let limits begin and end to act; ``reached`` is the largest value of an expression that has just crossed."""
+    def _switch(self, t: float, y: Array, reached: Links | None) -> None:
+        """Let limits begin and end to act; ``reached`` says which have just crossed, None where forces may have jumped.
+
+        What has just crossed is on the border but for rounding, and is not switched back there.
+        """
+        if reached is None:
+            self._crossed = np.full((len(self._acting), self.n), -np.inf)
         for _ in range(4 if self._acting else 0):
             with np.errstate(all="ignore"):
                 signs = self._signs(t, y)
-            change = (signs > 0.0) | (signs == reached)
-            reached = np.inf
+            change = np.asarray((signs > 0.0) & (t - self._crossed > SAME_TIME * (1.0 + t)))
+            if reached is not None:
+                self._crossed[reached] = t
+                change |= reached
+                reached = None
             for name, now in zip(self._acting, change, strict=True):
                 self._held[name] = np.where(now, 1.0 - self._held[name], self._held[name])
 
