@@ -184,6 +184,7 @@ def test_pieces_moments_stored_runs_and_files_give_the_same_bits(late, tmp_path)
     read = fk.read_scenario(tmp_path / "world.toml")
     assert read.information == made.information
     assert hash(read.information) == hash(made.information)
+    assert hash(fk.Delayed([[0.0, 0.1], [0.2, -0.0]])) == hash(fk.Delayed([[0.0, 0.1], [0.2, 0.0]]))
     assert same(fk.simulate(read, progress=False), whole)
 
 

@@ -223,7 +223,7 @@ class Delayed(Information):
         return self.self_delayed == other.self_delayed and np.array_equal(self.tau, other.tau)
 
     def __hash__(self) -> int:
-        return hash((np.asarray(self.tau).tobytes(), self.self_delayed))
+        return hash(((np.asarray(self.tau) + 0.0).tobytes(), self.self_delayed))  # -0.0 equals 0.0.
 
     @property
     def of_pairs(self) -> bool:
