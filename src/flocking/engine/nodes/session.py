@@ -78,7 +78,7 @@ def check_nodes(scenario: Scenario, *, real_time: float | None, exported: bool) 
     if why_not_closed(scenario.agents):
         raise UnsupportedLaw(
             f"The process of the world moves bodies in closed form between two ticks, which {scenario.agents.summary} "
-            "do not. fk.simulate runs them, by engine='sampled'."
+            "do not. A run in one process does, by engine='sampled'."
         )
     if exported and scenario.start.links is not None:
         raise UnsupportedLaw(
