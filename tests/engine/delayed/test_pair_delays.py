@@ -258,6 +258,9 @@ def test_wrong_delays_are_refused_by_name():
     short[3, 4] = 1e-9
     with pytest.raises(InvalidInput, match="Steps are no longer than the least delay"):
         fk.start(scenario(information=fk.Delayed(short)))
+    short[3, 4] = 1e11  # so long a scale of times would take separate switches for one
+    with pytest.raises(InvalidInput, match=r"at most 1e\+06 times as long as the run"):
+        fk.start(scenario(information=fk.Delayed(short)))
 
 
 def test_no_bound_for_one_delay_is_claimed_of_several():

@@ -23,6 +23,9 @@ from flocking.model.world.information import Delayed
 MOST_STEPS = 1e7
 """Steps are no longer than the delay: a run that would need more of them is refused."""
 
+LONGEST_DELAY = 1e6
+"""Largest delay over the length of the run: times so long before the start have too few digits left."""
+
 FINER = ((0.1, 0.7), (0.01, 0.5))
 """Tolerance of each repetition as a share of that of the run, and its longest step as a share of the least delay."""
 
@@ -54,6 +57,12 @@ class DelayedEngine(Engine):
             raise InvalidInput(
                 "Delayed", "tau", f"must be at least {1.0 / MOST_STEPS:g} of the length of the run", information.least,
                 f"Steps are no longer than the {least}delay. Leave so short a delay out, or end the run earlier.",
+            )  # fmt: skip
+        longest = LONGEST_DELAY * (scenario.t_end - scenario.start.t)
+        if information.largest > longest > 0.0:
+            raise InvalidInput(
+                "Delayed", "tau", f"must be at most {LONGEST_DELAY:g} times as long as the run", information.largest,
+                "Before the start agents move in straight lines, and what is known would lie far along these.",
             )  # fmt: skip
         body = scenario.agents
         if refused := _refused_body(body):
