@@ -1,10 +1,11 @@
-"""What sessions with adaptive steps state of the lengths of their steps."""
+"""What sessions with adaptive steps state of their steps: how long they are, and how exact."""
 
 from __future__ import annotations
 
 from flocking.engine.adaptive_steps.step_lengths import Shrunk, StepLengths
 from flocking.engine.adaptive_steps.stepper import Stepper
 from flocking.engine.protocol.session import Session
+from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 
 
 class AdaptiveSession(Session):
@@ -28,3 +29,9 @@ class AdaptiveSession(Session):
     def about(self) -> dict[str, object]:
         """Provenance of the records, with the tolerance of the steps."""
         return super().about | {"tolerance": self.scenario.tolerance}
+
+    @property
+    def fidelity(self) -> Fidelity:
+        """Switches are located, and the ledger is held to the tolerance of the steps."""
+        rule = LedgerRule("tolerance", self.scenario.tolerance)
+        return Fidelity(self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule)

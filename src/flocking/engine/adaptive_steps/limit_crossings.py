@@ -53,6 +53,14 @@ class HeldNumbers:
         other.rows[:] = self.rows
         return other
 
+    def below(self, values: Array) -> Array:
+        """``values`` of each agent, shape (slots, N), with the numbers as further rows, where kernels read them."""
+        return np.concatenate([values, self.rows]) if self.names else values
+
+    def put(self, values: Array) -> None:
+        """Write the numbers as they are now into the last rows of ``values``, which `below` gave."""
+        values[len(values) - len(self.rows) :] = self.rows
+
     @property
     def acting(self) -> Array:
         """Which limits act on which agents: 1 where they do, shape (limits, N)."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
-from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
+from flocking.engine.adaptive_steps.state_vectors import component_tolerances, further_columns, joined
 from flocking.engine.fixed_step.supported_bodies import is_point
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.kernels.codegen import body_kernels, known_kernels
@@ -42,13 +42,11 @@ class DelayedLaw(TrueLaw):
     def take_parameters(self, t: float) -> None:
         """Take the gains that are in force from the scenario's time ``t`` on, beside what is held between events."""
         super().take_parameters(t)
-        if self.held.names:
-            self.slots = self.slots._replace(A=np.concatenate([self.slots.A, self.held.rows]))
+        self.slots = self.slots._replace(A=self.held.below(self.slots.A))
 
     def put_held(self) -> None:
         """Write the numbers held between events where the kernels read them."""
-        if self.held.names:
-            self.slots.A[len(self.slots.A) - len(self.held.rows) :] = self.held.rows
+        self.held.put(self.slots.A)
 
     def joined(self, state: State) -> Array:
         """State vector of a state: positions, velocities of agents of order 2, further columns.
@@ -58,25 +56,15 @@ class DelayedLaw(TrueLaw):
         state
             The state.
         """
-        parts = [state.q, state.p][: self.order] + [state.columns[name] for name in self.widths]
-        return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
+        return joined(state, self.order, self.widths)
 
     def further(self, y: Array) -> dict[str, Array]:
         """Further columns of a state vector ``y`` by name, shape (N, width) each."""
-        found, first = {}, self.order * self.n * self.m
-        for name, width in self.widths.items():
-            found[name] = y[first : first + self.n * width].reshape(self.n, width)
-            first += self.n * width
-        return found
+        return further_columns(y, self.order * self.n * self.m, self.n, self.widths)
 
     def tolerances(self, state: State) -> Array:
         """Absolute error tolerance of each component of the state vector, from the size of the group at ``state``."""
-        tolerance = self.scenario.tolerance
-        parts = [state_tolerances(state, self.order, tolerance)]
-        for name, width in self.widths.items():
-            size = float(np.abs(state.columns[name]).max(initial=0.0))
-            parts.append(np.full(self.n * width, tolerance * max(1.0, size)))
-        return np.concatenate(parts)
+        return component_tolerances(state, self.order, self.widths, self.scenario.tolerance)
 
     def relink(self, known_links: Links, met: Sequence[tuple[Indices, Indices]] = ()) -> None:
         """Take ``known_links``, by what agents know, shape (graphs, N, N), for the forces from now on.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -23,8 +22,6 @@ from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.true_law import check_forces
 from flocking.engine.protocol.session import Packed, Stored
-from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
-from flocking.engine.runs.run import is_tangential
 from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed
@@ -314,10 +311,7 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
         for agent, group, obstacle in self.meetings.tolist():
             ranges.near[group][agent, obstacle] = not ranges.near[group][agent, obstacle]
             (q,), (p,) = self.motion_at(seconds, np.array([agent]))
-            speed = ranges.speed(group, t, q, p, obstacle)
-            slow = is_tangential(speed, float(np.linalg.norm(p)))
-            number = ranges.groups[group].numbers[obstacle]
-            self.records.switches.append((t, agent, number, "obstacle", group, speed, slow, math.nan, math.nan))
+            self.records.switches.append(ranges.record(t, agent, group, obstacle, (q, p)))
         agents = np.unique(self.meetings[:, 0])
         self.meetings = self.meetings[:0]
         self.relink()
@@ -365,12 +359,6 @@ class DelayedSession(AdaptiveSession, ImperfectSession):
 
     def _columns_at(self, seconds: float) -> dict[str, Array]:
         return self._law.further(self._segment.at(seconds))
-
-    @property
-    def fidelity(self) -> Fidelity:
-        """Switches are located, and the ledger is held to the tolerance of the steps."""
-        rule = LedgerRule("tolerance", self.scenario.tolerance)
-        return Fidelity(self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule)
 
     @property
     def _memory(self) -> DelayedMemory:

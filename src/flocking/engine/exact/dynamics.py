@@ -10,7 +10,7 @@ import numpy as np
 from flocking.arrays import Indices, Numbers
 from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
 from flocking.engine.adaptive_steps.segment import Segment
-from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
+from flocking.engine.adaptive_steps.state_vectors import component_tolerances, further_columns, joined
 from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
@@ -106,12 +106,12 @@ class Dynamics:
             self._ledger = (module, self._with_held(Slots(*layout.values(agents, self.n, t))))
 
     def _with_held(self, slots: Slots) -> Slots:
-        return slots._replace(A=np.concatenate([slots.A, self.held.rows])) if self.held.names else slots
+        return slots._replace(A=self.held.below(slots.A))
 
     def _put_held(self) -> None:
         """Write the numbers held between events where the kernels read them."""
         for slots in (self._slots, *(() if self._ledger is None else (self._ledger[1],))):
-            slots.A[len(slots.A) - len(self.held.rows) :] = self.held.rows
+            self.held.put(slots.A)
 
     def recall_limits(self, acting: Array | None) -> None:
         """Take the limits that act from a session that was saved.
@@ -382,11 +382,7 @@ class Dynamics:
 
     def further(self, y: Array) -> dict[str, Array]:
         """Further columns of a state vector ``y`` by name, shape (N, width) each; views."""
-        found, first = {}, self.order * self.n * self.m
-        for name, width in self.columns.items():
-            found[name] = y[first : first + self.n * width].reshape(self.n, width)
-            first += self.n * width
-        return found
+        return further_columns(y, self.order * self.n * self.m, self.n, self.columns)
 
     def join(self, state: State, integrated: Array) -> Array:
         """State vector of a state.
@@ -396,16 +392,11 @@ class Dynamics:
         integrated
             Departure of bodies that depart, quantities of the ledger, positions of leaders that have no closed form.
         """
-        parts = [state.q.ravel(), state.p.ravel()] if self.order == 2 else [state.q.ravel()]
-        further = (state.columns[name].ravel() for name in self.columns)
-        return np.concatenate([*parts, *further, integrated])
+        return np.concatenate([joined(state, self.order, self.columns), integrated])
 
     def tolerances(self, state: State, energy: float) -> Array:
         """Absolute error tolerance of each component, from the size of the group at ``state`` and the ``energy``."""
         tolerance = self.scenario.tolerance
-        parts = [state_tolerances(state, self.order, tolerance)]
-        for name, width in self.columns.items():
-            size = float(np.abs(state.columns[name]).max(initial=0.0))
-            parts.append(np.full(self.n * width, tolerance * max(1.0, size)))
-        parts.append(np.full(self.departs + LEDGER, tolerance * max(1.0, abs(energy))))
-        return np.concatenate([*parts, np.full(len(self._places), parts[0][0])])
+        found = component_tolerances(state, self.order, self.columns, tolerance)
+        ledger = np.full(self.departs + LEDGER, tolerance * max(1.0, abs(energy)))
+        return np.concatenate([found, ledger, np.full(len(self._places), found[0])])

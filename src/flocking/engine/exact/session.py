@@ -36,7 +36,6 @@ from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.reference.plants import known_plant
-from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.run import Accuracy, Closest, LedgerRow
 from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.checks import Array
@@ -406,12 +405,6 @@ class ExactSession(AdaptiveSession):
         """Rates of change of the velocities now, shape (N, m); of agents of order 1 their controls."""
         own = self._own_now
         return self._dynamics.accelerations(own, np.array(self._segment.at(own)))
-
-    @property
-    def fidelity(self) -> Fidelity:
-        """Switches are located, and closest approaches and the ledger carry the error of the integration."""
-        rule = LedgerRule("tolerance", self.scenario.tolerance)
-        return Fidelity(self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule)
 
     @property
     def known(self) -> tuple[tuple[Closest, Closest], Accuracy]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.pair_polynomials import ROUNDING
 from flocking.engine.kernels.obstacle_crossings import first_crossings, speed_bound
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
+from flocking.engine.runs.run import SwitchRow, is_tangential
 from flocking.formula.compiled import Reading
 from flocking.model.law import Law
 
@@ -119,6 +121,23 @@ class ObstacleRanges(ObstacleDistances):
         pair = np.array([found.agent]), np.array([found.obstacle])
         self._find(base, found.seconds, S, found.group, pair)
         return found
+
+    def record(self, t: float, agent: int, group: int, obstacle: int, motion: tuple[Array, Array]) -> SwitchRow:
+        """The row of a crossing in the table of switches; errors of its time and speed are not known.
+
+        Parameters
+        ----------
+        t
+            The scenario's time.
+        agent, group, obstacle
+            As for `RangeCrossing`.
+        motion
+            Position and velocity of the agent, shape (m,) each.
+        """
+        q, p = motion
+        speed, number = self.speed(group, t, q, p, obstacle), self.groups[group].numbers[obstacle]
+        slow = is_tangential(speed, float(np.linalg.norm(p)))
+        return t, agent, number, "obstacle", group, speed, slow, math.nan, math.nan
 
     def _find(self, base: float, seconds: float, S: Array, group: int, pairs: tuple[Indices, Indices]) -> None:
         """Put the first crossing of every pair (agent, obstacle) of a group into the heap."""

@@ -20,7 +20,6 @@ from flocking.engine.protocol.body_chains import of_points, point_of
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.message_log import CHANGED
-from flocking.engine.runs.run import is_tangential
 from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.blocks.block import EventBlocks, Settings
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
@@ -255,19 +254,9 @@ class SampledSession(ImperfectSession):
         self._record_row(seconds)
         found = self.obstacle_ranges.cross(self._base, self._series(seconds))
         self.relink()
-        t, (q, p) = self._base + seconds, self.motion_at(seconds, np.array([found.agent]))
-        speed = self.obstacle_ranges.speed(found.group, t, q[0], p[0], found.obstacle)
-        number = self.obstacle_ranges.groups[found.group].numbers[found.obstacle]
-        row = (
-            t,
-            found.agent,
-            number,
-            "obstacle",
-            found.group,
-            speed,
-            is_tangential(speed, float(np.linalg.norm(p[0]))),
-        )
-        self.records.switches.append((*row, math.nan, math.nan))
+        (q,), (p,) = self.motion_at(seconds, np.array([found.agent]))
+        row = self.obstacle_ranges.record(self._base + seconds, found.agent, found.group, found.obstacle, (q, p))
+        self.records.switches.append(row)
         self._record_row(seconds)
 
     def _measure(self, measuring: Indices, seconds: float) -> None:

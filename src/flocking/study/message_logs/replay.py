@@ -189,9 +189,8 @@ class LoggedWorld:
     def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
         self.scenario, self.log = scenario, log
         self.base, self.space = scenario.start.t, scenario.space
-        self.motion: ForcedMotion | IntegratedForcedMotion = ForcedMotion(scenario, log)
-        if why_not_closed(scenario.agents):
-            self.motion = IntegratedForcedMotion(run, scenario, log)
+        integrated = why_not_closed(scenario.agents)
+        self.motion = IntegratedForcedMotion(run, scenario, log) if integrated else ForcedMotion(scenario, log)
         self.near = NEAR + self.motion.error
         """As `NEAR`, where the motion of the run has errors of steps."""
         self.n, self.m = self.motion.n, self.motion.m

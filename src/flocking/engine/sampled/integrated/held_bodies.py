@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
-from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
+from flocking.engine.adaptive_steps.state_vectors import component_tolerances, further_columns, joined
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import CompiledLaw, LawKernels, Slots, free_pairs, stages
 from flocking.engine.kernels.layout import Layout
@@ -87,7 +87,7 @@ class HeldBodies:
         self.departs = self._kernels.departs
         self.limits = HeldNumbers(bodies, self.n, self.m, scenario.tolerance, self._base)
         slots = Slots(*layout.values(bodies, self.n, self._base))
-        self._slots = slots._replace(A=np.concatenate([slots.A, self.limits.rows]))
+        self._slots = slots._replace(A=self.limits.below(slots.A))
         self._force_rows = [int(layout.slot("term0", name)[1:]) for name in held.parameters]
         none = np.zeros(0, dtype=np.int64)
         self._pairs = free_pairs([(none, none)])
@@ -100,11 +100,8 @@ class HeldBodies:
 
     def _tolerances(self, start: State, tolerance: float) -> Array:
         """Absolute error tolerance of each component: infinite for those of the ledger, which is computed otherwise."""
-        parts = [state_tolerances(start, self.order, tolerance)]
-        for name, width in self.widths.items():
-            size = float(np.abs(start.columns[name]).max(initial=0.0))
-            parts.append(np.full(self.n * width, tolerance * max(1.0, size)))
-        return np.concatenate([*parts, np.full(int(self.departs) + len(RATES), np.inf)])
+        found = component_tolerances(start, self.order, self.widths, tolerance)
+        return np.concatenate([found, np.full(int(self.departs) + len(RATES), np.inf)])
 
     def hold(self, force: Array) -> None:
         """Let a ``force`` of each agent act from now on, shape (N, m); of agents of order 1 the velocity it wants."""
@@ -112,14 +109,11 @@ class HeldBodies:
 
     def put_limits(self) -> None:
         """Write the numbers held between events where the kernels read them."""
-        rows = self.limits.rows
-        self._slots.A[len(self._slots.A) - len(rows) :] = rows
+        self.limits.put(self._slots.A)
 
     def vector(self, state: State) -> Array:
         """State vector of a state."""
-        motion = [state.q.ravel(), state.p.ravel()] if self.order == 2 else [state.q.ravel()]
-        further = (state.columns[name].ravel() for name in self.widths)
-        return self.widened(np.concatenate([*motion, *further], dtype=np.float64))
+        return self.widened(joined(state, self.order, self.widths))
 
     def widened(self, columns: Array) -> Array:
         """State vector of the ``columns`` of all agents, shape (size,), with zeros for what is integrated beside."""
@@ -127,11 +121,8 @@ class HeldBodies:
 
     def further(self, y: Array) -> dict[str, Array]:
         """Further columns of a state vector ``y`` by name, shape (N, width) each."""
-        found, first = {}, self.order * self.n * self.m
-        for name, width in self.widths.items():
-            found[name] = np.array(y[first : first + self.n * width]).reshape(self.n, width)
-            first += self.n * width
-        return found
+        found = further_columns(y, self.order * self.n * self.m, self.n, self.widths)
+        return {name: values.copy() for name, values in found.items()}
 
     def slope(self, t: float, y: Array) -> Array:
         """dy/dt of a state vector ``y``, ``t`` seconds from the start."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from flocking.engine.adaptive_steps.adaptive_session import AdaptiveSession
 from flocking.engine.imperfect.powers import FIFTEEN, POWERS, Powers, integrated, node_powers
 from flocking.engine.protocol.body_chains import point_of
 from flocking.engine.protocol.session import Packed, Stored
-from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.integrated.checkpoint import IntegratedMemory, packed_memory, unpacked_memory
 from flocking.engine.sampled.integrated.motion import IntegratedMotion
@@ -119,12 +120,8 @@ class IntegratedSession(AdaptiveSession, SampledSession):
 
     @property
     def fidelity(self) -> Fidelity:
-        """Switches are located, and the ledger is held to the tolerance of the steps."""
-        rule = LedgerRule("tolerance", self.scenario.tolerance)
-        changed = bool(self.interventions.times)
-        return Fidelity(
-            self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule, changed=changed
-        )
+        """As of all sessions with adaptive steps, and whether this one was changed."""
+        return replace(super().fidelity, changed=bool(self.interventions.times))
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""

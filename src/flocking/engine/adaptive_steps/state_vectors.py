@@ -1,0 +1,67 @@
+"""State vectors: positions, velocities of agents of order 2, and the further columns of bodies, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
+from flocking.model.checks import Array
+from flocking.model.state import State
+
+
+def joined(state: State, order: int, widths: Mapping[str, int]) -> Array:
+    """State vector of a state.
+
+    Parameters
+    ----------
+    state
+        The state.
+    order
+        Order of the agents.
+    widths
+        How many numbers an agent has in each further column, by name.
+    """
+    parts = [state.q, state.p][:order] + [state.columns[name] for name in widths]
+    return np.concatenate([part.ravel() for part in parts], dtype=np.float64)
+
+
+def further_columns(y: Array, first: int, n: int, widths: Mapping[str, int]) -> dict[str, Array]:
+    """Further columns of a state vector by name, shape (n, width) each; views.
+
+    Parameters
+    ----------
+    y
+        The state vector.
+    first
+        Place of the first one: how many positions and velocities there are.
+    n
+        Number of agents.
+    widths
+        As for `joined`.
+    """
+    found = {}
+    for name, width in widths.items():
+        found[name] = y[first : first + n * width].reshape(n, width)
+        first += n * width
+    return found
+
+
+def component_tolerances(state: State, order: int, widths: Mapping[str, int], tolerance: float) -> Array:
+    """Absolute error tolerance of each component of a state vector.
+
+    Parameters
+    ----------
+    state
+        The group at the start; a size below 1 counts as 1.
+    order, widths
+        As for `joined`.
+    tolerance
+        The tolerance relative to the sizes of positions, velocities and each column.
+    """
+    parts = [state_tolerances(state, order, tolerance)]
+    for name in widths:
+        values = state.columns[name]
+        parts.append(np.full(values.size, tolerance * max(1.0, float(np.abs(values).max(initial=0.0)))))
+    return np.concatenate(parts)
