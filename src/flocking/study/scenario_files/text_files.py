@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from flocking.engine.storage.regular_files import opened
 from flocking.errors import InvalidInput
 
 
@@ -29,14 +30,10 @@ def read_text_file(owner: str, path: str | Path, largest: int, fix: str = "") ->
         When it is not UTF-8 text.
     """
     try:
-        file = Path(path)
-        if file.exists() and not file.is_file():
-            kind = "a folder" if file.is_dir() else "a pipe, a socket or a device"
-            raise InvalidInput(owner, "path", f"cannot be read (it is {kind})", str(path), "Give a file.")
-        with file.open("rb") as stream:
+        with opened(Path(path)) as stream:
             content = stream.read(largest + 1)
-    except InvalidInput:
-        raise
+    except IsADirectoryError:
+        raise InvalidInput(owner, "path", "cannot be read (it is a folder)", str(path), "Give a file.") from None
     except (OSError, ValueError, TypeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InvalidInput(owner, "path", f"cannot be read ({reason})", str(path)) from None
