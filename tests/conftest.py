@@ -8,6 +8,9 @@ import signal
 import sys
 from collections.abc import Generator
 
+# Several processes of tests share the processors: threads of OpenBLAS that wait for one another would use them up.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 from hypothesis import HealthCheck, settings
 

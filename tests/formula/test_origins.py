@@ -313,6 +313,7 @@ def test_the_exact_engine_runs_the_edited_term(cache):
         assert run.q[-1, 0, 0] == pytest.approx(np.cosh(np.sqrt(gain)), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_parts_of_users_are_read_anew_in_a_new_process_and_print_once(tmp_path):
     script = """
         import json, users_parts as u, flocking as fk

@@ -155,7 +155,7 @@ def test_the_interval_of_a_cumulant_holds_what_differs_between_runs():
 @pytest.mark.parametrize(
     ("agents", "side", "known"),
     [
-        (40, 3.1, (0.957, 0.835, 0.651, 0.427, 0.203)),
+        pytest.param(40, 3.1, (0.957, 0.835, 0.651, 0.427, 0.203), marks=pytest.mark.slow),
         pytest.param(100, 5.0, (0.953, 0.820, 0.619, 0.354), marks=pytest.mark.slow),
     ],
 )

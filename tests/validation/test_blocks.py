@@ -48,9 +48,9 @@ def compare(numbers: range, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_random_runs_in_blocks_have_the_bits_of_single_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    compare(range(25), monkeypatch)
+    compare(range(10), monkeypatch)
 
 
 @pytest.mark.slow
 def test_thousands_of_random_runs_in_blocks_have_the_bits_of_single_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    compare(range(25, 3000), monkeypatch)
+    compare(range(10, 3000), monkeypatch)

@@ -23,8 +23,10 @@ def parting(**world: object) -> fk.Scenario:
 
 @pytest.mark.parametrize(
     "world",
-    [{"agents": fk.Limited(fk.PointMass(), force=0.2)}, {"information": fk.Delayed(0.2)}],
-    ids=["limited", "delayed"],
+    [
+        pytest.param({"agents": fk.Limited(fk.PointMass(), force=0.2)}, id="limited"),
+        pytest.param({"information": fk.Delayed(0.2)}, id="delayed", marks=pytest.mark.slow),
+    ],
 )
 def test_a_run_that_comes_to_a_pole_and_never_to_its_end_says_so_once(
     world: dict[str, object], monkeypatch: pytest.MonkeyPatch

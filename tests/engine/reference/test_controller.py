@@ -22,7 +22,7 @@ def distributed(name):
     return case.law.distributed and all(not g.moves or g.follows_radii for g in case.law.graphs)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.sampled_from(sorted(n for n in STRUCTURES if distributed(n))), st.integers(0, 10**6), st.booleans())
 def test_the_force_is_that_of_the_law(name, seed, relative):
     """Every agent alone finds the force that the whole group has at a start."""

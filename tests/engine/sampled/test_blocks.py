@@ -92,6 +92,7 @@ def test_a_group_that_outgrows_its_room_has_the_same_bits(monkeypatch):
     same_bits(made.with_(frames=40, information=fk.Messages(0.05, delay=1.0)), monkeypatch)
 
 
+@pytest.mark.slow  # a loop that is compiled anew
 def test_a_loss_that_rounding_decides_is_left_to_python(monkeypatch, tmp_path):
     """Every loss is in doubt in a copy of the loop: whatever it has begun of an event, Python goes on with."""
     made, _ = random_world(34)

@@ -56,7 +56,7 @@ def test_sampling_breaks_the_condition_of_continuous_time_and_not_that_of_held_f
     assert verdict(kept) == "holds"
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(st.integers(0, 10**9), st.floats(0.01, 1.0), st.floats(0.1, 50.0), st.sampled_from([1, 2, 3]))
 def test_two_agents_never_come_closer_whatever_the_law_and_the_period(seed, period, gain, m):
     rng = np.random.default_rng(seed)

@@ -151,6 +151,7 @@ def test_a_speed_that_the_bodies_ignore_is_caught(monkeypatch):
     assert "from where the logged forces lead" in str(fk.replay(run))
 
 
+@pytest.mark.slow  # a loop that is compiled anew
 def test_a_native_loop_that_reads_another_velocity_is_caught(tmp_path, monkeypatch):
     """The velocity when the force begins to act counts, not the one that the law saw."""
     change = ("pieces.py", "limit(motion, i, work.p, work.u)", "limit(motion, i, work.q, work.u)")

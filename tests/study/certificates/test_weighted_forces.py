@@ -45,17 +45,18 @@ def test_a_slope_that_jumps_is_integrated_all_the_same() -> None:
     assert (found.lo <= [-3.0, -2.0, -1.0, -0.5] + 1e-4 * np.ones(4)).all()
 
 
-def test_collisions_are_bounded_as_the_paper_does() -> None:
-    for name, apart in (("gentle", True), ("fragments", False)):
-        scenario = OLFATI.scenario(name=f"olfati-saber-2006-{name}")
-        found = fk.certify(scenario)
-        assert found["closest_approach"].granted == apart
-        most = OLFATI.most_collisions(OLFATI.structural_energy(scenario.start))
-        assert found["simultaneous_collisions"].bound.hi == most
-        assert abs(found["largest_energy"].bound.hi - OLFATI.structural_energy(scenario.start)) < 0.01 * (
-            found["largest_energy"].bound.hi
-        )
-    assert most > 0
+@pytest.mark.parametrize(
+    ("name", "apart"), [("gentle", True), pytest.param("fragments", False, marks=pytest.mark.slow)]
+)
+def test_collisions_are_bounded_as_the_paper_does(name: str, apart: bool) -> None:
+    scenario = OLFATI.scenario(name=f"olfati-saber-2006-{name}")
+    found = fk.certify(scenario)
+    assert found["closest_approach"].granted == apart
+    most = OLFATI.most_collisions(OLFATI.structural_energy(scenario.start))
+    assert found["simultaneous_collisions"].bound.hi == most
+    assert apart or most > 0
+    largest = found["largest_energy"].bound.hi
+    assert abs(largest - OLFATI.structural_energy(scenario.start)) < 0.01 * largest
 
 
 @pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 12), marks=pytest.mark.slow)])

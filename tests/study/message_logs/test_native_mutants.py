@@ -48,7 +48,7 @@ MUTANTS = {
 """Changes of the loop, of the world, and words by which an entry is named; nothing where all is as declared."""
 
 
-QUICK = ("unchanged", "late_message_used_early")
+QUICK = ("late_message_used_early",)
 """Those of the default tests: each is a loop that is compiled anew."""
 
 

@@ -32,6 +32,7 @@ def expected():
     return run(make=make, grid={"speed": SPEEDS}, seeds=range(8), workers=1).values("velocity_spread")
 
 
+@pytest.mark.slow
 def test_two_workers_killed_while_they_run_cost_nothing_but_time(tmp_path):
     """One at a time, at different moments: each takes the pool of processes down with it."""
     place = tmp_path / "workers"

@@ -53,6 +53,7 @@ def test_two_phases_take_turns_at_the_transition_of_later_work():
     assert verdicts(simulated(system.PHASES), system.MIDDLE) == {"one-phase": "fails"}
 
 
+@pytest.mark.slow
 def test_both_verdicts_on_the_transition():
     """At a size of the paper one phase; in later work's groups bands and giant fluctuations."""
     assert verdicts(simulated(system.MIDDLE), system.MIDDLE) == {"one-phase": "holds"}
@@ -65,7 +66,7 @@ def test_both_verdicts_on_the_transition():
     assert str(fk.audit(simulated(system.FLUCTUATIONS), [claim]).results[0].verdict) == "holds"
 
 
-@pytest.mark.parametrize(("noise", "updates"), [(0.55, 4000), (0.7, 12000)])
+@pytest.mark.parametrize(("noise", "updates"), [(0.55, 4000), pytest.param(0.7, 12000, marks=pytest.mark.slow)])
 def test_on_either_side_of_the_transition_there_is_one_phase(noise, updates):
     """In disorder the cumulant of few values scatters more than in order: the run is longer."""
     run = fk.simulate(system.later(20.0, noise, updates, name=system.PHASES), progress=False)
