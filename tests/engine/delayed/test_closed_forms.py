@@ -86,7 +86,7 @@ def test_first_order_consensus_on_46_more_graphs(seed):
     limit_of_first_order(seed)
 
 
-@pytest.mark.parametrize("tau", [0.5, 3.0, 20.0])
+@pytest.mark.parametrize("tau", [0.5, 3.0, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_first_order_consensus_that_knows_itself_bears_every_delay(tau):
     assert first_order_at(1.0, 1, late=False, tau=tau, delays=44) < 0.9
 

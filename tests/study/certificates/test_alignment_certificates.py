@@ -146,10 +146,10 @@ def held_against_runs(seeds: range) -> tuple[list[object], dict[str, list[float]
 
 
 def test_random_starts_keep_what_is_promised() -> None:
-    broken, tightness = held_against_runs(range(20))
+    broken, tightness = held_against_runs(range(10))
     assert not broken
     assert set(KEYS) <= set(tightness)
-    assert len(tightness["alignment_diameter"]) > 10
+    assert len(tightness["alignment_diameter"]) > 5
 
 
 @pytest.mark.slow
