@@ -46,7 +46,7 @@ def limit_at_contact(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | No
 
     Notes
     -----
-    A branch that has no finite limit is the symbol `ENDLESS`: which branch holds at 0 is for the parameters to say.
+    A branch that has no finite limit is the symbol `ENDLESS`: which branch holds at 0 depends on the parameters.
     """
     import sympy
 

@@ -66,7 +66,7 @@ class Formula:
     Raises
     ------
     FormulaError
-        When the text is not in the grammar; the message says which part and why.
+        When the text is not in the grammar; the message states which part and why.
     """
 
     text: str

@@ -10,7 +10,7 @@ import math
 from typing import SupportsFloat
 
 DIGITS = 9
-"""Digits of a bound where nobody asks for fewer; a convention: enough to tell that two bounds are not the same."""
+"""Digits of a bound where nobody asks for fewer; a convention: enough to show that two bounds are not the same."""
 EXACT_DIGITS = 15
 """Most digits with which a number and its text are each other's: a property of double precision."""
 REGULAR = (1e-290, 1e300)
@@ -42,7 +42,7 @@ def rounded_up(x: SupportsFloat, digits: int = DIGITS) -> str:
 
 
 def bound_text(x: SupportsFloat, side: str, digits: int = DIGITS) -> str:
-    """A bound with a few digits, rounded so that what is said of it stays true.
+    """A bound with a few digits, rounded so that a statement about it stays true.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def bound_text(x: SupportsFloat, side: str, digits: int = DIGITS) -> str:
 
 
 def nearest_text(x: SupportsFloat, digits: int = DIGITS) -> str:
-    """A number with a few digits, rounded to the nearest: for what is said to be something, and bounds nothing.
+    """A number with a few digits, rounded to the nearest: for a statement that bounds nothing.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def compared_texts(x: SupportsFloat, y: SupportsFloat, digits: int = 3) -> tuple
         Fewest significant digits.
     """
     first, second = float(x), float(y)
-    for number in range(digits, EXACT_DIGITS + 3):  # seventeen digits tell any two doubles apart
+    for number in range(digits, EXACT_DIGITS + 3):  # seventeen digits distinguish any two doubles
         texts = nearest_text(first, number), nearest_text(second, number)
         if texts[0] != texts[1] or first == second:
             break
@@ -86,7 +86,7 @@ def compared_texts(x: SupportsFloat, y: SupportsFloat, digits: int = 3) -> tuple
 
 
 def given_text(x: SupportsFloat) -> str:
-    """A declared number with all the digits that tell it from others.
+    """A declared number with all the digits that distinguish it from others.
 
     Parameters
     ----------

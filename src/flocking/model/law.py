@@ -126,7 +126,7 @@ class Law(LawCell):
 
     @property
     def beyond_neighbours(self) -> tuple[str, ...]:
-        """What an agent must know that its neighbours cannot tell: empty for a distributed law."""
+        """What an agent must know that its neighbours cannot send: empty for a distributed law."""
         needs = ["centre of mass" for t in self.body_terms if t.uses_means]
         needs += ["graph functional" for t in self.pair_terms if getattr(t, "functional", False) is True]
         return tuple(dict.fromkeys(needs))

@@ -1,4 +1,4 @@
-"""Where agents live: what the difference of two positions is."""
+"""The space of the agents: what the difference of two positions is."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flocking.model.parts.registration import register_part
 
 
 class Space(ABC):
-    """Where agents live.
+    """The space of the agents.
 
     Positions are kept as they come from the motion, never moved to another image; a space states which vector leads
     from one agent to another. Everything that needs q_j - q_i uses `displacement`, or `lengths` where it prints code.

@@ -21,7 +21,7 @@ def check_space(space: Space, graphs: Iterable[Graph], terms: Iterable[BodyTerm]
     Parameters
     ----------
     space
-        Where the agents live.
+        The space of the agents.
     graphs
         Graphs of the law.
     terms
@@ -64,7 +64,7 @@ def check_steering(space: Space, terms: Iterable[Steering], bodies: Body) -> Non
     Parameters
     ----------
     space
-        Where the agents live.
+        The space of the agents.
     terms
         Steering terms of the law.
     bodies

@@ -27,7 +27,7 @@ FILE = "observed.json"
 """Name of the file in the folder of a paper."""
 
 OBSERVING = ("reynolds-1987", "vasarhelyi-2018")
-"""Papers of which quantities are observed: those that prove nothing. Their modules `observations` say which."""
+"""Papers of which quantities are observed: those that prove nothing. Their modules `observations` name them."""
 
 SEEDS = range(10)
 """Seeds of the stored values, those of `make reproduce-all`."""
@@ -158,7 +158,7 @@ def _stored(key: str) -> _File:
 
 
 DIGITS = 6
-"""Significant digits of stored values: far more than their intervals tell apart."""
+"""Significant digits of stored values: far more than their intervals resolve."""
 
 
 def as_text(found: Sequence[Observations]) -> str:

@@ -132,7 +132,7 @@ def net(
     Raises
     ------
     InvalidInput
-        If the frame does not exist, agents live in more than three dimensions, or axes do not fit.
+        If the frame does not exist, the space has more than three dimensions, or axes do not fit.
     """
     state, past, top_speed = _choose(what, time, frame)
     m = state.dimension

@@ -1,4 +1,4 @@
-"""The command that says what is guaranteed of a scenario before it runs."""
+"""The command that prints what is guaranteed of a scenario before it runs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def certify(
     hypotheses: bool = False,
     as_json: Annotated[bool, Parameter(name="--json")] = False,
 ) -> int:
-    """Say what is guaranteed of every run of a scenario, by which theorem; nothing is simulated.
+    """Print what is guaranteed of every run of a scenario, by which theorem; nothing is simulated.
 
     Parameters
     ----------

@@ -125,7 +125,7 @@ def margins(
 
 
 def _of_papers(folder: Path, workers: int | None) -> int:
-    """Compute the stored tables again, and say of each whether it is the stored one."""
+    """Compute the stored tables again, and print for each whether it equals the stored one."""
     from flocking.engine.storage.atomic_files import write_file
     from flocking.papers.stored_margins import FILE, PLANS, as_text, computed_margins, is_stored, stored_margins
 

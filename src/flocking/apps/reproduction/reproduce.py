@@ -68,7 +68,7 @@ class Task:
 def examine(task: Task) -> tuple[Verdicts, Run | None]:
     """Run a scenario, extended where claims need it, and audit it.
 
-    The run to the end of the scenario is returned where the task says so.
+    The run to the end of the scenario is returned where the task asks for it.
 
     Parameters
     ----------

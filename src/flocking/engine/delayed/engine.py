@@ -107,7 +107,7 @@ def _refused_body(body: Body) -> str:
 
 
 def _least(information: Delayed) -> str:
-    """The word that tells the least of several delays from one."""
+    """The word that distinguishes the least of several delays from one."""
     return "least " if information.of_pairs else ""
 
 

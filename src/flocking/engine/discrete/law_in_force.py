@@ -151,7 +151,7 @@ class DiscreteLaw:
         return found
 
     def forces_in_turn(self, q: Array, p: Array, agent: int) -> Array:
-        """Force that the steering terms want of one agent, shape (m,).
+        """Force that the steering terms ask of one agent, shape (m,).
 
         Parameters
         ----------

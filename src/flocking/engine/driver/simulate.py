@@ -168,7 +168,7 @@ def simulate(
 
 
 def _speaks(engine: Engine) -> bool:
-    """Whether this process is the one that shows progress; what an engine is missing it says when it is opened."""
+    """Whether this process is the one that shows progress; what an engine is missing is reported when it is opened."""
     try:
         return engine.team().first
     except EngineMissing:

@@ -1,4 +1,4 @@
-"""Runs that hardly advance: noticed between two slices of a run, and told once."""
+"""Runs that hardly advance: noticed between two slices of a run, and reported once."""
 
 from __future__ import annotations
 

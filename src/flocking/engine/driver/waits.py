@@ -1,6 +1,6 @@
 """Waits: how far work is that takes longer than two seconds, on a terminal, below a notebook's cell, or in a log.
 
-A command opens a `Wait`; what it calls says with `counted` and `stage` what is done now, and knows nothing of commands.
+A command opens a `Wait`; what it calls states with `counted` and `stage` what is done now, and imports no command.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Wait:
             self._bar = None
 
     def stage(self, note: str, total: float | None = None, unit: str = "") -> None:
-        """Begin another stage, of ``total`` pieces which may be unequal: no time left is told.
+        """Begin another stage, of ``total`` pieces which may be unequal: no time left is shown.
 
         Parameters
         ----------
@@ -207,7 +207,7 @@ _OPEN: ContextVar[Wait | None] = ContextVar("the wait that is open", default=Non
 
 
 def stage(note: str) -> None:
-    """Say in the wait that is open what is done now; nothing where none is, or where pieces of it are counted.
+    """State in the wait that is open what is done now; nothing where none is, or where pieces of it are counted.
 
     Parameters
     ----------

@@ -108,7 +108,7 @@ def observed_state(state: State, pairs: tuple[Indices, Indices], space: Space = 
     pairs
         Pairs linked under the law's graph, the agents i and j of each, shape (K,) each.
     space
-        Where the agents live.
+        The space of the agents.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

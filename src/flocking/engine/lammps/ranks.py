@@ -33,7 +33,7 @@ POLL_SECONDS = 0.01
 
 @cache
 def _largest_and_sum() -> Op:
-    """The reduction of rows whose first entry says how many of the next are largest values; the rest are sums.
+    """The reduction of rows whose first entry is how many of the next are largest values; the rest are sums.
 
     One for the process: MPI has room for few, and a process may hold many sessions one after the other.
     """

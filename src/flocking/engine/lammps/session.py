@@ -42,7 +42,7 @@ LONGEST_BOUT = 1024
 
 
 NO_CELLS = "neighbor bins"
-"""What LAMMPS says where no search cells fit the box."""
+"""The message of LAMMPS where no search cells fit the box."""
 
 
 class LammpsSession(Session):

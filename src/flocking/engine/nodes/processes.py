@@ -268,7 +268,7 @@ class AgentProcesses(Agents):
         self._gather({agent}, begin=False)
 
     def close(self) -> None:
-        """Tell all agents that the run has ended; processes that do not end are killed.
+        """Send all agents the end of the run; processes that do not end are killed.
 
         Ctrl-C waits until all is closed: Python waits at its end for a thread of the bus that is still open.
         """

@@ -183,7 +183,7 @@ class NodeSession(SampledSession):
             elif isinstance(fault, Restart):
                 self.agents.restart(fault.agent)
                 self.restarted += 1
-                # What it is told again is what arrives from now on.
+                # What is sent to it again is what arrives from now on.
 
     def _answers(self, requests: dict[int, Request]) -> dict[int, Answer]:
         """Ask the agents that there are; answers that do not come in time are counted."""
@@ -207,7 +207,7 @@ class NodeSession(SampledSession):
             return self.patience
         return self._latency * NANOSECOND / self._speed
 
-    # What agents say.
+    # What agents send.
 
     def _measure(self, measuring: Indices, seconds: float) -> None:
         """Let agents take samples, and keep what they send."""

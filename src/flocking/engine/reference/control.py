@@ -347,7 +347,7 @@ def control_of(
     Raises
     ------
     InvalidInput
-        When the law needs more than neighbours can tell, or a neighbour is where the law has no force: at the
+        When the law needs more than neighbours can send, or a neighbour is where the law has no force: at the
         agent's own place under a potential that is infinite there, or beyond one of its poles.
     """
     for name, part, kind in (("law", law, Law), ("agent", agent, Agent)):

@@ -89,7 +89,7 @@ class MessageLog:
         Returns
         -------
         array
-            Shape (graphs, N, N); entry (g, i, j) says that i used a sample of j under graph g.
+            Shape (graphs, N, N); entry (g, i, j) is whether i used a sample of j under graph g.
         """
         found, firsts = first.copy(), self.firsts
         before = self.ticks[: int(np.searchsorted(self.ticks[:, 0], instant, side="left")), 1]

@@ -346,7 +346,7 @@ class Run:
         Returns
         -------
         array
-            Shape (graphs, N, N); entry (g, i, j) says that i used a sample of j under graph g of the law.
+            Shape (graphs, N, N); entry (g, i, j) is whether i used a sample of j under graph g of the law.
 
         Raises
         ------

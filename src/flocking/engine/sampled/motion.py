@@ -223,7 +223,7 @@ class Motion:
         return self._latest[2]
 
     def forget(self) -> None:
-        """Forget what `shifted` answered last: the coefficients have been changed in place."""
+        """Drop what `shifted` returned last: the coefficients have been changed in place."""
         self._latest = None
 
     def acting_from(self, time: float) -> Array:

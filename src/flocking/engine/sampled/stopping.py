@@ -195,7 +195,7 @@ def stopping_acceleration(
     Parameters
     ----------
     desired, v
-        Wanted acceleration and velocity, shape (m,).
+        Desired acceleration and velocity, shape (m,).
     planes
         The planes.
     most, period

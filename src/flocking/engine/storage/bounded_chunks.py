@@ -112,7 +112,7 @@ def check_unpacked(data: bytes, bound: Bound) -> None:
     Raises
     ------
     ValueError
-        If it would, or does not say how many.
+        If it would, or does not state how many.
     """
     if bound.compressor == "zstd":
         size = _declared_by_zstd(data)
@@ -152,7 +152,7 @@ def _counted_of_gzip(data: bytes, most: int) -> int:
                 piece = unpacking.decompress(unpacking.unconsumed_tail, PIECE)
                 size += len(piece)
         except zlib.error:
-            return size  # Zarr says what is wrong with it.
+            return size  # Zarr reports what is wrong with it.
         if not unpacking.eof:
             return size
         rest = unpacking.unused_data

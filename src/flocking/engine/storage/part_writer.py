@@ -22,14 +22,14 @@ PartSums = dict[str, tuple[int, int]]
 
 
 def sees(folder: Path, record: int) -> bool:
-    """Whether this process sees a run that another one writes.
+    """Whether this process can read a run that another one writes.
 
     Parameters
     ----------
     folder
         The folder of the run.
     record
-        Checksum of its record, as the other process sees it.
+        Checksum of its record, as the other process reads it.
     """
     try:
         return checksum(folder / RECORD) == record

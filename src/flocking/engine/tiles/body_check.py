@@ -1,4 +1,4 @@
-"""Comparison of what kernels say that bodies make of the desired forces with the declaration of the bodies."""
+"""Comparison of what bodies in kernels make of the desired forces with the declaration of the bodies."""
 
 from __future__ import annotations
 

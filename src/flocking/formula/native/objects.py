@@ -18,7 +18,7 @@ from flocking.formula.native.entries import HEAD, SUFFIX
 from flocking.formula.native.one_compiler import one_compiler
 
 _engines: list[object] = []
-"""LLVM engines of the loaded code; they must live as long as the process."""
+"""LLVM engines of the loaded code; they must last as long as the process."""
 
 
 GATHERING = "llvm.masked.gather"

@@ -155,7 +155,7 @@ class Scope:
     Parameters
     ----------
     path
-        Tells apart the functions put in place of their calls.
+        Distinguishes the functions put in place of their calls.
     source
         The function.
     leave

@@ -35,7 +35,7 @@ class StatedLaw(Protocol):
 
     @property
     def beyond_neighbours(self) -> tuple[str, ...]:
-        """What an agent must know that its neighbours cannot tell."""
+        """What an agent must know that its neighbours cannot send."""
 
     def graph_number(self, term: PairTerm) -> int:
         """Position of the graph of a ``term``."""

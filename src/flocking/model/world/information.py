@@ -187,7 +187,7 @@ class Delayed(Information):
     tau
         The delay, in the unit of time; not negative. One number, or one for every ordered pair of agents, shape (N, N):
         agent i, of row i, knows agent j, of column j, as it was tau[i, j] ago. Zeros mean the present state. The
-        diagonal says how late agents know themselves, and is zero unless they are ``self_delayed``.
+        diagonal is how late agents know themselves, and is zero unless they are ``self_delayed``.
     self_delayed
         Whether an agent knows itself, too, only as it was ``tau`` ago, so that differences are of one moment. With a
         delay for every pair it was tau[i, i] ago, for all terms of the law: differences are of one moment where the

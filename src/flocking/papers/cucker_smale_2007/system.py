@@ -122,7 +122,7 @@ def drawn(seed: int | tuple[int, int], first: float, low: float, high: float) ->
     Parameters
     ----------
     seed
-        Seed of the draw; a second number tells several draws of one seed apart.
+        Seed of the draw; a second number distinguishes several draws of one seed.
     first
         The number for the seed 0.
     low, high

@@ -26,7 +26,7 @@ LARGEST_SPEED = 1.0
 DURATION = 100.0
 """Duration of the simulation."""
 LINK_PROBABILITY = 0.3
-"""Not in the paper, which says only that the graph is random and connected."""
+"""Not in the paper, which states only that the graph is random and connected."""
 PRINTED_TIMES = (2.22842, 5.21464, 22.8931, 55.0766)
 """Times under Fig. 4-7."""
 

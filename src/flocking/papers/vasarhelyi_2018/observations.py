@@ -58,6 +58,6 @@ def quantities(run: Run) -> dict[str, float]:
     """
     found, t = order_parameters(run), np.asarray(run.t)
     with warnings.catch_warnings():
-        # The mean of nothing is NaN, which says so.
+        # The mean of nothing is NaN, which shows it.
         warnings.simplefilter("ignore", RuntimeWarning)
         return {name: float(np.nanmean(late(t, found, name))) for name in NAMES}

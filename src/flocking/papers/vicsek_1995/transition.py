@@ -117,7 +117,7 @@ class Fluctuations:
     def exponent(self) -> tuple[float, Interval]:
         """Exponent of the deviation in the mean number, fitted by least squares of logarithms, with its 95 % interval.
 
-        Blocks are taken as independent. The interval says nothing of a bend of the curve.
+        Blocks are taken as independent. The interval does not include a bend of the curve.
         """
         x = np.log(np.asarray(self.means))
         chosen = (x >= np.log(FITTED[0])) & (x <= np.log(FITTED[1]))

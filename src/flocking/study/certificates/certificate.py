@@ -20,7 +20,7 @@ TOO_EXTREME = "the numbers are too large or too small for an enclosure in double
 MIDDLE_DIGITS = 12
 """Digits of the middle of an enclosure as text; a convention."""
 LARGEST_MIDDLE = 1e300
-"""Ends beyond are told one by one: the distance of two doubles of this size may overflow."""
+"""Ends beyond are stated one by one: the distance of two doubles of this size may overflow."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Enclosure:
         if not max(abs(self.lo), abs(self.hi)) < LARGEST_MIDDLE:
             return f"from {rounded_down(self.lo)} to {rounded_up(self.hi)}"
         middle = nearest_text(0.5 * self.lo + 0.5 * self.hi, MIDDLE_DIGITS)
-        # The radius covers the rounding of the middle, too: both ends lie within what the text says.
+        # The radius covers the rounding of the middle, too: both ends lie within the bounds in the text.
         ends = (Fraction(self.hi) - Fraction(middle), Fraction(middle) - Fraction(self.lo))
         return f"{middle} +- {rounded_up(nextafter(float(max(ends)), inf), 1)}"
 
@@ -243,7 +243,7 @@ def ideal_world(scenario: Scenario) -> Hypothesis:
 
 
 def not_applicable(keys: Iterable[str], source: str, hypotheses: tuple[Hypothesis, ...]) -> tuple[Certificate, ...]:
-    """Certificates of a theorem that does not speak of a scenario, with the hypothesis that is not met as the reason.
+    """Certificates of a theorem that does not apply to a scenario, with the hypothesis that is not met as the reason.
 
     Parameters
     ----------

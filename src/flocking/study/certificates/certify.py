@@ -57,7 +57,7 @@ def certify(scenario: Scenario) -> Certificates:
     Returns
     -------
     Certificates
-        Each with its theorem, its hypotheses as found, and an enclosed number; refused ones say why.
+        Each with its theorem, its hypotheses as found, and an enclosed number; refused ones state why.
 
     Raises
     ------

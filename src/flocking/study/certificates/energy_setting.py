@@ -402,7 +402,7 @@ class EnergySetting:
 
     @cached_property
     def position_gains(self) -> PerAgent:
-        """Gains of the feedback of positions, times the mass where the law says so, shape (N,)."""
+        """Gains of the feedback of positions, times the mass where the law scales by it, shape (N,)."""
         if self.track is None:
             return np.zeros(self.n)
         gain = np.broadcast_to(np.asarray(self.track.position_gain, dtype=np.float64), (self.n,))

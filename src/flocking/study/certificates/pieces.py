@@ -102,7 +102,7 @@ def jump(expression: sympy.Expr, r: sympy.Symbol, first: float = 0.0, last: floa
 
 
 def leader_jump(leader: Leader, first: float, last: float) -> str:
-    """Where the velocity of a leader may jump between two times, as `jump`: its acceleration does not tell.
+    """Where the velocity of a leader may jump between two times, as `jump`: its acceleration does not show it.
 
     Parameters
     ----------

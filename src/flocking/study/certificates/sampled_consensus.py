@@ -226,7 +226,7 @@ class SampledConsensus:
 
         Components are positions (velocities, where those alone are agreed on) and, for order 2, velocities, now and as
         many periods ago as messages are late, then what is stored of each neighbour whose messages are lost. All
-        are relative to the position of agent 0, and its velocity where late positions do not tell a common motion.
+        are relative to the position of agent 0, and its velocity where late positions do not determine a common motion.
 
         Parameters
         ----------

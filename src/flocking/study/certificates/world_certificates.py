@@ -121,7 +121,7 @@ def _delay(scenario: Scenario, system: LinearConsensus) -> Certificate:
 
 
 def _mean(world: SampledConsensus) -> str:
-    """The words that tell an average over losses from what is certain."""
+    """The words that distinguish an average over losses from what is certain."""
     return "mean square " if world.probability else ""
 
 

@@ -15,7 +15,7 @@ from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 MEASURED_AT_FRAMES = frozenset({Subject.SPREAD, Subject.LEADER, Subject.VELOCITIES, Subject.NET})
 """Subjects whose measures read positions and velocities as they were computed. Those of links, closest approaches and
-the ledger have errors of their own, or say that they are not known."""
+the ledger have errors of their own, or state that they are not known."""
 
 UNCOMPUTED = "could not be computed"
 """How the note of a claim begins whose computation failed for the numbers of a run."""

@@ -1,4 +1,4 @@
-"""Claims about sampled motions of which no law is declared: what can be said at the samples alone."""
+"""Claims about sampled motions of which no law is declared: what can be judged at the samples alone."""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ class Judgement:
 
     @property
     def is_contrary(self) -> bool:
-        """Whether what was found speaks against the expected verdict; what is left open does not."""
+        """Whether what was found contradicts the expected verdict; what is left open does not."""
         if self.as_expected:
             return False
         refuted = self.claim.expected == Verdict.HOLDS and any(r.verdict == Verdict.FAILS for r in self.results)

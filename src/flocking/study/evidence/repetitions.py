@@ -74,7 +74,7 @@ class Repetitions:
 
 
 def repetitions_of(run: Run) -> Repetitions:
-    """Repeat a run of an engine that says how.
+    """Repeat a run of an engine that states how.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ PERIODS = 1000
 """Ticks of the base world in the duration of a scenario, about: few enough that a run of ten agents takes seconds."""
 
 FINEST, COARSEST = 500, 10
-"""The shortest and the longest period on the default grid are this part of the duration: fewer ticks say little."""
+"""The shortest and the longest period on the default grid are this part of the duration: fewer ticks show little."""
 
 LONGEST_DELAY = 20
 """The longest delay on the default grid is this part of the duration."""

@@ -46,10 +46,10 @@ def departed_causes(run: Run) -> Departed:
 
     At every act the law is computed again on what the agent used without errors (``noise``, resolution included),
     then as if no message had been lost (``loss``), then on the true present states (``delay``), and then over the
-    true links (``links``, which hold what was forgotten); what a limit took from a force is ``limits``. Each difference
-    works along the motion until the next force acts. What is left is the difference between the law at the tick and the
-    law now: ``hold``, latency included. The order matters: another one would share out what two imperfections do
-    together in another way.
+    true links (``links``, which include links that had expired); what a limit took from a force is ``limits``. Each
+    difference works along the motion until the next force acts. What is left is the difference between the law at the
+    tick and the law now: ``hold``, latency included. The order matters: another one would share out what two
+    imperfections do together in another way.
 
     Parameters
     ----------

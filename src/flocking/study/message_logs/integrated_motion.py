@@ -193,7 +193,7 @@ class IntegratedForcedMotion:
         return y
 
     def _switch(self, t: float, y: Array, reached: Links | None) -> None:
-        """Let limits begin and end to act; ``reached`` says which have just crossed, None where forces may have jumped.
+        """Begin and end limits; ``reached``: those that have just crossed, None where forces may have jumped.
 
         What has just crossed is on the border but for rounding, and is not switched back there.
         """

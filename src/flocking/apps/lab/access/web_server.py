@@ -29,7 +29,7 @@ LIVE = "/live"
 LARGEST_MESSAGE = 2**20
 """Bytes of the longest message that a page may send."""
 CLOSING_SECONDS = 1.0
-"""Seconds that a connection has to say good-bye when the server ends."""
+"""Seconds that a connection has to close when the server ends."""
 STARTING_SECONDS = 30.0
 """Seconds in which the server must listen; it takes a few milliseconds on a free machine."""
 

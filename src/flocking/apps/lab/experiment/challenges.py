@@ -228,7 +228,7 @@ def _tearing(delay: float) -> Challenge:
 
 
 def judged(key: str, original: Scenario, states: Sequence[State], entries: Entries) -> Score:
-    """How a challenge stands; only a run that began as its scenario says counts.
+    """How a challenge stands; only a run that began with its scenario counts.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from flocking.model.law import Scenario
 from flocking.model.state import State
 
 SHORTEST_SLICE = 1e-6
-"""Seconds that a slice counts as having taken at least: clocks tell some ten of them apart, and pace divides by it."""
+"""Seconds that a slice counts as having taken at least: clocks resolve a tenth of it, and pace divides by it."""
 
 SMOOTHING = 0.9
 """Weight of the displayed pace before against that of the new slice: it follows a change in some ten slices."""

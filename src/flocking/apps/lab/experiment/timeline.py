@@ -60,7 +60,7 @@ class Strip:
             del self.segments[1]
 
     def cut(self, t: float) -> None:
-        """Forget what was judged after ``t``."""
+        """Remove what was judged after ``t``."""
         self.segments = [s for s in self.segments if s[0] <= t]
 
 
@@ -119,7 +119,7 @@ class Timeline:
             self._rows = [*self._rows[:-1:2], self._rows[-1]]
 
     def cut(self, t: float) -> None:
-        """Forget what lies after ``t``."""
+        """Remove what lies after ``t``."""
         keep = bisect_right(self.times, t)
         del self._states[keep:], self._scenarios[keep:]
         self._rows = [row for row in self._rows if row[0] <= t]

@@ -2,7 +2,7 @@
 
 The length of the header, in bytes, stands in four bytes before it; it is padded so that the arrays begin at a multiple
 of four. For each group they are positions relative to its centre, velocities, pairs of linked agents, the directions
-that the header names, and, where it says so, energies, and beta- and gamma-agents. Along an axis that repeats,
+that the header names, and, where it is stated there, energies, and beta- and gamma-agents. Along an axis that repeats,
 positions are those of the images in the box, and the centre is its middle.
 """
 
@@ -71,7 +71,7 @@ def placed(q: Array, space: Space) -> tuple[Array, Array, list[float | None]]:
     q
         Positions, shape (N, m).
     space
-        Where the agents live.
+        The space of the agents.
     """
     here = np.asarray(q, dtype=np.float64) if space.is_open else space.wrapped(q)
     lengths = np.array(space.lengths or (np.inf,) * q.shape[1], dtype=np.float64)

@@ -122,7 +122,7 @@ class Lab:
         self.hub.tell({"kind": "refused", "message": message[:LONGEST_NOTE]})
 
     def refuse(self, tab: Tab, message: str, more: Message) -> None:
-        """Tell a page why its order is refused, and the values that hold.
+        """Send a page the reason why its order is refused, and the values that hold.
 
         Parameters
         ----------
@@ -337,7 +337,7 @@ class Lab:
         self.clock.post(act, "go back")
 
     def branch(self, t: float) -> None:
-        """Go on from an earlier time, which the run had reached; what came after it is forgotten.
+        """Go on from an earlier time, which the run had reached; what came after it is removed.
 
         Parameters
         ----------

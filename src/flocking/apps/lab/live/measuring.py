@@ -90,7 +90,7 @@ class Measuring:
         self._changed()
 
     def go_on_from(self, t: float) -> None:
-        """Forget what lies after ``t``: the run goes on from there; called between steps of the clock."""
+        """Remove what lies after ``t``: the run goes on from there; called between steps of the clock."""
         with self._lock:
             self._begin_anew()
             self.timeline.cut(t)
@@ -132,7 +132,7 @@ class Measuring:
                 pause = max(JUDGE_SECONDS, PATIENCE * (time.thread_time() - used))
 
     def _guarded(self, act: Callable[[Frame], None], frame: Frame) -> bool:
-        """Do it, and say whether it succeeded."""
+        """Do it; returns whether it succeeded."""
         fault = ""
         try:
             act(frame)

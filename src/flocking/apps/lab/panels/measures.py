@@ -45,7 +45,7 @@ def measured(state: State, energy: float, space: Space = OPEN) -> dict[str, floa
     energy
         Energy of the scenario at that moment.
     space
-        Where the agents live.
+        The space of the agents.
     """
     found = dict.fromkeys(NAMES, float("nan"))
     found |= {"energy": energy, "velocity spread": observables.velocity_spread(state)}
@@ -149,7 +149,7 @@ def _conditional(claim: Claim) -> Claim:
 def guarantees_of(run: Run) -> Certificates | None:
     """What is guaranteed of the motion from the first frame of a run on; None for groups that are too large.
 
-    None, too, from a later frame on where forces are held or messages are on their way: a state does not tell these.
+    None, too, from a later frame on where forces are held or messages are on their way: a state does not contain these.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def verdicts_on(run: Run, claims: Sequence[Claim], guarantees: Certificates | No
     claims
         The claims.
     guarantees
-        What is guaranteed of it, as `guarantees_of` says.
+        What is guaranteed of it, as `guarantees_of` gives it.
     """
     evidence = Evidence(run)
     found = []

@@ -71,8 +71,8 @@ class Decomposition:
     log
         LAMMPS's log file, or ``"none"``.
     space
-        Where the agents live. On axes that repeat LAMMPS has the images in the box; positions as the motion gives them
-        travel beside those.
+        The space of the agents. On axes that repeat LAMMPS has the images in the box; positions as the motion gives
+        them travel beside those.
     """
 
     def __init__(self, ranks: Ranks, log: str, space: Space = OPEN) -> None:

@@ -16,7 +16,7 @@ class DomainOptions(TilesOptions):
     step, scheme, precision, threads, ledger, observe, keep_frames, skin, memory_limit, ledger_at
         As for `flocking.engine.tiles.options.TilesOptions`.
     forces
-        Always ``"kernels"``: a stored run says by it how its forces were computed.
+        Always ``"kernels"``: it states in a stored run how its forces were computed.
     keep_log
         A file for the log of LAMMPS.
     """

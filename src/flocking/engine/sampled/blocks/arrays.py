@@ -55,12 +55,12 @@ class Schedules(NamedTuple):
 
 
 class Sending(NamedTuple):
-    """How messages are sent, as `flocking.model.world.information.Messages` says.
+    """How messages are sent, as `flocking.model.world.information.Messages` defines it.
 
     Parameters
     ----------
     delay, jitter, expires
-        In nanoseconds; ``expires`` is negative where samples are never forgotten.
+        In nanoseconds; ``expires`` is negative where samples never expire.
     predict, measured
         Whether samples are moved on, and whether agents know themselves by their newest sample.
     resolution, velocity_resolution

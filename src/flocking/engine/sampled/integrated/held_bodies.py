@@ -104,7 +104,7 @@ class HeldBodies:
         return np.concatenate([found, np.full(int(self.departs) + len(RATES), np.inf)])
 
     def hold(self, force: Array) -> None:
-        """Let a ``force`` of each agent act from now on, shape (N, m); of agents of order 1 the velocity it wants."""
+        """Let a ``force`` of each agent act from now on, shape (N, m); of agents of order 1 the desired velocity."""
         self._slots.A[self._force_rows] = force.T
 
     def put_limits(self) -> None:

@@ -160,7 +160,7 @@ class HeldMotion:
         self._found: dict[float, Reals] = {}
 
     def reorder(self) -> None:
-        """Forget what belongs to the order before."""
+        """Drop what belongs to the order before."""
         self._found.clear()
 
     def over(self, h: float, ids: Numbers32) -> Reals:

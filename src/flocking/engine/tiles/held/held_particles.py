@@ -140,7 +140,7 @@ class HeldParticles(ParticleArrays):
         self.forget_used()
 
     def forget_used(self) -> None:
-        """Forget which samples were used: the next search finds them again."""
+        """Drop the record of which samples were used: the next search finds them again."""
         self._tested = 0
         if self._draws:
             for number in range(len(self.known)):

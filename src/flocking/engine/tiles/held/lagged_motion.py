@@ -105,7 +105,7 @@ class LagConstants:
         self._coefficients: dict[float, Array] = {}
 
     def reorder(self) -> None:
-        """Forget what belongs to the order before."""
+        """Drop what belongs to the order before."""
         self._sorted.clear()
 
     def over(self, h: float, ids: Numbers32) -> Reals:

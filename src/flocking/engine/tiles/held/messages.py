@@ -22,7 +22,7 @@ from flocking.model.world.noises import Noise
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants
 
 MOST_ROWS = 1 << 32
-"""Number of rows of samples that 32 bits can tell apart."""
+"""Number of rows of samples that 32 bits can distinguish."""
 
 SURE = 1e-6
 """Share by which a bound on a deviation is enlarged, above the rounding of the sums that it is made of."""

@@ -15,7 +15,7 @@ from flocking.model.world.information import Messages
 from flocking.model.world.losses import Bernoulli, DistanceLoss, GilbertElliott, Loss
 
 MOST_SAMPLES = 1 << 30
-"""Samples of an agent that kernels tell apart, see `flocking.engine.tiles.kernels.heard_samples.BEST`."""
+"""Samples of an agent that kernels distinguish, see `flocking.engine.tiles.kernels.heard_samples.BEST`."""
 
 
 class News(NamedTuple):

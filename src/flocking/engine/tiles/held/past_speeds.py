@@ -22,7 +22,7 @@ class Speeds:
     rows: list[list[float]] = field(default_factory=list)
 
     def add(self, now: int, frame: Array, top: float, oldest: int) -> None:
-        """Add the largest speed ``top`` in a ``frame`` from ``now`` on; forget the speeds before ``oldest``."""
+        """Add the largest speed ``top`` in a ``frame`` from ``now`` on; drop the speeds before ``oldest``."""
         self.rows = [row for row in self.rows if row[0] >= oldest]
         if self.rows and self.rows[-1][1:-1] == frame.tolist():
             last = self.rows[-1]

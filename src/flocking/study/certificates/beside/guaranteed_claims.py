@@ -49,7 +49,7 @@ def guarantee_of(claim: Claim, certificates: Certificates, scenario: Scenario) -
 
 def _proves(certificate: Certificate, claim: Claim, scenario: Scenario) -> bool:
     if certificate.key == "closest_approach":
-        # Of linked agents alone a fixed graph of all pairs speaks of all.
+        # Linked agents alone are all agents in a fixed graph of all pairs.
         return claim.conclusion is linked_apart or certificate.quantity == ALL_PAIRS
     if certificate.key in ("links_kept", "group_diameter"):
         return len(scenario.law.graphs) == 1

@@ -11,7 +11,7 @@ where it neither grows nor decays: b T = 2 sin(f) P and a T^2/2 cos f = 2 sin(f)
 the equation is cos g/(cos f sin(g)^2) = a/(mu b^2), whose left side falls from infinity to zero while g goes to pi/2:
 there is one root, and T = 2 sin f sin g/(mu b). A root with a larger g has a larger f and a larger sin g, so a longer
 T, as has z = -1. With p = mu b T and q = mu a T^2/2 the loop z^-d (p (z - 1) + q (z + 1))/(z - 1)^2 falls in modulus
-on the unit circle while f grows, so that it has the modulus 1 once, and its phase tells that a mode is stable below
+on the unit circle while f grows, so that it has the modulus 1 once, and its phase shows that a mode is stable below
 that T and not above, up to p = 2. From there on it is at least 1 everywhere, and the polynomial of degree d + 2 has as
 many roots inside as p (z - 1) + q (z + 1), one at most (Rouche).
 

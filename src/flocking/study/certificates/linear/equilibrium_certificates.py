@@ -1,6 +1,6 @@
 """Guarantees of the linearisation of a law at an equilibrium of its potentials, such as a lattice.
 
-They speak of small deformations of that equilibrium, which is named in each: not of the motion from the start to it.
+They concern small deformations of that equilibrium, which is named in each: not of the motion from the start to it.
 """
 
 from __future__ import annotations

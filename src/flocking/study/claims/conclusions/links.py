@@ -69,7 +69,7 @@ def _when_apart(e: Evidence) -> str:
 def _connected_as_computed(e: Evidence) -> Measure:
     """What the computed motion shows where nobody knows how far the exact one is from it: it decides nothing."""
     try:
-        e.accuracy  # noqa: B018  says why the errors are not known
+        e.accuracy  # noqa: B018  raises the reason why the errors are not known
         why = ""
     except NotResolvable as reason:
         why = str(reason)
