@@ -47,6 +47,9 @@ class Quadrotor(Body):
     of the angular velocity, e_W' = -w_a^2 e_R - 2 z w_a e_W. The thrust is the component of F along the third axis;
     while that is negative, rotors idle. Rotors follow at once and have no upper limit, and air does not resist.
 
+    Turned by exactly half a turn from the desired attitude the error e_R is zero: an unstable equilibrium, which the
+    paper's Proposition 1 excludes. An aircraft that starts so, upside down and without spin, does not turn: it falls.
+
     Defaults of mass and inertia are those of the Crazyflie 2.0 (Foerster, "System Identification of the Crazyflie 2.0
     Nano Quadrocopter", ETH Zurich 2015), as commonly cited. Frequencies are chosen here.
 

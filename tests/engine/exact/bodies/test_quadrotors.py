@@ -130,6 +130,18 @@ def test_without_moments_energy_and_angular_momentum_are_kept():
     assert np.ptp(found[:, 0], axis=0).max() > 0.5
 
 
+def test_upside_down_is_an_equilibrium_of_the_controller():
+    """Without a force to fly after, the error e_R of half a turn is zero: rotors idle, and the aircraft falls."""
+    over = np.diag([1.0, -1.0, -1.0])
+    law = fk.Law(fk.Fixed(2, []), [fk.Consensus(0.1)])
+    start = fk.State(PLACES, np.zeros((2, 3)), columns=columns(over, tilted(3.0, [1, 0, 0])))
+    run = fk.simulate(fk.Scenario(law, start, t_end=2.0, frames=5, bodies=fk.Quadrotor()), progress=False)
+    assert np.abs(run.p[:, 0] - np.outer(run.t, [0.0, 0.0, -G])).max() < 1e-7
+    assert np.abs(attitudes(run)[:, 0] - over).max() < 1e-12
+    # A little less than half a turn is righted.
+    assert np.abs(attitudes(run)[-1, 1] - np.eye(3)).max() < 1e-3
+
+
 @pytest.mark.parametrize("ratio", [0.3, 0.7])
 def test_a_small_tilt_rings_and_settles_as_an_oscillator(ratio):
     """Tilt e'' + 2 z w e' + w^2 e = 0: it overshoots by exp(-pi z/sqrt(1 - z^2)) of itself."""
