@@ -9,7 +9,7 @@ import numpy as np
 from flocking.model.checks import Array, check_each, number, scalar_or_each
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
-from flocking.model.world.times import PeriodicTimes, nanoseconds
+from flocking.model.world.times import PeriodicTimes, nanoseconds, span
 from flocking.model.world.world_part import IdealPart, WorldPart
 
 
@@ -55,7 +55,7 @@ class Held(Control):
     --------
     >>> import flocking as fk
     >>> fk.Held(0.1, latency=0.02).summary
-    'control held for 0.1'
+    'control held for 0.1, acting 0.02 later'
     """
 
     period: float | Array
@@ -77,8 +77,13 @@ class Held(Control):
 
     @property
     def summary(self) -> str:
-        """``control held for`` its longest period."""
-        return f"control held for {float(np.max(self.period)):g}"
+        """The periods, and phases and latency that are not zero."""
+        found = [f"control held for {span(self.period)}"]
+        if np.any(self.phase):
+            found.append(f"first at {span(self.phase)}")
+        if self.latency:
+            found.append(f"acting {self.latency:g} later")
+        return ", ".join(found)
 
     def check_count(self, n: int) -> None:
         """Check that periods and phases given for each agent are ``n``.

@@ -14,7 +14,7 @@ from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.world.losses import Bernoulli, Loss, probability
 from flocking.model.world.noises import Noise, WhiteNoise
-from flocking.model.world.times import NANOSECOND, PeriodicTimes, nanoseconds
+from flocking.model.world.times import NANOSECOND, PeriodicTimes, nanoseconds, span
 from flocking.model.world.world_part import IdealPart, WorldPart
 
 SELF_KNOWN = ("true", "measured")
@@ -133,11 +133,12 @@ class Messages(Information):
 
     @property
     def summary(self) -> str:
-        """Period, and whatever else is not zero."""
-        found = [f"messages every {float(np.max(self.period)):g}"]
+        """Periods, and whatever else is not as in the ideal world."""
+        found = [f"messages every {span(self.period)}"]
+        if np.any(self.phase):
+            found.append(f"first at {span(self.phase)}")
         if self.delay or self.jitter:
-            span = f"{self.delay:g} to {self.delay + self.jitter:g}" if self.jitter else f"{self.delay:g}"
-            found.append(f"{span} late")
+            found.append(f"{span([self.delay, self.delay + self.jitter])} late")
         if self.loss is not None and not self.loss.ideal:
             found.append(self.loss.summary)
         if self.noise is not None and not self.noise.ideal:
@@ -146,6 +147,10 @@ class Messages(Information):
             found.append(f"rounded to {self.resolution:g} and {self.velocity_resolution:g}")
         if self.expires is not None:
             found.append(f"used up to an age of {self.expires:g}")
+        if self.predict:
+            found.append("moved on with the velocity sent")
+        if self.self_known == "measured":
+            found.append("the own state measured")
         return ", ".join(found)
 
     def check_count(self, n: int) -> None:
@@ -265,8 +270,7 @@ class Delayed(Information):
             return ""
         tau = np.asarray(self.tau)
         shown = tau if self.self_delayed or not self.of_pairs else tau[~np.eye(len(tau), dtype=bool)]
-        ends = dict.fromkeys(f"{end:g}" for end in (np.min(shown), np.max(shown)))
-        return f"{'everybody' if self.self_delayed else 'neighbours'} known {' to '.join(ends)} late"
+        return f"{'everybody' if self.self_delayed else 'neighbours'} known {span(shown)} late"
 
 
 def _of_pairs(tau: object, self_delayed: bool) -> Array:

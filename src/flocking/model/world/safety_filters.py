@@ -148,7 +148,7 @@ class SafetyFilter(Held):
 
     @property
     def summary(self) -> str:
-        """``control held for`` its longest period ``behind a safety filter``."""
+        """As that of `Held`, with ``behind a safety filter``."""
         return f"{Held.summary.__get__(self)} behind a safety filter"
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, scalar_or_each
@@ -49,6 +49,17 @@ def nanoseconds(owner: str, name: str, value: float | Array, *, positive: bool =
     if positive and (nanoseconds < 1).any():
         raise InvalidInput(owner, name, f"must be at least {NANOSECOND:g}", float(found.min()))
     return np.asarray(nanoseconds)
+
+
+def span(values: ArrayLike) -> str:
+    """One number of all agents in a few digits, or the smallest and the largest of them.
+
+    Parameters
+    ----------
+    values
+        One number, or one for each agent.
+    """
+    return " to ".join(dict.fromkeys(f"{end:g}" for end in (np.min(values), np.max(values))))
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,9 @@ SETTLED = 50.0
 MOST_SAMPLES = 4
 """Largest delay, in whole samples, that a period is stated for."""
 
+TOGETHER = "with all agents acting at the same times and without latency"
+"""What statements on a period of held control assume, in words."""
+
 KEYS = (
     "decay_rate", "settling_time", "delay", "neighbour_delay", "control_period",
     *(f"control_period_delayed_{d}" for d in range(1, MOST_SAMPLES + 1)),
@@ -278,9 +281,8 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         if period is not None:
             reason = ""
             statement = (
-                f"Under held control{words}, agreement is stable for every period below {rounded_down(period.lo)}, "
-                "and for"
-                f" none above {rounded_up(period.hi)}."
+                f"Under held control{words}, {TOGETHER}, agreement is stable for every period below "
+                f"{rounded_down(period.lo)}, and for none above {rounded_up(period.hi)}."
             )
         key = f"control_period_delayed_{d}" if d else "control_period"
         source = "late_samples" if d and not system.is_first else "sampling"
@@ -294,7 +296,7 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         else:
             bound = late
             statement = (
-                f"Under held control{words}, disagreement and common motion fall for every period below "
+                f"Under held control{words}, {TOGETHER}, disagreement and common motion fall for every period below "
                 f"{rounded_down(late.lo)}, and do not both at {rounded_up(late.hi)}."
             )
         key = f"neighbour_period_delayed_{d}"

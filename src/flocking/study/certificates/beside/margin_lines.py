@@ -10,8 +10,8 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.formula.safe_digits import DIGITS, rounded_down, rounded_up
 from flocking.model.law import Scenario
-from flocking.model.world.control import CONTINUOUS
-from flocking.model.world.information import INSTANT
+from flocking.model.world.control import Control, Held
+from flocking.model.world.information import Messages
 from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.certify import certify
 
@@ -64,9 +64,11 @@ def margin_lines(scenario: Scenario, quantity: str) -> tuple[MarginLine, ...]:
     Parameters
     ----------
     scenario
-        The scenario whose margins are sought. What is proven of its ideal world counts for ``period``, where it
-        declares no information of its own, and for ``limit``; ``delay``, ``loss`` and ``noise`` have no lines: margins
-        vary them in a world of messages under held control, of which no certificate bounds these.
+        The scenario whose margins are sought. ``period`` has lines where all agents act at the same times and without
+        latency, and messages, if there are any, arrive at once: margins keep phases, latencies and delays in units of
+        time, whatever the period. ``limit`` has one where the largest force is bounded in the scenario's own world.
+        ``delay``, ``loss`` and ``noise`` have none: margins vary them in a world of messages under held control, of
+        which no certificate bounds these.
     quantity
         Name of the quantity, as in ``flocking margins --vary``.
 
@@ -80,7 +82,7 @@ def margin_lines(scenario: Scenario, quantity: str) -> tuple[MarginLine, ...]:
     if quantity == "period":
         return _period_lines(scenario)
     if quantity == "limit":
-        return _limit_lines(certify(scenario.with_(control=CONTINUOUS, information=INSTANT)))
+        return _limit_lines(certify(scenario))
     return ()
 
 
@@ -111,9 +113,13 @@ def common_lines(scenarios: Iterable[Scenario], quantity: str) -> tuple[MarginLi
 
 
 def _period_lines(scenario: Scenario) -> tuple[MarginLine, ...]:
+    if not _acts_together(scenario.control, scenario.start.n):
+        return ()
     found = certify(scenario)
     if not scenario.information.ideal:
-        # Margins keep the number of periods by which messages are late, as the certificate does.
+        # How many periods a delay takes depends on the period, and the certificate is for one number of them.
+        if isinstance(scenario.information, Messages) and scenario.information.delay:
+            return ()
         each = found["period_in_world"]
         if not each.granted or each.bound is None:
             return ()
@@ -124,6 +130,13 @@ def _period_lines(scenario: Scenario) -> tuple[MarginLine, ...]:
         if bound is not None:
             lines.append(MarginLine(bound, label, key))
     return tuple(lines)
+
+
+def _acts_together(control: Control, n: int) -> bool:
+    """Whether all of n agents act at the same times and without latency, which certificates of a period assume."""
+    if control.ideal:  # margins hold it with neither phase nor latency
+        return True
+    return type(control) is Held and not control.latency and not np.ptp(control.schedule(n).phase)
 
 
 def _limit_lines(found: Certificates) -> tuple[MarginLine, ...]:

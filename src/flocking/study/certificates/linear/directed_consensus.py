@@ -12,7 +12,7 @@ from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Scenario
 from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable, until_failed
-from flocking.study.certificates.consensus_certificates import MOST_SAMPLES, LinearConsensus
+from flocking.study.certificates.consensus_certificates import MOST_SAMPLES, TOGETHER, LinearConsensus
 from flocking.study.certificates.linear.directed_graphs import DirectedSpectrum, roots_of
 from flocking.study.certificates.linear.directed_modes import DirectedModes
 from flocking.study.certificates.sources import sources
@@ -120,7 +120,8 @@ def directed_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         found.append(_row(
             system, key, period, f"period of held control{words}",
             "" if period is None else
-            f"Under held control{words}, agreement is stable for every period below {rounded_down(period.lo)}.", reason,
+            f"Under held control{words}, {TOGETHER}, agreement is stable for every period below "
+            f"{rounded_down(period.lo)}.", reason,
         ))  # fmt: skip
     return tuple(found)
 

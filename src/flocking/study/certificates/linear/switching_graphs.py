@@ -19,7 +19,7 @@ from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
 from flocking.model.law import Scenario
 from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable, until_failed
-from flocking.study.certificates.consensus_certificates import PI, LinearConsensus
+from flocking.study.certificates.consensus_certificates import PI, TOGETHER, LinearConsensus
 from flocking.study.certificates.sources import sources
 
 SWITCHING = ("disagreement", "period_of_any_graph", "delay_of_each_graph")
@@ -98,10 +98,9 @@ def switching_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         ),
         decided(
             "period_of_any_graph", source, hypotheses, bound=period, side="is", quantity="period of held control",
-            statement=f"Under held control of a period of at most {rounded_down(period.lo)}, and with the present "
-            "known, "
-            f"the {what} never differ by more than at the start, whatever links appear and break; while no agent has "
-            f"more than k neighbours, of one of at most {rounded_down(few_period)}/k.",
+            statement=f"Under held control of a period of at most {rounded_down(period.lo)}, {TOGETHER}, and with the "
+            f"present known, the {what} never differ by more than at the start, whatever links appear and break; while "
+            f"no agent has more than k neighbours, of one of at most {rounded_down(few_period)}/k.",
         ),
         decided(
             "delay_of_each_graph", source, hypotheses, bound=delay, side="is",
