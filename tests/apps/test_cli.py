@@ -10,15 +10,19 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import flocking as fk
 from flocking.apps import cli
+from flocking.apps.commands import audit_command
 from flocking.apps.reproduction import reproduce as reproduction
 from flocking.apps.reproduction.reproduce import Reproduction
 from flocking.papers import ALL_KEYS, KEYS
+from flocking.study.claims.claim import Measure
+from flocking.study.claims.general_claims import GENERAL
 
 QUICK = """
 name = "quick"
@@ -158,6 +162,15 @@ def test_an_audit_that_finds_a_wrong_run_exits_with_1(
     code, text, _ = call(capsys, "audit", tmp_path / "mutant")
     assert code == 1
     assert "Some decided claims have another verdict than expected." in text
+
+
+def test_what_is_not_resolved_is_not_said_to_have_another_verdict(quick: Path) -> None:
+    open_one = replace(GENERAL[0], conclusion=lambda e: Measure(0.0, 1.0, "in doubt"), obstacle=lambda e: "")
+    report = fk.audit(fk.simulate(fk.read_scenario(quick), progress=False), [open_one])
+    assert audit_command._outcome(report) == (
+        "No decided claim has another verdict than expected; not resolved, though a verdict was expected: ledger."
+    )
+    assert not report.as_expected
 
 
 def test_nothing_is_guaranteed_of_a_run_that_breaks_a_promise(

@@ -212,3 +212,16 @@ def test_a_plant_is_driven_by_its_own_law_and_booked_by_the_declared_one() -> No
     two = fk.Law(wrong.graph, [fk.Gradient(SPRING), fk.Consensus(1.0, over=fk.Proximity(1.0))])
     with pytest.raises(InvalidInput, match="as many graphs"):
         fk.start(scenario, plant=two)
+
+
+def test_a_run_that_was_left_early_says_so_and_its_claims_are_open():
+    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("(r - 1)**2/2"))])
+    apart = fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]], [[-3.0, 0.0], [3.0, 0.0]]), t_end=3.0)
+    session = fk.start(apart)
+    session.advance(0.05)
+    early = session.run()
+    assert early.status == "interrupted at t = 0.05"
+    assert str(fk.audit(early)["connected"].verdict) == "not yet"
+    session.advance(3.0)
+    assert session.run().finished
+    assert str(fk.audit(session.run())["connected"].verdict) == "fails"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -16,8 +19,13 @@ T = np.linspace(0.0, 1.0, 401)
 BOUND = 0.01
 
 
-def verdict(values: np.ndarray, t: np.ndarray = T) -> str:
-    found = limit_of_series(t, np.asarray(values), BOUND, str)
+def motion(moved: float) -> Any:
+    """What is asked of the evidence: how far agents moved."""
+    return SimpleNamespace(displacement_about_mean=moved)
+
+
+def verdict(values: np.ndarray, t: np.ndarray = T, moved: float = 1.0) -> str:
+    found = limit_of_series(motion(moved), t, np.asarray(values), BOUND, str)
     return "not yet" if found.unsettled else "holds" if found.holds else "fails"
 
 
@@ -51,6 +59,38 @@ def test_what_passes_by_is_not_reached() -> None:
     assert verdict(left) == "not yet"
 
 
+def test_the_top_of_one_swing_is_no_fluctuation() -> None:
+    swing = np.sin(np.pi * T / 1.5)
+    assert verdict(swing) == "not yet"
+    assert verdict(0.5 + 0.01 * np.sin(3 * np.pi * T)) == "not yet"
+
+
+def test_what_is_constant_while_nobody_moves_is_not_refuted() -> None:
+    assert verdict(np.full_like(T, 0.3), moved=1e-3) == "not yet"
+    assert verdict(np.full_like(T, 0.3), moved=2e-2) == "fails"
+    # A fluctuation needs no way: agents may tremble where they are.
+    assert verdict(np.where(T < 0.1, 1.0, 0.5 + 0.02 * np.sin(41 * T)), moved=1e-6) == "fails"
+
+
+@pytest.mark.parametrize("t_end", [1e-9, 1e-6, 1e-3, 0.1, 0.9, 1.0, 1.1, 40.0])
+@pytest.mark.parametrize("slow", [1.0, 100.0])
+def test_a_damped_spring_never_fails_to_come_to_rest(t_end: float, slow: float) -> None:
+    """Two agents at rest on a spring, damped: velocities agree, distances settle and forces vanish, sooner or later."""
+    terms = [fk.Gradient(fk.Potential("k*(r - 1)**2/2", k=1 / slow**2)), fk.Consensus(1 / slow)]
+    law = fk.Law(fk.Fixed.complete(2), terms)
+    made = fk.Scenario(law, fk.State([[0.0, 0.0], [1.5, 0.0]], np.zeros((2, 2))), t_end=t_end * slow)
+    found = fk.audit(fk.simulate(made, progress=False))
+    for key in ("velocities-agree", "distances-settle", "forces-vanish"):
+        assert str(found[key].verdict) == ("holds" if t_end == 40.0 else "not yet"), key
+
+
+def test_agents_that_have_not_met_yet_have_not_settled() -> None:
+    """One passes another at right angles: their distance changes at 1e-3 of their speed at first, then by all of it."""
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(1e-9)])
+    made = fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]), t_end=1e-3)
+    assert str(fk.audit(fk.simulate(made, progress=False))["distances-settle"].verdict) == "not yet"
+
+
 def test_what_goes_up_and_down_and_does_not_fall_fails() -> None:
     steady = 0.5 + 0.02 * np.sin(41 * T)
     assert verdict(np.where(T < 0.1, 1.0, steady)) == "fails"
@@ -66,7 +106,7 @@ def test_few_frames_show_no_limit() -> None:
 
 def test_the_contrary_of_a_limit_waits_too() -> None:
     for values in (np.exp(-4 * T), np.exp(-9 * T), np.full_like(T, 0.3)):
-        found = limit_of_series(T, values, BOUND, str)
+        found = limit_of_series(motion(1.0), T, values, BOUND, str)
         assert found.opposite.unsettled == found.unsettled
         assert found.opposite.margin == -found.margin
 

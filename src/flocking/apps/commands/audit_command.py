@@ -108,14 +108,26 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
         print_promises(promised)
         if broken:
             print("What is guaranteed of the scenario is broken: the run has another law, or was changed on its way.")
-        outcome = "No decided claim has" if report.as_expected else "Some decided claims have"
-        print(f"{outcome} another verdict than expected.")
+        print(_outcome(report))
         if again is not None:
             print(again)
         _tell_page(html)
     if again is not None and not again.agrees:
         return DIFFERENT
     return FINE if report.as_expected and all(row["kept"] is not False for row in promised) else DIFFERENT
+
+
+def _outcome(report: Report) -> str:
+    """Whether the claims of a run have the verdicts that were expected, in a sentence."""
+    from flocking.study.claims.audit import DECIDED
+    from flocking.study.claims.claim import Verdict
+
+    unexpected = [r for r in report.results if r.verdict in DECIDED and not r.as_expected]
+    if any(r.verdict is not Verdict.NOT_RESOLVED for r in unexpected):
+        return "Some decided claims have another verdict than expected."
+    found = "No decided claim has another verdict than expected"
+    left = ", ".join(r.claim.key for r in unexpected)
+    return f"{found}; not resolved, though a verdict was expected: {left}." if left else f"{found}."
 
 
 def _audit_samples(

@@ -14,6 +14,7 @@ from flocking.engine.driver.run_progress import Progress
 from flocking.engine.driver.simulate import advance_slice, fine_option, open_session
 from flocking.engine.interruption import Deferred
 from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.session import interrupted_at
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError, InvalidInput, RunsFailed, SimulationError
 from flocking.model.law import Scenario
@@ -161,7 +162,7 @@ class _Ensemble:
             while not session.reached(job.scenario.t_end) and not self._stopped:
                 advance_slice(session, job.scenario.t_end)
             ended = session.reached(job.scenario.t_end)
-            job.run = session.run("finished" if ended else f"interrupted at t = {session.time:.9g}")
+            job.run = session.run("finished" if ended else interrupted_at(session.time))
         except SimulationError as error:
             if error.run is None:
                 error.run = session.run(str(error))

@@ -15,7 +15,7 @@ from flocking.engine.driver.waits import Wait, stage
 from flocking.engine.interruption import Deferred, Noted
 from flocking.engine.memory_shortage import starved
 from flocking.engine.protocol.engine import Engine
-from flocking.engine.protocol.session import Session
+from flocking.engine.protocol.session import Session, interrupted_at
 from flocking.engine.protocol.world import check_world
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.new_folders import check_free
@@ -253,7 +253,7 @@ def _drive(
         between_steps = isinstance(stop, Noted)
         if team.size > 1 and not between_steps:
             raise
-        status = f"interrupted at t = {session.time:.9g}"
+        status = interrupted_at(session.time)
         if writer is not None:
             try:
                 writer.interrupt(status, between_steps=between_steps)

@@ -21,6 +21,9 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.information import Information
 
+SAME_TIME = 1e-12
+"""Relative difference of two times that is rounding: many steps are added up."""
+
 Packed = tuple[dict[str, object], Arrays]
 """A session as plain data for JSON and arrays of numbers by name."""
 
@@ -43,6 +46,17 @@ class Stored:
     plant: Law | None
     counts: Mapping[str, int]
     read: Callable[[], Run]
+
+
+def interrupted_at(time: float) -> str:
+    """Status of a run that was left before the end of its scenario.
+
+    Parameters
+    ----------
+    time
+        When it was left.
+    """
+    return f"interrupted at t = {time:.9g}"
 
 
 class Session(ABC):
@@ -226,9 +240,19 @@ class Session(ABC):
         """What is known of the errors so far; None where nothing is."""
         return self.known[1]
 
-    def run(self, status: str = "finished") -> Run:
-        """The records that are in memory, as a run; ``status`` is its state."""
+    def run(self, status: str | None = None) -> Run:
+        """The records that are in memory, as a run.
+
+        Parameters
+        ----------
+        status
+            Its state; by default ``"finished"`` from the end of the scenario on, and interrupted before.
+        """
         (linked, unlinked), accuracy = self.known
+        if status is None:
+            end = self.scenario.t_end
+            ended = self.time >= end or math.isclose(self.time, end, rel_tol=SAME_TIME)
+            status = "finished" if ended else interrupted_at(self.time)
         return Run(
             self.scenario, status=status, provenance=self.about, closest_linked=linked, closest_unlinked=unlinked,
             accuracy=accuracy, fidelity=self.fidelity, rank=self.team.rank, **self.records.tables(),

@@ -126,7 +126,7 @@ def distance_as_predicted(e: Evidence) -> Measure:
     if not np.isfinite(limit):
         raise NotMeasurable("the two agents part for ever")
     off = np.abs(r - limit) / limit
-    return limit_of_series(e.t, off, CLOSE, lambda x: f"distance {r[-1]:.9g}, predicted {limit:.9g}: off by {x:.1e}")
+    return limit_of_series(e, e.t, off, CLOSE, lambda x: f"distance {r[-1]:.9g}, predicted {limit:.9g}: off by {x:.1e}")
 
 
 @about(Subject.SPREAD)

@@ -137,7 +137,7 @@ def centred(e: Evidence) -> Measure:
     """Distance of the centre of mass from the sink at the end, against the side of the start box."""
     off = np.linalg.norm(e.q.mean(axis=1), axis=1)
     return limit_of_series(
-        e.t, off, general.SETTLED * system.SINK_BOX, lambda d: f"centre of mass {d:.1e} from the sink"
+        e, e.t, off, general.SETTLED * system.SINK_BOX, lambda d: f"centre of mass {d:.1e} from the sink"
     )
 
 
@@ -203,7 +203,7 @@ def structural_energy_vanishes(e: Evidence) -> Measure:
     values = structural_energies(e)
     most = float(values.max()) or 1.0
     return limit_of_series(
-        e.t, values / most, REALIZED, lambda ratio: f"H_s ends at {ratio * most:.3g}, {ratio:.1e} of its maximum"
+        e, e.t, values / most, REALIZED, lambda ratio: f"H_s ends at {ratio * most:.3g}, {ratio:.1e} of its maximum"
     )
 
 

@@ -58,7 +58,7 @@ def velocities_agree(e: Evidence) -> Measure:
 def _fades(e: Evidence, error: Array, goal: str) -> Measure:
     most = float(error.max()) or 1.0
     found = limit_of_series(
-        e.t, _over_period(e, error) / most, general.SETTLED,
+        e, e.t, _over_period(e, error) / most, general.SETTLED,
         lambda ratio: f"|v_i - {goal}| is {ratio * most:.1e} over the last period",
     )  # fmt: skip
     return _periodic(e, found)
@@ -90,7 +90,7 @@ def steady_error(law: int) -> Callable[[Evidence], Measure]:
         gaps = _over_period(e, np.abs(error - expected))
         mean = float(error[e.t >= e.t[-1] - LAST].mean())
         found = limit_of_series(
-            e.t, gaps, 1e-3 * expected, lambda _: f"|v* - v0| = {mean:.6f}, closed form {expected:.6f}"
+            e, e.t, gaps, 1e-3 * expected, lambda _: f"|v* - v0| = {mean:.6f}, closed form {expected:.6f}"
         )
         return _periodic(e, found)
 

@@ -83,7 +83,7 @@ def agents_coincide(e: Evidence) -> Measure:
     """Largest distance of two agents at the end against the largest at the start."""
     wide = float(e.diameter[0])
     return limit_of_series(
-        e.t, e.diameter, general.SETTLED * wide, lambda d: f"the group ends {d:.3g} wide, from {wide:.3g}"
+        e, e.t, e.diameter, general.SETTLED * wide, lambda d: f"the group ends {d:.3g} wide, from {wide:.3g}"
     )
 
 
@@ -117,7 +117,7 @@ def velocities_follow(e: Evidence) -> Measure:
     goal = tracking(e).leader.at(float(e.t[-1]))[1]
     off = np.linalg.norm(e.p - goal, axis=2).max(axis=1)
     ratios = off / off.max() if off.any() else off
-    return limit_of_series(e.t, ratios, general.SETTLED, lambda r: f"difference fell to {r:.1e} of its maximum")
+    return limit_of_series(e, e.t, ratios, general.SETTLED, lambda r: f"difference fell to {r:.1e} of its maximum")
 
 
 @about(Subject.LEADER)
@@ -151,7 +151,7 @@ def leader_met(e: Evidence) -> Measure:
     distances = np.linalg.norm(e.q.mean(axis=1) - leader.along(e.t)[0], axis=1)
     first = float(distances[0])
     return limit_of_series(
-        e.t, distances, general.SETTLED * first,
+        e, e.t, distances, general.SETTLED * first,
         lambda last: f"distance to the leader {first:.3g} at the start, {last:.3g} at the end",
     )  # fmt: skip
 

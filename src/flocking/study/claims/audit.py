@@ -15,6 +15,9 @@ from flocking.model.checks import listed
 from flocking.study.claims.claim import Claim, Result, Verdict
 from flocking.study.evidence import Evidence
 
+DECIDED = (Verdict.HOLDS, Verdict.FAILS, Verdict.NOT_RESOLVED)
+"""Verdicts that the expected one is compared with: not resolved is none that anybody expects, and hides no failure."""
+
 
 @dataclass(frozen=True, repr=False)
 class Report:
@@ -37,9 +40,8 @@ class Report:
 
     @property
     def as_expected(self) -> bool:
-        """Whether every decided claim has the expected verdict; one that is ``not yet`` is not decided."""
-        decided = (Verdict.HOLDS, Verdict.FAILS, Verdict.NOT_RESOLVED)
-        return all(r.as_expected for r in self.results if r.verdict in decided)
+        """Whether every claim with a verdict of `DECIDED` has the expected one; of others nothing is expected."""
+        return all(r.as_expected for r in self.results if r.verdict in DECIDED)
 
     def __repr__(self) -> str:
         """In one line: how many claims have which verdict."""

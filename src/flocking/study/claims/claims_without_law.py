@@ -20,9 +20,11 @@ SOURCE = "any motion"
 @about(Subject.VELOCITIES, lasting=True)
 def mean_velocity_constant(e: Evidence) -> Measure:
     """Largest change of the mean velocity against `SETTLED` of the largest speed."""
-    drift = float(np.linalg.norm(e.mean_velocity - e.mean_velocity[0], axis=1).max())
-    error = 2.0 * e.velocity_error * float(np.sqrt(e.p.shape[2]))
     fastest = float(e.speeds.max())
+    error = 2.0 * e.velocity_error * float(np.sqrt(e.p.shape[2]))
+    if not fastest and not error:
+        return Measure(np.inf, 0.0, "all agents rest at all samples")
+    drift = float(np.linalg.norm(e.mean_velocity - e.mean_velocity[0], axis=1).max())
     note = f"mean velocity moved by {drift:.2e}, largest speed {fastest:.2e}"
     return below(drift, SETTLED * fastest, note, (1 + SETTLED) * error)
 

@@ -3,10 +3,12 @@
 Claims about limits are measured on a finite run, all by one criterion. A limit is reached when its bound holds
 throughout the last tenth of the run. It is missed when the bound does not hold at any time of that tenth and the
 excess over the bound has settled, in one of two ways. Either it is constant: its means over the last tenth and over
-the tenth before differ by no more than `CHANGE` of it. Or it fluctuates and does not fall: its means over the five
-tenths of the last half differ by no more than `STEADY` of it, and the last is not the least of them. These changes are
-also compared with the total change over the run (`OF_ALL`, and `STEADY` again), so that a run too short for its motion
-does not count as settled. In all other cases the verdict is ``not yet``.
+the tenth before differ by no more than `CHANGE` of it, in a run in which agents moved about their mean by `MOVED` of
+the group's size or more. Or it fluctuates and does not fall: its means over the five tenths of the last half differ by
+no more than `STEADY` of it, the last is not the least of them, and it crosses its own mean `FEWEST_CROSSINGS` times or
+more in that half, so that one swing of a slow motion is none. These changes are also compared with the total change
+over the run (`OF_ALL`, and `STEADY` again), so that a run too short for its motion does not count as settled. In all
+other cases the verdict is ``not yet``.
 """
 
 from __future__ import annotations
@@ -38,6 +40,13 @@ TIME_ROUNDING = 1e-9
 
 STEADY = 0.1
 """The same for the five tenths of the last half, where the last of them is not the least."""
+
+FEWEST_CROSSINGS = 4
+"""Times that a fluctuating quantity crosses its mean in the last half of the run: two whole swings."""
+
+MOVED = 1e-2
+"""Displacement about the mean, as a share of the group's size, below which a constant quantity shows nothing: the run
+is short for the motion."""
 
 FEWEST = 3
 """Frames needed in each of the two shares."""
@@ -117,11 +126,12 @@ def limit_of(
     if frames is None:
         return _unseen(bound, value(-1), note, error)
     tenths = [np.array([value(int(k)) for k in part]) for part in frames.tenths]
-    return _judged(bound, tenths, np.array([value(int(k)) for k in frames.first]), note, error)
+    first = np.array([value(int(k)) for k in frames.first])
+    return _judged(bound, tenths, first, note, error, moved=e.displacement_about_mean)
 
 
 def limit_of_series(
-    t: Array, values: Reals, bound: float, note: Callable[[float], str], *, error: float = 0.0
+    e: Evidence, t: Array, values: Reals, bound: float, note: Callable[[float], str], *, error: float = 0.0
 ) -> Measure:
     """The same for a quantity that is known at all times of a series.
 
@@ -135,20 +145,29 @@ def limit_of_series(
     frames = late_frames(t)
     if frames is None:
         return _unseen(bound, float(values[-1]), note, error)
-    return _judged(bound, [values[part] for part in frames.tenths], values[frames.first], note, error)
+    return _judged(
+        bound,
+        [values[part] for part in frames.tenths],
+        values[frames.first],
+        note,
+        error,
+        moved=e.displacement_about_mean,
+    )
 
 
 def _unseen(bound: float, end: float, note: Callable[[float], str], error: float) -> Measure:
     return Measure(bound - end, error, note(end), FEW, everywhere=False)
 
 
-def _judged(bound: float, tenths: Sequence[Reals], first: Reals, note: Callable[[float], str], error: float) -> Measure:
+def _judged(
+    bound: float, tenths: Sequence[Reals], first: Reals, note: Callable[[float], str], error: float, *, moved: float
+) -> Measure:
     end = float(tenths[0][-1])
     excess = [part - bound for part in tenths]
-    return Measure(bound - end, error, note(end), _unsettled(excess, first - bound), everywhere=False)
+    return Measure(bound - end, error, note(end), _unsettled(excess, first - bound, moved), everywhere=False)
 
 
-def _unsettled(excess: Sequence[Reals], first: Reals) -> str:
+def _unsettled(excess: Sequence[Reals], first: Reals, moved: float) -> str:
     """Why the excess over a bound, in each tenth of the last half and in the first half, has not settled."""
     late = excess[0]
     if np.isnan(late).any():
@@ -163,9 +182,11 @@ def _unsettled(excess: Sequence[Reals], first: Reals) -> str:
     now, total_change = float(means[0]), float(np.ptp(every))
     change, spread = abs(float(means[1]) - now), float(np.ptp(means))
     if change <= max(ROUNDING * now, min(CHANGE * now, OF_ALL * total_change)):
-        return ""
+        return "" if moved >= MOVED else f"agents moved about their mean by {moved:.1e} of the group's size alone"
     if spread <= STEADY * min(now, total_change) and now > means.min():
-        return ""
+        half = np.concatenate(excess[::-1])
+        crossings = np.count_nonzero(np.diff(half > half.mean()))
+        return "" if crossings >= FEWEST_CROSSINGS else "it may be at the top of one swing"
     return (
         f"the excess over the bound still changes in a tenth of the run, by {change / now:.1e} of itself and "
         f"{change / total_change:.1e} of its change since the start"

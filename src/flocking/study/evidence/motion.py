@@ -74,6 +74,19 @@ class MotionEvidence(RunEvidence):
         return None if self.run.accuracy is None else self.run.accuracy.largest.get(name)
 
     @cached_property
+    def displacement_about_mean(self) -> float:
+        """Largest displacement of an agent about the mean position, against the largest distance from that mean.
+
+        Infinite without frames, for one agent, and where all agents are at one place.
+        """
+        size, most = 0.0, 0.0
+        for q in self.q:
+            offsets = q - q.mean(axis=0)
+            size = max(size, float(np.linalg.norm(offsets, axis=1).max()))
+            most = max(most, float(np.linalg.norm(offsets - (self.q[0] - self.q[0].mean(axis=0)), axis=1).max()))
+        return most / size if size > 0.0 else np.inf
+
+    @cached_property
     def diameter(self) -> Array:
         """Largest distance of two agents at each frame, shape (F,), of positions as they are, not of their images."""
         self.need_few()

@@ -19,6 +19,7 @@ from flocking.study.claims.claims_without_law import claims_without_law
 from flocking.study.claims.general_claims import GENERAL
 from flocking.study.sample_files.samples import LARGEST_FILE, Samples
 from flocking.study.sample_files.velocities import SPREADS, Velocities, smoothed_velocities
+from flocking.study.sample_files.velocity_check import check_velocities
 from flocking.study.trajectory import SAMPLES, closest_of, largest_gap, run_from_samples
 
 DRAWS = 4
@@ -83,8 +84,9 @@ def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: flo
     Raises
     ------
     InvalidInput
-        When law and samples do not fit, the scenario is in periodic space, both a law and a radius are given, there are
-        too many pairs to hold, or too few samples to estimate velocities.
+        When law and samples do not fit, velocities of the file contradict its positions, the scenario is in periodic
+        space, both a law and a radius are given, there are too many pairs to hold, or too few samples to estimate
+        velocities.
     """
     if scenario is not None and radius is not None:
         raise InvalidInput("audit", "radius", "must be absent where a law is given", radius, "The law has its own.")
@@ -99,6 +101,8 @@ def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: flo
     found = smoothed_velocities(samples.t, samples.q) if samples.p is None else None
     p = found.p if found is not None else samples.p
     assert p is not None
+    if found is None and (scenario is None or not scenario.agents.discrete):
+        check_velocities(samples.t, samples.q, p)
     if scenario is None:
         run = _with_errors(_run_without_law(samples, p, radius), found)
         return SampledMotion(run, False, radius)

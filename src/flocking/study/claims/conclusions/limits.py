@@ -10,7 +10,14 @@ from flocking.model.checks import NO_LESS
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.terms.pair_terms import Gradient
 from flocking.study.claims.claim import Measure, above
-from flocking.study.claims.settling import LAST, configuration_unsettled, limit_of, limit_of_series, of_configuration
+from flocking.study.claims.settling import (
+    LAST,
+    MOVED,
+    configuration_unsettled,
+    limit_of,
+    limit_of_series,
+    of_configuration,
+)
 from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence
 
@@ -41,7 +48,7 @@ def velocities_agree(e: Evidence) -> Measure:
     most = e.largest_spread
     ratios = e.velocity_spread / most if most > 0 else np.zeros_like(e.velocity_spread)
     return limit_of_series(
-        e.spread_times, ratios, SETTLED, lambda r: f"spread fell to {r:.1e} of its maximum", error=_velocity_share(e)
+        e, e.spread_times, ratios, SETTLED, lambda r: f"spread fell to {r:.1e} of its maximum", error=_velocity_share(e)
     )
 
 
@@ -51,7 +58,7 @@ def positions_agree(e: Evidence) -> Measure:
     sizes = e.diameter
     most = float(sizes.max())
     ratios = sizes / most if most > 0 else np.zeros_like(sizes)
-    return limit_of_series(e.t, ratios, SETTLED, lambda r: f"distances fell to {r:.1e} of their maximum")
+    return limit_of_series(e, e.t, ratios, SETTLED, lambda r: f"distances fell to {r:.1e} of their maximum")
 
 
 @about(Subject.NET, while_connected=True)
@@ -63,15 +70,20 @@ def distances_settle(e: Evidence) -> Measure:
     def ratio(frame: int) -> float:
         return e.distance_rate_at(frame) / most if most > 0 else 0.0
 
-    return limit_of(
+    found = limit_of(
         e, SETTLED, ratio, lambda r: f"distances change at {r:.1e} of the first spread", error=_velocity_share(e)
     )
+    if found.holds and not found.unsettled and e.displacement_about_mean < MOVED and not velocities_agree(e).holds:
+        return replace(found, unsettled="velocities differ, and agents have hardly moved against each other")
+    return found
 
 
 def _velocity_share(e: Evidence) -> float:
     """Error of a difference of two velocities that were estimated from positions, by the largest spread."""
-    error = 2.0 * e.velocity_error * float(np.sqrt(e.p.shape[2])) if e.velocity_error else 0.0
-    return error / e.largest_spread if error else 0.0
+    if not e.velocity_error or e.run.n == 1:
+        return 0.0
+    error = 2.0 * e.velocity_error * float(np.sqrt(e.p.shape[2]))
+    return error / e.largest_spread if e.largest_spread > 0.0 else np.inf
 
 
 @about(Subject.LINKS, _last_switch)
