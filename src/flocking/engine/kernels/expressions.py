@@ -13,7 +13,8 @@ from flocking.errors import InvalidInput
 from flocking.formula.contact import defined_at_contact
 from flocking.formula.derivatives import derivative
 from flocking.formula.identities import nothing_or_itself
-from flocking.model.bodies.body import MotionSymbols
+from flocking.formula.stated_symbols import StatedSymbols
+from flocking.model.bodies.body import Body, MotionSymbols
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.terms.body_terms import Compensate
 from flocking.model.terms.fading_potentials import Fade
@@ -174,6 +175,11 @@ def _parameters(layout: Layout, owner: str) -> Callable[[str], sympy.Expr]:
     return lambda name: _symbol(layout.slot(owner, name))
 
 
+def _asked(known: StatedSymbols, layout: Layout, owner: str) -> Callable[[str], sympy.Expr]:
+    """Gives the parameters of a part, whose symbols it may then use."""
+    return known.asked("x.parameter", _parameters(layout, owner), lambda: [n for o, n in layout.slots if o == owner])
+
+
 def _fade(layout: Layout, term: PairTerm) -> Fade | None:
     fall = layout.falls.get(layout.fall_owner(term))
     if fall is None:
@@ -189,16 +195,19 @@ def _pair_formulas(layout: Layout, integrals: bool) -> list[PairFormulas]:
     names = ("along", "drag", "storage", "dissipation", "supply")
     found = []
     for number, graph in enumerate(layout.law.graphs):
-        weight = graph.weight(r, _parameters(layout, f"graph{number}"))
+        symbols = StatedSymbols(graph, [r])
+        weight = graph.weight(r, _asked(symbols, layout, f"graph{number}"))
+        symbols.check("weight", weight)
         terms = [t for t in layout.law.pair_terms if layout.law.graph_number(t) == number]
         paired = not graph.directed and all("momentum" in t.symmetries for t in terms)
         total: dict[str, sympy.Expr] = dict.fromkeys((*names, "flow"), sympy.Integer(0))
         for term in terms:
-            x = PairSymbols(
-                r, weight, _symbol("speed2"), _symbol("radial"), _symbol("functional"),
-                _parameters(layout, layout.term_owner(term)), _fade(layout, term) if integrals else None,
-            )  # fmt: skip
+            given = r, weight, _symbol("speed2"), _symbol("radial"), _symbol("functional")
+            known, fade = StatedSymbols(term, given), _fade(layout, term) if integrals else None
+            x = PairSymbols(*given, _asked(known, layout, layout.term_owner(term)), fade)
             stated = {name: sympy.sympify(getattr(term, name)(x)) for name in names}
+            for name, value in stated.items():
+                known.check(name, value)
             if not paired:
                 stated["supply"] += _unpaired_power(stated["along"], stated["drag"])
             for name, value in {**stated, "flow": _flow(stated, x, paired)}.items():
@@ -237,14 +246,15 @@ def _leader_motion(
     if leader is None:
         zero = [sympy.Integer(0)] * dimension
         return zero, zero, zero
-    t = _symbol("t")
-    parameter = _parameters(layout, f"leader{layout.leader_number(leader)}")
-    place = leader.position(t, parameter)
-    return (
-        place if place is not None else [parameter(f"place_{k}") for k in range(dimension)],
-        leader.velocity(t, parameter),
-        leader.acceleration(t, parameter),
-    )
+    t, owner = _symbol("t"), f"leader{layout.leader_number(leader)}"
+    known, given = StatedSymbols(leader, [t]), _parameters(layout, owner)
+    parameter = _asked(known, layout, owner)
+    place, velocity = leader.position(t, parameter), leader.velocity(t, parameter)
+    acceleration = leader.acceleration(t, parameter)
+    known.check("position", *(place or ()))
+    known.check("velocity", *velocity)
+    known.check("acceleration", *acceleration)
+    return place if place is not None else [given(f"place_{k}") for k in range(dimension)], velocity, acceleration
 
 
 def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
@@ -272,9 +282,13 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
     gaps: list[sympy.Expr] = [sympy.Integer(0)] * dimension
     for term in layout.law.body_terms:
         place, velocity, acceleration = _leader_motion(layout, term.leader, dimension)
+        means = _vector("mean_q", dimension), mean_p
+        known = StatedSymbols(term, [_symbol("t"), mass, damping])
+        for vector in (q, p, *means, origin or (), frame, place, velocity, acceleration):
+            known.add(vector)
         x = BodySymbols(
-            q, p, _symbol("t"), mass, damping, _vector("mean_q", dimension), mean_p, origin, frame,
-            place, velocity, acceleration, _parameters(layout, layout.term_owner(term)),
+            q, p, _symbol("t"), mass, damping, *means, origin, frame, place, velocity, acceleration,
+            _asked(known, layout, layout.term_owner(term)),
         )  # fmt: skip
         pushed, stored = list(term.force(x)), sympy.sympify(term.storage(x))
         force = [a + b for a, b in zip(force, pushed, strict=True)]
@@ -282,6 +296,9 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
         # A term that descends its own storage leaves nothing for the ledger of first-order agents.
         gaps = [g + nothing_or_itself(f + sympy.diff(stored, c)) for g, f, c in zip(gaps, pushed, q, strict=True)]
         dissipated, supplied = term.balance(x)
+        known.check("force", *pushed)
+        known.check("storage", stored)
+        known.check("balance", dissipated, supplied)
         dissipation += dissipated
         supply += supplied
     passing = sympy.diff(storage, _symbol("t"))
@@ -295,6 +312,16 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
     flow = passing + sum((g * u for g, u in zip(gaps, _vector("u", dimension), strict=True)), sympy.Integer(0))
     motion = motion_formulas(layout, dimension)
     return BodyFormulas(tuple(force), storage, dissipation, supply, tuple(frame), flow, motion)
+
+
+def _each(body: Body, name: str, rates: object) -> list[sympy.Expr]:
+    """The rates of a column, one for each of its numbers."""
+    import sympy
+
+    if not isinstance(rates, list | tuple | sympy.MatrixBase):
+        rule = f"must give a list of rates for the column {name!r}, one for each of its numbers"
+        raise InvalidInput(type(body).__name__, "rates", rule, rates)
+    return [sympy.sympify(rate) for rate in rates]
 
 
 def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
@@ -312,13 +339,22 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
     q, p, u, w = (_vector(name, dimension) for name in "qpuw")
     own = tuple(body.widths(dimension).items())
     rows = layout.held_rows(dimension)
+    numbers = _symbol("t"), _symbol(MASS), _symbol(DAMPING)
+    further = {name: _vector(f"column_{name}_", size) for name, size in own}
+    known = StatedSymbols(body, numbers)
+    for vector in (q, p, u, w, *further.values()):
+        known.add(vector)
     x = MotionSymbols(
-        q, p if second else [zero] * dimension, u, _symbol("t"), _symbol(MASS), _symbol(DAMPING),
-        {name: _vector(f"column_{name}_", size) for name, size in own}, _parameters(layout, BODIES),
-        lambda name: _symbol(f"let_{name}"), lambda name: _symbol(f"A{rows[name]}"),
+        q, p if second else [zero] * dimension, u, *numbers, further, _asked(known, layout, BODIES),
+        lambda name: _symbol(f"let_{name}"),
+        known.asked("x.held", lambda name: _symbol(f"A{rows[name]}"), lambda: rows),
     )  # fmt: skip
     lets = {f"let_{name}": sympy.sympify(e) for name, e in body.lets(x).items()}
-    stated = {name: [sympy.sympify(rate) for rate in rates] for name, rates in body.rates(x).items()}
+    for name, e in lets.items():
+        known.check("lets", e)
+        known.add([_symbol(name)])
+    stated = {name: _each(body, name, rates) for name, rates in body.rates(x).items()}
+    known.check("rates", *(rate for rates in stated.values() for rate in rates))
     moving = {"q": p, **stated} if second else stated
     columns = (("q", dimension), *((("p", dimension),) if second else ()), *own)
     found = {name: len(rates) for name, rates in moving.items()}
@@ -326,6 +362,7 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
         raise InvalidInput(type(body).__name__, "rates", f"must be those of {dict(columns)}", str(found))
     departs = not second and any(rate - desired != 0 for rate, desired in zip(moving["q"], u, strict=True))
     kinetic, departure = sympy.sympify(body.kinetic(x, w)), zero
+    known.check("kinetic", kinetic)
     if second:
         rates = moving["p"]
         slopes, desired = [sympy.diff(kinetic, a) for a in w], [a - x.damping * b for a, b in zip(u, p, strict=True)]
@@ -339,5 +376,6 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
     limits: dict[str, sympy.Expr] = {}
     for k, limit in enumerate(body.limits(x).values()):
         limits |= {f"begins_{k}": sympy.sympify(limit.begins), f"ends_{k}": sympy.sympify(limit.ends)}
+    known.check("limits", *limits.values())
     named = {f"rate_{name}{k}": rate for name, _ in columns for k, rate in enumerate(moving[name])}
     return MotionFormulas(columns, lets, named, kinetic, departure, departs, limits)

@@ -16,6 +16,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.formula.identities import is_zero
+from flocking.formula.stated_symbols import StatedSymbols
 from flocking.model.checks import Array
 from flocking.model.terms.state_symbols import BodyStates, PairStates, States, draw
 
@@ -94,9 +95,13 @@ def check_pair_term(term: PairTerm, graph: Graph) -> None:
     states = PairStates(term, graph)
     x = states.symbols
     along, drag, stored = term.along(x), term.drag(x), term.storage(x)
+    stated = {"along": along, "drag": drag, "dissipation": term.dissipation(x), "supply": term.supply(x)}
+    known = StatedSymbols(term, (x.r, x.weight, x.speed2, x.radial, x.functional, *states.constants))
+    for method, formula in stated.items():
+        known.check(method, formula)
     _only(term, stored, {x.r}, states, "of r")
     balance = Balance(
-        -along * x.radial - drag * x.speed2, sympy.diff(stored, x.r) * x.radial, term.dissipation(x), term.supply(x)
+        -along * x.radial - drag * x.speed2, sympy.diff(stored, x.r) * x.radial, stated["dissipation"], stated["supply"]
     )
     _check(type(term).__name__, balance, states)
 
@@ -123,10 +128,15 @@ def check_body_term(term: BodyTerm, dimension: int) -> None:
     for moving in (False, True):
         states = BodyStates(term, dimension, moving)
         x = states.symbols
-        stored = term.storage(x)
+        stored, force, balance = term.storage(x), term.force(x), term.balance(x)
+        known = StatedSymbols(term, (*states.rates, x.mass, x.damping, *states.constants))
+        for vector in (x.p, x.frame_p, x.leader_q, x.leader_p, x.leader_a):
+            known.add(vector)
+        known.check("force", *force)
+        known.check("balance", *balance)
         _only(term, stored, states.rates, states, "of positions and the time")
         rate = sum((sympy.diff(stored, s) * v for s, v in states.rates.items()), sympy.Integer(0))
-        _check(type(term).__name__, Balance(_power(term.force(x), x), rate, *term.balance(x)), states)
+        _check(type(term).__name__, Balance(_power(force, x), rate, *balance), states)
         if isinstance(term, ObstacleTerm):
             _check_obstacle_term(term, dimension, moving)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.formula.stated_symbols import StatedSymbols
 from flocking.model.checks import Array
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.terms.schedules import Schedule
@@ -50,13 +51,13 @@ class States:
         self.constants: dict[sympy.Symbol, tuple[float, ...]] = {}
         """Values each parameter may have."""
 
-    def parameter(self, owner: str, values: Mapping[str, object]) -> Callable[[str], sympy.Symbol]:
+    def parameter(self, owner: str, part: object, values: Mapping[str, object]) -> Callable[[str], sympy.Expr]:
         """Symbols of the parameters of a part, by name.
 
         Parameters
         ----------
-        values
-            Its parameters.
+        part, values
+            The part and its parameters.
         """
 
         def named(name: str) -> sympy.Symbol:
@@ -64,7 +65,7 @@ class States:
             self.constants[symbol] = _values(values[name])
             return symbol
 
-        return named
+        return StatedSymbols(part).asked("x.parameter", named, lambda: values)
 
 
 def draw(
@@ -131,10 +132,10 @@ class PairStates(States):
         radii = [float(np.max(x)) for x in (graph.appear_radius, graph.break_radius)]
         super().__init__([*radii, *term.kinks(), *graph.kinks()])
         r = sympy.Symbol("r", positive=True)
-        weight = graph.weight(r, self.parameter("graph", graph.parameters))
+        weight = graph.weight(r, self.parameter("graph", graph, graph.parameters))
         self.symbols = PairSymbols(
             r, weight, _symbol("speed2"), _symbol("radial"), _symbol("functional"),
-            self.parameter("term", term.parameters),
+            self.parameter("term", term, term.parameters),
         )  # fmt: skip
 
 
@@ -161,7 +162,7 @@ class BodyStates(States):
         place, velocity, acceleration = self._motion(term.leader, t)
         self.symbols = BodySymbols(
             q, p, t, _symbol("mass"), _symbol("damping"), mean_q, mean_p, frame_q, frame_p,
-            place, velocity, acceleration, self.parameter("term", term.parameters),
+            place, velocity, acceleration, self.parameter("term", term, term.parameters),
         )  # fmt: skip
         self.rates: dict[sympy.Expr, sympy.Expr] = {t: sympy.Integer(1)}
         """Rate of change of every symbol that changes with time."""
@@ -184,7 +185,7 @@ class BodyStates(States):
         if leader is None:
             zero = [sympy.Integer(0)] * self.dimension
             return zero, zero, zero
-        parameter = self.parameter("leader", leader.parameters)
+        parameter = self.parameter("leader", leader, leader.parameters)
         place = leader.position(t, parameter) if leader.closed_form else None
         return (
             place if place is not None else self.vector("q_leader"),
