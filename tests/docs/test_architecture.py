@@ -19,6 +19,8 @@ MOST_LINES = 72
 ENGINES = ("exact", "sampled", "delayed", "discrete", "tiles", "lammps")
 
 HOMES = {
+    "change what a replaced law or state changes under delayed knowledge": "class Replacement",
+    "change when agents know of a replaced state": "class StateJumps",
     "change what goes with an agent that changes ranks under held control": "class HeldRankParticles(",
     "change what goes with a body that changes ranks under held control": "def columns_here(self",
     "change which rank writes which agents of a frame": "class FrameShares",

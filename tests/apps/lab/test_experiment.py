@@ -11,6 +11,7 @@ from flocking.apps.lab.experiment.events import EventLog
 from flocking.apps.lab.experiment.experiment import Experiment, replay
 from flocking.apps.lab.experiment.settings import sections
 from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
+from flocking.model.serial import to_data
 
 GAIN = ["law", "terms", 1, "gain"]
 LEADER = ["law", "terms", 2, "leader"]
@@ -383,6 +384,42 @@ def test_a_delay_changes_in_a_session_that_begins_anew(tmp_path, tau):
     again = replay(EventLog.read(experiment.log.write(tmp_path / "late.events.json")))
     assert (again.state.q == experiment.state.q).all()
     assert not [s for s in sections(made.with_(information=fk.Delayed(0.0))) if s.title.startswith("Delay")]
+
+
+def test_the_law_and_agents_are_moved_in_a_delayed_world_and_the_log_replays_it(tmp_path):
+    """What follows is that of the same session without a lab: the past stays, and a drag is known a delay later."""
+    law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("k*(r - 1)**2", k=1.0)), fk.Consensus(1.0)])
+    start = fk.State(np.eye(3), 0.3 * np.roll(np.eye(3), 1, axis=0))
+    made = fk.Scenario(law, start, t_end=2.0, frames=3, information=fk.Delayed(0.1))
+    track, experiment = fk.Track(fk.Velocity([1.0, 0.0, 0.0]), 1.0, 0.5), Experiment(made)
+    experiment.advance(0.53)
+    stiffness = ["law", "terms", 0, "potential", "k"]
+    experiment.apply({"kind": "set", "path": stiffness, "value": 2.0})
+    experiment.save_moment()
+    experiment.advance(0.8)
+    experiment.apply({"kind": "place", "agent": 0, "to": [1.5, 0.0, 0.5]})
+    experiment.advance(0.85)
+    experiment.apply({"kind": "term", "term": to_data(track)})
+    experiment.save_moment()
+    experiment.advance(1.5)
+    session = fk.start(made)
+    session.advance(0.53)
+    stiff = fk.Gradient(fk.Potential("k*(r - 1)**2", k=2.0))
+    session.replace(law=fk.Law(law.graph, [stiff, law.terms[1]]))
+    session.advance(0.8)
+    q = np.array(session.state.q)
+    q[0] = [1.5, 0.0, 0.5]
+    session.replace(state=fk.State(q, session.state.p))
+    session.advance(0.85)
+    session.replace(law=fk.Law(law.graph, [*session.scenario.law.terms, track]))
+    session.advance(1.5)
+    assert (session.state.q == experiment.state.q).all()
+    again = replay(EventLog.read(experiment.log.write(tmp_path / "late.events.json")))
+    assert (again.state.q == experiment.state.q).all()
+    assert (experiment.branch(1.5).state.q == experiment.state.q).all()
+    run = experiment.session.run()
+    assert np.abs(run.residual).max() < 1e-8
+    assert len(set(run.trace["jumped"])) == 3
 
 
 def test_a_slider_keeps_what_else_losses_and_noise_are():

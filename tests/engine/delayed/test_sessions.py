@@ -136,8 +136,6 @@ def test_what_is_not_known_is_refused_by_name():
         fk.start(scenario(control=fk.Held(0.1)), engine="delayed")
     with pytest.raises(UnsupportedLaw, match="runs no plant"):
         fk.start(scenario(), "delayed", plant=LAW)
-    with pytest.raises(UnsupportedLaw, match="engine='delayed' replaces neither"):
-        fk.start(scenario()).replace(law=LAW)
     with pytest.raises(InvalidInput, match="Steps are no longer than the delay"):
         fk.start(scenario(information=fk.Delayed(1e-9)))
     for wrong in (-0.1, float("inf"), "0.1", True):

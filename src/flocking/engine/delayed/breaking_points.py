@@ -9,6 +9,8 @@ from __future__ import annotations
 import heapq
 import math
 from abc import ABC, abstractmethod
+from copy import copy
+from typing import Self
 
 import numpy as np
 
@@ -43,6 +45,12 @@ class BreakingPoints(ABC):
     def rounding(self, seconds: float) -> float:
         """Differences of times near ``seconds`` that count as none."""
         return SAME_TIME * (self.largest + abs(seconds))
+
+    def copy(self) -> Self:
+        """An independent copy."""
+        other = copy(self)
+        other.recall(self.arrays())
+        return other
 
     @abstractmethod
     def jump(self, seconds: float, agents: Indices, known_links: Links) -> None:

@@ -15,6 +15,7 @@ from flocking.engine.archives.data_checks import Form, Real, Table
 from flocking.engine.archives.data_checks import Names as NamedForms
 from flocking.engine.delayed.breaking_points import BreakingPoints
 from flocking.engine.delayed.history import History
+from flocking.engine.delayed.state_jumps import StateJumps
 from flocking.engine.imperfect.checkpoint_form import (
     LARGEST,
     NEAR,
@@ -53,6 +54,10 @@ class DelayedMemory:
         Which agents are within range of obstacles.
     meetings
         Agents that come within range at the end of the last step, or leave it, rows (agent, group, obstacle).
+    jumps
+        Replaced states that somebody does not know of yet.
+    replaced_at
+        When law or state were replaced, in the scenario's time.
     """
 
     truth: ImperfectMemory
@@ -64,6 +69,8 @@ class DelayedMemory:
     held: HeldNumbers
     obstacles: ObstacleRanges
     meetings: Indices
+    jumps: StateJumps
+    replaced_at: list[float]
 
 
 def packed_memory(memory: DelayedMemory) -> Packed:
@@ -81,9 +88,16 @@ def packed_memory(memory: DelayedMemory) -> Packed:
         "coefficients": np.array([segment.coefficients for segment in segments]),
         "known_links": memory.known_links, "pending": memory.pending, **memory.points.arrays(),
         **({"limits": memory.held.acting} if memory.held.limits else {}),
-        **_near(memory),
+        **_near(memory), **memory.jumps.arrays(),
+        **({"begun": memory.segment.coefficients[-1]} if _begins_anew(memory) else {}),
+        **({"replaced_at": np.array(memory.replaced_at)} if memory.replaced_at else {}),
     }  # fmt: skip
     return dict(memory.truth.numbers), arrays
+
+
+def _begins_anew(memory: DelayedMemory) -> bool:
+    """Whether no step has been made since law or state were replaced: the state is not the end of one."""
+    return bool(memory.replaced_at) and memory.segment.t1 == memory.segment.t0
 
 
 def _near(memory: DelayedMemory) -> Arrays:
@@ -117,6 +131,10 @@ def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) ->
         for t0, t1, table in zip(times[:-1], times[1:], tables, strict=True):
             fresh.segment = Segment(t0, t1, np.array(table))
             fresh.history.add(fresh.segment, times[0])
+    if "begun" in arrays:
+        fresh.segment = Segment.resting(times[-1], arrays["begun"])
+    fresh.jumps.recall(arrays, times[-1])
+    fresh.replaced_at = arrays.get("replaced_at", np.zeros(0)).tolist()
     fresh.known_links, fresh.pending = arrays["known_links"], arrays["pending"]
     if fresh.obstacles.groups:
         ends = np.cumsum([there.shape[1] for there in fresh.obstacles.near])[:-1]
@@ -137,7 +155,7 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     links = Table("?", (graphs, n, n))
     NamedForms({
         "times": Table("f8", (None,), least=0.0), **fresh.points.forms(n),
-        **_near_forms(fresh, n),
+        **_near_forms(fresh, n), **_replaced_forms(arrays, n, size),
         **({"limits": Table("f8", (len(fresh.held.limits), n), least=0.0, most=1.0)} if fresh.held.limits else {}),
         "coefficients": Table("f8", (None, DEGREE + 1, size), least=-LARGEST, most=LARGEST),
         "known_links": links, "links": links, "pending": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
@@ -156,9 +174,7 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     must(times[0] <= max(times[-2] - largest, 0.0) + slack, "times", "reach back as far as the delay")
     must(times[-2] - slack <= now <= times[-1] + slack, "time", "lie in the last step")
     must(accounted <= times[-1], "accounted", "not lie after the last step")
-    must((tables[1:, 0] == tables[:-1, -1]).all(), "coefficients", "be those of steps without gaps")
-    begins = times[0] > 0.0 or (tables[0, 0] == fresh.segment.coefficients[0]).all()
-    must(begins, "coefficients", "begin at the start")
+    _check_gaps(arrays, scenario, fresh.segment.coefficients[0])
     must(resting or (np.abs(tables) <= LARGEST).all(), "coefficients", "be numbers that can be squared")
     pending = arrays["pending"]
     fits = (pending[:, :2] < n).all() and (pending[:, 2] < graphs).all() and (pending[:, 0] != pending[:, 1]).all()
@@ -174,8 +190,54 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     check_closest(arrays["closest"], n, accounted)
     _check_crossings(arrays, fresh, (now, float(times[-1])), scenario)
     if fresh.obstacles.groups:
-        _check_near(arrays, fresh.obstacles, base + float(times[-1]), tables[-1, -1, : scenario.start.q.size])
+        y = arrays.get("begun", tables[-1, -1])
+        _check_near(arrays, fresh.obstacles, base + float(times[-1]), y[: scenario.start.q.size])
     return numbers
+
+
+def _replaced_forms(arrays: Arrays, n: int, size: int) -> dict[str, Form[object]]:
+    """Forms of what a checkpoint holds of replacements, where there are any."""
+    more: dict[str, Form[object]] = {}
+    if "replaced_at" in arrays:
+        more["replaced_at"] = Table("f8", (None,))
+    if "begun" in arrays:
+        more["begun"] = Table("f8", (size,), least=-LARGEST, most=LARGEST)
+    return more | StateJumps.forms(arrays, n)
+
+
+def _check_gaps(arrays: Arrays, scenario: Scenario, start: Array) -> None:
+    """Steps have no gaps between them, nor before the first one, but where states of agents were replaced.
+
+    Parameters
+    ----------
+    arrays, scenario
+        What was read, and the scenario.
+    start
+        State vector at the start.
+    """
+    times, tables, body = arrays["times"], arrays["coefficients"], scenario.agents
+    n, m = scenario.start.q.shape
+    widths = (*[m] * body.order, *body.widths(m).values())
+    whose = np.concatenate([np.repeat(np.arange(n), width) for width in widths])
+    replaced = dict(zip(arrays.get("replaced", np.zeros(0)).tolist(), arrays.get("replaced_agents", ()), strict=True))
+    nobody = np.zeros(n, dtype=bool)
+    ends, begins, at = list(tables[:-1, -1]), list(tables[1:, 0]), times[1:-1].tolist()
+    if times[0] == 0.0:
+        ends, begins, at = [start, *ends], [tables[0, 0], *begins], [0.0, *at]
+    if "begun" in arrays:
+        must(
+            "replaced_at" in arrays and not len(arrays["crossing_time"]), "begun", "be where law or state were replaced"
+        )
+        ends, begins, at = [*ends, tables[-1, -1]], [*begins, arrays["begun"]], [*at, float(times[-1])]
+    for end, begin, t in zip(ends, begins, at, strict=True):
+        jumps = replaced.get(t, nobody)
+        must(
+            ((end == begin) | jumps[whose]).all(),
+            "coefficients",
+            "begin at the start and be those of steps without gaps",
+        )
+    if "replaced_at" in arrays:
+        must(len(arrays["replaced_at"]) > 0, "replaced_at", "have a time")
 
 
 def _near_forms(fresh: DelayedMemory, n: int) -> dict[str, Form[object]]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from copy import copy
+from typing import Self
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.delayed.breaking_points import BreakingPoints, OneDelayPoints
 from flocking.engine.delayed.history import History, position_series
 from flocking.engine.delayed.known_links import known_switches
+from flocking.engine.delayed.state_jumps import EVERYTHING, StateJumps, Windows
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.taylor_series import shifted
 from flocking.model.space import Space
@@ -27,12 +30,47 @@ class Delays(ABC):
         The past.
     points
         Where steps must end.
+    jumps
+        Replaced states that somebody does not know of yet.
+    begin
+        When the step begins whose states are read, in seconds from the start.
     """
 
     least: float
     largest: float
     history: History
     points: BreakingPoints
+    jumps: StateJumps
+    begin: float = 0.0
+    _found: tuple[object, Windows] | None = None
+
+    def copy(self) -> Self:
+        """An independent copy."""
+        other = copy(self)
+        other.history, other.points, other.jumps = self.history.copy(), self.points.copy(), self.jumps.copy()
+        return other
+
+    def begin_step(self, seconds: float) -> None:
+        """Read from now on states of a step that begins at a time.
+
+        Parameters
+        ----------
+        seconds
+            The time, in seconds from the start.
+        """
+        self.begin = seconds
+        self.jumps.forget(seconds, self.points.rounding(seconds), self.largest)
+
+    def windows(self) -> Windows:
+        """The steps of the past that may be read on the present step."""
+        jumps, steps = self.jumps, self.history.segments
+        if not len(jumps.times):
+            return EVERYTHING
+        ends = (steps[0].t0, steps[-1].t1, len(steps)) if steps else ()
+        key = (self.begin, ends, tuple(jumps.times.tolist()), int(jumps.agents.sum()))
+        if self._found is None or self._found[0] != key:
+            self._found = key, jumps.windows(self.history, self.begin, self.points.rounding(self.begin))
+        return self._found[1]
 
     @abstractmethod
     def states(self, seconds: float, true: Array, senders: Indices, sensed: Indices) -> tuple[Array, Array]:
@@ -49,8 +87,14 @@ class Delays(ABC):
         """
 
     @abstractmethod
-    def at_start(self) -> tuple[Array, Array]:
-        """States that agents know at the start of themselves, shape (N, 2 m), and of all others, shape (N, N, 2 m)."""
+    def all_states(self, seconds: float, true: Array) -> tuple[Array, Array]:
+        """States that agents know of themselves, shape (N, 2 m), and of all others, shape (N or 1, N, 2 m).
+
+        Parameters
+        ----------
+        seconds, true
+            As for `states`.
+        """
 
     @abstractmethod
     def switches(self, space: Space, segment: Segment, base: float, links: Links, rules: LinkRules) -> Array:
@@ -87,23 +131,34 @@ class OneDelay(Delays):
         self._self_delayed = self_delayed
         self.history = history
         self.points = OneDelayPoints(tau)
+        self.jumps = StateJumps(len(history.start), self._delays_of)
+
+    def _delays_of(self, agents: Indices) -> Array:
+        found = np.full((len(self.history.start), len(agents)), self.largest)
+        if not self._self_delayed:
+            found[agents, np.arange(len(agents))] = 0.0
+        return found
+
+    def _window(self) -> tuple[int, int | None]:
+        """The first and the last step of the past that may be read now, of all agents."""
+        windows = self.windows()
+        return (int(windows.first.max()), int(windows.last.min())) if windows.first.size else (-1, None)
 
     def states(self, seconds: float, true: Array, senders: Indices, sensed: Indices) -> tuple[Array, Array]:
         """States of one moment."""
-        known = self.history.at(seconds - self.largest)
+        known = self.history.at(seconds - self.largest, *self._window())
         return known if self._self_delayed else true, known[sensed]
 
-    def at_start(self) -> tuple[Array, Array]:
-        """States of one moment before the start."""
-        known = self.history.at(-self.largest)
-        own = known if self._self_delayed else self.history.at(0.0)
-        return own, known[None, :, :]
+    def all_states(self, seconds: float, true: Array) -> tuple[Array, Array]:
+        """States of one moment."""
+        known = self.history.at(seconds - self.largest, *self._window())
+        return known if self._self_delayed else true, known[None, :, :]
 
     def switches(self, space: Space, segment: Segment, base: float, links: Links, rules: LinkRules) -> Array:
         """Those on the first piece of the past that has any."""
         begin, end, tau, history = segment.t0, segment.t1, self.largest, self.history
         positions = position_series(segment, history.n, history.m, begin)
-        for first, last, known in history.pieces(begin - tau, end - tau):
+        for first, last, known in history.pieces(begin - tau, end - tau, *self._window()):
             since = max(first + tau - begin, 0.0)
             span = min(last + tau, end) - (begin + since)
             if span <= 0.0:

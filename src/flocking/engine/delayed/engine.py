@@ -6,15 +6,12 @@ from collections.abc import Mapping
 from functools import partial
 
 from flocking.engine.delayed.session import DelayedOptions, DelayedSession
-from flocking.engine.imperfect.supported_laws import check_law
-from flocking.engine.protocol.body_chains import has_energy_of_points
+from flocking.engine.delayed.supported_worlds import check_delayed_law
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.repeats import Repeats, counted_steps
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
-from flocking.model.bodies.body import Body
-from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Continuous
@@ -64,16 +61,7 @@ class DelayedEngine(Engine):
                 "Delayed", "tau", f"must be at most {LONGEST_DELAY:g} times as long as the run", information.largest,
                 "Before the start agents move in straight lines, and what is known would lie far along these.",
             )  # fmt: skip
-        body = scenario.agents
-        if refused := _refused_body(body):
-            raise UnsupportedLaw(f"engine={self.name!r} moves no {refused}.")
-        if information.self_delayed and any(getattr(term, "groups", ()) for term in scenario.law.body_terms):
-            raise UnsupportedLaw(
-                f"engine={self.name!r} runs obstacles where agents know their own present: it does not locate when an "
-                "agent that knows itself late assumes to meet one. Leave Avoid or self_delayed out."
-            )
-        points = PointMass() if body.order == 2 else SingleIntegrator()
-        check_law(self.name, scenario, plant, points, obstacles=True)
+        check_delayed_law(self.name, scenario, plant)
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
         """Start a session."""
@@ -97,13 +85,6 @@ class DelayedEngine(Engine):
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """The session that was packed."""
         return DelayedSession.unpack(packed, stored, changes)
-
-
-def _refused_body(body: Body) -> str:
-    """What is not known of a body, for a message; empty where it runs."""
-    if body.order == 2 and not has_energy_of_points(body):
-        return f"{type(body).__name__} agents, whose kinetic energy is another one than that of points"
-    return ""
 
 
 def _least(information: Delayed) -> str:

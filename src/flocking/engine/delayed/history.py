@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
+from copy import copy
 from math import comb
 
 import numpy as np
@@ -41,6 +42,12 @@ class History:
         self.segments: list[Segment] = []
         self._ends: list[float] = []
 
+    def copy(self) -> History:
+        """An independent copy; the steps themselves are shared, for they do not change."""
+        other = copy(self)
+        other.segments, other._ends = list(self.segments), list(self._ends)
+        return other
+
     def add(self, segment: Segment, keep_from: float) -> None:
         """Add a step, and drop those that end before a time.
 
@@ -56,35 +63,67 @@ class History:
         old = bisect_left(self._ends, keep_from)
         del self.segments[:old], self._ends[:old]
 
-    def at(self, seconds: float) -> Array:
-        """Positions and velocities at ``seconds`` since the start, shape (N, 2 m); velocities of order 1 are 0."""
-        if seconds <= 0.0 or not self.segments:
+    def end_at(self, seconds: float) -> None:
+        """Let the past end at a time in its last step."""
+        if not self.segments:
+            return
+        last = self.segments.pop()
+        self._ends.pop()
+        if last.t0 < seconds:
+            self.segments.append(last.until(seconds))
+            self._ends.append(seconds)
+
+    def steps_beside(self, seconds: float) -> tuple[int, int]:
+        """Numbers of the step that ends at a time at which one ends, -1 for the line before the start, and the next."""
+        return (bisect_left(self._ends, seconds) if seconds > 0.0 else -1), bisect_right(self._ends, seconds)
+
+    def at(self, seconds: float, first: int = -1, last: int | None = None) -> Array:
+        """Positions and velocities at ``seconds`` since the start, shape (N, 2 m); velocities of order 1 are 0.
+
+        Parameters
+        ----------
+        first, last
+            Numbers of the steps that may be read, -1 for the line before the start; the last of all when absent. A
+            time beyond these is one but for rounding.
+        """
+        count = len(self.segments)
+        k = -1 if seconds <= 0.0 else min(bisect_left(self._ends, seconds), count - 1)
+        k = min(max(k, first), count - 1 if last is None else last)
+        if k < 0:
             found = self.start.copy()
             found[:, : self.m] += seconds * found[:, self.m :]
             return found
-        segment = self.segments[min(bisect_left(self._ends, seconds), len(self.segments) - 1)]
+        segment = self.segments[k]
         x = (seconds - segment.t0) / (segment.t1 - segment.t0)
         y = (BINOMIALS * x**POWERS * (1.0 - x) ** (DEGREE - POWERS)) @ segment.coefficients
         return split_state(y[: self.order * self.n * self.m], self.n, self.m)
 
-    def pieces(self, begin: float, end: float) -> list[tuple[float, float, Array]]:
+    def pieces(
+        self, begin: float, end: float, first: int = -1, last: int | None = None
+    ) -> list[tuple[float, float, Array]]:
         """The motion from ``begin`` to ``end`` seconds, piece by piece: begin, end and Taylor coefficients about begin.
 
         Coefficients are of positions, shape (8, N, m).
+
+        Parameters
+        ----------
+        first, last
+            As for `at`.
         """
         found = []
-        if begin < 0.0:
+        if begin < 0.0 and first < 0:
             line = np.zeros((DEGREE + 1, self.n, self.m))
             line[0] = self.start[:, : self.m] + begin * self.start[:, self.m :]
             line[1] = self.start[:, self.m :]
             found.append((begin, min(end, 0.0), line))
-        for k in range(bisect_left(self._ends, begin), len(self.segments)):
+        stop = len(self.segments) if last is None else last + 1
+        for k in range(max(bisect_left(self._ends, begin), first), stop):
             segment = self.segments[k]
             if segment.t0 >= end:
                 break
-            first, last = max(segment.t0, begin), min(segment.t1, end)
-            if first < last:
-                found.append((first, last, position_series(segment, self.n, self.m, first)))
+            since, until = max(segment.t0, begin), min(segment.t1, end)
+            if since < until:
+                found.append((since, until, position_series(segment, self.n, self.m, since)))
         return found
 
 

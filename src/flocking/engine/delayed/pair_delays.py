@@ -13,6 +13,7 @@ from flocking.engine.delayed.breaking_points import PairPoints
 from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.history import BINOMIALS, History, position_series
 from flocking.engine.delayed.pair_past import Past, Pieces, fill_states, find_first_switches
+from flocking.engine.delayed.state_jumps import StateJumps
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.pair_polynomials import conversion, too_many_images
 from flocking.engine.kernels.bernstein import all_rows
@@ -38,6 +39,7 @@ class PairDelays(Delays):
         self.least, self.largest = float(positive.min()), float(positive.max())
         self.history = history
         self.points = PairPoints(self.tau)
+        self.jumps = StateJumps(len(tau), lambda agents: self.tau[:, agents])
         self._own = np.ascontiguousarray(tau.diagonal())
         self._agents = np.arange(len(tau))
         self._past = self._stacked([])
@@ -62,25 +64,22 @@ class PairDelays(Delays):
         ]  # fmt: skip
         self._past, self._stored = self._stacked(now), list(now)
 
-    def _states(self, seconds: float, true: Array, agents: Indices, delays: Array) -> Array:
+    def _states(self, seconds: float, true: Array, senders: Indices, sensed: Indices) -> Array:
         self._look_back()
-        found = np.empty((len(agents), 2 * self.history.m))
-        fill_states(self._past, true, seconds, agents, delays, found)
+        found, windows = np.empty((len(sensed), 2 * self.history.m)), self.windows().of(senders, sensed)
+        fill_states(self._past, true, seconds, sensed, self.tau[senders, sensed], *windows, found)
         return found
 
     def states(self, seconds: float, true: Array, senders: Indices, sensed: Indices) -> tuple[Array, Array]:
         """States, each of a moment of its own."""
-        own = self._states(seconds, true, self._agents, self._own) if self._own.any() else true
-        return own, self._states(seconds, true, sensed, self.tau[senders, sensed])
+        own = self._states(seconds, true, self._agents, self._agents) if self._own.any() else true
+        return own, self._states(seconds, true, senders, sensed)
 
-    def at_start(self) -> tuple[Array, Array]:
-        """States on the lines before the start."""
-        start, m = self.history.start, self.history.m
-        known = np.repeat(start[None], len(self.tau), axis=0)
-        known[..., :m] -= self.tau[..., None] * start[None, :, m:]
-        own = start.copy()
-        own[:, :m] -= self._own[:, None] * start[:, m:]
-        return own, known
+    def all_states(self, seconds: float, true: Array) -> tuple[Array, Array]:
+        """States, each of a moment of its own."""
+        n = len(self.tau)
+        own, known = self.states(seconds, true, np.repeat(self._agents, n), np.tile(self._agents, n))
+        return own, known.reshape(n, n, -1)
 
     def switches(self, space: Space, segment: Segment, base: float, links: Links, rules: LinkRules) -> Array:
         """The first one of every link, on the overlaid pieces of its two agents."""
@@ -89,18 +88,21 @@ class PairDelays(Delays):
         segments = [*self.history.segments, segment]
         begins, ends = ([getattr(x, name) for x in segments] for name in ("t0", "t1"))
         series = [*self._series, position_series(segment, n, m, segment.t0)]
-        if begins[0] <= 0.0:
+        windows, before = self.windows(), int(begins[0] <= 0.0)
+        if before:
             line = np.zeros((DEGREE + 1, n, m))
             line[:2] = self.history.start[:, :m], self.history.start[:, m:]
             # The line before the start is a piece about the time 0, at which it ends.
             begins, ends, series = [0.0, *begins], [0.0, *ends], [line, *series]
-        pieces = Pieces(np.array(begins), np.array(ends), np.array(series), COMBINATIONS)
+        steps = np.array(begins), np.array(ends), np.array(series)
+        pieces = Pieces(*steps, COMBINATIONS, windows.first + before, windows.last + before)
         lengths = np.array(space.lengths or (np.inf,) * m, dtype=np.float64)
         size = float(np.abs(pieces.series[:, 0]).max())
 
         def rows_in(found: Array) -> int:
             count = int(find_first_switches(
-                pieces, self.tau, segment.t0, segment.t1, lengths, conversion(DEGREE), links, *rules, size, found
+                pieces, self.tau, segment.t0, segment.t1, lengths,
+                conversion(DEGREE), links, *rules, size, found,
             ))  # fmt: skip
             if count < 0:
                 raise too_many_images(base + segment.t0)

@@ -48,12 +48,17 @@ class Pieces(NamedTuple):
         Taylor coefficients about their beginnings, shape (pieces, 8, N, m).
     binomials
         Numbers of combinations, shape (8, 8).
+    first, last
+        Numbers of the first and the last piece that may be read of each other agent, see
+        `flocking.engine.delayed.state_jumps.Windows`.
     """
 
     begins: Array
     ends: Array
     series: Array
     binomials: Array
+    first: Indices
+    last: Indices
 
 
 def step_at(ends: Array, seconds: float) -> int:
@@ -69,7 +74,9 @@ def step_at(ends: Array, seconds: float) -> int:
 
 
 @native_apart
-def fill_states(past: Past, true: Array, seconds: float, agents: Indices, delays: Array, found: Array) -> None:
+def fill_states(
+    past: Past, true: Array, seconds: float, agents: Indices, delays: Array, first: Indices, last: Indices, found: Array
+) -> None:
     """Positions and velocities of ``agents``, each a time of its own ago.
 
     Parameters
@@ -82,6 +89,9 @@ def fill_states(past: Past, true: Array, seconds: float, agents: Indices, delays
         Now, since the start.
     delays
         How long ago, shape (agents,).
+    first, last
+        Numbers of the first and the last step that may be read of each, see
+        `flocking.engine.delayed.state_jumps.Windows`.
     found
         Takes the states, shape (agents, 2 m); velocities of agents of order 1 are 0.
     """
@@ -92,12 +102,15 @@ def fill_states(past: Past, true: Array, seconds: float, agents: Indices, delays
         if delays[e] == 0.0:
             for k in range(2 * m):
                 found[e, k] = true[j, k]
-        elif at <= 0.0 or steps == 0:
+            continue
+        s = -1 if at <= 0.0 or steps == 0 else step_at(past.ends, at)
+        if first.shape[0] > 0:
+            s = min(max(s, first[e]), last[e])
+        if s < 0:
             for k in range(m):
                 found[e, k] = past.start[j, k] + at * past.start[j, m + k]
                 found[e, m + k] = past.start[j, m + k]
         else:
-            s = step_at(past.ends, at)
             x = (at - past.begins[s]) / (past.ends[s] - past.begins[s])
             power = 1.0
             for a in range(count):
@@ -142,8 +155,8 @@ def shift_path(pieces: Pieces, piece: int, agent: int, by: float, S: Array, plac
 
 @native_apart
 def find_first_switches(
-    pieces: Pieces, tau: Array, begin: float, end: float, lengths: Array, table: Array, links: Links, ways: Numbers,
-    enter: Array, leave: Array, size: float, found: Array,
+    pieces: Pieces, tau: Array, begin: float, end: float, lengths: Array, table: Array,
+    links: Links, ways: Numbers, enter: Array, leave: Array, size: float, found: Array,
 ) -> int:  # fmt: skip
     """Fill rows (time since the step began, i, j, graph) of the first switch of every link on a step.
 
@@ -174,7 +187,7 @@ def find_first_switches(
     int
         How many rows there are, those included for which there was no room; -1 if a pair has too many images.
     """
-    n, m, graphs, last = tau.shape[0], lengths.shape[0], links.shape[0], pieces.ends.shape[0] - 1
+    n, m, graphs, newest = tau.shape[0], lengths.shape[0], links.shape[0], pieces.ends.shape[0] - 1
     S, nearest, row, switched = (
         np.empty((pieces.series.shape[1], 2, m)),
         np.empty(m),
@@ -191,11 +204,17 @@ def find_first_switches(
                 switched[graph] = 0.0
             t = begin
             own, known = step_at(pieces.ends, t - tau[i, i]), step_at(pieces.ends, t - tau[i, j])
+            own_last, known_last = newest, newest
+            if pieces.first.shape[0] > 0 and tau[i, i] > 0.0:
+                own, own_last = max(own, pieces.first[i, i]), pieces.last[i, i]
+            if pieces.first.shape[0] > 0 and tau[i, j] > 0.0:
+                known, known_last = max(known, pieces.first[i, j]), pieces.last[i, j]
+            own, known = min(own, own_last), min(known, known_last)
             while t < end:
                 until = end
-                if own < last:
+                if own < own_last:
                     until = min(until, pieces.ends[own] + tau[i, i])
-                if known < last:
+                if known < known_last:
                     until = min(until, pieces.ends[known] + tau[i, j])
                 if until > t:
                     shift_path(pieces, own, i, t - tau[i, i] - pieces.begins[own], S, 0)
@@ -215,9 +234,9 @@ def find_first_switches(
                                 found[total, 0], found[total, 1] = t - begin + row[0, 0], i
                                 found[total, 2], found[total, 3] = j, graph
                             total += 1
-                if own < last and pieces.ends[own] + tau[i, i] <= until:
+                if own < own_last and pieces.ends[own] + tau[i, i] <= until:
                     own += 1
-                if known < last and pieces.ends[known] + tau[i, j] <= until:
+                if known < known_last and pieces.ends[known] + tau[i, j] <= until:
                     known += 1
                 t = max(t, until)
     return total
