@@ -44,7 +44,9 @@ PHASES = STEP * (EACH % 4)
 def _chain():
     """Unicycles whose limited force lags and who are blown about before and behind the lag."""
     blown = fk.Disturbed(fk.Unicycle(2.0 + 0.01 * EACH, damping=0.1), 2.0, 0.04, seed=5)
-    return fk.Limited(fk.Disturbed(fk.Lagged(blown, 0.1 + 0.001 * EACH), 1.0, 0.05), force=20.0 + 0.1 * EACH)
+    return fk.Limited(
+        fk.Disturbed(fk.Lagged(blown, 0.1 + 0.001 * EACH), 1.0, 0.05), force=20.0 + 0.1 * EACH, rate=60.0 + EACH
+    )
 
 
 BODIES = {

@@ -64,7 +64,13 @@ class History:
         del self.segments[:old], self._ends[:old]
 
     def end_at(self, seconds: float) -> None:
-        """Let the past end at a time in its last step."""
+        """Let the past end at a time in its last step.
+
+        Parameters
+        ----------
+        seconds
+            The time, since the start.
+        """
         if not self.segments:
             return
         last = self.segments.pop()
@@ -74,7 +80,13 @@ class History:
             self._ends.append(seconds)
 
     def steps_beside(self, seconds: float) -> tuple[int, int]:
-        """Numbers of the step that ends at a time at which one ends, -1 for the line before the start, and the next."""
+        """Numbers of the step that ends at a time, -1 for the line before the start, and of the next one.
+
+        Parameters
+        ----------
+        seconds
+            A time at which one ends, since the start.
+        """
         return (bisect_left(self._ends, seconds) if seconds > 0.0 else -1), bisect_right(self._ends, seconds)
 
     def at(self, seconds: float, first: int = -1, last: int | None = None) -> Array:

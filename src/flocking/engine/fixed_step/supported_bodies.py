@@ -69,8 +69,6 @@ def refused_in_tiles(body: Body, dimension: int, *, held: bool) -> str:
         check_bodies("tiles", body)
     except UnsupportedLaw as error:
         return f"{type(body).__name__} agents under held control ({error})"
-    if any(isinstance(part, Limited) and part.rate is not None for part in chain):
-        return "a largest rate of a lagged force under held control, which ends between two steps"
     return ""
 
 

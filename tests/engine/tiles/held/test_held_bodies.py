@@ -28,6 +28,8 @@ BODIES = {
     "limited order 1": fk.Limited(fk.SingleIntegrator(), speed=0.5),
     "lagged": fk.Lagged(fk.PointMass(VARIED, 0.3), VARIED),
     "lagged order 1": fk.Lagged(fk.SingleIntegrator(), 0.2),
+    "largest rate": fk.Limited(fk.Lagged(fk.PointMass(VARIED, 0.3), 0.2 * VARIED), force=2.0, rate=3.0 * VARIED),
+    "largest rate order 1": fk.Limited(fk.Lagged(fk.SingleIntegrator(), 0.2), rate=2.0),
     "gusts": fk.Disturbed(fk.PointMass(), 0.3, 0.05),
     "gusts order 1": fk.Disturbed(fk.SingleIntegrator(), 0.1, 0.05),
     "wind": fk.Lagged(fk.Disturbed(fk.PointMass(damping=0.2), 0.3 * VARIED, 0.05), 0.2),
@@ -35,6 +37,7 @@ BODIES = {
     "a chain": fk.Limited(
         fk.Disturbed(fk.Lagged(fk.Disturbed(fk.Unicycle(0.1, damping=0.1), 0.2, 0.04, seed=5), 0.3), 0.1, 0.05),
         force=1.0,
+        rate=2.5,
     ),
 }
 TOLD = {"delay": 0.05, "loss": 0.2, "expires": 0.6, "noise": fk.WhiteNoise(0.01)}
@@ -72,7 +75,7 @@ def test_the_motion_is_that_of_the_closed_form(name, world):
     assert np.abs(fk.simulate(free, engine="sampled", progress=False).q - exact.q).max() > 1e-3 or name == "unicycles"
 
 
-@pytest.mark.parametrize("name", ["limited", "largest speeds", "lagged", "wind", "a chain"])
+@pytest.mark.parametrize("name", ["limited", "largest speeds", "lagged", "wind", "a chain", "largest rate"])
 def test_what_bodies_do_beyond_the_law_departs(name):
     """To order 2 in the step where powers are smooth between ticks, that of the quadrature of the other engine."""
     law = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("r**2/200")), fk.Consensus(0.01)])
@@ -99,7 +102,47 @@ def test_lagged_steps_are_exact():
         assert found[4:7] == pytest.approx([float(x) for x in last], rel=1e-13)
 
 
-def test_speeds_within_a_step_are_bounded():
+@pytest.mark.parametrize("most", [0.0, 6.0])
+def test_steps_at_a_largest_rate_are_exact(most):
+    """Against exponentials of matrices in 50 digits: at the largest rate until the force is free, then as a lag."""
+    mpmath.mp.dps = 50
+    worst = []
+    for k, tau, h in ((0.0, 0.2, 0.5), (0.9, 2.0 / 0.9, 2.0), (30.0, 0.07, 0.3), (3.0, 1e-3, 1.5), (0.4, 0.2, 1e-3)):
+        for order in (1, 2):
+            mass = 2.0 if order == 2 else 1.0
+            body = fk.PointMass(mass, damping=k) if order == 2 else fk.SingleIntegrator()
+            goal, lag, p, beside = 1.25, -2.5, 0.75, 0.5
+            agents, after, fastest = np.zeros((16, 2)), np.full((1, 16), lag), np.empty(1)
+            agents[:, 1] = p
+            forces = lagged_motion.LaggedForces(
+                np.full((1, 16), goal), np.full((1, 16), beside), after, after, np.array([most or 1e9])
+            )
+            rows = lagged_motion.lag_coefficients(body, tau, 1, h).reshape(1, 11)
+            lagged_motion.coast_lagged(
+                0, 1, agents, agents, forces, rows, np.zeros(1), 16, order == 2, fastest
+            )  # fmt: skip
+            z = mpmath.matrix([0, p, lag, 1])
+            steady = max(0, min(mpmath.mpf(h), (mpmath.mpf(goal) - lag) / (most or 1e9) - mpmath.mpf(tau)))
+            for span, row in ((steady, (0, most)), (h - steady, (-1 / mpmath.mpf(tau), goal / mpmath.mpf(tau)))):
+                flow = mpmath.matrix(4, 4)
+                flow[2, 2], flow[2, 3] = row
+                if order == 2:
+                    flow[0, 1], flow[1, 1] = 1, -mpmath.mpf(k) / 2
+                    flow[1, 2], flow[1, 3] = mpmath.mpf(1) / 2, mpmath.mpf(beside) / 2
+                else:
+                    flow[0, 2], flow[0, 3] = 1, beside
+                z = mpmath.expm(flow * span) * z
+            speed = z[1] if order == 2 else z[2] + beside
+            assert [agents[3, 0], agents[3, 1], after[0, 3]] == pytest.approx(
+                [float(z[0]), float(speed), float(z[2])], rel=2e-14
+            )
+            worst.append(float(steady) / h)
+    assert (max(worst) == 0.0) == (most == 0.0)
+    assert most == 0.0 or {1.0} < set(worst)
+
+
+@pytest.mark.parametrize("limits", [(), (7.0,)])
+def test_speeds_within_a_step_are_bounded(limits):
     """A lagged force can make an agent faster within a step than at its ends."""
     n = 16
     rng = np.random.default_rng(0)
@@ -111,13 +154,13 @@ def test_speeds_within_a_step_are_bounded():
     for part in np.linspace(0, h, 400)[1:]:
         target, after, fastest = np.empty_like(agents), np.empty_like(lag), np.empty(1)
         rows = lagged_motion.lag_coefficients(body, 0.1, n, part)[None]
-        forces = lagged_motion.LaggedForces(goal, beside, lag, after)
+        forces = lagged_motion.LaggedForces(goal, beside, lag, after, np.array(limits))
         lagged_motion.coast_lagged(0, 1, agents, target, forces, rows, np.zeros(2), n, True, fastest)
         most = max(most, float((target[:, 2:] ** 2).sum(axis=1).max()))
     assert most <= fastest[0] < 30 * most
 
 
-@pytest.mark.parametrize("name", ["limited", "largest speed", "wind", "a chain", "lagged order 1"])
+@pytest.mark.parametrize("name", ["limited", "largest speed", "wind", "a chain", "lagged order 1", "largest rate"])
 def test_pieces_threads_and_resuming_give_the_same_bits(name):
     n = 2200
     start = fk.start.hexagonal(n, spacing=1.9, noise=0.2, speed=1.0, seed=1)
@@ -127,6 +170,7 @@ def test_pieces_threads_and_resuming_give_the_same_bits(name):
         "wind": fk.Lagged(fk.Disturbed(fk.PointMass(), 0.3, 0.05), np.linspace(0.1, 0.3, n)),
         "a chain": fk.Limited(fk.Lagged(fk.Disturbed(fk.Unicycle(0.1), 0.2, 0.04), 0.3), force=1.0),
         "lagged order 1": fk.Lagged(fk.SingleIntegrator(), 0.2),
+        "largest rate": fk.Limited(fk.Lagged(fk.PointMass(), 0.3), rate=np.linspace(1.0, 3.0, n)),
     }[name]
     held = scenario(bodies, "late, told", start, t_end=0.7, frames=4)
     whole = fk.simulate(held, engine="tiles", step=0.01, threads=1, progress=False)
@@ -142,6 +186,20 @@ def test_pieces_threads_and_resuming_give_the_same_bits(name):
     assert (cut.trace == whole.trace).all()
 
 
+def test_largest_rates_matter_for_velocities_and_headings():
+    """By far more than the two engines differ."""
+    for name, free in (("largest rate", None), ("a chain", BODIES["a chain"].body)):
+        held = scenario(BODIES[name], "all at once")
+        limited = fk.simulate(held, engine="tiles", progress=False)
+        body = fk.Lagged(fk.PointMass(VARIED, 0.3), 0.2 * VARIED) if free is None else free
+        other = fk.simulate(
+            held.with_(bodies=fk.Limited(body, force=held.agents.force)), engine="tiles", progress=False
+        )
+        for column in limited.columns:
+            assert np.abs(limited.columns[column] - other.columns[column]).max() > 1e-2
+        assert np.abs(limited.q - other.q).max() > 1e-3
+
+
 def test_links_in_frames_between_steps_are_those_of_the_distances():
     """Agents of order 1 move with the force that has just begun to act, however slow they were before."""
     held = fk.Scenario(LAW, START, t_end=2.0, frames=30, bodies=fk.SingleIntegrator(), control=fk.Held(0.1))
@@ -153,7 +211,6 @@ def test_links_in_frames_between_steps_are_those_of_the_distances():
 
 @pytest.mark.parametrize(("bodies", "named"), [
     (fk.Limited(fk.Disturbed(fk.PointMass(), 0.1, 0.05), speed=1.0), "largest speed"),
-    (fk.Limited(fk.Lagged(fk.PointMass(), 0.2), force=1.0, rate=2.0), "largest rate"),
     (fk.Lagged(fk.Limited(fk.PointMass(), force=1.0), 0.2), "between two ticks"),
     (fk.Quadrotor(), "Quadrotor"),
     (fk.Mixture((fk.PointMass(), fk.Unicycle(0.1)), [0, 1] * (N // 2)), "Mixture"),

@@ -8,10 +8,10 @@ import numpy as np
 
 from flocking.arrays import Array, Numbers, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
-from flocking.engine.kernels.headings import turned
 from flocking.engine.kernels.held_speeds import fit_speed, speed_terms
 from flocking.engine.protocol.body_chains import chain_of
 from flocking.engine.tiles.held.lagged_motion import LagConstants
+from flocking.engine.tiles.held.turning import Pushed, TurningPoint, headings_after
 from flocking.engine.tiles.simd.vectors import double_of, load, narrow, root, select, spread, store
 from flocking.formula.native.functions import native
 from flocking.model.bodies.actuators import APPLIED, Lagged, Limited
@@ -184,6 +184,7 @@ class HeldActuation:
         lag: Lagged | None = None
         last: list[tuple[int, float | Array | _Source]] = []
         speeds: list[float | Array] = []
+        rates: list[float | Array] = []
         for part in chain:
             if isinstance(part, Disturbed):
                 source = _Source(part, m)
@@ -201,6 +202,8 @@ class HeldActuation:
                     last.insert(0, (BALL, part.speed))
                 elif part.speed is not None:
                     speeds.append(part.speed)
+                if part.rate is not None:
+                    rates.append(part.rate)
         self._stages += last
         self._speeds: tuple[Array, Array] | None = None
         if speeds:
@@ -208,9 +211,11 @@ class HeldActuation:
             count = n if any(np.ndim(x) for x in numbers) else 1
             most = np.min([np.broadcast_to(x, count) for x in speeds], axis=0)
             self._speeds = np.asarray(most, dtype=np.float64), speed_terms(inner, count, periods)
+        each = n if any(np.ndim(x) for x in rates) else min(len(rates), 1)
+        self._rates: Array = np.min([np.broadcast_to(x, each) for x in rates or (np.inf,)], axis=0).astype(np.float64)
         self.constants = None if lag is None else LagConstants(inner, lag.time_constant, n, dtype)
         self.offset = inner.offset if isinstance(inner, Unicycle) else None
-        self._rate = float(np.max(np.asarray(inner.damping) / np.asarray(inner.masses))) if inner.order == 2 else 0.0
+        self._fastest = float(np.max(np.asarray(inner.damping) / np.asarray(inner.masses))) if inner.order == 2 else 0.0
         columns = {**state.columns, **body.missing_columns(state.columns, state.q, state.p)}
         self.lag: Reals | None = None
         if lag is not None:
@@ -329,6 +334,16 @@ class HeldActuation:
         """The force that acts now, shape (m, size), where ``force`` acts or is what a lagged force tends to."""
         return force if self.lag is None else self.lag + self.beside
 
+    def largest_rates(self, ids: Numbers32) -> Array:
+        """Largest rates of lagged forces, shape (1,) or (size,); no entries where there are none.
+
+        Parameters
+        ----------
+        ids
+            As for `act`.
+        """
+        return self._rates[ids] if len(self._rates) > 1 else self._rates
+
     # Headings.
 
     def turned(self, agents: Reals, force: Reals, h: float, body: Body, ids: Numbers32) -> Array | None:
@@ -354,29 +369,18 @@ class HeldActuation:
             return np.asarray(np.asarray(value)[ids] if np.ndim(value) else value * one, dtype=np.float64)
 
         masses, rate, offset = each(body.masses), each(body.damping) / each(body.masses), each(self.offset)
-        smooth = self._rate == 0.0 and self.constants is None
+        smooth = self._fastest == 0.0 and self.constants is None
         tau = each(np.inf if self.constants is None else self.constants.time_constant)
-        fastest = max(self._rate, float((1.0 / tau).max(initial=0.0)))
+        fastest = max(self._fastest, float((1.0 / tau).max(initial=0.0)))
         pieces = 1 if smooth else max(1, int(np.ceil(h * fastest / SMOOTH)))
-        degree, dt = (2 if smooth else 9), h / pieces
-        goal = force.T.astype(np.float64)
-        u = goal if self.lag is None else self.lag.T.astype(np.float64)
-        beside = np.zeros((n, m)) if self.lag is None else self.beside.T.astype(np.float64)
-        p, heading = agents[:, m:].astype(np.float64), self.heading
-        for _ in range(pieces):
-            C = np.zeros((degree + 1, n, m))
-            C[1] = p
-            slope = (u + beside) / masses[:, None]
-            C[2] = 0.5 * (slope - rate[:, None] * p)
-            lagging = (goal - u) / (tau * masses)[:, None] if self.lag is not None else np.zeros((n, m))
-            for k in range(3, degree + 1):
-                C[k] = -rate[:, None] / k * C[k - 1] + lagging / (k * (k - 1))
-                lagging = -lagging / (tau * (k - 1))[:, None]
-            heading = turned(C, offset, np.full(n, dt), heading, self.workers.each)
-            p = sum(k * C[k] * dt ** (k - 1) for k in range(1, degree + 1))
-            if self.lag is not None:
-                u = goal + (u - goal) * np.exp(-dt / tau)[:, None]
-        return heading
+        limits = self.largest_rates(ids)
+        point = TurningPoint(masses, rate, offset, tau, limits * one if len(limits) else np.inf * one)
+        p, u = agents[:, m:].astype(np.float64), force.T.astype(np.float64)
+        pushed = Pushed(p, u, u, np.zeros((n, m)))
+        if self.lag is not None:
+            pushed = Pushed(p, u, self.lag.T.astype(np.float64), self.beside.T.astype(np.float64))
+        degree = 2 if smooth else 9
+        return headings_after(point, pushed, self.heading, h / pieces, (pieces, degree), self.workers.each)
 
     def columns(self, ids: Numbers32) -> dict[str, Array]:
         """Further columns in the order of identities, shape (N, width) each, by name.

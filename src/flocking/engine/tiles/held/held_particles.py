@@ -259,7 +259,8 @@ class HeldParticles(ParticleArrays):
                 self.powers = powers
         else:
             lag = actuation.lag if target is None else np.empty_like(actuation.lag)
-            forces = LaggedForces(self.force, actuation.beside, actuation.lag, lag)
+            limits = actuation.largest_rates(self.ids[:size])
+            forces = LaggedForces(self.force, actuation.beside, actuation.lag, lag, limits)
             rows, second = actuation.constants.over(h, self.ids), self.spec.order == 2
             self.workers.each(
                 coast_lagged, self.tiles, self.agents, into, forces, rows, frame, self.n, second, self._fastest

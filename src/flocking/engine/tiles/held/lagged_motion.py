@@ -19,6 +19,19 @@ import numpy as np
 from flocking.arrays import Array, Numbers32, Reals
 from flocking.engine.fixed_step.step_counts import LARGEST_SQUARE
 from flocking.engine.tiles.held.held_motion import coefficients
+from flocking.engine.tiles.held.limited_rates import (
+    DECAY,
+    DRIFT,
+    KEEP,
+    LIFT,
+    NUMBERS,
+    PLACE,
+    PUSH,
+    RAMP,
+    SPEED,
+    fill_flow,
+    steady_time,
+)
 from flocking.formula.native.functions import native
 from flocking.model.bodies.body import Body
 
@@ -140,12 +153,15 @@ class LaggedForces(NamedTuple):
         What acts beside them.
     before, after
         The lagged forces before and after a step; they may be one array.
+    largest_rates
+        Largest rates of the lagged forces, shape (1,) or (size,); no entries where there are none.
     """
 
     tended: Reals
     beside: Reals
     before: Reals
     after: Reals
+    largest_rates: Array
 
 
 @native
@@ -167,6 +183,7 @@ def coast_lagged(first, last, agents, target, forces, constants, frame, n, secon
         not finite.
     """
     m = forces.tended.shape[0]
+    steady_flow, free_flow = np.empty(NUMBERS), np.empty(NUMBERS)
     for tile in range(first, last):
         fastest_of, swift_of, push_of, rate_of = np.float64(0.0), np.float64(0.0), np.float64(0.0), np.float64(0.0)
         h = np.float64(constants[0, 10])
@@ -174,20 +191,44 @@ def coast_lagged(first, last, agents, target, forces, constants, frame, n, secon
             row = i if constants.shape[0] > 1 else 0
             rate, each, light = constants[row, 7], constants[row, 8], constants[row, 9]
             before, after, swift, push = np.float64(0.0), np.float64(0.0), np.float64(0.0), np.float64(0.0)
+            steady, slope, share = np.float64(0.0), np.float64(0.0), np.float64(1.0)
+            if forces.largest_rates.shape[0] > 0:
+                most, far = forces.largest_rates[i if forces.largest_rates.shape[0] > 1 else 0], np.float64(0.0)
+                for k in range(m):
+                    c = np.float64(forces.before[k, i]) - np.float64(forces.tended[k, i])
+                    far += c * c
+                far = np.sqrt(far)
+                steady = np.float64(min(steady_time(far, most, np.float64(each)), h))
+                if steady > 0.0:
+                    slope = -most / far
+                    share = min(-slope / np.float64(each), share)
+                    fill_flow(steady, np.float64(rate), np.float64(each), np.float64(light), second, steady_flow)
+                    fill_flow(h - steady, np.float64(rate), np.float64(each), np.float64(light), second, free_flow)
             for k in range(m):
                 p, g, b, f = agents[i, m + k], forces.tended[k, i], forces.beside[k, i], forces.before[k, i]
                 off = f - g
                 begin = p if second else f + b
-                place = agents[i, k] + constants[row, 0] * p + constants[row, 1] * (g + b)
-                target[i, k] = place + constants[row, 4] * off
-                speed = constants[row, 2] * p + constants[row, 3] * (g + b) + constants[row, 5] * off
+                if steady > 0.0:
+                    # At its largest rate, then free.
+                    change, force = slope * (np.float64(f) - np.float64(g)), np.float64(f) + np.float64(b)
+                    q1 = np.float64(agents[i, k]) + steady_flow[DRIFT] * np.float64(p) + steady_flow[LIFT] * force
+                    q1 += steady_flow[RAMP] * change
+                    p1 = steady_flow[KEEP] * np.float64(p) + steady_flow[PUSH] * force + steady_flow[LIFT] * change
+                    left, goal = np.float64(f) + steady * change - np.float64(g), np.float64(g) + np.float64(b)
+                    speed = free_flow[KEEP] * p1 + free_flow[PUSH] * goal + free_flow[SPEED] * left
+                    target[i, k] = q1 + free_flow[DRIFT] * p1 + free_flow[LIFT] * goal + free_flow[PLACE] * left
+                    forces.after[k, i] = np.float64(g) + free_flow[DECAY] * left
+                else:
+                    place = agents[i, k] + constants[row, 0] * p + constants[row, 1] * (g + b)
+                    target[i, k] = place + constants[row, 4] * off
+                    speed = constants[row, 2] * p + constants[row, 3] * (g + b) + constants[row, 5] * off
+                    forces.after[k, i] = g + constants[row, 6] * off
                 target[i, m + k] = speed
-                forces.after[k, i] = g + constants[row, 6] * off
                 c = np.float64(begin) - np.float64(frame[k])
                 before += c * c
                 c = np.float64(speed) - np.float64(frame[k])
                 after += c * c
-                c = np.float64(off) * each * light
+                c = np.float64(off) * share * each * light
                 swift += c * c
                 c = (np.float64(f) + b) * light - np.float64(rate) * p
                 push += c * c
