@@ -19,6 +19,7 @@ MOST_LINES = 72
 ENGINES = ("exact", "sampled", "delayed", "discrete", "tiles", "lammps")
 
 HOMES = {
+    "change how it is located when agents of similar headings come near under held control": "class ConeView",
     "change what a replaced law or state changes under delayed knowledge": "class Replacement",
     "change when agents know of a replaced state": "class StateJumps",
     "change what goes with an agent that changes ranks under held control": "class HeldRankParticles(",

@@ -177,8 +177,5 @@ def test_what_cannot_be_is_refused():
         fk.start(scenario(agents=fk.PointMass()))
     with pytest.raises(InvalidInput, match="must link by distances"):
         simulate_nodes(scenario(), processes=False)
-    cone = fk.Law(fk.Cone(2.0, 1.0), TERMS)
-    with pytest.raises(UnsupportedLaw, match="Cone has another rule"):
-        fk.start(scenario().with_(law=cone), "sampled")
     with pytest.raises(UnsupportedLaw, match="FieldOfView has another rule"):
         fk.start(scenario(control=fk.Continuous(), information=fk.Delayed(0.1)), "delayed")

@@ -288,7 +288,7 @@ class ImperfectSession(Session):
         self._account(seconds)
         self._record_row(seconds)
         self.links[graph, i, j] = not breaks
-        if self._rules.ways[graph] == 1:
+        if self._rules.ways[graph] == 1 or (graph in self._views and self._views[graph].mutual):
             self.links[graph, j, i] = not breaks
         self.relink()
         before = self.energy

@@ -6,8 +6,11 @@ from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
-from flocking.model.graphs.views import FieldOfView
+from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
 from flocking.model.law import Law, Scenario
+
+VIEWS = (FieldOfView, Cone, SmoothCone)
+"""Graphs by headings that stay as they are, whose true links are located too."""
 
 MOST_AGENTS = 2000
 """Largest group of these engines, which hold several numbers for every pair."""
@@ -30,7 +33,7 @@ def check_law(
     obstacles
         Whether there may be obstacles.
     views
-        Whether there may be fields of view.
+        Whether there may be fields of view and cones.
 
     Raises
     ------
@@ -64,7 +67,7 @@ def check_law(
         if getattr(pair_term, "functional", False):
             raise UnsupportedLaw(f"engine={engine!r} does not count neighbours, as {type(pair_term).__name__} needs.")
     for graph in law.graphs:
-        if views and type(graph) is FieldOfView:
+        if views and type(graph) in VIEWS:
             continue
         if graph.sees_headings or (graph.moves and not graph.follows_radii):
             raise UnsupportedLaw(

@@ -14,11 +14,15 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
+from flocking.engine.imperfect.cone_switches import ConeView, cone_view
 from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, reach_within, squared_distance
 from flocking.engine.kernels.bernstein import all_rows, first_all_above, part_from
 from flocking.formula.native.functions import native_apart
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.views import FieldOfView
+from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
+
+CONES = (Cone, SmoothCone)
+"""Graphs whose links are those of a radius between agents whose headings differ little enough."""
 
 MOST_CHANGES = 60
 """Changes of one pair within one piece: each is a root of one of three polynomials of degree 18 or less."""
@@ -46,15 +50,20 @@ class View(NamedTuple):
         within = distance <= self.radii[agents][:, None]
         return np.asarray(within & (ahead >= self.cosines[agents][:, None] * distance))
 
-    def margins(self, i: Indices, offset: Array) -> Array:
-        """How far each ``offset`` from agents ``i``, shape (k, m), is from the border, in length; negative outside."""
+    @property
+    def mutual(self) -> bool:
+        """Whether both agents of a pair see each other: they need not."""
+        return False
+
+    def margins(self, i: Indices, j: Indices, offset: Array) -> Array:
+        """How far ``j``, at each ``offset`` from agents ``i``, shape (k, m), are from the border; negative outside."""
         distance = np.sqrt((offset**2).sum(axis=-1))
         ahead = (offset * self.directions[i]).sum(axis=-1) - self.cosines[i] * distance
         return np.asarray(np.minimum(self.radii[i] - distance, ahead))
 
 
-def views_of(graphs: Sequence[Graph], headings: Array | None, q: Array) -> dict[int, View]:
-    """The fields of view of those graphs that have some, by number.
+def views_of(graphs: Sequence[Graph], headings: Array | None, q: Array) -> dict[int, View | ConeView]:
+    """The fields of view and cones of those graphs that have some, by number.
 
     Parameters
     ----------
@@ -64,7 +73,8 @@ def views_of(graphs: Sequence[Graph], headings: Array | None, q: Array) -> dict[
         Positions at the start, shape (N, m).
     """
     n = len(q)
-    return {
+    cones = {k: cone_view(graph, headings, n) for k, graph in enumerate(graphs) if isinstance(graph, CONES)}
+    return cones | {
         k: View(
             np.ascontiguousarray(graph.directions(headings)),
             graph.cosines(n),
@@ -195,16 +205,18 @@ def find_view_events(
     return total
 
 
-def view_events(paths: Paths, length: Array, changed: Links, near: Links, view: View, size: float) -> Array:
-    """Rows (time, i, j) of all changes that `find_view_events` finds, in order of time.
+def view_events(paths: Paths, length: Array, changed: Links, near: Links, view: View | ConeView, size: float) -> Array:
+    """Rows (time, i, j) of all changes of what agents see, in order of time.
 
     Parameters
     ----------
     paths, length, changed, near, size
         As for `find_view_events`.
     view
-        The fields of view.
+        The fields of view or cones.
     """
+    if isinstance(view, ConeView):
+        return view.events(paths, length, changed, near, size)
     given = paths, length, changed, near, *view, size
     rows = all_rows(lambda found: int(find_view_events(*given, found)), 3)
     return rows[np.lexsort(rows.T[::-1])]

@@ -15,6 +15,7 @@ from flocking.engine.kernels.law_kernels import Slots
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.evaluation import Evaluation
 from flocking.engine.reference.finite_forces import check_finite, check_neighbours
+from flocking.engine.reference.known_slots import known_slots
 from flocking.engine.reference.motion import motion_of
 from flocking.engine.reference.steering import steering_forces
 from flocking.errors import InvalidInput
@@ -25,11 +26,9 @@ from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages, graph_functional
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.weights import MatrixWeights
 from flocking.model.law import Law, Scenario
 from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
-from flocking.model.terms.schedules import Schedule
 
 __all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "evaluate_each"]
 
@@ -317,6 +316,7 @@ def control_of(
     damping: float = 0.0,
     space: Space = OPEN,
     seen: Sequence[Agent] | None = None,
+    headings: Array | None = None,
 ) -> Array:
     """Control of one agent from what that agent may know: itself, its neighbours, the leader and the time.
 
@@ -338,6 +338,9 @@ def control_of(
     seen
         All agents that it sees, linked or not, of which steering terms take those within their radius; the neighbours
         when absent.
+    headings
+        Headings of all agents, angles of shape (N,) or rotation matrices of shape (N, m, m), for graphs that weigh
+        neighbours by them, as `SmoothCone` does.
 
     Returns
     -------
@@ -372,7 +375,7 @@ def control_of(
         if not isinstance(seen_one, Agent) or len(seen_one.q) != m:
             raise InvalidInput("control_of", "neighbours", rule, seen_one)
     count = 1 + max([agent.index, *(b.index for group in lists.values() for b in group)])
-    (P, A, W), u = _known_slots(law, layout, agent, count, mass, damping, t), np.zeros(m)
+    (P, A, W), u = known_slots(law, layout, agent.index, count, (mass, damping), t, headings), np.zeros(m)
     for number, graph in enumerate(law.graphs):
         if not (seen := list(lists.get(graph, []))):
             continue
@@ -402,19 +405,3 @@ def control_of(
         q, p = (np.array([getattr(agent, x), *(getattr(b, x) for b in others.values())]) for x in "qp")
         u += steering_forces(law, q, p, space, np.array([0]))[0]
     return u
-
-
-def _known_slots(
-    law: Law, layout: Layout, agent: Agent, count: int, mass: float, damping: float, t: float
-) -> tuple[Array, Array, Array]:
-    """Parameter arrays up to the largest index that the agent has met."""
-    sizes = [
-        len(value.values if isinstance(value, MatrixWeights) else np.atleast_1d(value))
-        for _, owned in layout.owners()
-        for given in owned.values()
-        if isinstance(value := given.at(t) if isinstance(given, Schedule) else given, MatrixWeights | np.ndarray)
-    ]
-    total = max([count, *sizes])
-    masses, dampings = np.ones(total), np.zeros(total)
-    masses[agent.index], dampings[agent.index] = mass, damping
-    return layout.values(Agents(masses, dampings), total, t)

@@ -25,6 +25,7 @@ from flocking.engine.imperfect.checkpoint_form import (
     checked_numbers,
     must,
 )
+from flocking.engine.imperfect.cone_switches import ConeView
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.view_switches import View, views_of
@@ -296,7 +297,7 @@ def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tu
 
 
 def _check_crossings(
-    arrays: Arrays, every: tuple[LinkRules, dict[int, View]], now: float, spans: tuple[float, Array],
+    arrays: Arrays, every: tuple[LinkRules, dict[int, View | ConeView]], now: float, spans: tuple[float, Array],
     where: tuple[Space, Places],
 ) -> None:  # fmt: skip
     """Crossings lie in the future, at their distances, and agree with the distances at the ends of pieces."""
@@ -306,7 +307,9 @@ def _check_crossings(
     must((rows[:, 2] < len(rules.ways)).all() and (rows[:, :2] < len(ends)).all(), "crossing",
           "name agents and graphs that there are")  # fmt: skip
     i, j, graph = rows.T
-    ways = np.where(np.isin(graph, list(views)), 2, rules.ways[graph])
+    by_view = np.array([0, *(1 if view.mutual else 2 for view in views.values())])
+    seen = np.array([(list(views).index(k) + 1) if k in views else 0 for k in range(len(rules.ways))])
+    ways = np.where(seen[graph] > 0, by_view[seen[graph]], rules.ways[graph])
     must(((ways > 0) & (i != j) & ((i < j) | (ways == 2))).all(), "crossing", "name pairs whose links switch")
     late = np.minimum(ends[i], ends[j])
     early = (time >= now - slack - 2.0 * NANOSECOND) & (time <= late + slack + 2.0 * NANOSECOND)
@@ -323,10 +326,10 @@ def _check_crossings(
         level = (rules.break_ if links[k, a, b] else rules.appear)[k, a]
         off = distance[row] - level
         if k in views:
-            off = views[k].margins(np.array([a]), space.displacement(to[row] - from_[row])[None])[0]
+            off = views[k].margins(np.array([a]), np.array([b]), space.displacement(to[row] - from_[row])[None])[0]
         must(abs(off) <= NEAR * level + size, "crossing_time", "be when a pair is at its distance")
         links[k, a, b] = not links[k, a, b]
-        if rules.ways[k] == 1:
+        if ways[row] == 1:
             links[k, b, a] = links[k, a, b]
     until = np.minimum(ends[:, None], ends[None])
     for name, at, there in (
@@ -342,7 +345,7 @@ def _check_crossings(
             must(fits.all(), name, "fit the distances of the agents")
         for k, view in views.items():
             slackened = NEAR * view.radii[:, None] + size
-            inside = np.array([view.margins(np.full(len(ends), i), offset[i]) for i in everyone.tolist()])
+            inside = np.array([view.margins(np.full(len(ends), i), everyone, offset[i]) for i in everyone.tolist()])
             fits = np.where(there[k], inside >= -slackened, inside <= slackened)
             np.fill_diagonal(fits, True)
             must(fits.all(), name, "fit the fields of view of the agents")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Array, Indices, Links
+from flocking.engine.imperfect.cone_switches import ConeView
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.view_switches import View
 from flocking.engine.runs.message_log import OWN, PRESENT
@@ -273,7 +274,7 @@ class Knowledge:
             own = self.samples.of(agents, self.taken[agents] - 1)
         return Known(agents, own, rows, there, begun if self.messages.predict else None, time)
 
-    def relink(self, known: Known, rules: LinkRules, views: Mapping[int, View]) -> None:
+    def relink(self, known: Known, rules: LinkRules, views: Mapping[int, View | ConeView]) -> None:
         """Let links appear and break by what agents know; an agent that is not known any more is no neighbour.
 
         Parameters

@@ -8,10 +8,15 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.views import FieldOfView
+from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
+
+SAME_HEADING = 1e-12
+"""Differences of headings this close to the opening of a cone are decided by rounding, some units of 2.2e-16."""
 
 
-def margin_of(graph: Graph, headings: Array | None, agent: int, linked: bool, offset: Array) -> tuple[float, float]:
+def margin_of(
+    graph: Graph, headings: Array | None, pair: tuple[int, int], linked: bool, offset: Array
+) -> tuple[float, float]:
     """How far another agent is from where a link switches, and the radius.
 
     Parameters
@@ -20,18 +25,20 @@ def margin_of(graph: Graph, headings: Array | None, agent: int, linked: bool, of
         The graph.
     headings
         Headings of the agents, where there are some.
-    agent
-        Who senses.
+    pair
+        Who senses, and the other one.
     linked
-        Whether it is linked with the other one so far.
+        Whether they are linked so far.
     offset
         Displacement to where it assumes the other one to be, shape (m,).
 
     Returns
     -------
     tuple
-        A length, positive where they are linked now; and the radius beyond which they are not.
+        A length, positive where they are linked now; and the radius beyond which they are not. Outside a cone it is
+        minus infinity, and zero where rounding decides on it.
     """
+    agent, other = pair
 
     def own(value: float | Array) -> float:
         return float(value if np.ndim(value) == 0 else np.asarray(value)[agent])
@@ -44,5 +51,22 @@ def margin_of(graph: Graph, headings: Array | None, agent: int, linked: bool, of
         radius, angle = own(graph.radius), own(graph.half_angle)
         along = sum(float(a) * float(b) for a, b in zip(offset, ahead, strict=True))
         return min(radius - distance, along - math.cos(angle) * distance), radius
+    if isinstance(graph, Cone | SmoothCone):
+        assert headings is not None
+        radius, opening = own(graph.radius), own(graph.opening)
+        spare = opening - _apart(graph.measure, headings[agent], headings[other])
+        if abs(spare) <= SAME_HEADING:
+            return min(0.0, radius - distance), radius
+        return (radius - distance if spare > 0.0 else -math.inf), radius
     radius = own(graph.break_radius if linked else graph.appear_radius)
     return radius - distance, radius
+
+
+def _apart(measure: str, one: Array, other: Array) -> float:
+    """By how much two headings differ, angles or rotation matrices (Olfati-Saber 2003, (5) and (6))."""
+    if np.ndim(one):
+        return 0.5 * float(np.trace(np.eye(len(one)) - other.T @ one))
+    gap = float(other) - float(one)
+    if measure == "rotation":
+        return 1.0 - math.cos(gap)
+    return abs(math.remainder(gap, 2.0 * math.pi)) if measure == "wrapped" else abs(gap)

@@ -251,7 +251,7 @@ class LoggedWorld:
         }
         return control_of(
             self.scenario.law, seen(*own, agent), lists, self.time(instant), mass=float(self._masses[agent]),
-            damping=float(self._damping[agent]), space=self.space,
+            damping=float(self._damping[agent]), space=self.space, headings=self.scenario.agents.headings,
         )  # fmt: skip
 
 
@@ -386,7 +386,7 @@ class _Replaying:
                     sample = world.sample(j, numbers[j], instant)
                     place, _ = world.received(sample, instant)
                     offset = world.space.displacement(place - own.q)
-                    inside, level = margin_of(graph, world.scenario.agents.headings, agent, near, offset)
+                    inside, level = margin_of(graph, world.scenario.agents.headings, (agent, j), near, offset)
                     near = there[j] and inside > 0.0
                     doubtful = sample.open or own.open or abs(inside) <= world.near * (1.0 + level)
                     if there[j] and doubtful:
