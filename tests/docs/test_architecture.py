@@ -19,6 +19,7 @@ MOST_LINES = 72
 ENGINES = ("exact", "sampled", "delayed", "discrete", "tiles", "lammps")
 
 HOMES = {
+    "change what agents know of leaders by messages": "class LeaderNews",
     "change how it is located when agents of similar headings come near under held control": "class ConeView",
     "change what a replaced law or state changes under delayed knowledge": "class Replacement",
     "change when agents know of a replaced state": "class StateJumps",

@@ -140,6 +140,8 @@ def _check(scenario: Scenario) -> None:
             f"export_c cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent measures or "
             "receives. Leave the terms out that need them."
         )
+    if isinstance(scenario.information, Messages) and scenario.information.leader:
+        raise UnsupportedLaw("export_c writes leaders as functions of time: it does not receive their messages.")
     check_steering_terms(law.steering_terms)
     if scenario.agents.discrete and type(scenario.agents) not in WITH_RULES:
         raise UnsupportedLaw(

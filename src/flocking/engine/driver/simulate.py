@@ -76,7 +76,7 @@ def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law
     """
     engine.check_space(scenario)
     engine.check_bodies(scenario)
-    check_world(engine.name, scenario, engine.worlds)
+    check_world(engine.name, scenario, engine.worlds, leader_messages=engine.leader_messages)
     session = engine.open(scenario, options, plant=plant)
     if not isinstance(session, Session):
         kind = "flocking.engine.protocol.session.Session"

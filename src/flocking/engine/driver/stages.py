@@ -47,6 +47,6 @@ def in_stages(
         rule = f"must be ascending times from the end of a run of positive duration, {scenario.t_end:g}"
         raise InvalidInput("in_stages", "ends", rule, list(ends))
     found = engine_named(chosen_engine(scenario, engine, plant))
-    check_world(found.name, scenario, found.worlds)
+    check_world(found.name, scenario, found.worlds, leader_messages=found.leader_messages)
     stored = fine and "fine" in found.option_names
     return found.in_stages(scenario, ends, found.options_from(fine_option(found, stored)), plant=plant)

@@ -123,6 +123,8 @@ class NodeSession(SampledSession):
         self, scenario: Scenario, agents: Agents, *, faults: Sequence[Fault] = (), real_time: float | None = None,
         patience: float = PATIENCE, recording: Recording | None = None,
     ) -> None:  # fmt: skip
+        if isinstance(scenario.information, Messages) and scenario.information.leader:
+            raise UnsupportedLaw("Processes of agents know leaders exactly: leave leader=True of Messages out.")
         check_faults(tuple(faults), scenario.start.n, scenario.t_end - scenario.start.t)
         self.recording = recording
         super().__init__(scenario)
@@ -229,7 +231,9 @@ class NodeSession(SampledSession):
             rows[place] = [*sample.q, *sample.p]
         self.knowledge.samples.put(measuring, numbers, rows, None)
 
-    def _desired(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
+    def _desired(
+        self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices], leaders: Instants | None
+    ) -> Array:
         """Forces that agents answer with, shape (agents, m)."""
         acting = known.agents
         requests = {int(i): self._request(row, int(i), known) for row, i in enumerate(acting)}

@@ -100,6 +100,9 @@ class Engine(ABC):
     worlds: tuple[type, ...] = ()
     """Kinds of information and control that it runs beside the ideal ones."""
 
+    leader_messages: bool = False
+    """Whether it runs leaders that are known by messages."""
+
     @abstractmethod
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Refuse by name what this engine cannot run.
@@ -158,7 +161,7 @@ class Engine(ABC):
             As `open` does.
         """
         self.check_bodies(scenario)
-        check_world(self.name, scenario, self.worlds)
+        check_world(self.name, scenario, self.worlds, leader_messages=self.leader_messages)
         session = self.open(scenario, self.options())
         session.records.keep_no_frames()
         return session
@@ -172,7 +175,7 @@ class Engine(ABC):
         try:
             self.check_space(scenario)
             self.check_bodies(scenario)
-            check_world(self.name, scenario, self.worlds)
+            check_world(self.name, scenario, self.worlds, leader_messages=self.leader_messages)
             self.check(scenario, plant)
         except FlockingError as error:
             return str(error)

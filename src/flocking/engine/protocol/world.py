@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.law import Scenario
+from flocking.model.world.information import Messages
 from flocking.model.world.world_part import WorldPart
 
 LONGEST_RUN = 2e9
@@ -16,7 +17,9 @@ def left_out(scenario: Scenario, known: tuple[type, ...]) -> dict[str, WorldPart
     return {name: part for name, part in parts.items() if not part.ideal and not isinstance(part, known)}
 
 
-def check_world(engine: str, scenario: Scenario, known: tuple[type, ...] = ()) -> None:
+def check_world(
+    engine: str, scenario: Scenario, known: tuple[type, ...] = (), *, leader_messages: bool = False
+) -> None:
     """Refuse by name what is not ideal in a scenario and unknown to an engine.
 
     Parameters
@@ -25,6 +28,8 @@ def check_world(engine: str, scenario: Scenario, known: tuple[type, ...] = ()) -
         Name of the engine.
     known
         Kinds of information and control that it runs beside the ideal ones.
+    leader_messages
+        Whether it runs leaders that are known by messages.
 
     Raises
     ------
@@ -35,6 +40,11 @@ def check_world(engine: str, scenario: Scenario, known: tuple[type, ...] = ()) -
         raise UnsupportedLaw(
             f"engine={engine!r} does not run {name}={type(part).__name__}(...): it would be left out. "
             "engine='auto' chooses one that does, where there is one."
+        )
+    if not leader_messages and isinstance(scenario.information, Messages) and scenario.information.leader:
+        raise UnsupportedLaw(
+            f"engine={engine!r} knows leaders exactly: messages of the leader would be left out. engine='sampled' runs "
+            "them."
         )
 
 

@@ -27,6 +27,12 @@ PRESENT = -2
 OWN = -1
 """In place of a graph's number: the agent's own sample, where it knows itself by one."""
 
+LEADER = -2
+"""In place of a graph's number: the newest sample of the leaders of the law, where they are known by messages."""
+
+LEADER_SENDER = -1
+"""Who sends it."""
+
 TICK_PARTS = ("instant", "agent", "uses")
 """Numbers of an act: nanoseconds since the start, who acts, and how many entries of the log are its own."""
 
@@ -52,7 +58,7 @@ class MessageLog:
     uses
         Entries of the acts one after another: graph, sender and number of the sample, shape (U, 3). The number is -1
         for the state that everyone has at the start and -2 for the true present one; the graph is -1 where an agent
-        knows itself by its own sample.
+        knows itself by its own sample, and -2, with the sender -1, where it knows leaders by theirs.
 
     Raises
     ------
@@ -97,7 +103,7 @@ class MessageLog:
         agents, back = np.unique(before[::-1], return_index=True)
         for agent, row in zip(agents, len(before) - 1 - back, strict=True):
             entries = self.uses[firsts[row] : firsts[row] + self.ticks[row, 2]]
-            others = entries[entries[:, 0] != OWN]
+            others = entries[entries[:, 0] >= 0]
             found[:, agent] = False
             found[others[:, 0], agent, others[:, 1]] = True
         return found

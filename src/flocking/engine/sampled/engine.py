@@ -13,6 +13,7 @@ from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.runs.run import Run
 from flocking.engine.sampled.integrated.session import IntegratedSession
+from flocking.engine.sampled.leader_news import check_leader_messages
 from flocking.engine.sampled.random_rounding import RandomRoundingSession
 from flocking.engine.sampled.safety import check_filter
 from flocking.engine.sampled.session import SampledOptions, SampledSession
@@ -39,6 +40,7 @@ class SampledEngine(Engine):
     runs_in_threads = True
     spaces = (Open, Periodic)
     worlds = (Held, Messages)
+    leader_messages = True
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Refuse bodies, laws and kinds of information that this engine does not support."""
@@ -60,6 +62,7 @@ class SampledEngine(Engine):
         if why_not_closed(scenario.agents):
             check_integrated(self.name, scenario.agents)
         check_law(self.name, scenario, plant, point_of(scenario.agents), obstacles=True, views=True)
+        check_leader_messages(self.name, scenario)
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
         """Start a session."""

@@ -51,8 +51,8 @@ def check_information(scenario: Scenario, information: Information) -> Scenario:
         )
     if not _alike(present, information):
         raise UnsupportedLaw(
-            "engine='sampled' keeps period, phase and predict of Messages while a run goes on: samples that were "
-            "taken have their times. Start another run from run.state(-1)."
+            "engine='sampled' keeps period, phase, predict and leader of Messages while a run goes on: samples that "
+            "were taken have their times. Start another run from run.state(-1)."
         )
     return scenario.with_(information=information)
 
@@ -77,7 +77,7 @@ def check_law_change(scenario: Scenario, law: Law) -> Scenario:
 
 def _alike(one: Messages, other: Messages) -> bool:
     same = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("period", "phase"))
-    return same and one.predict == other.predict
+    return same and one.predict == other.predict and one.leader == other.leader
 
 
 def packed_changes(found: Interventions, knowledge: Knowledge) -> Packed:

@@ -9,6 +9,7 @@ from flocking.engine.sampled.knowledge import Known
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.session import SampledSession
 from flocking.model.law import Scenario
+from flocking.model.world.times import Instants
 
 UNITS = 16.0 * float(np.finfo(np.float64).eps)
 """Size of the errors: a polynomial of degree 9 by Horner's rule takes 18 operations, each of which errs by half a
@@ -37,8 +38,10 @@ class RandomRoundingSession(SampledSession):
         self._errors = np.random.default_rng(seed)
         self.motion = _RandomRoundingMotion(self.motion, self._errors)
 
-    def _desired(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
-        force = super()._desired(instant, known, pairs)
+    def _desired(
+        self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices], leaders: Instants | None
+    ) -> Array:
+        force = super()._desired(instant, known, pairs, leaders)
         return _with_errors(self._errors, force, float(np.abs(force).max(initial=0.0)))
 
 

@@ -32,6 +32,7 @@ from flocking.engine.sampled.interventions import (
 )
 from flocking.engine.sampled.knowledge import Knowledge, Known
 from flocking.engine.sampled.law_in_force import SampledLaw
+from flocking.engine.sampled.leader_news import leader_news, with_leaders
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.safety import ForceFilter
 from flocking.engine.sampled.snapshot import SampledMemory
@@ -91,6 +92,7 @@ class SampledSession(ImperfectSession):
         self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
         self._sampled_law = SampledLaw(of_points(scenario), self.knowledge.degree)
         self.obstacle_ranges = ObstacleRanges(scenario.law, start.q, start.t)
+        self._leader_news = leader_news(scenario)
         control = scenario.control
         self.filter: ForceFilter | None = None
         if isinstance(control, SafetyFilter):
@@ -188,12 +190,13 @@ class SampledSession(ImperfectSession):
             known = knowledge.known(instant, acting, *motion.at(seconds))
             knowledge.relink(known, self._rules, self._views)
             pairs = knowledge.pairs(known)
-            force = self._desired(instant, known, pairs)
+            leaders = None if self._leader_news is None else self._leader_news.newest(instant, acting)
+            force = self._desired(instant, known, pairs, leaders)
             check_forces(force, self._base + seconds, acting)
             if self.filter is not None:
                 force = self.filter.filtered(instant, known, force)
             assert self.records.log is not None
-            self.records.log.act(instant, acting, force, knowledge.used(acting, pairs))
+            self.records.log.act(instant, acting, force, with_leaders(knowledge.used(acting, pairs), leaders))
             self.ticked[acting] += 1
             self.steps += 1
             self.waiting.append((instant + self._latency, acting, force))
@@ -220,7 +223,7 @@ class SampledSession(ImperfectSession):
         self._watch_pieces(instant, changed)
 
     def _take_block(self, bound: float, earliest: float) -> int:
-        if not (self.in_blocks and earliest < bound) or self._meets or self._views:
+        if not (self.in_blocks and earliest < bound) or self._meets or self._views or self._leader_news:
             return 0
         memory = self._memory
         if not self._blocks.can(memory):
@@ -264,11 +267,14 @@ class SampledSession(ImperfectSession):
         everyone = self.motion.at(seconds)[0] if self.knowledge.reads_distances else None
         self.knowledge.measure(measuring, *self.motion.at(seconds, measuring), everyone)
 
-    def _desired(self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices]) -> Array:
+    def _desired(
+        self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices], leaders: Instants | None
+    ) -> Array:
         """Forces of the law on the agents that act, shape (agents, m)."""
         t = self._base + instant * NANOSECOND
         met = self.obstacle_ranges.within_range_by(known.own[:, : self.m], t, known.agents)
-        return self._law.forces(t, known, pairs, met)
+        motions = () if leaders is None or self._leader_news is None else self._leader_news.motions(instant, leaders)
+        return self._law.forces(t, known, pairs, met, motions)
 
     def _watch_pieces(self, instant: int, changed: Links) -> None:
         """Find the switches of the pairs of changed agents until a piece ends."""
@@ -317,11 +323,14 @@ class SampledSession(ImperfectSession):
 
     def replace_information(self, information: Information) -> None:
         """Send messages in another way from now on: samples on their way arrive, or not, as before."""
+        if self._leader_news is not None:
+            return super().replace_information(information)
         scenario = check_information(self.scenario, information)
         assert isinstance(information, Messages)
         self.scenario = scenario
         self.knowledge.change(information)
         self.interventions.times.append(self.time)
+        return None
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
         """Let another law of the same graphs act from now on: agents compute their next forces by it.
@@ -333,7 +342,7 @@ class SampledSession(ImperfectSession):
         UnsupportedLaw
             When its graphs are others, when a safety filter acts, and for another state.
         """
-        if state is not None or law is None or self.filter is not None:
+        if state is not None or law is None or self.filter is not None or self._leader_news is not None:
             return super().replace(law=law, state=state)
         scenario = check_law_change(self.scenario, law)
         check_law(self.engine, scenario, None, point_of(scenario.agents), obstacles=True, views=True)

@@ -10,7 +10,7 @@ import numpy as np
 from flocking.arrays import AnyArray
 from flocking.engine.archives.data_checks import MalformedError, Table
 from flocking.engine.runs.columns import COLUMN, KINDS, SWITCHES, component_names
-from flocking.engine.runs.message_log import OWN, PRESENT, TICK_PARTS, MessageLog
+from flocking.engine.runs.message_log import LEADER, LEADER_SENDER, PRESENT, TICK_PARTS, MessageLog
 from flocking.errors import StorageError
 from flocking.model.law import Scenario
 from flocking.model.terms.avoidance import ObstacleTerm
@@ -88,6 +88,8 @@ def _check_log(scenario: Scenario, tables: dict[str, AnyArray]) -> None:
     end = math.ceil((scenario.t_end - scenario.start.t) * PER_SECOND)
     for column, most in ((0, end), (1, n - 1), (2, len(uses))):
         Table("i8", (None,), least=0, most=most).check(ticks[:, column].copy(), "tick")
-    for column, least, most in ((0, OWN, graphs - 1), (1, 0, n - 1), (2, PRESENT, MOST_SAMPLES)):
+    for column, least, most in ((0, LEADER, graphs - 1), (1, LEADER_SENDER, n - 1), (2, PRESENT, MOST_SAMPLES)):
         Table("i8", (None,), least=least, most=most).check(uses[:, column].copy(), "use")
+    if ((uses[:, 0] == LEADER) != (uses[:, 1] == LEADER_SENDER)).any():
+        raise MalformedError("use must name the sender -1 for samples of leaders alone")
     MessageLog(ticks, tables["tick_force"], uses)

@@ -48,8 +48,8 @@ class Messages(Information):
     it was taken, held as it is or, with ``predict``, moved on with its velocity. A sample that is ``expires``
     old is discarded, and its sender with it: link memory is cleared, and a link must appear anew. At the start everyone
     has everyone's exact state. Times are rounded to whole nanoseconds from the start. At one instant samples are taken
-    first, then they arrive, then they expire, then links follow, then controls are computed from what is known. The
-    leader and obstacles are known exactly.
+    first, then they arrive, then they expire, then links follow, then controls are computed from what is known.
+    Obstacles are known exactly, and so are leaders unless they send messages too.
 
     Parameters
     ----------
@@ -75,11 +75,16 @@ class Messages(Information):
         ``"true"``: an agent knows its own true state; ``"measured"``: its own newest sample, without delay.
     seed
         Seed of losses, jitter and noise.
+    leader
+        Whether leaders of the law are known by messages too: at the same times a sample of the position, velocity and
+        acceleration of all of them is sent, with the same delay, jitter and loss, which are drawn for each receiver.
+        With ``predict`` it is moved on with velocity and acceleration. Period and phase then are one number; samples
+        with errors or an age from which they expire, and losses by distance, are not known of leaders.
 
     Raises
     ------
     InvalidInput
-        When a time is negative or a period not positive, or a part is none.
+        When a time is negative or a period not positive, a part is none, or a leader cannot send what is declared.
 
     Examples
     --------
@@ -100,6 +105,7 @@ class Messages(Information):
     predict: bool = False
     self_known: Annotated[str, values.choice(*SELF_KNOWN)] = "true"
     seed: Annotated[int, values.SEED] = 0
+    leader: bool = False
 
     def __post_init__(self) -> None:
         nanoseconds("Messages", "period", self.period, positive=True)
@@ -125,6 +131,26 @@ class Messages(Information):
         if self.seed > values.LARGEST_SEED:
             raise InvalidInput("Messages", "seed", f"must be at most {values.LARGEST_SEED}", self.seed)
         one_of("Messages", "self_known", self.self_known, SELF_KNOWN)
+        object.__setattr__(self, "leader", truth("Messages", "leader", self.leader))
+        if self.leader:
+            self._check_leader()
+
+    def _check_leader(self) -> None:
+        """Refuse what is not known of the messages of leaders."""
+        refused = {
+            "period": bool(np.ndim(self.period)), "phase": bool(np.ndim(self.phase)),
+            "noise": self.noise is not None and not self.noise.ideal, "resolution": self.resolution > 0.0,
+            "velocity_resolution": self.velocity_resolution > 0.0, "expires": self.expires is not None,
+            "loss": self.loss is not None and self.loss.reads_distance,
+        }  # fmt: skip
+        for name, wrong in refused.items():
+            if wrong:
+                rule = "must be one number" if name in ("period", "phase") else "must be left out"
+                raise InvalidInput(
+                    "Messages", name, f"{rule} with leader=True", getattr(self, name),
+                    "Samples of leaders are exact and kept, are taken at times of their own, and are not lost by "
+                    "distance.",
+                )  # fmt: skip
 
     @property
     def ideal(self) -> bool:
@@ -151,6 +177,8 @@ class Messages(Information):
             found.append("moved on with the velocity sent")
         if self.self_known == "measured":
             found.append("the own state measured")
+        if self.leader:
+            found.append("leaders known by them too")
         return ", ".join(found)
 
     def check_count(self, n: int) -> None:

@@ -50,6 +50,11 @@ class Purpose(IntEnum):
     KICK = 9
 
 
+NOT_AN_AGENT = 0xFFFFFFFF
+"""Sender of draws about messages of leaders, which are no agents: -1 as a word of 32 bits, larger than all numbers of
+agents."""
+
+
 def philox(counter: tuple[Words, Words, Words, Words], key: tuple[int, int]) -> tuple[Words, Words, Words, Words]:
     """Philox4x32-10 of counters and a key.
 

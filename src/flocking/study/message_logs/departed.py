@@ -15,7 +15,8 @@ from flocking.formula.compiled import Reading
 from flocking.model.world.information import Messages
 from flocking.model.world.times import NANOSECOND
 from flocking.study.message_logs.forced_motion import ForcedMotion
-from flocking.study.message_logs.replay import LoggedWorld, logged
+from flocking.study.message_logs.logged_world import LoggedWorld
+from flocking.study.message_logs.replay import logged
 
 CAUSES = ("delay", "loss", "noise", "links", "hold", "limits")
 """What departed energy is split into."""
@@ -61,8 +62,8 @@ def departed_causes(run: Run) -> Departed:
     InvalidInput
         When there is no log.
     UnsupportedLaw
-        When a safety filter changed the forces, agents are of order 1, whose forces are no work along the motion, or
-        forces change between ticks, by a lag or by gusts.
+        When a safety filter changed the forces, leaders are known by messages, agents are of order 1, whose forces are
+        no work along the motion, or forces change between ticks, by a lag or by gusts.
     """
     scenario, log = logged(run)
     if scenario.agents.order == 1:
@@ -71,6 +72,8 @@ def departed_causes(run: Run) -> Departed:
         raise UnsupportedLaw(
             f"departed_causes splits the work of forces that change at ticks alone, and {scenario.agents.summary}."
         )
+    if isinstance(scenario.information, Messages) and scenario.information.leader:
+        raise UnsupportedLaw("departed_causes knows leaders exactly: it does not split what their messages cause.")
     world = LoggedWorld(run, scenario, log)
     trace = run.trace
     with Reading(), np.errstate(over="ignore", invalid="ignore"):

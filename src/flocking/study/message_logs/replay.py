@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Links
-from flocking.engine.protocol.body_chains import why_not_closed
-from flocking.engine.reference.control import Agent, control_of
-from flocking.engine.runs.message_log import AT_START, OWN, PRESENT, MessageLog
+from flocking.engine.runs.message_log import AT_START, LEADER, LEADER_SENDER, OWN, PRESENT, MessageLog
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.formula.compiled import Reading
-from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
-from flocking.model.world.information import Messages
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND, PER_SECOND
-from flocking.study.message_logs.arrivals import NEVER, Arrivals, Sample
-from flocking.study.message_logs.forced_motion import ForcedMotion
-from flocking.study.message_logs.integrated_motion import IntegratedForcedMotion
+from flocking.study.message_logs.arrivals import NEVER
 from flocking.study.message_logs.link_margins import margin_of
-
-NEAR = 1e-9
-"""Distance from a radius, relative to 1 and to it, within which rounding leaves open whether a link switches, and by
-which stored positions may differ from those of the second computation, relative to 1 and to their size."""
+from flocking.study.message_logs.logged_world import LoggedWorld
 
 SAME_FORCE = 1e-7
 """Difference of two computations of a force, relative to 1 and to it: steep potentials amplify the rounding of
@@ -173,88 +163,6 @@ def logged(run: Run) -> tuple[Scenario, MessageLog]:
     return scenario, run.log
 
 
-class LoggedWorld:
-    """What the declared world states of a run whose forces are those of its log.
-
-    Parameters
-    ----------
-    run
-        The run.
-    scenario
-        Its scenario.
-    log
-        Its log.
-    """
-
-    def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
-        self.scenario, self.log = scenario, log
-        self.base, self.space = scenario.start.t, scenario.space
-        integrated = why_not_closed(scenario.agents)
-        self.motion = IntegratedForcedMotion(run, scenario, log) if integrated else ForcedMotion(scenario, log)
-        self.near = NEAR + self.motion.error
-        """As `NEAR`, where the motion of the run has errors of steps."""
-        self.n, self.m = self.motion.n, self.motion.m
-        self.messages = scenario.information if isinstance(scenario.information, Messages) else None
-        last = int(log.ticks[-1, 0]) if len(log.ticks) else 0
-        self.arrivals = Arrivals(scenario, self.motion, last) if self.messages is not None else None
-        self.graphs: list[Graph] = list(scenario.law.graphs)
-        self.first_links: list[Links] = [
-            g.links_in(self.space, scenario.start.q, scenario.agents.headings) for g in self.graphs
-        ]
-        if scenario.start.links is not None:
-            self.first_links[0] = np.asarray(scenario.start.links)
-        self._masses, self._damping = self.motion.masses, self.motion.damping
-        self._switches = sorted({s for term in scenario.law.body_terms for s in term.switch_times(self.base, np.inf)})
-
-    def sample(self, agent: int, k: int, instant: int) -> Sample:
-        """What is used of an agent by the number ``k`` at an ``instant``, see `Arrivals.sample`."""
-        if self.arrivals is not None:
-            return self.arrivals.sample(agent, k, instant)
-        q, p = self.motion.state(agent, instant * NANOSECOND, instant)
-        return Sample(q, p, q, p, instant, open=False)
-
-    def time(self, instant: int) -> float:
-        """The scenario's time of an instant; gains that change at it have changed."""
-        for at in self._switches:
-            if round((at - self.base) * PER_SECOND) == instant:
-                return at
-        return self.base + instant * NANOSECOND
-
-    def received(self, sample: Sample, instant: int) -> tuple[Array, Array]:
-        """Position and velocity that a receiver takes a sender to have at an ``instant``, from a ``sample`` of it."""
-        if self.messages is not None and self.messages.predict:
-            return sample.q + (instant - sample.instant) * NANOSECOND * sample.p, sample.p
-        return sample.q, sample.p
-
-    def force(
-        self, agent: int, own: tuple[Array, Array], others: Mapping[int, list[tuple[int, Array, Array]]], instant: int
-    ) -> Array:
-        """The law's force on an agent from what it takes itself and others to be, shape (m,).
-
-        Parameters
-        ----------
-        own
-            Its position and velocity.
-        others
-            Neighbours by the number of the graph: who, position and velocity.
-        instant
-            Now, in nanoseconds since the start.
-        """
-        still = self.motion.order == 1
-        none = np.zeros(self.m)
-
-        def seen(q: Array, p: Array, index: int) -> Agent:
-            return Agent(q, none if still else p, index)
-
-        lists = {
-            graph: [seen(q, p, j) for j, q, p in others.get(number, [])] for number, graph in enumerate(self.graphs)
-        }
-        return control_of(
-            self.scenario.law, seen(*own, agent), lists, self.time(instant), mass=float(self._masses[agent]),
-            damping=float(self._damping[agent]), space=self.space, headings=self.scenario.agents.headings,
-        )  # fmt: skip
-
-
 class _Replaying:
     """The second computation of one run."""
 
@@ -334,19 +242,21 @@ class _Replaying:
         """Whether an entry names a state that there was."""
         if k is None or k == AT_START or (k == PRESENT and self.world.messages is None):
             return True
-        arrivals = self.world.arrivals
+        arrivals, leaders = self.world.arrivals, self.world.leaders
+        if key[0] == LEADER:
+            return leaders is not None and k >= 0 and leaders.taken(k) <= instant
         return arrivals is not None and k >= 0 and arrivals.taken(key[1], k) <= instant
 
     def _force(self, row: int, instant: int, agent: int, logged: Uses, *, open_: bool) -> Iterator[WrongEntry]:
         """The force of an act against that of the law on the entries of the log."""
         world, others = self.world, {}
         own = world.sample(agent, logged.get((OWN, agent), PRESENT), instant)
-        samples = {key: world.sample(key[1], k, instant) for key, k in logged.items()}
+        samples = {key: world.sample(key[1], k, instant) for key, k in logged.items() if key[0] != LEADER}
         open_ = open_ or own.open or any(x.open for x in samples.values())
         for graph in range(len(world.graphs)):
             received = [(key[1], *world.received(samples[key], instant)) for key in sorted(logged) if key[0] == graph]
             others[graph] = received
-        again = world.force(agent, (own.q, own.p), others, instant)
+        again = world.force(agent, (own.q, own.p), others, instant, logged.get((LEADER, LEADER_SENDER)))
         stored = self.log.forces[row]
         off = float(np.abs(again - stored).max())
         if off <= (SAME_FORCE + STEEP * self.world.motion.error) * (1.0 + float(np.abs(again).max())):
@@ -367,6 +277,8 @@ class _Replaying:
         numbers = [PRESENT] * world.n
         there = [True] * world.n
         own = world.sample(agent, PRESENT, instant)
+        if world.leaders is not None:
+            found[LEADER, LEADER_SENDER] = world.leaders.newest(agent, instant)
         if messages is not None and arrivals is not None:
             if messages.self_known == "measured":
                 found[OWN, agent] = arrivals.newest_taken(agent, instant)
@@ -401,6 +313,8 @@ class _Replaying:
         graph, sender = key
         if graph == OWN:
             return f"it knew itself by its sample {logged}, where {expected} was its newest"
+        if graph == LEADER:
+            return f"it knew leaders by their sample {logged}, where {expected} was the newest that had arrived"
         arrivals = self.world.arrivals
         if logged is None:
             return f"agent {sender} was its neighbour and nothing of it was used; sample {expected} was to be used"

@@ -1,0 +1,90 @@
+"""Which sample of leaders each agent had, and what it took their motion to be, from the declared world alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.arrays import Array
+from flocking.engine.runs.message_log import AT_START
+from flocking.errors import InvalidInput
+from flocking.model.known_leaders import law_as_known
+from flocking.model.law import Law, Scenario
+from flocking.model.world.information import Messages
+from flocking.model.world.random_numbers import NOT_AN_AGENT, Purpose, uniform
+from flocking.model.world.times import NANOSECOND, PER_SECOND
+
+
+class LeaderArrivals:
+    """Samples of the leaders of a run, and when they arrive.
+
+    Parameters
+    ----------
+    scenario
+        Its information are messages, by which leaders are known.
+    last
+        Nanosecond after which nothing is looked up.
+    """
+
+    def __init__(self, scenario: Scenario, last: int) -> None:
+        assert isinstance(scenario.information, Messages)
+        self._scenario, self._messages = scenario, scenario.information
+        self._period, self._phase = (
+            int(np.rint(float(x) * PER_SECOND)) for x in (self._messages.period, self._messages.phase)
+        )
+        self._count = max(0, (last - self._phase) // self._period + 1)
+        self._times: dict[int, NDArray[np.int64]] = {}
+
+    def taken(self, k: int) -> int:
+        """Nanosecond at which sample ``k`` was taken."""
+        return 0 if k == AT_START else self._phase + k * self._period
+
+    def newest(self, receiver: int, instant: int) -> int:
+        """Number of the newest sample that has arrived at a ``receiver`` by an ``instant``, in nanoseconds."""
+        there = np.flatnonzero(self._arrivals(receiver) <= instant)
+        return int(there[-1]) if len(there) else AT_START
+
+    def _arrivals(self, receiver: int) -> NDArray[np.int64]:
+        """When each sample reaches a receiver, in nanoseconds; at no time where it is lost."""
+        if receiver not in self._times:
+            world, k = self._messages, np.arange(self._count, dtype=np.int64)
+            words = np.full(len(k), NOT_AN_AGENT), np.full(len(k), receiver), k
+            times = self._phase + k * self._period + round(world.delay * PER_SECOND)
+            if world.jitter:
+                late = uniform(world.seed, Purpose.JITTER, *words) * round(world.jitter * PER_SECOND)
+                times = times + np.rint(late).astype(np.int64)
+            if world.loss is not None and not world.loss.ideal:
+                times = np.where(world.loss.lost(world.seed, *words), np.iinfo(np.int64).max, times)
+            self._times[receiver] = times
+        return self._times[receiver]
+
+    def law(self, k: int, instant: int) -> Law:
+        """The law with leaders as who has their sample ``k`` takes them to be at an ``instant``.
+
+        Raises
+        ------
+        InvalidInput
+            When there is no such sample.
+        """
+        if not AT_START <= k < self._count:
+            raise InvalidInput("run", "log", "must name samples that leaders sent", k, "The log was changed.")
+        taken, law = self.taken(k), self._scenario.law
+        s = (instant - taken) * NANOSECOND if self._messages.predict else 0.0
+        motions: list[Array] = []
+        for leader in law.leaders:
+            q, p, a = leader.at(self._scenario.start.t + taken * NANOSECOND)
+            motions.append(np.array([q + s * p + 0.5 * s * s * a, p + s * a, a]))
+        return law_as_known(law, motions)
+
+
+def leader_arrivals(scenario: Scenario, last: int) -> LeaderArrivals | None:
+    """Samples of leaders; None where they are known exactly.
+
+    Parameters
+    ----------
+    scenario, last
+        As for `LeaderArrivals`.
+    """
+    information = scenario.information
+    sent = isinstance(information, Messages) and information.leader
+    return LeaderArrivals(scenario, last) if sent else None

@@ -1,0 +1,189 @@
+"""Leaders that agents know by messages: the newest sample of position, velocity and acceleration that has arrived."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.c_export.exported_law import exported_law
+from flocking.engine.driver.nodes import simulate_nodes
+from flocking.engine.sampled.leader_news import LeaderNews
+from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.world.random_numbers import Purpose, uniform
+from tests.engine.sampled.plain_world import NS, PlainWorld
+from tests.engine.sampled.test_independent import random_world
+from tests.engine.sampled.test_sessions import same
+
+LEADER = fk.Path(["cos(w*t)", "0.5 - 0.3*t"], start=[0.2, 1.0], w=1.7)
+GAINS = (0.9, 0.6, 0.7)
+
+
+def moved(t):
+    """Position, velocity and acceleration of the leader, by hand."""
+    w = 1.7
+    return (
+        (0.2 + math.sin(w * t) / w, 1.0 + 0.5 * t - 0.15 * t * t),
+        (math.cos(w * t), 0.5 - 0.3 * t),
+        (-w * math.sin(w * t), -0.3),
+    )
+
+
+class PlainLeader(PlainWorld):
+    """The plain world of messages, to which a leader sends its motion: one queue for each receiver."""
+
+    def __init__(self, scenario, slope, gain, enter, leave):
+        super().__init__(scenario, slope, gain, enter, leave)
+        info = scenario.information
+        period, phase = round(info.period * NS), round(info.phase * NS)
+        sender = 2**32 - 1
+        self.mail = [[] for _ in range(self.n)]
+        for k in range(int(scenario.t_end * NS) // period + 1):
+            for i in range(self.n):
+                words = np.array([sender]), np.array([i]), np.array([k])
+                if info.loss is not None and info.loss.lost(info.seed, *words)[0]:
+                    continue
+                late = round(float(uniform(info.seed, Purpose.JITTER, *words)[0]) * self.jitter) if self.jitter else 0
+                self.mail[i].append((phase + k * period + self.delay + late, k, phase + k * period))
+        self.told = [(-1, 0)] * self.n
+
+    def act(self, i, t):
+        u = super().act(i, t)
+        q, p = (self.q[i], self.p[i]) if self.info.self_known == "true" else self.own[i]
+        for arrives, k, taken in self.mail[i]:
+            if arrives <= t and k > self.told[i][0]:
+                self.told[i] = (k, taken)
+        taken = self.told[i][1]
+        x, v, a = moved(taken / NS)
+        if self.info.predict:
+            s = (t - taken) / NS
+            x = [b + s * c + s * s * d / 2 for b, c, d in zip(x, v, a, strict=True)]
+            v = [c + s * d for c, d in zip(v, a, strict=True)]
+        c1, c2, g = GAINS
+        return [
+            w - c1 * (q[k] - x[k]) - c2 * (p[k] - v[k]) + g * self.mass[i] * a[k] for k, w in enumerate(u)
+        ]  # fmt: skip
+
+
+def scenario(seed=0, **messages):
+    """A random world of which leaders send, too."""
+    made, _ = random_world(seed)
+    info = made.information
+    loss = fk.Bernoulli(0.4) if isinstance(info.loss, fk.DistanceLoss) else info.loss
+    given = {
+        "period": 0.05, "phase": 0.01, "loss": loss, "noise": None, "resolution": 0.0, "velocity_resolution": 0.0,
+        "expires": None, "leader": True, **messages,
+    }  # fmt: skip
+    law = fk.Law(made.law.graph, [*made.law.terms, fk.Track(LEADER, *GAINS)])
+    return made.with_(law=law, information=dataclasses.replace(info, **given))
+
+
+@pytest.mark.parametrize("seed", [*range(6), *(pytest.param(s, marks=pytest.mark.slow) for s in range(6, 40))])
+def test_random_worlds(seed):
+    made = scenario(seed)
+    session = fk.start(made)
+    assert session.engine == "sampled"
+    session.advance(made.t_end)
+    plain = PlainLeader(made, lambda r: 1.5 * (r - 1), 0.8, 1.7, 2.0)
+    plain.run(made.t_end)
+    run = session.run()
+    assert np.abs(run.q[-1] - plain.q).max() < 1e-9
+    assert (session.known_links[0] == plain.links).all()
+    for agent in range(run.n):
+        rows = np.flatnonzero(run.log.ticks[:, 1] == agent)
+        first = run.log.firsts[rows[-1]]
+        assert run.log.uses[first].tolist() == [-2, -1, plain.told[agent][0]]
+    found = fk.replay(run)
+    assert found.agrees, str(found)
+    assert np.abs(run.residual).max() <= 1e-11 * max(1.0, run.turnover) + run.fidelity.ledger.size
+    exact = fk.simulate(made.with_(information=dataclasses.replace(made.information, leader=False)), progress=False)
+    assert np.abs(exact.q[-1] - run.q[-1]).max() > 1e-5
+
+
+def test_one_agent_follows_the_sample_that_it_has():
+    """A leader at constant acceleration, a sample a second old: moved on it is known exactly, held it is not."""
+    leader = fk.Path(["t", "0"])
+    law = fk.Law(fk.Fixed(1, []), [fk.Track(leader, 0.0, 1.0)])
+    for predict, seen in ((True, 2.0), (False, 1.0)):
+        info = fk.Messages(1.0, delay=1.0, predict=predict, leader=True)
+        made = fk.Scenario(law, fk.State([[0.0, 0.0]]), t_end=2.5, control=fk.Held(2.0), information=info)
+        session = fk.start(made)
+        session.advance(2.25)
+        # At 2 it acts on the sample of 1, which has just arrived; until then it stood still, as the leader at 0.
+        assert session.accelerations()[0, 0] == pytest.approx(seen, abs=1e-12)
+
+
+def test_several_leaders_and_gains_that_change_are_those_of_one_message():
+    """What no loss and no delay tell at every tick is what is known exactly."""
+    other = fk.Velocity([0.3, -0.2], start=[1.0, 0.0])
+    gains = fk.Schedule([0.73], [0.5, 2.0])
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(0.5), fk.Track(LEADER, gains, 0.5, 1.0), fk.Track(other, 0.2, 0.3)])
+    start = fk.State(np.random.default_rng(1).uniform(0, 3, (4, 2)), t=0.5)
+    made = fk.Scenario(law, start, t_end=2.0, frames=4, control=fk.Held(0.05), information=fk.Messages(0.05))
+    exact = fk.simulate(made, progress=False)
+    told = fk.simulate(made.with_(information=fk.Messages(0.05, leader=True)), progress=False)
+    assert np.abs(exact.q - told.q).max() < 1e-12
+    assert fk.replay(told).agrees
+
+
+def test_stored_and_cut_runs_have_the_same_bits(tmp_path):
+    made = scenario(2, loss=fk.GilbertElliott(0.3, 0.5, 0.05, 0.9), jitter=0.07)
+    ideal = fk.simulate(made, save=tmp_path / "run", progress=False)
+    session = fk.start(made)
+    for t in np.linspace(0.01, 2.0, 9):
+        session.advance(float(t))
+        session = session.moment()()
+    assert same(session.run(), ideal)
+    assert same(fk.read_run(tmp_path / "run"), ideal)
+    fk.write_scenario(made, tmp_path / "world.toml")
+    assert same(fk.simulate(fk.read_scenario(tmp_path / "world.toml"), progress=False), ideal)
+    assert fk.replay(fk.read_run(tmp_path / "run")).agrees
+    assert ideal.known_links_at(3).shape == (1, ideal.n, ideal.n)
+    assert "leaders known by them too" in ideal.provenance["world"]
+
+
+def test_a_sample_used_before_it_arrived_is_caught(monkeypatch):
+    newest = LeaderNews.newest
+    monkeypatch.setattr(LeaderNews, "newest", lambda self, time, agents: newest(self, time + 40_000_000, agents))
+    found = fk.replay(fk.simulate(scenario(0, delay=0.05), progress=False))
+    assert "it knew leaders by their sample" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("period", [0.1, 0.2]), ("phase", [0.0, 0.1]), ("noise", 0.1), ("resolution", 0.1), ("expires", 1.0),
+        ("velocity_resolution", 0.1), ("loss", fk.DistanceLoss(2.0)),
+    ],
+)  # fmt: skip
+def test_what_messages_of_leaders_cannot_be_is_refused(name, value):
+    with pytest.raises(InvalidInput, match=f"Messages: {name} must be .* with leader=True"):
+        fk.Messages(**{"period": 0.1, name: value, "leader": True})
+
+
+def test_others_refuse_by_name():
+    made = scenario(0)
+    for engine in ("tiles", "lammps"):
+        with pytest.raises(UnsupportedLaw, match="messages of the leader would be left out"):
+            fk.start(made, engine)
+    with pytest.raises(UnsupportedLaw, match="leave leader=True"):
+        simulate_nodes(made, processes=False)
+    with pytest.raises(UnsupportedLaw, match="does not receive their messages"):
+        exported_law(made)
+    run = fk.simulate(made.with_(t_end=0.3), progress=False)
+    with pytest.raises(UnsupportedLaw, match="does not split what their messages cause"):
+        fk.departed_causes(run)
+    with pytest.raises(InvalidInput, match="must be left out where no term"):
+        fk.start(made.with_(law=fk.Law(made.law.graph, made.law.terms[:-1])))
+    ball = fk.Avoid([fk.Ball([9.0, 9.0], 0.5)], range=1.0, gamma_agents=False)
+    with pytest.raises(UnsupportedLaw, match="beside obstacles"):
+        fk.start(made.with_(law=fk.Law(made.law.graph, [*made.law.terms, ball])), "sampled")
+    session = fk.start(made)
+    session.advance(0.1)
+    with pytest.raises(UnsupportedLaw, match="replaces neither law nor state"):
+        session.replace(law=fk.Law(made.law.graph, made.law.terms[:-1]))
+    with pytest.raises(UnsupportedLaw, match="does not replace `information`"):
+        session.replace_information(made.information)
