@@ -162,6 +162,6 @@ def test_runs_past_obstacles_go_on_with_the_same_bits_and_their_log_is_right(tmp
 
 def test_a_forgotten_obstacle_is_caught(monkeypatch):
     forces = SampledLaw.forces
-    monkeypatch.setattr(SampledLaw, "forces", lambda self, t, known, pairs, met=(): forces(
-        self, t, known, pairs, [(i[:0], o[:0]) for i, o in met]))  # fmt: skip
+    monkeypatch.setattr(SampledLaw, "forces", lambda self, t, known, pairs, met=(), motions=(): forces(
+        self, t, known, pairs, [(i[:0], o[:0]) for i, o in met], motions))  # fmt: skip
     assert "its force is logged as" in str(fk.replay(fk.simulate(scenario(**WORLD), progress=False)))
