@@ -230,12 +230,8 @@ def _check_gaps(arrays: Arrays, scenario: Scenario, start: Array) -> None:
         )
         ends, begins, at = [*ends, tables[-1, -1]], [*begins, arrays["begun"]], [*at, float(times[-1])]
     for end, begin, t in zip(ends, begins, at, strict=True):
-        jumps = replaced.get(t, nobody)
-        must(
-            ((end == begin) | jumps[whose]).all(),
-            "coefficients",
-            "begin at the start and be those of steps without gaps",
-        )
+        fits = ((end == begin) | replaced.get(t, nobody)[whose]).all()
+        must(fits, "coefficients", "be those of steps without gaps" if t > 0.0 else "begin at the start")
     if "replaced_at" in arrays:
         must(len(arrays["replaced_at"]) > 0, "replaced_at", "have a time")
 
