@@ -29,7 +29,7 @@ PYTHON_ALONE = {
     "papers/shi_2009/system.py": "sqrt(b/a) is mathematics",
     "show": "plots of objects that commands make themselves",
     "study/claims": "audits of objects that commands make themselves",
-    "study/message_logs/replay.py": "replay, which commands give a run",
+    "study/message_logs/logged_world.py": "replay, which commands give a run",
 }
 """Files, and folders, of which no message with Python in it comes from a file or a command, and what they are about."""
 

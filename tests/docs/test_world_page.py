@@ -66,9 +66,13 @@ def test_every_part_has_a_row(group):
         assert f"fk.{kind.builds.__name__}(" in shown
 
 
-def test_messages_under_continuous_control_run_nowhere():
+def test_messages_under_continuous_control_run_in_one_engine_and_delays_under_held_control_in_none():
     late = fk.Scenario(LAW, START, t_end=1.0, information=fk.Messages(0.1))
-    assert all(engine_named(engine).why_not(late) for engine in ENGINES)
+    assert [engine for engine in ENGINES if not engine_named(engine).why_not(late)] == ["delayed"]
+    none = late.with_(information=fk.Delayed(0.1), control=fk.Held(0.1))
+    reasons = [engine_named(engine).why_not(none) for engine in ENGINES if engine != "discrete"]
+    assert all("No engine runs Delayed under held control" in why for why in reasons)
+    assert "continuous time" in engine_named("discrete").why_not(none)
 
 
 def test_late_samples_brake_a_flock_unless_they_are_moved_on(capsys):

@@ -51,15 +51,15 @@ class KnownLeader(Leader):
         return ("KnownLeader", self.dimension)
 
     def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr]:
-        """The velocity that is told."""
+        """The velocity that is sent."""
         return [parameter(f"p_{k}") for k in range(self.dimension)]
 
     def acceleration(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr]:
-        """The acceleration that is told."""
+        """The acceleration that is sent."""
         return [parameter(f"a_{k}") for k in range(self.dimension)]
 
     def position(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr]:
-        """The position that is told."""
+        """The position that is sent."""
         return [parameter(f"q_{k}") for k in range(self.dimension)]
 
 
@@ -88,7 +88,7 @@ def moved_on(motion: Array, seconds: Array, *, predict: bool) -> Array:
     seconds
         How long ago that was, shape (receivers,).
     predict
-        Whether it is moved on with the velocity and the acceleration told, or held.
+        Whether it is moved on with the velocity and the acceleration sent, or held.
     """
     if not predict:
         return motion

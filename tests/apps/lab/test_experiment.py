@@ -338,6 +338,27 @@ def test_delay_loss_and_noise_change_while_it_runs_and_the_log_replays_them(tmp_
     assert np.abs(untouched.state.q - experiment.state.q).max() > 1e-3
 
 
+def test_messages_change_under_continuous_control_and_the_lab_goes_back(tmp_path):
+    made = radio().with_(control=fk.Continuous())
+    experiment = Experiment(made)
+    assert experiment.engine == "delayed"
+    for time, name, value in ((0.31, "delay", 0.1), (0.5, "loss", 0.4), (0.7, "noise", 0.05)):
+        experiment.advance(time)
+        experiment.save_moment()
+        experiment.apply({"kind": "set", "path": ["information", name], "value": value})
+    experiment.advance(1.0)
+    again = replay(EventLog.read(experiment.log.write(tmp_path / "radio.events.json")))
+    assert (again.state.q == experiment.state.q).all()
+    ended = experiment.state.q.copy()
+    experiment.go_back()
+    assert experiment.time == 0.5
+    for time, name, value in ((0.5, "loss", 0.4), (0.7, "noise", 0.05)):
+        experiment.advance(time)
+        experiment.apply({"kind": "set", "path": ["information", name], "value": value})
+    experiment.advance(1.0)
+    assert (experiment.state.q == ended).all()
+
+
 def test_the_page_has_sliders_for_what_may_change_about_messages():
     def sliders(scenario):
         (section,) = [s for s in sections(scenario) if s.title == "Messages"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import flocking as fk
-from flocking.engine.sampled.knowledge import Known
+from flocking.engine.imperfect.messages.knowledge import Known
 from flocking.engine.sampled.safety import ForceFilter
 from tests.engine.c_export.building import CODES
 

@@ -30,6 +30,7 @@ def scenario(n: int = 4, law: fk.Law = LAW, **parts: object) -> fk.Scenario:
         (scenario(control=fk.Held(0.1), information=fk.Messages(0.1)), "sampled"),
         (scenario(3000, control=fk.Held(0.1)), "tiles"),
         (scenario(information=fk.Delayed(0.1)), "delayed"),
+        (scenario(information=fk.Messages(0.1)), "delayed"),
         (scenario(information=fk.Delayed(0.0)), "exact"),
         (scenario(control=fk.Held(0.1), agents=fk.Impulsive()), "discrete"),
         (scenario(3000, control=fk.Held(0.1), agents=fk.Impulsive()), "discrete"),
@@ -42,8 +43,14 @@ def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: st
 @pytest.mark.parametrize(
     ("made", "said"),
     [
-        (scenario(information=fk.Messages(0.1)), "engine='sampled' needs control=Held"),
-        (scenario(control=fk.Held(0.1), information=fk.Delayed(0.1)), "engine='exact' does not run"),
+        (
+            scenario(control=fk.Held(0.1), information=fk.Delayed(0.1)),
+            r"engine='exact' does not run .* No engine runs Delayed under held control: give information=Messages",
+        ),
+        (
+            scenario(3, fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)]), information=fk.Messages(0.1)),
+            "engine='delayed' follows links by two distances; FieldOfView has another rule",
+        ),
         (
             scenario(3000, control=fk.Held(0.1), information=fk.Messages(0.1, loss=0.3)),
             "Messages: expires must be given",

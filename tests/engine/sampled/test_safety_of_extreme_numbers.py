@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.sampled.knowledge import Known
+from flocking.engine.imperfect.messages.knowledge import Known
 from flocking.engine.sampled.safety import ForceFilter
 from flocking.errors import InvalidInput, NotFinite
 from flocking.model.space import Open

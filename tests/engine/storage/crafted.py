@@ -51,6 +51,7 @@ ENGINES = {
     "held quadrotor": "sampled",
     "held views": "sampled",
     "delayed": "delayed",
+    "messages": "delayed",
     "discrete": "discrete",
     "heading": "discrete",
     "tiles": "tiles",
@@ -90,6 +91,8 @@ def scenario(engine: str) -> fk.Scenario:
         return scenario("tiles").with_(control=fk.Held(0.02, latency=0.03), information=heard)
     if engine == "delayed":
         return scenario("sampled").with_(control=fk.Continuous(), information=fk.Delayed(0.06))
+    if engine == "messages":
+        return scenario("sampled").with_(control=fk.Continuous())
     if engine == "discrete":
         return fk.Scenario(
             fk.Law(fk.Hysteresis(4.0, 0.3), [fk.Gradient(fk.Potential("(r - 3)^2")), fk.Consensus(1.0)]),

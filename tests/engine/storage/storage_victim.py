@@ -104,6 +104,17 @@ def delayed(folder: Path) -> None:
     fk.simulate(late(), save=folder, progress=False)
 
 
+def messaged() -> fk.Scenario:
+    """The same group, which acts at every moment on what it hears."""
+    return held().with_(control=fk.Continuous(), t_end=0.3, name="messaged")
+
+
+def messages(folder: Path) -> None:
+    """Run these with a commit at every stop."""
+    saving.COMMIT_SECONDS = 0.0
+    fk.simulate(messaged(), save=folder, progress=False)
+
+
 @cache
 def told() -> fk.Scenario:
     """Robots on wheels with a largest force and speed that know each other by lost, late and wrong messages."""
@@ -156,6 +167,7 @@ def main() -> None:
                 "tiles": tiles,
                 "sampled": sampled,
                 "delayed": delayed,
+                "messages": messages,
                 "held tiles": held_tiles,
                 "discrete": discrete,
             }

@@ -49,6 +49,10 @@ def assert_same(one: Run, two: Run) -> None:
         assert values.tobytes() == two.columns[name].tobytes(), name
     for name in ("closest_linked", "closest_unlinked", "status", "provenance"):
         assert getattr(one, name) == getattr(two, name), name
+    assert (one.log is None) == (two.log is None)
+    if one.log is not None and two.log is not None:
+        for name in ("ticks", "forces", "uses"):
+            assert getattr(one.log, name).tobytes() == getattr(two.log, name).tobytes(), name
     assert (one.accuracy is None) == (two.accuracy is None)
     if one.accuracy is not None and two.accuracy is not None:
         assert accuracy_data(one.accuracy) == accuracy_data(two.accuracy)

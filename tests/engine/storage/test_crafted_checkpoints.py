@@ -250,6 +250,30 @@ def test_wrong_arrays_of_the_delayed_engine(name: str, change: Any, said: str) -
 
 
 @pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("heard", lambda x: x + 10**8, "heard must not lie after the last step"),
+        ("heard", lambda x: x - 10**7, "(taken must agree with the schedule|heard must be the last instant)"),
+        ("heard", lambda x: x * 0 - 1, "taken must agree with the schedule"),
+        ("heard", lambda x: x * 0 + 2**62, "heard must not hold values above"),
+        ("taken", lambda x: x + 1, "taken must agree with the schedule"),
+        ("newest", lambda x: x + 2**40, "newest must"),
+        ("newest", lambda x: np.maximum(x - 1, -1) * ~np.eye(8, dtype=bool) - np.eye(8, dtype=int), "newest must name"),
+        ("newest", lambda x: x + np.eye(8, dtype=int), "newest must hold no samples of an agent itself"),
+        ("sample_rows", lambda x: x[:3].copy(), "sample_rows must have room"),
+        ("sample_rows", lambda x: x * np.nan, "sample_rows must hold finite numbers"),
+        ("sample_distances", lambda x: -x, "sample_distances must not hold values below 0"),
+        ("noise", lambda x: x[:-1].copy(), "noise must have the shape"),
+        ("known_links", lambda x: x | True, "known_links.0. must be links"),
+    ],
+)
+def test_wrong_arrays_of_messages_under_continuous_control(name: str, change: Any, said: str) -> None:
+    numbers, arrays = contents(checkpoint("messages"))
+    with pytest.raises(StorageError, match=said):
+        gone_on(written(numbers, {**arrays, name: change(arrays[name])}), "messages")
+
+
+@pytest.mark.parametrize(
     ("row", "late", "said"),
     [
         ([0, 1, 0], 0.0, "crossing_time must be when a pair is at its distance"),
@@ -293,6 +317,7 @@ def test_wrong_numbers_of_the_delayed_engine(key: str, value: object, said: str)
         ("accounted", 0.3, "accounted must not lie after the time"),
         ("accounted", 0.1, "closest must name a pair"),
         ("largest_power", -1.0, "largest_power must lie between"),
+        ("largest_power", float("nan"), "largest_power must not be NaN"),
         ("ledger_ends", float("nan"), "ledger_ends must not be NaN"),
         ("ledger_ends", 0.3, "ledger_ends must not lie after the time"),
     ],

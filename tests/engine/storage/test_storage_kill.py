@@ -340,6 +340,18 @@ def test_killed_runs_of_delayed_knowledge_go_on(start: Start, late: Run, tmp_pat
     kill_while_a_session_runs(start, tmp_path, 1, 19, "delayed", late)
 
 
+@pytest.fixture(scope="module")
+def heard() -> Run:
+    """The run of messages under continuous control, to its end in memory."""
+    return fk.simulate(storage_victim.messaged(), progress=False)
+
+
+@pytest.mark.slow
+def test_killed_runs_of_messages_under_continuous_control_go_on(start: Start, heard: Run, tmp_path: Path) -> None:
+    assert heard.log is not None
+    kill_while_a_session_runs(start, tmp_path, 3, 25, "messages", heard)
+
+
 @pytest.mark.repeated
 def test_50_killed_runs_of_delayed_knowledge_go_on(start: Start, late: Run, tmp_path: Path) -> None:
     assert len(set(kill_while_a_session_runs(start, tmp_path, 50, 20, "delayed", late))) > 5

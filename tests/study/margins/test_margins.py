@@ -47,6 +47,15 @@ def test_the_period_of_first_order_consensus_is_bracketed():
     assert margin.counts[margin.bracket.lower] == Count(1, 0, 0)  # nothing is random: one run
 
 
+def test_messages_under_continuous_control_stay_what_they_are():
+    """Agents that know themselves bear every period and delay; held forces of a period would not (T lambda_N < 2)."""
+    heard = consensus(t_end=20.0).with_(information=fk.Messages(0.2))
+    margins = found(heard, ["period", "loss"], levels={"period": [1.0], "loss": [0.5]})
+    assert margins.varied[0].world == "messages every 1"
+    for name in ("period", "loss"):
+        assert margins.margin(name, "agree").bracket.upper is None
+
+
 def test_the_delay_of_delayed_consensus_is_bracketed():
     """tau lambda_N < pi/2 with everybody delayed (Olfati-Saber and Murray 2004); control stays continuous."""
     late = consensus(t_end=60.0).with_(information=fk.Delayed(0.1, self_delayed=True))

@@ -8,8 +8,8 @@ import pytest
 
 import flocking as fk
 from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.imperfect.messages.knowledge import Knowledge
 from flocking.engine.runs.message_log import MessageLog
-from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.session import SampledSession
 from flocking.engine.storage.record_checks import _check_log

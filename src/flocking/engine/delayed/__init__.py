@@ -1,1 +1,1 @@
-"""The engine for delayed knowledge under continuous control: delay differential equations by the method of steps."""
+"""The engine for delayed knowledge and for messages under continuous control: steps of order 8 on what is known."""

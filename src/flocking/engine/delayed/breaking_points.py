@@ -92,6 +92,10 @@ class BreakingPoints(ABC):
     def forms(self, n: int) -> dict[str, Form[object]]:
         """Forms of these arrays, for ``n`` agents."""
 
+    def later_forms(self) -> dict[str, Form[object]]:
+        """Forms of those that are not there at first."""
+        return {}
+
     @abstractmethod
     def recall(self, arrays: Arrays) -> None:
         """Take what `arrays` gave, after its checks.

@@ -13,7 +13,7 @@ from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import Form, Real, Table
 from flocking.engine.archives.data_checks import Names as NamedForms
-from flocking.engine.delayed.breaking_points import BreakingPoints
+from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.history import History
 from flocking.engine.delayed.state_jumps import StateJumps
 from flocking.engine.imperfect.checkpoint_form import (
@@ -29,7 +29,6 @@ from flocking.engine.imperfect.memory import ImperfectMemory
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.protocol.session import Packed
 from flocking.model.law import Scenario
-from flocking.model.world.information import Delayed
 
 
 @dataclass
@@ -46,16 +45,14 @@ class DelayedMemory:
         Links by what agents know, shape (graphs, N, N).
     pending
         Known links that switch at the end of the last step, rows (i, j, graph).
-    points
-        Where steps must end.
+    delays
+        How late agents know each other, where steps must end, and replaced states that somebody does not know of yet.
     held
         Which limits of bodies act, and gusts.
     obstacles
         Which agents are within range of obstacles.
     meetings
         Agents that come within range at the end of the last step, or leave it, rows (agent, group, obstacle).
-    jumps
-        Replaced states that somebody does not know of yet.
     replaced_at
         When law or state were replaced, in the scenario's time.
     """
@@ -65,11 +62,10 @@ class DelayedMemory:
     segment: Segment
     known_links: Links
     pending: Indices
-    points: BreakingPoints
+    delays: Delays
     held: HeldNumbers
     obstacles: ObstacleRanges
     meetings: Indices
-    jumps: StateJumps
     replaced_at: list[float]
 
 
@@ -86,9 +82,9 @@ def packed_memory(memory: DelayedMemory) -> Packed:
         **memory.truth.arrays(),
         "times": np.array([segments[0].t0, *(segment.t1 for segment in segments)]),
         "coefficients": np.array([segment.coefficients for segment in segments]),
-        "known_links": memory.known_links, "pending": memory.pending, **memory.points.arrays(),
+        "known_links": memory.known_links, "pending": memory.pending, **memory.delays.points.arrays(),
         **({"limits": memory.held.acting} if memory.held.limits else {}),
-        **_near(memory), **memory.jumps.arrays(),
+        **_near(memory), **memory.delays.jumps.arrays(),
         **({"begun": memory.segment.coefficients[-1]} if _begins_anew(memory) else {}),
         **({"replaced_at": np.array(memory.replaced_at)} if memory.replaced_at else {}),
     }  # fmt: skip
@@ -133,7 +129,7 @@ def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) ->
             fresh.history.add(fresh.segment, times[0])
     if "begun" in arrays:
         fresh.segment = Segment.resting(times[-1], arrays["begun"])
-    fresh.jumps.recall(arrays, times[-1])
+    fresh.delays.jumps.recall(arrays, times[-1])
     fresh.replaced_at = arrays.get("replaced_at", np.zeros(0)).tolist()
     fresh.known_links, fresh.pending = arrays["known_links"], arrays["pending"]
     if fresh.obstacles.groups:
@@ -147,14 +143,13 @@ def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) ->
 def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMemory) -> dict[str, float]:
     """The numbers of a checkpoint, after checks of all it holds."""
     n, graphs, base = scenario.start.n, len(scenario.law.graphs), scenario.start.t
-    assert isinstance(scenario.information, Delayed)
-    least, largest = scenario.information.least, scenario.information.largest
+    least, largest = fresh.delays.least, fresh.delays.largest
     size = fresh.segment.coefficients.shape[1]
     more: dict[str, Form[object]] = {"step": Real(0.0), "short_steps": Real(0.0, 2.0**53)}
     numbers = checked_numbers(data, base, scenario.t_end, more)
     links = Table("?", (graphs, n, n))
     NamedForms({
-        "times": Table("f8", (None,), least=0.0), **fresh.points.forms(n),
+        "times": Table("f8", (None,), least=0.0), **fresh.delays.points.forms(n),
         **_near_forms(fresh, n), **_replaced_forms(arrays, n, size),
         **({"limits": Table("f8", (len(fresh.held.limits), n), least=0.0, most=1.0)} if fresh.held.limits else {}),
         "coefficients": Table("f8", (None, DEGREE + 1, size), least=-LARGEST, most=LARGEST),
@@ -163,7 +158,7 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
         "crossing": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
         "closest": Table("f8", (2, 4), finite=False), "sums": Table("f8", (4,), finite=False),
         "errors": Table("f8", (4,), least=0.0, finite=False),
-    }).check(arrays, "")  # fmt: skip
+    }, fresh.delays.points.later_forms()).check(arrays, "")  # fmt: skip
     now, accounted = numbers["time"] - base, numbers["accounted"]
     slack = ROUNDED * (abs(base) + abs(numbers["time"])) + ROUNDED * largest
     times, tables = arrays["times"], arrays["coefficients"]
@@ -180,7 +175,7 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     fits = (pending[:, :2] < n).all() and (pending[:, 2] < graphs).all() and (pending[:, 0] != pending[:, 1]).all()
     must(fits and all(scenario.law.graphs[k].moves for k in pending[:, 2].tolist()), "pending",
          "name links that switch")  # fmt: skip
-    fresh.points.recall(arrays)
+    fresh.delays.points.recall(arrays)
     if fresh.held.limits:
         must(np.isin(arrays["limits"], (0.0, 1.0)).all(), "limits", "be 0 or 1")
     must(numbers["steps"] == int(numbers["steps"]), "steps", "be a whole number")

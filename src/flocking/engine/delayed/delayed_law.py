@@ -83,6 +83,11 @@ class DelayedLaw(TrueLaw):
         end = self._neighbours.offsets[len(self.law.graphs)]
         return self._neighbours.senders[:end], self._neighbours.sensed[:end]
 
+    @property
+    def offsets(self) -> Indices:
+        """Where the pairs of each graph begin in `linked`, and where the last ones end."""
+        return self._neighbours.offsets[: len(self.law.graphs) + 1]
+
     def forces(self, t: float, own: Array, known: Array) -> Array:
         """Forces of all agents, shape (N, m); of agents of order 1 their velocities.
 

@@ -189,11 +189,14 @@ class DelayedSession(DelayedSteps):
     @property
     def _memory(self) -> DelayedMemory:
         """What the session goes on from."""
-        delays, held = self.delays, self._law.held
         return DelayedMemory(
-            self.truth, self.history, self._segment, self.known_links, self.pending, delays.points, held,
-            self.obstacles, self.meetings, delays.jumps, self.replaced_at,
+            self.truth, self.history, self._segment, self.known_links, self.pending, self.delays, self._law.held,
+            self.obstacles, self.meetings, self.replaced_at,
         )  # fmt: skip
+
+    def _recall_changes(self, packed: Packed) -> Packed:
+        """Take from what was packed how the session was changed, and return the rest; nothing where it cannot be."""
+        return packed
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
@@ -209,7 +212,7 @@ class DelayedSession(DelayedSteps):
         session._prepare(stored.scenario, 1.0)
         session.energy = session.kinetic = math.nan
         memory = session._memory
-        unpacked_memory(memory, packed, stored.scenario)
+        unpacked_memory(memory, session._recall_changes(packed), stored.scenario)
         session.known_links, session.pending = memory.known_links, memory.pending
         session.replaced_at = memory.replaced_at
         session._short_steps, session._segment = int(memory.truth.numbers["short_steps"]), memory.segment

@@ -84,16 +84,10 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         """Set all but what the forces at the start decide: a law that has replaced another has none there."""
         super().__init__(scenario)
         self._longest_step = longest_step
-        assert isinstance(scenario.information, Delayed)
-        information, start = scenario.information, scenario.start
+        start = scenario.start
         self._delayed_law = DelayedLaw(scenario)
         self.history = History(start.q, start.p, self._law.order)
-        tau, late = information.tau, information.self_delayed
-        self.delays: Delays
-        if isinstance(tau, np.ndarray):
-            self.delays = PairDelays(tau, self.history)
-        else:
-            self.delays = OneDelay(tau, late, self.history)
+        self.delays: Delays = self._new_delays(scenario)
         self.known_links = np.zeros_like(self.links)
         self.pending: Indices = np.zeros((0, 3), dtype=np.int64)
         self.obstacles = ObstacleRanges(scenario.law, start.q, start.t)
@@ -103,6 +97,14 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         self._lengths = StepLengths(scenario.t_end - start.t)
         self._segment = Segment.resting(0.0, self._law.joined(start))
         self._gust_ends = scenario.agents.drawn_until(0.0)
+
+    def _new_delays(self, scenario: Scenario) -> Delays:
+        """What agents know of each other, and where steps end because of it."""
+        assert isinstance(scenario.information, Delayed)
+        tau, late = scenario.information.tau, scenario.information.self_delayed
+        if isinstance(tau, np.ndarray):
+            return PairDelays(tau, self.history)
+        return OneDelay(tau, late, self.history)
 
     @property
     def _law(self) -> DelayedLaw:
@@ -234,6 +236,7 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         t = self._segment.t1
         self._end_step(t)
         self._change_bodies(t)
+        self._note(t)
         points, links = self.delays.points, self.known_links
         points.reach(t, links)
         known = self.delays.jumps.following(t, points.rounding(t))
@@ -270,12 +273,19 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
             self._account(t)
             self._record_row(t)
         self.delays.begin_step(t)
+        self._hear(t)
         if len(self.pending):
             self._switch_known(t)
         if len(self.meetings):
             self._meet(t)
         if len(self.delays.jumps.times):
             self._know_jumps(t)
+
+    def _hear(self, seconds: float) -> None:
+        """Take up what becomes known at a time; nothing where the past is."""
+
+    def _note(self, seconds: float) -> None:
+        """Record what agents use from a time on; nothing where it is the past."""
 
     def _know_jumps(self, t: float) -> None:
         """Let agents know of states that were replaced a delay before ``t``: what they know jumps, and their forces."""

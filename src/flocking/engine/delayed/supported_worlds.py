@@ -8,7 +8,7 @@ from flocking.errors import UnsupportedLaw
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.law import Law, Scenario
-from flocking.model.world.information import Delayed
+from flocking.model.world.information import Delayed, Messages
 
 
 def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> None:
@@ -19,7 +19,7 @@ def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> Non
     engine
         Name of the engine, for messages.
     scenario
-        The scenario, whose information is delayed.
+        The scenario, whose information is delayed or messages.
     plant
         The law that agents follow, if it is another.
 
@@ -33,11 +33,16 @@ def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> Non
     body = scenario.agents
     if refused := _refused_body(body):
         raise UnsupportedLaw(f"engine={engine!r} moves no {refused}.")
-    assert isinstance(scenario.information, Delayed)
-    if scenario.information.self_delayed and any(getattr(term, "groups", ()) for term in scenario.law.body_terms):
+    information = scenario.information
+    late, option = False, "self_delayed"
+    if isinstance(information, Messages):
+        late, option = information.self_known == "measured", "self_known='measured'"
+    elif isinstance(information, Delayed):
+        late = information.self_delayed
+    if late and any(getattr(term, "groups", ()) for term in scenario.law.body_terms):
         raise UnsupportedLaw(
             f"engine={engine!r} runs obstacles where agents know their own present: it does not locate when an "
-            "agent that knows itself late assumes to meet one. Leave Avoid or self_delayed out."
+            f"agent that knows itself late assumes to meet one. Leave Avoid or {option} out."
         )
     points = PointMass() if body.order == 2 else SingleIntegrator()
     check_law(engine, scenario, plant, points, obstacles=True)

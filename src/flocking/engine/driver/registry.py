@@ -96,7 +96,8 @@ BUILT_IN = {
     )
 }
 """Engines of this library. Above 2,000 agents (300 on a page) ``"auto"`` selects the tiled one if it can run them, and
-under held control the sampled one, with delays the delayed one, and for bodies in discrete time the discrete one."""
+under held control the sampled one, with delays or messages under continuous control the delayed one, and for bodies in
+discrete time the discrete one."""
 
 GENERAL = "exact"
 """The engine whose words state why none runs a scenario, where several might."""
@@ -287,7 +288,8 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
     )
     engines = {name: BUILT_IN[name].load() for _, name in ranked}
     moving = [name for name, each in engines.items() if each.moves(scenario.agents)]
-    found = [name for name in moving if not left_out(scenario, engines[name].worlds)]
+    acting = [name for name in moving if isinstance(scenario.control, engines[name].controls)]
+    found = [name for name in acting if not left_out(scenario, engines[name].worlds)]
     found = found or (moving if scenario.agents.discrete else [GENERAL])
     able = (name for name in found if len(found) == 1 or not engines[name].why_not(scenario, plant))
     # The engine for groups of this size states what it refuses; others only that the group is too large.

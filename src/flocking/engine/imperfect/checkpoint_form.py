@@ -49,7 +49,8 @@ def checked_numbers(
         Forms of numbers beside `NUMBERS`, by their names.
     """
     ends = And(Real(least=base, finite=False), "not be NaN", lambda x: not math.isnan(x))
-    free, positive = Real(finite=False), Real(least=0.0, finite=False)
+    free = Real(finite=False)
+    positive = And(Real(least=0.0, finite=False), "not be NaN", lambda x: not math.isnan(x))
     forms: dict[str, Form[object]] = {
         "time": Real(base, t_end), "steps": Real(0.0, float(MOST_COUNT)), "accounted": Real(0.0),
         LATER: Real(0.0, float(MOST_COUNT)),

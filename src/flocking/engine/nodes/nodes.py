@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Array, Links
+from flocking.engine.imperfect.messages.knowledge import Known
 from flocking.engine.reference.controller import Controller
-from flocking.engine.sampled.knowledge import Known
 from flocking.engine.sampled.safety import ForceFilter
 from flocking.model.law import Scenario
 from flocking.model.world.information import Messages

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Indices
+from flocking.engine.imperfect.messages.knowledge import Knowledge, Known
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.nodes.kills_and_cuts import Cut, Fault, Kill, Restart, check_faults, in_order
 from flocking.engine.nodes.nodes import START
@@ -18,7 +19,6 @@ from flocking.engine.nodes.requests import Answer, Request, sample_of, well_form
 from flocking.engine.protocol.body_chains import why_not_closed
 from flocking.engine.protocol.session import Session
 from flocking.engine.sampled.engine import ENGINE as SAMPLED
-from flocking.engine.sampled.knowledge import Knowledge, Known
 from flocking.engine.sampled.session import SampledSession
 from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw, said
 from flocking.model.law import Law, Scenario
@@ -48,7 +48,7 @@ class HeardKnowledge(Knowledge):
         found = super()._lost(messages, sender, receiver, k).copy()
         if self.unsent:
             found |= np.array([(int(j), int(n)) in self.unsent for j, n in zip(sender, k, strict=True)], dtype=bool)
-        begun = self._begun(sender, k)
+        begun = self.begun(sender, k)
         for agent, first, last in self.cuts:
             found |= ((sender == agent) | (receiver == agent)) & (begun >= first) & (begun < last)
         return found
@@ -284,7 +284,7 @@ class NodeSession(SampledSession):
             newest: Instants = knowledge.newest[agent]
             for j in np.flatnonzero(newest > self._announced[agent]).tolist():
                 if j != agent:
-                    stamp = int(knowledge._begun(np.array([j]), newest[[j]])[0])
+                    stamp = int(knowledge.begun(np.array([j]), newest[[j]])[0])
                     sample = known.rows[row, j]
                     heard.append([j, int(newest[j]), stamp, sample[:m].tolist(), sample[m:].tolist()])
             self._announced[agent] = newest

@@ -17,6 +17,7 @@ from flocking.errors import FlockingError, UnsupportedLaw
 from flocking.model.bodies.body import Body
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Space
+from flocking.model.world.control import Control
 
 
 class Engine(ABC):
@@ -102,6 +103,9 @@ class Engine(ABC):
 
     leader_messages: bool = False
     """Whether it runs leaders that are known by messages."""
+
+    controls: tuple[type, ...] = (Control,)
+    """Kinds of control without which it runs nothing."""
 
     @abstractmethod
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:

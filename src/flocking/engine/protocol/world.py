@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.law import Scenario
-from flocking.model.world.information import Messages
+from flocking.model.world.control import Held
+from flocking.model.world.information import Delayed, Messages
 from flocking.model.world.world_part import WorldPart
 
 LONGEST_RUN = 2e9
-"""Longest run under held control: its nanoseconds, and those of a period and a delay beyond it, stay within 64 bits."""
+"""Longest run under held control or with messages: its nanoseconds, and those of a period and a delay beyond it, stay
+within 64 bits."""
 
 
 def left_out(scenario: Scenario, known: tuple[type, ...]) -> dict[str, WorldPart]:
@@ -39,17 +41,28 @@ def check_world(
     for name, part in left_out(scenario, known).items():
         raise UnsupportedLaw(
             f"engine={engine!r} does not run {name}={type(part).__name__}(...): it would be left out. "
-            "engine='auto' chooses one that does, where there is one."
+            f"{_way_out(scenario)}"
         )
     if not leader_messages and isinstance(scenario.information, Messages) and scenario.information.leader:
         raise UnsupportedLaw(
-            f"engine={engine!r} knows leaders exactly: messages of the leader would be left out. engine='sampled' runs "
-            "them."
+            f"engine={engine!r} knows leaders exactly: messages of the leader would be left out. Held control and "
+            "engine='sampled' run them."
         )
 
 
+def _way_out(scenario: Scenario) -> str:
+    """What to do where an engine does not run the world of a scenario."""
+    held = isinstance(scenario.control, Held) and not scenario.agents.discrete
+    if held and isinstance(scenario.information, Delayed):
+        return (
+            "No engine runs Delayed under held control: give information=Messages(...), whose delay is part of them, "
+            "or leave control out."
+        )
+    return "engine='auto' chooses one that does, where there is one."
+
+
 def check_nanoseconds(scenario: Scenario) -> None:
-    """Refuse a run under held control whose times in whole nanoseconds would not fit.
+    """Refuse a run under held control, or with messages, whose times in whole nanoseconds would not fit.
 
     Raises
     ------
@@ -58,6 +71,6 @@ def check_nanoseconds(scenario: Scenario) -> None:
     """
     if scenario.t_end - scenario.start.t > LONGEST_RUN:
         raise InvalidInput(
-            "Scenario", "t_end", f"must be at most {LONGEST_RUN:g} after the start under held control",
+            "Scenario", "t_end", f"must be at most {LONGEST_RUN:g} after the start under held control or with messages",
             scenario.t_end, "Times are counted in whole nanoseconds. Use another unit of time.",
         )  # fmt: skip

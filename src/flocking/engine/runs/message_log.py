@@ -49,6 +49,8 @@ def nanosecond_of(seconds: float) -> float:
 class MessageLog:
     """What was used at every tick of a control that is held, in order of the ticks.
 
+    Under continuous control, with messages, what is used from each change on: an act of an agent holds until its next.
+
     Parameters
     ----------
     ticks

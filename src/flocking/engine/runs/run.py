@@ -357,7 +357,7 @@ class Run:
             raise InvalidInput(
                 "Run", "known_links_at", "needs a log of what agents used",
                 f"a run of the engine {self.fidelity.engine!r}",
-                "The engine 'sampled' keeps one.",
+                "The engine 'sampled' keeps one, and 'delayed' where there are messages.",
             )  # fmt: skip
         scenario, start = self.scenario, self.scenario.start
         first = np.array([g.links_in(scenario.space, start.q, scenario.agents.headings) for g in scenario.law.graphs])

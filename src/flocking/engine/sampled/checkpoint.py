@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.archives.archive import Arrays
+from flocking.engine.imperfect.messages.checkpoint_form import knowledge_arrays, recall_knowledge
 from flocking.engine.imperfect.range_crossings import RangeCrossing
 from flocking.engine.protocol.session import Packed
 from flocking.engine.sampled.checkpoint_form import check_sampled
@@ -38,8 +39,7 @@ def packed_memory(memory: SampledMemory) -> Packed:
         "waiting_time": np.concatenate([none, *times]),
         "waiting_agent": np.concatenate([none, *(agents for _, agents, _ in waiting)]),
         "waiting_force": np.concatenate([np.zeros((0, m)), *(force for *_, force in waiting)]),
-        "known_links": knowledge.links, "newest": knowledge.newest, "taken": knowledge.taken,
-        "sample_rows": knowledge.samples.rows, "sample_distances": knowledge.samples.distances,
+        "known_links": knowledge.links, **knowledge_arrays(knowledge),
     }  # fmt: skip
     if memory.actuation.gusts:
         arrays["wanted"] = memory.desired
@@ -53,8 +53,6 @@ def packed_memory(memory: SampledMemory) -> Packed:
         arrays["near_obstacles"] = np.concatenate(obstacle_ranges.near, axis=1)
         arrays["meeting_time"] = np.array([x.seconds for x in due], dtype=np.float64)
         arrays["meeting"] = np.array([x[1:] for x in due], dtype=np.int64).reshape(-1, 3)
-    if knowledge.errors is not None:
-        arrays["noise"] = knowledge.errors
     if (found := memory.filter) is not None:
         arrays["filter_normals"] = found.normals
         arrays["filter_counts"] = np.array([found.changed, found.relaxed, found.first_relaxed], dtype=np.int64)
@@ -107,9 +105,8 @@ def recall_forces_and_knowledge(fresh: SampledMemory, arrays: Arrays) -> None:
     for time in np.unique(times):
         rows = times == time
         fresh.waiting.append((int(time), arrays["waiting_agent"][rows], arrays["waiting_force"][rows]))
-    knowledge.links, knowledge.newest, knowledge.taken = arrays["known_links"], arrays["newest"], arrays["taken"]
-    knowledge.samples.rows, knowledge.samples.distances = arrays["sample_rows"], arrays["sample_distances"]
-    knowledge.errors = arrays.get("noise")
+    knowledge.links = arrays["known_links"]
+    recall_knowledge(knowledge, arrays)
     if fresh.filter is not None:
         fresh.filter.normals = arrays["filter_normals"]
         fresh.filter.changed, fresh.filter.relaxed, fresh.filter.first_relaxed = arrays["filter_counts"].tolist()

@@ -27,21 +27,18 @@ from flocking.engine.imperfect.checkpoint_form import (
 )
 from flocking.engine.imperfect.cone_switches import ConeView
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
+from flocking.engine.imperfect.messages.checkpoint_form import check_newest, check_samples, knowledge_forms, vectors
+from flocking.engine.imperfect.messages.knowledge import Knowledge
+from flocking.engine.imperfect.messages.samples import START
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.view_switches import View, views_of
-from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.motion import Drive
 from flocking.engine.sampled.piece_series import LONGEST_PIECE
-from flocking.engine.sampled.samples import FIRST_ROOM, START
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
 from flocking.model.space import Space
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
-
-MOST_NEWER = 32
-"""Newer samples of each sender that are looked at: none of them may have arrived."""
-
 
 Places = Callable[[Indices, Array], Array]
 """Positions of agents at times in seconds from the start, shape (..., m) for agents and times of shape (...)."""
@@ -140,13 +137,11 @@ def check_sampled(
 
 
 def _forms(n: int, m: int, graphs: int, fresh: SampledMemory, motion: Mapping[str, Table]) -> Names:
-    room, waiting = None, None
+    waiting = None
     count = Table("i8", (n,), least=0, most=MOST_COUNT)
     agent = Table("i8", (None,), least=0, most=n - 1)
     links = Table("?", (graphs, n, n))
-    shown = n if fresh.knowledge.reads_distances else 0
-
-    noise = {"noise": vectors(n, 2 * m)} if fresh.knowledge.draws_errors else {}
+    known, noise = knowledge_forms(fresh.knowledge)
     bodies = dict(motion)
     if fresh.obstacle_ranges.groups:
         every = sum(there.shape[1] for there in fresh.obstacle_ranges.near)
@@ -160,21 +155,15 @@ def _forms(n: int, m: int, graphs: int, fresh: SampledMemory, motion: Mapping[st
             "filter_counts": Table("i8", (3,), -1, MOST_COUNT),
         }
     return Names({
-        "ticked": count, "applied": count, "taken": count, "links": links, "known_links": links,
+        "ticked": count, "applied": count, "links": links, "known_links": links,
         "force": vectors(n, m), "waiting_agent": agent,
         "waiting_time": Table("i8", (waiting,), least=0, most=MOST_COUNT),
         "waiting_force": vectors(waiting, m), "crossing_time": Table("f8", (None,), least=0.0),
         "crossing": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
         "closest": Table("f8", (2, 4), finite=False), "sums": Table("f8", (4,), finite=False),
         "errors": Table("f8", (4,), least=0.0, finite=False),
-        "newest": Table("i8", (n, n), least=START, most=MOST_COUNT), "sample_rows": vectors(room, n, 2 * m),
-        "sample_distances": Table("f8", (room, shown, shown), least=0.0, most=LARGEST), **bodies,
+        **known, **bodies,
     }, noise)  # fmt: skip
-
-
-def vectors(*shape: int | None) -> Table:
-    """The form of an array of numbers that can be squared, of a ``shape``; None stands for any length."""
-    return Table("f8", shape, least=-LARGEST, most=LARGEST)
 
 
 def _check_waiting(arrays: Arrays, ticks: PeriodicTimes, latency: int) -> None:
@@ -383,29 +372,10 @@ def _check_obstacle_ranges(
 
 
 def _check_knowledge(arrays: Arrays, fresh: Knowledge, ticks: PeriodicTimes) -> None:
-    """All agents have the newest samples that have arrived, and all samples in use are kept."""
-    newest, taken, n = arrays["newest"], arrays["taken"], fresh.n
-    room = len(arrays["sample_rows"])
-    doubled = room >= FIRST_ROOM and room & (room - 1) == 0
-    must(doubled, "sample_rows", f"have room for {FIRST_ROOM} times a power of 2")
-    must(len(arrays["sample_distances"]) == room, "sample_distances", "have as much room as sample_rows")
-    others = ~np.eye(n, dtype=bool)
-    must((newest[~others] == START).all(), "newest", "hold no samples of an agent itself")
-    must((newest < np.maximum(taken, 0)[None]).all(), "newest", "name samples that were taken")
-    oldest = np.where(others, newest, taken).min(axis=0)
-    must((taken - 1 - np.maximum(oldest, 0) < room).all(), "newest", "name samples that are kept")
-    must(("noise" in arrays) == (fresh.draws_errors and bool(taken.any())), "noise",
-          "be there where samples have errors")  # fmt: skip
+    """All agents have the newest samples that had arrived when they acted, and all samples in use are kept."""
+    check_samples(arrays, fresh)
     if fresh.messages is None:
         return
-    acted = np.flatnonzero(arrays["ticked"])
+    acted, newest = np.flatnonzero(arrays["ticked"]), arrays["newest"]
     must((np.delete(newest, acted, axis=0) == START).all(), "newest", "name no samples before an agent acts")
-    last = ticks.at(acted, arrays["ticked"][acted] - 1)
-    receiver, sender = (x.ravel() for x in np.broadcast_arrays(acted[:, None], np.arange(n)))
-    time, known = np.repeat(last, n), newest[acted].ravel()
-    fresh.samples.distances = arrays["sample_distances"]
-    for further in range(MOST_NEWER):
-        k = known + further
-        asked = np.flatnonzero((receiver != sender) & (k > START) & (k < taken[sender]))
-        arrived = fresh.has_arrived(receiver[asked], sender[asked], k[asked], time[asked])
-        must((arrived == (further == 0)).all(), "newest", "name the newest samples that have arrived")
+    check_newest(arrays, fresh, acted, ticks.at(acted, arrays["ticked"][acted] - 1))

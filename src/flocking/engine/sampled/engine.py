@@ -41,21 +41,20 @@ class SampledEngine(Engine):
     spaces = (Open, Periodic)
     worlds = (Held, Messages)
     leader_messages = True
+    controls = (Held,)
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Refuse bodies, laws and kinds of information that this engine does not support."""
         if not isinstance(scenario.control, Held):
-            has_messages = isinstance(scenario.information, Messages)
-            way_out = (
-                "No engine runs messages under continuous control: give control=fk.Held(period), of a short period."
-                if has_messages
-                else "engine='auto' chooses another one for continuous control."
-            )
             raise UnsupportedLaw(
-                f"engine='sampled' needs control=Held(...): it moves agents from tick to tick. {way_out}"
+                "engine='sampled' needs control=Held(...): it moves agents from tick to tick. engine='auto' chooses "
+                "another one for continuous control."
             )
         if not isinstance(scenario.information, Instant | Messages):
-            raise UnsupportedLaw("engine='sampled' supports no information but Instant and Messages.")
+            raise UnsupportedLaw(
+                "engine='sampled' supports no information but Instant and Messages. Delayed runs under continuous "
+                "control alone: give Messages(...), whose delay is part of them."
+            )
         check_nanoseconds(scenario)
         if isinstance(scenario.control, SafetyFilter):
             check_filter(scenario)

@@ -8,12 +8,12 @@ from typing import Self
 import numpy as np
 
 from flocking.arrays import Array, Indices
+from flocking.engine.imperfect.messages.knowledge import Known
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.kernels.codegen import known_kernels
 from flocking.engine.kernels.law_kernels import Slots
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.pieces import free_pieces
-from flocking.engine.sampled.knowledge import Known
 from flocking.model.known_leaders import PARTS, law_as_known
 from flocking.model.law import Scenario
 from flocking.model.world.information import Messages

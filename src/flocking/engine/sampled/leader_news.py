@@ -52,7 +52,7 @@ def check_leader_messages(engine: str, scenario: Scenario) -> None:
 class LeaderNews:
     """Samples of the leaders of a law, which are sent together.
 
-    Which sample is the newest one at a time follows from the time alone: nothing is remembered.
+    Which sample is the newest one at a time follows from the time alone: nothing is stored.
 
     Parameters
     ----------

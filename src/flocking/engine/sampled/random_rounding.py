@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array, Indices
-from flocking.engine.sampled.knowledge import Known
+from flocking.engine.imperfect.messages.knowledge import Known
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.session import SampledSession
 from flocking.model.law import Scenario

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Array, Links
-from flocking.engine.sampled.knowledge import Known
+from flocking.engine.imperfect.messages.knowledge import Known
 from flocking.engine.sampled.nearest_force import nearest
 from flocking.engine.sampled.stopping import Planes, beside_balls, between, stopping_acceleration, stopping_paths
 from flocking.errors import NotFinite, UnsupportedLaw

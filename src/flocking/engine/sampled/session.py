@@ -11,6 +11,14 @@ from typing import ClassVar
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
+from flocking.engine.imperfect.messages.interventions import (
+    Interventions,
+    check_information,
+    check_law_change,
+    packed_changes,
+    unpacked_changes,
+)
+from flocking.engine.imperfect.messages.knowledge import NEVER, Knowledge, Known
 from flocking.engine.imperfect.powers import POWERS, integrate_powers
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
@@ -23,14 +31,6 @@ from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.blocks.block import EventBlocks, Settings
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
-from flocking.engine.sampled.interventions import (
-    Interventions,
-    check_information,
-    check_law_change,
-    packed_changes,
-    unpacked_changes,
-)
-from flocking.engine.sampled.knowledge import Knowledge, Known
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.leader_news import leader_news, with_leaders
 from flocking.engine.sampled.motion import Motion
@@ -44,9 +44,6 @@ from flocking.model.world.control import Held
 from flocking.model.world.information import Information, Messages
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND, Instants, PeriodicTimes
-
-NEVER = np.iinfo(np.int64).max
-"""Nanosecond of an event that does not come."""
 
 
 @dataclass(frozen=True)
@@ -325,7 +322,7 @@ class SampledSession(ImperfectSession):
         """Send messages in another way from now on: samples on their way arrive, or not, as before."""
         if self._leader_news is not None:
             return super().replace_information(information)
-        scenario = check_information(self.scenario, information)
+        scenario = check_information(self.engine, self.scenario, information)
         assert isinstance(information, Messages)
         self.scenario = scenario
         self.knowledge.change(information)

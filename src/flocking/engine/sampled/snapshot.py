@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.memory import ImperfectMemory
+from flocking.engine.imperfect.messages.knowledge import Knowledge
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.sampled.actuation import Actuation
-from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.safety import FilterMemory
 from flocking.model.world.times import Instants

@@ -48,8 +48,9 @@ class Messages(Information):
     it was taken, held as it is or, with ``predict``, moved on with its velocity. A sample that is ``expires``
     old is discarded, and its sender with it: link memory is cleared, and a link must appear anew. At the start everyone
     has everyone's exact state. Times are rounded to whole nanoseconds from the start. At one instant samples are taken
-    first, then they arrive, then they expire, then links follow, then controls are computed from what is known.
-    Obstacles are known exactly, and so are leaders unless they send messages too.
+    first, then they arrive, then they expire, then links follow, then controls are computed from what is known. Under
+    continuous control forces and links follow what is known at every moment in between, too. Obstacles are known
+    exactly, and so are leaders unless they send messages too.
 
     Parameters
     ----------

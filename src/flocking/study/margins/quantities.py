@@ -11,7 +11,7 @@ import numpy as np
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.actuators import Limited
 from flocking.model.law import Scenario
-from flocking.model.world.control import Held
+from flocking.model.world.control import Control, Held
 from flocking.model.world.information import Delayed, Messages
 from flocking.model.world.losses import Bernoulli
 from flocking.model.world.noises import WhiteNoise
@@ -85,13 +85,20 @@ def held(scenario: Scenario, period: float) -> Held:
     return scenario.control if isinstance(scenario.control, Held) else Held(period)
 
 
+def control_beside_messages(scenario: Scenario, period: float) -> Control:
+    """Control beside messages: the scenario's own where it has messages, else held for the base ``period``."""
+    return scenario.control if isinstance(scenario.information, Messages) else held(scenario, period)
+
+
 def messages(scenario: Scenario, period: float) -> Messages:
     """Messages of the base world: the scenario's own, or exact ones of this ``period`` that arrive at once."""
     return scenario.information if isinstance(scenario.information, Messages) else Messages(period)
 
 
 def _with_period(scenario: Scenario, value: float, _: float) -> Scenario:
-    control, information = replace(held(scenario, value), period=value), scenario.information
+    control, information = control_beside_messages(scenario, value), scenario.information
+    if isinstance(control, Held):
+        control = replace(control, period=value)
     if isinstance(information, Messages):
         information = replace(information, period=value)
     return scenario.with_(control=control, information=information)
@@ -108,7 +115,7 @@ def _with_messages(scenario: Scenario, period: float, **changes: object) -> Scen
             "would replace. Vary delay, or give it Messages."
         )
     information = replace(messages(scenario, period), **changes)  # type: ignore[arg-type]
-    return scenario.with_(control=held(scenario, period), information=information)
+    return scenario.with_(control=control_beside_messages(scenario, period), information=information)
 
 
 def _with_delay(scenario: Scenario, value: float, period: float) -> Scenario:

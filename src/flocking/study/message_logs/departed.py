@@ -12,11 +12,11 @@ from flocking.engine.runs.message_log import OWN, PRESENT
 from flocking.engine.runs.run import Run
 from flocking.errors import UnsupportedLaw
 from flocking.formula.compiled import Reading
+from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
 from flocking.model.world.times import NANOSECOND
 from flocking.study.message_logs.forced_motion import ForcedMotion
-from flocking.study.message_logs.logged_world import LoggedWorld
-from flocking.study.message_logs.replay import logged
+from flocking.study.message_logs.logged_world import LoggedWorld, logged
 
 CAUSES = ("delay", "loss", "noise", "links", "hold", "limits")
 """What departed energy is split into."""
@@ -62,10 +62,14 @@ def departed_causes(run: Run) -> Departed:
     InvalidInput
         When there is no log.
     UnsupportedLaw
-        When a safety filter changed the forces, leaders are known by messages, agents are of order 1, whose forces are
-        no work along the motion, or forces change between ticks, by a lag or by gusts.
+        When control is continuous, a safety filter changed the forces, leaders are known by messages, agents are of
+        order 1, whose forces are no work along the motion, or forces change between ticks, by a lag or by gusts.
     """
     scenario, log = logged(run)
+    if not isinstance(scenario.control, Held):
+        raise UnsupportedLaw(
+            "departed_causes splits the work of forces that change at ticks alone, under held control."
+        )
     if scenario.agents.order == 1:
         raise UnsupportedLaw("departed_causes splits the work of forces; agents of order 1 have none.")
     if why_not_closed(scenario.agents) or not ForcedMotion(scenario, log).follows_desired:

@@ -27,6 +27,9 @@ RELATIVE, ABSOLUTE = 1e-12, 1e-13
 SAME_TIME = 1e-12
 """Times closer than this, relative to 1 and to themselves, are one: those of frames are no whole nanoseconds."""
 
+Forces = Callable[[float, Array], Array]
+"""Forces at a time and a state vector, shape (N, m)."""
+
 Rates = Callable[..., list[Array]]
 """Expressions of all agents, shape (N,) or one number each, from the numbers that they depend on."""
 
@@ -60,7 +63,7 @@ class IntegratedForcedMotion:
     run
         The run, with its frames.
     scenario
-        Start, bodies and control; its control is held.
+        Start, bodies and control.
     log
         The forces, and when they were computed.
     """
@@ -69,7 +72,6 @@ class IntegratedForcedMotion:
     """Forces act through bodies."""
 
     def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
-        assert isinstance(scenario.control, Held)
         bodies, start = scenario.agents, scenario.start
         self.n, self.m = start.q.shape
         self.order, self._base = bodies.order, start.t
@@ -87,10 +89,13 @@ class IntegratedForcedMotion:
         """When limits crossed their borders last, shape (limits, N)."""
         self._at_start = start.q, start.p if self.order == 2 else np.zeros_like(start.q)
         self.stretches: list[Stretch] = []
+        self._ends: list[float] = []
         self._steps = 0
-        self._follow(run, scenario, log, scenario.control.latency_in_nanoseconds)
-        self._ends = [stretch.end for stretch in self.stretches]
         self._last: tuple[float, tuple[Array, Array]] = 0.0, self._at_start
+        self._now = self._forces(0.0)
+        """Forces that act now."""
+        control = scenario.control
+        self._follow(run, scenario, log, control.latency_in_nanoseconds if isinstance(control, Held) else 0)
 
     def _follow(self, run: Run, scenario: Scenario, log: MessageLog, latency: int) -> None:
         """Integrate the whole run."""
@@ -101,7 +106,8 @@ class IntegratedForcedMotion:
         last = max([*frames, *((instant * NANOSECOND) for instant, _, _ in log.ticks.tolist()), 0.0])
         # A log that somebody else wrote may name times long after the run.
         last = min(last, scenario.t_end - self._base)
-        times = sorted({*(t for t in (*changes, *frames) if t <= last), *self._clock(last), last})
+        ends = *changes, *frames, *self._jumps()
+        times = sorted({*(t for t in ends if t <= last), *self._clock(last), last})
         now, frame, since, before, error = 0.0, 0, 0.0, 0, 0.0
         y = self._stored(scenario.start.q, scenario.start.p, scenario.start.columns)
         for at in times:
@@ -114,10 +120,23 @@ class IntegratedForcedMotion:
                 y = self._stored(run.q[frame], run.p[frame], {name: x[frame] for name, x in run.columns.items()})
                 frame += 1
             for row in changes.get(at, []):
-                self._force[int(log.ticks[row, 1])] = log.forces[row]
+                self._take(log, row)
         self.error = scenario.tolerance * error
         """By how much errors of the run's steps may move agents from one frame to the next, relative to 1 and to their
         positions: those of velocities add up over its steps, which are no more than those here, and then over time."""
+
+    def _jumps(self) -> list[float]:
+        """Further times at which forces jump, in seconds from the start; none of those that are held."""
+        return []
+
+    def _take(self, log: MessageLog, row: int) -> None:
+        """Let what an act of the log led to act from now on."""
+        self._force[int(log.ticks[row, 1])] = log.forces[row]
+
+    def _forces(self, end: float) -> Forces:
+        """The forces that act from now on, until ``end`` at the latest."""
+        held = self._force.copy()
+        return lambda t, y: held
 
     def _clock(self, last: float) -> list[float]:
         """Times at which the clock sets numbers of the bodies."""
@@ -135,9 +154,9 @@ class IntegratedForcedMotion:
     def _given(self, t: float, y: Array, force: Array, held: Mapping[str, Array]) -> list[object]:
         return [self._base + t, *y, *force.T, *self._values, *held.values()]
 
-    def _slope(self, force: Array, held: Mapping[str, Array], t: float, y: Array) -> Array:
+    def _slope(self, forces: Forces, held: Mapping[str, Array], t: float, y: Array) -> Array:
         """Rate of change of a state vector, shape (numbers, N)."""
-        found = self._rates(*self._given(t, y, force, held))
+        found = self._rates(*self._given(t, y, forces(t, y), held))
         out, first = np.empty((len(y), self.n)), (self.order - 1) * self.m
         out[:first] = y[self.m : self.m + first]
         for row, x in zip(out[first:], found, strict=True):
@@ -146,7 +165,7 @@ class IntegratedForcedMotion:
 
     def _signs(self, t: float, y: Array) -> Array:
         """Where limits begin or end to act next, positive where they should have, shape (limits, N)."""
-        found = self._limits(*self._given(t, y, self._force, self._held))
+        found = self._limits(*self._given(t, y, self._now(t, y), self._held))
         pairs = zip(self._acting, found[::2], found[1::2], strict=True)
         return np.array([np.where(self._held[name] > 0.0, ends, begins) for name, begins, ends in pairs])
 
@@ -157,10 +176,11 @@ class IntegratedForcedMotion:
         instant = round(begin * PER_SECOND)
         drawn = self._body.drawn(instant / PER_SECOND, self.n, self.m)
         self._held = {name: drawn.get(name, value) for name, value in self._held.items()}
+        self._now = self._forces(end)
         self._switch(begin, y, None)
         shape = y.shape
         while begin < end:
-            slope = partial(self._slope, self._force.copy(), dict(self._held))
+            slope = partial(self._slope, self._now, dict(self._held))
 
             def flat(t: float, z: Array, slope: Callable[[float, Array], Array] = slope) -> Array:
                 return slope(t, z.reshape(shape)).ravel()
@@ -179,18 +199,22 @@ class IntegratedForcedMotion:
                 )  # fmt: skip
             if found.status < 0:
                 y = np.full(shape, np.nan)
-                self.stretches.append(Stretch(end, lambda _, y=y: y, slope))  # type: ignore[misc]
+                self._add(Stretch(end, lambda _, y=y: y, slope))  # type: ignore[misc]
                 return y
             self._steps += len(found.t)
             y = found.y[:, -1].reshape(shape)
             assert found.sol is not None
-            self.stretches.append(Stretch(float(found.t[-1]), partial(_read, found.sol, shape), slope))
+            self._add(Stretch(float(found.t[-1]), partial(_read, found.sol, shape), slope))
             begin = float(found.t[-1]) if found.status == 1 else end
             if found.status == 1:
                 assert found.t_events is not None
                 reached = np.array([begin in times for times in found.t_events], dtype=bool)
                 self._switch(begin, y, reached.reshape(-1, self.n))
         return y
+
+    def _add(self, stretch: Stretch) -> None:
+        self.stretches.append(stretch)
+        self._ends.append(stretch.end)
 
     def _switch(self, t: float, y: Array, reached: Links | None) -> None:
         """Begin and end limits; ``reached``: those that have just crossed, None where forces may have jumped.

@@ -1,4 +1,4 @@
-"""What the declared world states of a run whose forces are those of its log."""
+"""What the declared world states of a run whose motion follows from its log."""
 
 from __future__ import annotations
 
@@ -8,21 +8,51 @@ import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.protocol.body_chains import why_not_closed
-from flocking.engine.reference.control import Agent, control_of
 from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.runs.run import Run
+from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.law import Scenario
+from flocking.model.world.control import Continuous, Held
 from flocking.model.world.information import Messages
-from flocking.model.world.times import NANOSECOND, PER_SECOND
+from flocking.model.world.safety_filters import SafetyFilter
+from flocking.model.world.times import NANOSECOND
 from flocking.study.message_logs.arrivals import Arrivals, Sample
+from flocking.study.message_logs.continuous_motion import ContinuousMotion
 from flocking.study.message_logs.forced_motion import ForcedMotion
 from flocking.study.message_logs.integrated_motion import IntegratedForcedMotion
 from flocking.study.message_logs.leader_arrivals import leader_arrivals
+from flocking.study.message_logs.reference_law import ReferenceLaw
 
 NEAR = 1e-9
 """Distance from a radius, relative to 1 and to it, within which rounding leaves open whether a link switches, and by
 which stored positions may differ from those of the second computation, relative to 1 and to their size."""
+
+
+def logged(run: Run) -> tuple[Scenario, MessageLog]:
+    """The scenario and the log of a run.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none.
+    UnsupportedLaw
+        When a safety filter changed the forces, or the session was changed while it went on.
+    """
+    if not isinstance(run, Run):
+        raise InvalidInput("replay", "run", "must be a Run", run, "Read it with fk.read_run(folder).")
+    scenario = run.scenario
+    if run.log is None or not isinstance(scenario.control, Held | Continuous):
+        raise InvalidInput(
+            "replay", "run", "must have a log of what agents used", f"one of the engine {run.fidelity.engine!r}",
+            "The engine 'sampled' keeps one, and 'delayed' where there are messages; runs stored by earlier versions "
+            "have none.",
+        )  # fmt: skip
+    if isinstance(scenario.control, SafetyFilter):
+        raise UnsupportedLaw("replay computes the forces of the law again, not those that a SafetyFilter changed.")
+    if run.fidelity.changed:
+        raise UnsupportedLaw("replay computes again runs of one world and law; this one was changed while it went on.")
+    return scenario, run.log
 
 
 class LoggedWorld:
@@ -41,14 +71,24 @@ class LoggedWorld:
     def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
         self.scenario, self.log = scenario, log
         self.base, self.space = scenario.start.t, scenario.space
-        integrated = why_not_closed(scenario.agents)
-        self.motion = IntegratedForcedMotion(run, scenario, log) if integrated else ForcedMotion(scenario, log)
+        self.law = ReferenceLaw(scenario)
+        self.motion: ForcedMotion | IntegratedForcedMotion
+        if not isinstance(scenario.control, Held):
+            self.motion = ContinuousMotion(run, scenario, log, self.law)
+        elif why_not_closed(scenario.agents):
+            self.motion = IntegratedForcedMotion(run, scenario, log)
+        else:
+            self.motion = ForcedMotion(scenario, log)
         self.near = NEAR + self.motion.error
         """As `NEAR`, where the motion of the run has errors of steps."""
         self.n, self.m = self.motion.n, self.motion.m
         self.messages = scenario.information if isinstance(scenario.information, Messages) else None
         last = int(log.ticks[-1, 0]) if len(log.ticks) else 0
-        self.arrivals = Arrivals(scenario, self.motion, last) if self.messages is not None else None
+        self.arrivals: Arrivals | None = None
+        if isinstance(self.motion, ContinuousMotion):
+            self.arrivals = self.motion.arrivals
+        elif self.messages is not None:
+            self.arrivals = Arrivals(scenario, self.motion, last)
         self.leaders = leader_arrivals(scenario, last)
         self.graphs: list[Graph] = list(scenario.law.graphs)
         self.first_links: list[Links] = [
@@ -56,8 +96,6 @@ class LoggedWorld:
         ]
         if scenario.start.links is not None:
             self.first_links[0] = np.asarray(scenario.start.links)
-        self._masses, self._damping = self.motion.masses, self.motion.damping
-        self._switches = sorted({s for term in scenario.law.body_terms for s in term.switch_times(self.base, np.inf)})
 
     def sample(self, agent: int, k: int, instant: int) -> Sample:
         """What is used of an agent by the number ``k`` at an ``instant``, see `Arrivals.sample`."""
@@ -65,13 +103,6 @@ class LoggedWorld:
             return self.arrivals.sample(agent, k, instant)
         q, p = self.motion.state(agent, instant * NANOSECOND, instant)
         return Sample(q, p, q, p, instant, open=False)
-
-    def time(self, instant: int) -> float:
-        """The scenario's time of an instant; gains that change at it have changed."""
-        for at in self._switches:
-            if round((at - self.base) * PER_SECOND) == instant:
-                return at
-        return self.base + instant * NANOSECOND
 
     def received(self, sample: Sample, instant: int) -> tuple[Array, Array]:
         """Position and velocity that a receiver takes a sender to have at an ``instant``, from a ``sample`` of it."""
@@ -83,7 +114,7 @@ class LoggedWorld:
         self, agent: int, own: tuple[Array, Array], others: Mapping[int, list[tuple[int, Array, Array]]], instant: int,
         leaders: int | None = None,
     ) -> Array:  # fmt: skip
-        """The law's force on an agent from what it takes itself and others to be, shape (m,).
+        """The law's force on an agent, see `ReferenceLaw.force`.
 
         Parameters
         ----------
@@ -96,16 +127,5 @@ class LoggedWorld:
         leaders
             Number of the sample by which it knows leaders, where it knows them by messages.
         """
-        law = self.scenario.law if self.leaders is None or leaders is None else self.leaders.law(leaders, instant)
-        graphs = law.graphs
-        still = self.motion.order == 1
-        none = np.zeros(self.m)
-
-        def seen(q: Array, p: Array, index: int) -> Agent:
-            return Agent(q, none if still else p, index)
-
-        lists = {graph: [seen(q, p, j) for j, q, p in others.get(number, [])] for number, graph in enumerate(graphs)}
-        return control_of(
-            law, seen(*own, agent), lists, self.time(instant), mass=float(self._masses[agent]),
-            damping=float(self._damping[agent]), space=self.space, headings=self.scenario.agents.headings,
-        )  # fmt: skip
+        law = None if self.leaders is None or leaders is None else self.leaders.law(leaders, instant)
+        return self.law.force(agent, own, others, self.law.time(instant), law)

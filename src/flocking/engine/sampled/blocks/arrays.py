@@ -157,14 +157,14 @@ class Acts(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What agents know, see `flocking.engine.sampled.knowledge.Knowledge`.
+    """What agents know, see `flocking.engine.imperfect.messages.knowledge.Knowledge`.
 
     Parameters
     ----------
     links, newest, taken
         As there.
     rows, start, distances
-        As in `flocking.engine.sampled.samples.Samples`.
+        As in `flocking.engine.imperfect.messages.samples.Samples`.
     errors
         Errors of the last samples, shape (N, 2 m).
     """

@@ -1,4 +1,7 @@
-"""Messages within the native loop, as `flocking.engine.sampled.knowledge.Knowledge` takes, sends and receives them."""
+"""Messages within the native loop: samples are taken, sent and received as by `Knowledge`.
+
+See `flocking.engine.imperfect.messages.knowledge`.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import math
 
 import numpy as np
 
+from flocking.engine.imperfect.messages.samples import START
 from flocking.engine.kernels.counter_draws import drawn
 from flocking.engine.kernels.displacements import nearest_difference
 from flocking.engine.sampled.blocks.arrays import (
@@ -18,7 +22,6 @@ from flocking.engine.sampled.blocks.arrays import (
     Truth,
     Work,
 )
-from flocking.engine.sampled.samples import START
 from flocking.formula.native.functions import native_apart
 from flocking.model.world.random_numbers import Purpose
 

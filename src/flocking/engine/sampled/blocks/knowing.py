@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.engine.imperfect.messages.samples import START
 from flocking.engine.kernels.codegen import ARGUMENTS, CONTROL_RESULTS
 from flocking.engine.kernels.displacements import nearest_difference
 from flocking.engine.kernels.neighbours import KNOWN_ARGUMENTS
@@ -20,7 +21,6 @@ from flocking.engine.sampled.blocks.arrays import (
     Work,
 )
 from flocking.engine.sampled.blocks.hearing import sample_of
-from flocking.engine.sampled.samples import START
 from flocking.formula.native.functions import by_address, native_apart
 from flocking.model.world.times import NANOSECOND
 

@@ -14,10 +14,11 @@ from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import Form, Real, Table
 from flocking.engine.imperfect.checkpoint_form import LARGEST, NEAR, ROUNDED, must
+from flocking.engine.imperfect.messages.checkpoint_form import vectors
 from flocking.engine.protocol.session import Packed
 from flocking.engine.sampled.checkpoint import packed_memory as packed_sampled
 from flocking.engine.sampled.checkpoint import recall_forces_and_knowledge
-from flocking.engine.sampled.checkpoint_form import Places, check_sampled, vectors
+from flocking.engine.sampled.checkpoint_form import Places, check_sampled
 from flocking.engine.sampled.integrated.motion import IntegratedMotion
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario

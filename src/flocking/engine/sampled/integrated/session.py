@@ -9,6 +9,7 @@ import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.adaptive_steps.adaptive_session import AdaptiveSession
+from flocking.engine.imperfect.messages.interventions import packed_changes, unpacked_changes
 from flocking.engine.imperfect.powers import FIFTEEN, POWERS, Powers, integrated, node_powers
 from flocking.engine.protocol.body_chains import point_of
 from flocking.engine.protocol.session import Packed, Stored
@@ -16,7 +17,6 @@ from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.integrated.checkpoint import IntegratedMemory, packed_memory, unpacked_memory
 from flocking.engine.sampled.integrated.motion import IntegratedMotion
-from flocking.engine.sampled.interventions import packed_changes, unpacked_changes
 from flocking.engine.sampled.session import SampledSession
 from flocking.model.law import Scenario
 from flocking.model.world.times import NANOSECOND

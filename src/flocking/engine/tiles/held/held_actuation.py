@@ -356,7 +356,7 @@ class HeldActuation:
         force
             As for `acting`.
         body
-            The point that the law sees.
+            The point on which the law acts.
         ids
             As for `act`.
         """

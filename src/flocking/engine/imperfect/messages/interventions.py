@@ -1,4 +1,4 @@
-"""Changes of a running session of held control: how messages are sent, and the numbers and terms of the law."""
+"""Changes of a running session: how messages are sent, and the numbers and terms of the law."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.imperfect.messages.knowledge import Knowledge
 from flocking.engine.protocol.session import Packed
-from flocking.engine.sampled.knowledge import Knowledge
 from flocking.errors import FlockingError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import from_data, to_data
@@ -18,6 +18,9 @@ from flocking.model.world.information import Information, Messages
 
 MOST_CHANGES = 10_000
 """Changes of the settings of messages that a checkpoint may name, a bound on memory."""
+
+KEPT = ("period", "phase", "predict", "leader")
+"""Parameters of messages that stay as they are while a run goes on, for samples that were taken have their times."""
 
 
 @dataclass
@@ -33,8 +36,21 @@ class Interventions:
     times: list[float] = field(default_factory=list)
 
 
-def check_information(scenario: Scenario, information: Information) -> Scenario:
+def check_information(
+    engine: str, scenario: Scenario, information: Information, kept: tuple[str, ...] = KEPT
+) -> Scenario:
     """The scenario with other ``information``, if a running session can change to it.
+
+    Parameters
+    ----------
+    engine
+        Name of the engine, for messages.
+    scenario
+        The scenario of the session.
+    information
+        How messages are to be sent from now on.
+    kept
+        Parameters of `Messages` that stay as they are.
 
     Raises
     ------
@@ -46,13 +62,13 @@ def check_information(scenario: Scenario, information: Information) -> Scenario:
     present = scenario.information
     if not isinstance(present, Messages) or not isinstance(information, Messages):
         raise UnsupportedLaw(
-            "engine='sampled' changes while a run goes on how messages are sent, not whether they are. Start with "
+            f"engine={engine!r} changes while a run goes on how messages are sent, not whether they are. Start with "
             "information=Messages(...)."
         )
-    if not _alike(present, information):
+    if not _alike(present, information, kept):
         raise UnsupportedLaw(
-            "engine='sampled' keeps period, phase, predict and leader of Messages while a run goes on: samples that "
-            "were taken have their times. Start another run from run.state(-1)."
+            f"engine={engine!r} keeps {', '.join(kept[:-1])} and {kept[-1]} of Messages while a run goes on: samples "
+            "that were taken have their times. Start another run from run.state(-1)."
         )
     return scenario.with_(information=information)
 
@@ -75,9 +91,8 @@ def check_law_change(scenario: Scenario, law: Law) -> Scenario:
     return scenario.with_numbers(law, scenario.t_end)
 
 
-def _alike(one: Messages, other: Messages) -> bool:
-    same = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("period", "phase"))
-    return same and one.predict == other.predict and one.leader == other.leader
+def _alike(one: Messages, other: Messages, kept: tuple[str, ...] = KEPT) -> bool:
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in kept)
 
 
 def packed_changes(found: Interventions, knowledge: Knowledge) -> Packed:

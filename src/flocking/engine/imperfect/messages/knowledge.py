@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 from flocking.arrays import AnyArray, Array, Indices, Links
 from flocking.engine.imperfect.cone_switches import ConeView
 from flocking.engine.imperfect.link_rules import LinkRules
+from flocking.engine.imperfect.messages.samples import START, Samples
 from flocking.engine.imperfect.view_switches import View
 from flocking.engine.runs.message_log import OWN, PRESENT
-from flocking.engine.sampled.samples import START, Samples
 from flocking.model.space import Space
 from flocking.model.world.information import Information, Messages
 from flocking.model.world.random_numbers import Purpose, uniform
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
+
+NEVER = np.iinfo(np.int64).max
+"""Nanosecond of an event that does not come."""
 
 
 class Knowledge:
@@ -215,27 +218,34 @@ class Knowledge:
         receiver, sender
             The agents, arrays of the shape of ``k``.
         """
-        assert self.schedule is not None
+        return np.asarray(self.arrivals(receiver, sender, k) <= time)
+
+    def arrivals(self, receiver: NDArray[np.int64], sender: NDArray[np.int64], k: Instants) -> Instants:
+        """When the messages about samples ``k`` arrive, in nanoseconds; `NEVER` where they are lost.
+
+        Parameters
+        ----------
+        receiver, sender
+            The agents, arrays of the shape of ``k``.
+        """
         if not self.since:
-            return self._arrived(self.settings[0], receiver, sender, k, time)
-        found, which = np.zeros(np.shape(k), dtype=bool), self._ages(sender, k)
+            return self._arrivals(self.settings[0], receiver, sender, k)
+        found, which = np.empty(np.shape(k), dtype=np.int64), self._ages(sender, k)
         for number, messages in enumerate(self.settings):
             rows = which == number
-            when = time if isinstance(time, int) else np.broadcast_to(time, np.shape(k))[rows]
-            found[rows] = self._arrived(messages, receiver[rows], sender[rows], k[rows], when)
+            found[rows] = self._arrivals(messages, receiver[rows], sender[rows], k[rows])
         return found
 
-    def _arrived(
-        self, messages: Messages, receiver: NDArray[np.int64], sender: NDArray[np.int64], k: Instants,
-        time: int | Instants,
-    ) -> NDArray[np.bool_]:  # fmt: skip
-        """`has_arrived` for samples that are sent as ``messages`` state."""
+    def _arrivals(
+        self, messages: Messages, receiver: NDArray[np.int64], sender: NDArray[np.int64], k: Instants
+    ) -> Instants:
+        """`arrivals` of samples that are sent as ``messages`` state."""
         assert self.schedule is not None
         arrives = self.schedule.at(sender, k) + round(messages.delay * PER_SECOND)
         if jitter := round(messages.jitter * PER_SECOND):
             late = uniform(messages.seed, Purpose.JITTER, sender, receiver, k) * jitter
             arrives += np.rint(late).astype(np.int64)
-        return np.asarray(~self._lost(messages, sender, receiver, k) & (arrives <= time))
+        return np.where(self._lost(messages, sender, receiver, k), NEVER, arrives)
 
     def _lost(
         self, messages: Messages, sender: NDArray[np.int64], receiver: NDArray[np.int64], k: NDArray[np.int64]
@@ -246,8 +256,14 @@ class Knowledge:
         distance = self.samples.distances_of(sender, receiver, k) if loss.reads_distance else None
         return loss.lost(messages.seed, sender, receiver, k, distance)
 
-    def _begun(self, sender: NDArray[np.int64], number: Instants) -> Instants:
-        """When samples were taken, in nanoseconds; the one that all have at the start, at the start."""
+    def begun(self, sender: NDArray[np.int64], number: Instants) -> Instants:
+        """When samples were taken, in nanoseconds; the one that all have at the start, at the start.
+
+        Parameters
+        ----------
+        sender, number
+            Whose they are, and their numbers, arrays of one shape.
+        """
         assert self.schedule is not None
         return np.where(number == START, 0, self.schedule.at(sender, number))
 
@@ -267,7 +283,7 @@ class Knowledge:
         sender = np.broadcast_to(np.arange(self.n), shape)
         number = self.newest[agents]
         rows = self.samples.of(sender, number)
-        begun = self._begun(sender, number)
+        begun = self.begun(sender, number)
         there = np.ones(shape, dtype=bool) if self._expires is None else time - begun < self._expires
         own = state[agents]
         if self.messages.self_known == "measured":

@@ -1,0 +1,216 @@
+"""What agents know by messages at every moment, and when links switch by it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flocking.arrays import Array, Indices, Links, Numbers
+from flocking.engine.adaptive_steps.integration_method import DEGREE
+from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.delayed.delays import Delays
+from flocking.engine.delayed.history import History, position_series
+from flocking.engine.delayed.messages.instants import MessageInstants
+from flocking.engine.delayed.state_jumps import StateJumps
+from flocking.engine.imperfect.link_rules import LinkRules
+from flocking.engine.imperfect.messages.knowledge import Knowledge
+from flocking.engine.imperfect.messages.samples import START
+from flocking.engine.imperfect.pair_polynomials import (
+    Paths,
+    conversion,
+    nearest_offset,
+    reach_within,
+    too_many_images,
+)
+from flocking.engine.imperfect.pair_switches import TwoPaths, WatchedLink, add_switches
+from flocking.engine.kernels.bernstein import all_rows
+from flocking.formula.native.functions import native_apart
+from flocking.model.space import Space
+from flocking.model.world.times import NANOSECOND, Instants
+
+
+class InUse(NamedTuple):
+    """The samples that agents use of each other.
+
+    Parameters
+    ----------
+    rows
+        Samples by number and agent, see `flocking.engine.imperfect.messages.samples.Samples`.
+    start
+        Positions and velocities at the start, shape (N, 2 m).
+    newest
+        Number of the sample that agent i uses of agent j, shape (N, N).
+    there
+        Of whom each agent knows a state, shape (N, N).
+    phase, period
+        When each agent took its samples, in nanoseconds, shape (N,).
+    moved
+        1 where samples are moved on with their velocity, 0 where they are held.
+    """
+
+    rows: Array
+    start: Array
+    newest: Numbers
+    there: Links
+    phase: Instants
+    period: Instants
+    moved: int
+
+
+@native_apart
+def find_message_switches(
+    own: Array, used: InUse, begin: float, span: float, lengths: Array, table: Array, links: Links, ways: Numbers,
+    enter: Array, leave: Array, size: float, found: Array,
+) -> int:  # fmt: skip
+    """Fill rows (time since the step began, i, j, graph) of the first switch of every link on a step.
+
+    Parameters
+    ----------
+    own
+        Taylor coefficients about the beginning of the step of the positions of agents as they know their own,
+        shape (8, N, m).
+    used
+        What they know of others.
+    begin, span
+        When the step begins, in seconds from the start, and how long it is.
+    lengths, table
+        See `flocking.engine.imperfect.pair_polynomials.Paths`.
+    links
+        Links by what agents know, shape (graphs, N, N).
+    ways, enter, leave
+        See `flocking.engine.imperfect.link_rules.LinkRules`.
+    size
+        Size of the coordinates, for rounding.
+    found
+        Takes the rows, shape (room, 4).
+
+    Returns
+    -------
+    int
+        How many rows there are, those included for which there was no room; -1 if a pair has too many images.
+    """
+    n, m, room = own.shape[1], own.shape[2], used.rows.shape[0]
+    S, nearest, row = np.zeros((own.shape[0], 2, m)), np.empty(m), np.empty((1, 4))
+    paths = Paths(S, lengths, table, begin)
+    total = 0
+    for i in range(n):
+        for a in range(own.shape[0]):
+            for k in range(m):
+                S[a, 0, k] = own[a, i, k]
+        for j in range(n):
+            if i == j or not used.there[i, j]:
+                continue
+            number = used.newest[i, j]
+            taken = 0 if number == START else used.phase[j] + number * used.period[j]
+            for k in range(m):
+                q = used.start[j, k] if number == START else used.rows[number % room, j, k]
+                p = used.start[j, m + k] if number == START else used.rows[number % room, j, m + k]
+                rate = p * used.moved
+                S[0, 1, k], S[1, 1, k] = q + rate * (begin - taken * NANOSECOND), rate
+            distance, reach = nearest_offset(paths, 0, 1, nearest), reach_within(paths, 0, 1, span)
+            two = TwoPaths(0, 1, span, distance, reach)
+            for graph in range(links.shape[0]):
+                if ways[graph] == 0:
+                    continue
+                link = WatchedLink(links[graph, i, j], enter[graph, i], leave[graph, i], i, j, graph)
+                count = add_switches(paths, two, nearest, link, size, row, 0)
+                if count < 0:
+                    return -1
+                if count > 0:
+                    if total < found.shape[0]:
+                        found[total, 0], found[total, 1], found[total, 2], found[total, 3] = row[0, 0], i, j, graph
+                    total += 1
+    return total
+
+
+class MessageStates(Delays):
+    """Agents know each other by the newest message of each, held or moved on with the velocity that it states.
+
+    Parameters
+    ----------
+    knowledge
+        What messages have stated; there are messages.
+    history
+        The past, which is not read.
+    """
+
+    points: MessageInstants
+
+    def __init__(self, knowledge: Knowledge, history: History) -> None:
+        assert knowledge.messages is not None
+        assert knowledge.schedule is not None
+        self.knowledge, self.history = knowledge, history
+        # Half a nanosecond more than the shortest period, so that rounding cuts no step of a whole one.
+        self.least, self.largest = (float(knowledge.schedule.period.min()) + 0.5) * NANOSECOND, 0.0
+        self.points = MessageInstants(knowledge)
+        self.jumps = StateJumps(knowledge.n, lambda agents: np.zeros((knowledge.n, len(agents))))
+        self._measured = knowledge.messages.self_known == "measured"
+        self._rows = np.zeros((0, 2 * knowledge.m))
+        self._begun: Array = np.zeros(0)
+        self._own = knowledge.samples.start
+
+    def prepare(self, senders: Indices, sensed: Indices) -> None:
+        """Take up what agents know from now on.
+
+        Parameters
+        ----------
+        senders, sensed
+            The agent of each pair that knows, and the one that is known.
+        """
+        knowledge, m = self.knowledge, self.knowledge.m
+        numbers = knowledge.newest[senders, sensed]
+        self._rows = knowledge.samples.of(sensed, numbers)
+        self._begun = np.asarray(knowledge.begun(sensed, numbers) * NANOSECOND, dtype=np.float64)
+        if self._measured:
+            self._own = knowledge.samples.of(np.arange(knowledge.n), knowledge.taken - 1)
+            if self.history.order == 1:
+                self._own[:, m:] = 0.0
+
+    def states(self, seconds: float, true: Array, senders: Indices, sensed: Indices) -> tuple[Array, Array]:
+        """States of the samples that `prepare` has taken up for these pairs."""
+        return self._own if self._measured else true, self._moved_on(seconds, self._rows, self._begun)
+
+    def all_states(self, seconds: float, true: Array) -> tuple[Array, Array]:
+        """States of the samples in use of all pairs."""
+        knowledge = self.knowledge
+        everybody = np.broadcast_to(np.arange(knowledge.n), knowledge.newest.shape).ravel()
+        numbers = knowledge.newest.ravel()
+        begun = np.asarray(knowledge.begun(everybody, numbers) * NANOSECOND, dtype=np.float64)
+        known = self._moved_on(seconds, knowledge.samples.of(everybody, numbers), begun)
+        return self._own if self._measured else true, known.reshape(knowledge.n, knowledge.n, -1)
+
+    def _moved_on(self, seconds: float, rows: Array, begun: Array) -> Array:
+        """Samples, shape (pairs, 2 m), as they are used at a time; ``begun`` is when they were taken."""
+        m = self.knowledge.m
+        if self.knowledge.degree:
+            rows = rows.copy()
+            rows[:, :m] += (seconds - begun)[:, None] * rows[:, m:]
+        if self.history.order == 1:
+            rows = np.concatenate([rows[:, :m], np.zeros_like(rows[:, m:])], axis=1)
+        return rows
+
+    def switches(self, space: Space, segment: Segment, base: float, links: Links, rules: LinkRules) -> Array:
+        """The first one of every link."""
+        knowledge, begin, (n, m) = self.knowledge, segment.t0, (self.knowledge.n, self.knowledge.m)
+        assert knowledge.schedule is not None
+        own = position_series(segment, n, m, begin)
+        if self._measured:
+            own[0], own[1:] = self._own[:, :m], 0.0
+        lengths = np.array(space.lengths or (np.inf,) * m, dtype=np.float64)
+        used = InUse(
+            knowledge.samples.rows, knowledge.samples.start, knowledge.newest, self.points.there,
+            knowledge.schedule.phase, knowledge.schedule.period, knowledge.degree,
+        )  # fmt: skip
+        size = max(float(np.abs(own[0]).max()), float(np.abs(used.rows[..., :m]).max()))
+
+        def rows_in(found: Array) -> int:
+            count = int(find_message_switches(
+                own, used, begin, segment.t1 - begin, lengths, conversion(DEGREE), links, *rules, size, found
+            ))  # fmt: skip
+            if count < 0:
+                raise too_many_images(base + begin)
+            return count
+
+        rows = all_rows(rows_in, 4)
+        return rows[np.lexsort(rows.T[::-1])]

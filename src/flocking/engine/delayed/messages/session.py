@@ -1,0 +1,182 @@
+"""A running simulation of messages under continuous control: adaptive steps between the instants of messages."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from flocking.arrays import AnyArray, Array, Indices
+from flocking.engine.delayed.delays import Delays
+from flocking.engine.delayed.messages.instants import BEFORE
+from flocking.engine.delayed.messages.message_states import MessageStates
+from flocking.engine.delayed.session import DelayedSession
+from flocking.engine.imperfect.messages.interventions import (
+    KEPT,
+    Interventions,
+    check_information,
+    packed_changes,
+    unpacked_changes,
+)
+from flocking.engine.imperfect.messages.knowledge import Knowledge
+from flocking.engine.protocol.session import Packed, Stored
+from flocking.engine.runs.fidelity import Fidelity
+from flocking.engine.runs.message_log import CHANGED
+from flocking.errors import UnsupportedLaw
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+from flocking.model.world.information import Information, Messages
+from flocking.model.world.times import NANOSECOND, PER_SECOND
+
+
+class MessagesSession(DelayedSession):
+    """Continuous control on what messages have stated, with known and true links located.
+
+    At an instant, in whole nanoseconds, samples are taken, arrive, expire, then links follow, then forces jump. Between
+    two instants what an agent knows of another one is constant, or moves on with the velocity that its newest message
+    states, and links of knowledge switch where the known distance crosses a radius.
+
+    Parameters
+    ----------
+    scenario
+        What is simulated; its information are messages, its control is continuous.
+    longest_step
+        Longest step as a share of the shortest period of the messages, see `DelayedSession`.
+    """
+
+    keeps_log = True
+
+    def _prepare(self, scenario: Scenario, longest_step: float) -> None:
+        super()._prepare(scenario, longest_step)
+        self._in_use: list[AnyArray] = [np.zeros((0, 3), dtype=np.int64)] * self.n
+        """Entries of the log of what each agent uses."""
+        self._using = np.ones(self.n, dtype=bool)
+        """Who may use something else than the log states."""
+        self.interventions = Interventions()
+
+    def _new_delays(self, scenario: Scenario) -> Delays:
+        start = scenario.start
+        # Agents of order 1 stand still before the start, whatever velocities it gives.
+        sent = start.p if scenario.agents.order == 2 else np.zeros_like(start.p)
+        self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
+        return MessageStates(self.knowledge, self.history)
+
+    @property
+    def _states(self) -> MessageStates:
+        assert isinstance(self.delays, MessageStates)
+        return self.delays
+
+    def _relink_known(self) -> None:
+        self.knowledge.links = self.known_links
+        self._law.relink(self.known_links & self._states.points.there, self.obstacles.pairs)
+        self._states.prepare(*self._law.linked)
+
+    # What falls on an instant.
+
+    def _seen(self, seconds: float) -> tuple[Array, Array]:
+        """True positions and velocities before forces change at a time; of order 1 the velocity agents move with."""
+        q, p = self.motion_at(seconds)
+        if self._law.order == 1 and self._segment.t1 == self._segment.t0:
+            p = np.zeros_like(p)
+        return q, p
+
+    def _hear(self, seconds: float) -> None:
+        """Take up the instant at which the last step ended, if it is one of messages."""
+        points = self._states.points
+        instant = points.next
+        if instant * NANOSECOND > seconds:
+            return
+        changed = points.hear(instant, lambda: self._seen(seconds))
+        agents = np.flatnonzero(changed.any(axis=1))
+        if not agents.size:
+            return
+        own = changed.diagonal()[:, None]
+        changed |= own
+        # Links of these pairs follow from what is known now, not from what was known until now.
+        self.pending = self.pending[~changed[self.pending[:, 0], self.pending[:, 1]]]
+        known = self.knowledge.known(instant, agents, *self._seen(seconds))
+        before = self.known_links[:, agents].copy()
+        self.knowledge.relink(known, self._rules, {})
+        self.known_links[:, agents] = np.where(changed[agents], self.known_links[:, agents], before)
+        self._using[agents] = True
+        self._relink_known()
+        self._begin_anew(seconds)
+        self._check_slope()
+
+    def _switch_known(self, seconds: float) -> None:
+        """Switch the known links that are pending, and note whose they are."""
+        self._using[self.pending[:, 0]] = True
+        super()._switch_known(seconds)
+
+    def _note(self, seconds: float) -> None:
+        """Log what agents use from now on, where that is something else than before."""
+        asked = np.flatnonzero(self._using)
+        self._using[:] = False
+        if not asked.size:
+            return
+        heard, log = self._states.points.heard, self.records.log
+        assert log is not None
+        found = self._uses(asked)
+        begun = heard == 0 and seconds == 0.0
+        new = [k for k, agent in enumerate(asked) if begun or not np.array_equal(found[k], self._in_use[agent])]
+        if not new:
+            return
+        agents = asked[new]
+        for k, agent in zip(new, agents.tolist(), strict=True):
+            self._in_use[agent] = found[k]
+        # A switch between two instants is logged at the whole nanosecond before it, but not before the last instant.
+        instant = heard if heard * NANOSECOND == seconds else max(int(seconds * PER_SECOND), heard)
+        force = self._force(seconds, np.array(self._segment.coefficients[-1]))
+        log.act(instant, agents, force[agents], [found[k] for k in new])
+
+    def _uses(self, agents: Indices) -> list[AnyArray]:
+        """Entries of the log of what ``agents`` use, shape (entries, 3) each."""
+        senders, sensed = self._law.linked
+        offsets = self._law.offsets
+        return self.knowledge.used(agents, (senders, sensed, offsets))
+
+    # Changes, and saving.
+
+    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
+        """Refused: what is on its way, and what agents know of links, is of the law and the state before."""
+        raise UnsupportedLaw(
+            f"engine={self.engine!r} replaces neither law nor state while messages are under way. Start another run "
+            "from run.state(-1)."
+        )
+
+    def replace_information(self, information: Information) -> None:
+        """Send messages in another way from now on: samples on their way arrive, or not, as before."""
+        scenario = check_information(self.engine, self.scenario, information, (*KEPT, "expires", "self_known"))
+        assert isinstance(information, Messages)
+        self.scenario = scenario
+        self.knowledge.change(information)
+        self.interventions.times.append(self.time)
+
+    @property
+    def about(self) -> dict[str, object]:
+        """Provenance of the records, and when the session was changed."""
+        return super().about | ({CHANGED: list(self.interventions.times)} if self.interventions.times else {})
+
+    @property
+    def fidelity(self) -> Fidelity:
+        """As of all sessions with adaptive steps, and whether this one was changed."""
+        return dataclasses.replace(super().fidelity, changed=bool(self.interventions.times))
+
+    def pack(self) -> Packed:
+        """All that another session needs to go on bit for bit, but its scenario and its records."""
+        (numbers, arrays), (more, rows) = super().pack(), packed_changes(self.interventions, self.knowledge)
+        return numbers | more, arrays | rows
+
+    def _recall_changes(self, packed: Packed) -> Packed:
+        return unpacked_changes(packed, self.interventions, self.knowledge)
+
+    @classmethod
+    def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> MessagesSession:
+        """The session that was packed."""
+        session = super().unpack(packed, stored, changes)
+        assert isinstance(session, MessagesSession)
+        session._using[:] = session._states.points.heard == BEFORE
+        if session._states.points.heard > BEFORE:
+            session._in_use = session._uses(np.arange(session.n))
+        return session

@@ -1,0 +1,116 @@
+"""Motion under continuous control, by another integrator, from what agents use by a log."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flocking.arrays import Array
+from flocking.engine.runs.message_log import AT_START, OWN, MessageLog
+from flocking.engine.runs.run import Run
+from flocking.model.law import Scenario
+from flocking.model.world.information import Messages
+from flocking.model.world.times import NANOSECOND, PER_SECOND
+from flocking.study.message_logs.arrivals import Arrivals, Sample
+from flocking.study.message_logs.integrated_motion import SAME_TIME, Forces, IntegratedForcedMotion
+from flocking.study.message_logs.reference_law import ReferenceLaw
+
+EXPECTED = 100.0
+"""Error of the motion of a run in tolerances, by which samples are taken to be off as long as it is not known: that of
+the steps between two frames of most runs."""
+
+
+class InUse(NamedTuple):
+    """What an agent uses.
+
+    Parameters
+    ----------
+    own
+        Its own sample, where it knows itself by one.
+    others
+        Neighbours by the number of the graph: who, and the sample.
+    """
+
+    own: Sample | None
+    others: dict[int, list[tuple[int, Sample]]]
+
+
+class ContinuousMotion(IntegratedForcedMotion):
+    """Where every agent is under the law on what agents use by the log, from frame to frame.
+
+    Parameters
+    ----------
+    run, scenario, log
+        As for `IntegratedForcedMotion`; information are messages, control is continuous.
+    law
+        Gives the forces.
+
+    Attributes
+    ----------
+    arrivals
+        Samples and arrivals until the end of the run.
+    """
+
+    def __init__(self, run: Run, scenario: Scenario, log: MessageLog, law: ReferenceLaw) -> None:
+        assert isinstance(scenario.information, Messages)
+        self._law, self._predict = law, scenario.information.predict
+        self._uses = [InUse(None, {}) for _ in range(scenario.start.n)]
+        super().__init__(run, scenario, log)
+
+    def _follow(self, run: Run, scenario: Scenario, log: MessageLog, latency: int) -> None:
+        end = float(run.t[-1]) - self._base if len(run.t) else 0.0
+        last = min(max(end, *(log.ticks[-1:, 0] * NANOSECOND).tolist(), 0.0), scenario.t_end - self._base)
+        self.error = EXPECTED * scenario.tolerance
+        self.open_until: list[float] = []
+        """Ends of stretches on which a sample in use may be rounded to another multiple, in seconds from the start."""
+        self.arrivals = Arrivals(scenario, self, int(last * PER_SECOND))
+        super()._follow(run, scenario, log, latency)
+        # Times of the log are whole nanoseconds: agents and their velocities move on in one of them.
+        rate = float(np.abs(log.forces).max(initial=0.0) / self.masses.min())
+        self.error += NANOSECOND * (rate + float(np.abs(run.p).max(initial=0.0)))
+
+    def _jumps(self) -> list[float]:
+        return [at - self._base for at in self._law.switches]
+
+    def _take(self, log: MessageLog, row: int) -> None:
+        instant, agent, count = log.ticks[row].tolist()
+        first = int(log.firsts[row])
+        own: Sample | None = None
+        others: dict[int, list[tuple[int, Sample]]] = {}
+        for graph, sender, k in log.uses[first : first + count].tolist():
+            if k < AT_START or self.arrivals.taken(sender, k) > instant:
+                continue  # No such sample was there; it is named where entries are looked at.
+            sample = self.arrivals.sample(sender, k, instant)
+            if graph == OWN:
+                own = sample
+            else:
+                others.setdefault(graph, []).append((sender, sample))
+        self._uses[agent] = InUse(own, others)
+
+    def _forces(self, end: float) -> Forces:
+        uses = list(self._uses)
+        samples = [s for used in uses for listed in used.others.values() for _, s in listed]
+        if any(s.open for s in (*samples, *(used.own for used in uses if used.own is not None))):
+            self.open_until.append(end)
+        # Gains that change at the end of a stretch have not changed within it.
+        ends = any(abs(end - at) <= SAME_TIME * (1.0 + end) for at in self._jumps())
+        latest = end - SAME_TIME * (1.0 + end) if ends else np.inf
+
+        def at(t: float, y: Array) -> Array:
+            q = y[: self.m].T
+            p = y[self.m : 2 * self.m].T if self.order == 2 else np.zeros_like(q)
+            now, found = min(t, latest), np.empty((self.n, self.m))
+            for agent, used in enumerate(uses):
+                own = (q[agent], p[agent]) if used.own is None else (used.own.q, used.own.p)
+                others = {graph: [(j, *self._moved(s, t)) for j, s in listed] for graph, listed in used.others.items()}
+                found[agent] = self._law.force(agent, own, others, self._base + now)
+            return found
+
+        return at
+
+    def _moved(self, sample: Sample, t: float) -> tuple[Array, Array]:
+        """Position and velocity that a receiver takes a sender to have at a time since the start."""
+        if not self._predict:
+            return sample.q, sample.p
+        return sample.q + (t - sample.instant * NANOSECOND) * sample.p, sample.p

@@ -1,0 +1,69 @@
+"""Messages under continuous control against a second implementation with queues and SciPy's integrator."""
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from tests.engine.delayed.plain_messages import PlainMessages
+
+STIFF, GAIN = 1.5, 0.8
+LAW = fk.Law(fk.Hysteresis(2.0, 0.3), [fk.Gradient(fk.Potential("k*(r - 1)**2/2", k=STIFF)), fk.Consensus(GAIN)])
+LOSSES = (None, fk.Bernoulli(0.3), fk.Bernoulli(0.3, paired=True), fk.GilbertElliott(0.2, 0.4), fk.DistanceLoss(3.0))
+NOISES = (None, None, fk.WhiteNoise(0.02, 0.03), fk.OrnsteinUhlenbeck(0.02, 0.03, time_constant=0.3))
+
+
+def random_world(seed):
+    """A scenario with random messages, and its second implementation."""
+    rng = np.random.default_rng(seed)
+    n, order = int(rng.integers(3, 6)), 2 if rng.random() < 0.7 else 1
+    bodies = fk.SingleIntegrator()
+    if order == 2:
+        bodies = fk.PointMass(masses=rng.uniform(0.5, 2.0, n), damping=float(rng.choice([0.0, 0.4])))
+    q = rng.uniform(0, 3, (n, 2))
+    start = fk.State(q, rng.normal(size=(n, 2)) if order == 2 else np.zeros((n, 2)))
+    alike = rng.random() < 0.4
+    period = 0.1 if alike else rng.uniform(0.08, 0.25, n)
+    information = fk.Messages(
+        period,
+        phase=0.0 if alike else rng.uniform(0, 0.2, n),
+        delay=float(rng.choice([0.0, 0.03, 0.1])),
+        jitter=float(rng.choice([0.0, 0.15])),
+        loss=LOSSES[rng.integers(len(LOSSES))],
+        noise=NOISES[rng.integers(len(NOISES))],
+        resolution=float(rng.choice([0.0, 0.0, 0.01])),
+        expires=[None, 0.3, 0.45][rng.integers(3)],
+        predict=bool(rng.random() < 0.5),
+        self_known="measured" if rng.random() < 0.25 else "true",
+        seed=int(rng.integers(1000)),
+    )
+    space = fk.Periodic([6.0, 6.0]) if rng.random() < 0.25 else fk.Open()
+    scenario = fk.Scenario(LAW, start, t_end=1.5, frames=4, information=information, bodies=bodies, space=space,
+                           tolerance=1e-11)  # fmt: skip
+    return scenario, PlainMessages(scenario, lambda r: STIFF * (r - 1), GAIN if order == 2 else 0.0)
+
+
+def check(seed):
+    """The engine and the second implementation agree; how often a known link switched between two instants."""
+    scenario, plain = random_world(seed)
+    session = fk.start(scenario)
+    session.advance(scenario.t_end)
+    run = session.run()
+    q, p = plain.run(scenario.t_end)
+    assert run.fidelity.engine == "delayed"
+    assert np.abs(run.q[-1] - q).max() < 1e-9
+    if scenario.agents.order == 2:
+        assert np.abs(run.p[-1] - p).max() < 1e-9
+    assert (session.known_links[0] == plain.links).all()
+    assert (session.knowledge.newest == [[x[0] for x in row] for row in plain.known]).all()
+    assert np.abs(run.residual).max() <= 1e-9 * max(1.0, run.turnover)
+    return plain.switches
+
+
+def test_random_worlds():
+    assert sum(check(seed) for seed in range(5)) > 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(5, 85))
+def test_80_more_random_worlds(seed):
+    check(seed)
