@@ -21,7 +21,7 @@ BOUND = 0.01
 
 def motion(moved: float) -> Any:
     """What is asked of the evidence: how far agents moved."""
-    return SimpleNamespace(displacement_about_mean=moved)
+    return SimpleNamespace(path_about_mean=moved)
 
 
 def verdict(values: np.ndarray, t: np.ndarray = T, moved: float = 1.0) -> str:

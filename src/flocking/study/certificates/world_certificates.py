@@ -125,6 +125,11 @@ def _mean(world: SampledConsensus) -> str:
     return "mean square " if world.probability else ""
 
 
+def _beside(world: SampledConsensus) -> str:
+    """What is not part of what falls: where samples have errors these keep a disagreement up."""
+    return ", apart from what errors of samples add" if world.noise_shares().any() else ""
+
+
 def _growth(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Certificate:
     low, high = (float(x) for x in world.recursion(world.period).growth())
     if not world.probability:
@@ -139,7 +144,7 @@ def _growth(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Cert
         )
     else:
         reason = ""
-    statement = f"The {quantity}, is at most {rounded_up(high)}."
+    statement = f"The {quantity}{_beside(world)}, is at most {rounded_up(high)}."
     return decided(
         "growth_in_world", sources()["moments"], hypotheses, reason=reason, statement=statement,
         bound=Enclosure(low, high), side="is", quantity=quantity,
@@ -162,9 +167,9 @@ def _period(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Cert
     if found is not None:
         falls, not_so, so = ("fall", "do not both", "they were") if both else ("falls", "does not", "it was")
         statement = (
-            f"With control held for a period{late}{lost}, the {_mean(world)}{world.motion} {falls} at "
-            f"{given_text(found.lo)}, "
-            f"and {not_so} at {given_text(found.hi)}. At all shorter ones of {places} periods {so} computed to fall."
+            f"With control held for a period{late}{lost}, the {_mean(world)}{world.motion}{_beside(world)} {falls} at "
+            f"{given_text(found.lo)}, and {not_so} at {given_text(found.hi)}. At all shorter ones of {places} periods "
+            f"{so} computed to fall."
         )
     return decided(
         "period_in_world", sources()["moments"], hypotheses, reason=reason, statement=statement, bound=found,

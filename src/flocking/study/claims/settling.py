@@ -2,13 +2,16 @@
 
 Claims about limits are measured on a finite run, all by one criterion. A limit is reached when its bound holds
 throughout the last tenth of the run. It is missed when the bound does not hold at any time of that tenth and the
-excess over the bound has settled, in one of two ways. Either it is constant: its means over the last tenth and over
-the tenth before differ by no more than `CHANGE` of it, in a run in which agents moved about their mean by `MOVED` of
-the group's size or more. Or it fluctuates and does not fall: its means over the five tenths of the last half differ by
-no more than `STEADY` of it, the last is not the least of them, and it crosses its own mean `FEWEST_CROSSINGS` times or
-more in that half, so that one swing of a slow motion is none. These changes are also compared with the total change
-over the run (`OF_ALL`, and `STEADY` again), so that a run too short for its motion does not count as settled. In all
-other cases the verdict is ``not yet``.
+excess over the bound has settled, in one of two ways. Either it is constant, in a run in which agents went along paths
+about their mean of `MOVED` of the group's size or longer: its means over the last tenth and over the tenth before
+differ by no more than `CHANGE` of it, and by no more than `SHRINKS` of the change before that, as what tends to
+another limit does and what decays slowly does not; or by no more than `ROUNDING`. Or it fluctuates and does not fall:
+its means over the five tenths of the last half differ by no more than `STEADY` of it, the last is not the least of
+them, they do not fall by a line through them that their scatter confirms, and the excess crosses its own mean
+`FEWEST_CROSSINGS` times or more in that half, so that one swing of a slow motion is none. These changes are also
+compared with the total change over the run (`OF_ALL`, and `STEADY` again), so that a run too short for its motion does
+not count as settled. In all other cases the verdict is ``not yet``. A motion that stays as it is for the whole run
+and changes later, however late, is taken for what it was: no run shows more.
 """
 
 from __future__ import annotations
@@ -32,6 +35,9 @@ CHANGE = 1e-3
 OF_ALL = 1e-2
 """And by this fraction of its total change over the run."""
 
+SHRINKS = 0.5
+"""The change from one tenth to the next against the one before, of a quantity that tends to a limit."""
+
 ROUNDING = 1e-12
 """Relative changes this small are rounding."""
 
@@ -45,8 +51,8 @@ FEWEST_CROSSINGS = 4
 """Times that a fluctuating quantity crosses its mean in the last half of the run: two whole swings."""
 
 MOVED = 1e-2
-"""Displacement about the mean, as a share of the group's size, below which a constant quantity shows nothing: the run
-is short for the motion."""
+"""Length of a path about the mean, as a share of the group's size, below which a constant quantity shows nothing: the
+run is short for the motion."""
 
 FEWEST = 3
 """Frames needed in each of the two shares."""
@@ -127,7 +133,7 @@ def limit_of(
         return _unseen(bound, value(-1), note, error)
     tenths = [np.array([value(int(k)) for k in part]) for part in frames.tenths]
     first = np.array([value(int(k)) for k in frames.first])
-    return _judged(bound, tenths, first, note, error, moved=e.displacement_about_mean)
+    return _judged(bound, tenths, first, note, error, moved=e.path_about_mean)
 
 
 def limit_of_series(
@@ -151,7 +157,7 @@ def limit_of_series(
         values[frames.first],
         note,
         error,
-        moved=e.displacement_about_mean,
+        moved=e.path_about_mean,
     )
 
 
@@ -181,16 +187,27 @@ def _unsettled(excess: Sequence[Reals], first: Reals, moved: float) -> str:
         return ""
     now, total_change = float(means[0]), float(np.ptp(every))
     change, spread = abs(float(means[1]) - now), float(np.ptp(means))
-    if change <= max(ROUNDING * now, min(CHANGE * now, OF_ALL * total_change)):
+    shrinking = change <= min(CHANGE * now, OF_ALL * total_change, SHRINKS * abs(float(means[2] - means[1])))
+    if change <= ROUNDING * now or shrinking:
         return "" if moved >= MOVED else f"agents moved about their mean by {moved:.1e} of the group's size alone"
     if spread <= STEADY * min(now, total_change) and now > means.min():
         half = np.concatenate(excess[::-1])
         crossings = np.count_nonzero(np.diff(half > half.mean()))
-        return "" if crossings >= FEWEST_CROSSINGS else "it may be at the top of one swing"
+        if crossings < FEWEST_CROSSINGS:
+            return "it may be at the top of one swing"
+        return "it fluctuates and falls slowly" if _falls(means[::-1]) else ""
     return (
         f"the excess over the bound still changes in a tenth of the run, by {change / now:.1e} of itself and "
         f"{change / total_change:.1e} of its change since the start"
     )
+
+
+def _falls(means: Reals) -> bool:
+    """Whether the line through these means, by least squares, falls by more than the error of its slope."""
+    k = np.arange(len(means)) - 0.5 * (len(means) - 1)
+    slope = float(k @ means / (k @ k))
+    rest = means - means.mean() - slope * k
+    return slope < -float(np.sqrt(rest @ rest / (len(means) - 2) / (k @ k)))
 
 
 def configuration_unsettled(e: Evidence) -> str:

@@ -74,17 +74,19 @@ class MotionEvidence(RunEvidence):
         return None if self.run.accuracy is None else self.run.accuracy.largest.get(name)
 
     @cached_property
-    def displacement_about_mean(self) -> float:
-        """Largest displacement of an agent about the mean position, against the largest distance from that mean.
+    def path_about_mean(self) -> float:
+        """Longest path of an agent about the mean position, from frame to frame, against the largest distance from it.
 
         Infinite without frames, for one agent, and where all agents are at one place.
         """
-        size, most = 0.0, 0.0
+        size, before = 0.0, None
+        paths = np.zeros(self.q.shape[1])
         for q in self.q:
             offsets = q - q.mean(axis=0)
             size = max(size, float(np.linalg.norm(offsets, axis=1).max()))
-            most = max(most, float(np.linalg.norm(offsets - (self.q[0] - self.q[0].mean(axis=0)), axis=1).max()))
-        return most / size if size > 0.0 else np.inf
+            paths += 0.0 if before is None else np.linalg.norm(offsets - before, axis=1)
+            before = offsets
+        return float(paths.max()) / size if size > 0.0 else np.inf
 
     @cached_property
     def diameter(self) -> Array:

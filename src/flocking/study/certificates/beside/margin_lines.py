@@ -123,7 +123,13 @@ def _period_lines(scenario: Scenario) -> tuple[MarginLine, ...]:
         each = found["period_in_world"]
         if not each.granted or each.bound is None:
             return ()
-        return (MarginLine(each.bound.lo, "in the declared world the disagreement falls at", each.key),)
+        return (
+            MarginLine(
+                each.bound.lo,
+                "in the declared world, without errors of samples, the mean square disagreement falls at",
+                each.key,
+            ),
+        )
     lines = []
     for key, label in PERIODS.items():
         bound = found[key].safe_lower

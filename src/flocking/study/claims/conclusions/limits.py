@@ -73,7 +73,7 @@ def distances_settle(e: Evidence) -> Measure:
     found = limit_of(
         e, SETTLED, ratio, lambda r: f"distances change at {r:.1e} of the first spread", error=_velocity_share(e)
     )
-    if found.holds and not found.unsettled and e.displacement_about_mean < MOVED and not velocities_agree(e).holds:
+    if found.holds and not found.unsettled and e.path_about_mean < MOVED and not velocities_agree(e).holds:
         return replace(found, unsettled="velocities differ, and agents have hardly moved against each other")
     return found
 
@@ -107,9 +107,20 @@ def switching_stops(e: Evidence) -> Measure:
         return measured if settled else replace(measured, unsettled="agents still move past each other")
     times, share = e.link_switches["time"], LAST * (end - start)
     last, before = (int(((times > b - share) & (times <= b)).sum()) for b in (end, end - share))
-    if last >= before > 0 and not agreement.holds and not agreement.unsettled:
+    if last >= before > 0 and not agreement.holds and not agreement.unsettled and _recurs(e, end - share):
         return measured
     return replace(measured, unsettled=f"{last} switches in the last tenth of the run, {before} in the one before")
+
+
+def _recurs(e: Evidence, since: float) -> bool:
+    """Whether a pair that has switched twice switches again after a time: in free flight in open space none does."""
+    if not e.run.scenario.space.is_open:
+        return True
+    rows = e.link_switches
+    pairs = np.stack([np.minimum(rows["i"], rows["j"]), np.maximum(rows["i"], rows["j"])], axis=1)
+    found, counts = np.unique(pairs[rows["time"] <= since], axis=0, return_counts=True)
+    often = {tuple(pair) for pair in found[counts >= 2].tolist()}
+    return any(tuple(pair) in often for pair in pairs[rows["time"] > since].tolist())
 
 
 def _meets_a_radius(e: Evidence) -> bool:
