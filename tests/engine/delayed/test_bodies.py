@@ -42,8 +42,12 @@ class PlainBodies(PlainDelays):
         return np.concatenate([super().begun(), *more])
 
     def corners(self, t_end):
-        gusts = {k * GUST for k in range(1, int(t_end / GUST) + 1)} if self.kind == "disturbed" else set()
-        return super().corners(t_end) | gusts
+        if self.kind != "disturbed":
+            return super().corners(t_end)
+        # Neighbours know of a gust when their delays have passed.
+        late = {0.0, *np.unique(self.delays).tolist()}
+        gusts = {k * GUST + d for k in range(1, int(t_end / GUST) + 1) for d in late}
+        return super().corners(t_end) | {t for t in gusts if t < t_end}
 
     def moved(self, t, y, u):
         count, more = self.n * self.m, y[self.order * self.n * self.m :].reshape(-1, self.m)

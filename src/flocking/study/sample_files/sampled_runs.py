@@ -19,7 +19,7 @@ from flocking.study.claims.claims_without_law import claims_without_law
 from flocking.study.claims.general_claims import GENERAL
 from flocking.study.sample_files.samples import LARGEST_FILE, Samples
 from flocking.study.sample_files.velocities import SPREADS, Velocities, smoothed_velocities
-from flocking.study.sample_files.velocity_check import check_velocities
+from flocking.study.sample_files.velocity_check import doubted_velocities
 from flocking.study.trajectory import SAMPLES, closest_of, largest_gap, run_from_samples
 
 DRAWS = 4
@@ -68,8 +68,9 @@ class SampledMotion:
 def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: float | None = None) -> SampledMotion:
     """A run of samples under a declared law, or without one.
 
-    Where velocities are missing they are estimated (`smoothed_velocities`). The run states their error and that of the
-    positions, which claims take into account. The ledger's error is enlarged by the largest change of its residual
+    Where velocities are missing they are estimated (`smoothed_velocities`); where positions contradict them, the
+    difference counts as their error (`doubted_velocities`). The run states their error and that of the positions, which
+    claims take into account. The ledger's error is enlarged by the largest change of its residual
     under perturbations of that size.
 
     Parameters
@@ -84,9 +85,8 @@ def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: flo
     Raises
     ------
     InvalidInput
-        When law and samples do not fit, velocities of the file contradict its positions, the scenario is in periodic
-        space, both a law and a radius are given, there are too many pairs to hold, or too few samples to estimate
-        velocities.
+        When law and samples do not fit, the scenario is in periodic space, both a law and a radius are given, there are
+        too many pairs to hold, or too few samples to estimate velocities.
     """
     if scenario is not None and radius is not None:
         raise InvalidInput("audit", "radius", "must be absent where a law is given", radius, "The law has its own.")
@@ -98,13 +98,11 @@ def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: flo
             "audit", "samples", f"must have at most {LARGEST_FILE} pairs in all", f * n * n,
             "Keep fewer agents or samples.",
         )  # fmt: skip
-    found = smoothed_velocities(samples.t, samples.q) if samples.p is None else None
+    found = _velocities(samples, discrete=scenario is not None and scenario.agents.discrete)
     p = found.p if found is not None else samples.p
     assert p is not None
-    if found is None and (scenario is None or not scenario.agents.discrete):
-        check_velocities(samples.t, samples.q, p)
     if scenario is None:
-        run = _with_errors(_run_without_law(samples, p, radius), found)
+        run = _with_errors(_run_without_law(samples, p, radius), found, samples)
         return SampledMotion(run, False, radius)
     if not scenario.space.is_open:
         raise InvalidInput("audit", "law", "must be in open space", scenario.space, "Samples are judged as they are.")
@@ -114,15 +112,24 @@ def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: flo
     run = run_from_samples(declared, samples.t, samples.q, p)
     if found is not None:
         run = _widened(run, found, _residual_changes(declared, run, found))
-    return SampledMotion(_with_errors(run, found), True)
+    return SampledMotion(_with_errors(run, found, samples), True)
 
 
-def _with_errors(run: Run, found: Velocities | None) -> Run:
+def _velocities(samples: Samples, *, discrete: bool) -> Velocities | None:
+    """Velocities with errors: estimated ones, and given ones that the positions contradict; None for exact ones."""
+    if samples.p is None:
+        return smoothed_velocities(samples.t, samples.q)
+    # Agents in discrete time move along straight lines between updates, of which samples may see few.
+    return None if discrete else doubted_velocities(samples.t, samples.q, samples.p)
+
+
+def _with_errors(run: Run, found: Velocities | None, samples: Samples) -> Run:
     """The run with what is known of the errors of its samples; ``found`` are the velocities that were estimated."""
     if found is None:
         return replace(run, provenance={**run.provenance, "velocities": GIVEN})
     errors = {"position_error": SPREADS * found.noise, "velocity_error": float(found.error.max())}
-    about = {**run.provenance, "velocities": _described(found), **errors}
+    described = found.method if samples.p is not None else _described(found)
+    about = {**run.provenance, "velocities": described, **errors}
     fidelity = replace(run.fidelity, position_error=errors["position_error"], velocity_error=errors["velocity_error"])
     return replace(run, fidelity=fidelity, provenance=about)
 
