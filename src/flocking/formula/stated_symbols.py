@@ -28,9 +28,10 @@ class StatedSymbols:
 
     def __init__(self, part: object, given: Iterable[object] = ()) -> None:
         self._owner = type(part).__name__
-        self._checked = not library_states_all([part])
+        self.checked = not library_states_all([part])
+        """Whether other code than the library's states formulas of the part."""
         self._known: set[sympy.Basic] = set()
-        if self._checked:
+        if self.checked:
             self.add(given)
 
     def add(self, given: Iterable[object]) -> None:
@@ -57,7 +58,7 @@ class StatedSymbols:
         InvalidInput
             By the function: when there is nothing of that name.
         """
-        if not self._checked:
+        if not self.checked:
             return give
 
         def found(name: str) -> sympy.Expr:
@@ -86,7 +87,7 @@ class StatedSymbols:
         InvalidInput
             When one has a symbol that the part was not given.
         """
-        if not self._checked:
+        if not self.checked:
             return
         import sympy
 

@@ -125,6 +125,8 @@ def test_rates_that_do_not_fit_the_columns_are_refused():
 def test_agents_of_order_1_may_move_otherwise_than_wanted():
     @dataclass(frozen=True, eq=False)
     class Slow(fk.SingleIntegrator):
+        summary = "agents are half as fast"
+
         def rates(self, x):
             return {"q": [u / 2 for u in x.u]}
 

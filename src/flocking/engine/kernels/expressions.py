@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from flocking.engine.kernels.displacements import Periods
 from flocking.engine.kernels.layout import BODIES, DAMPING, MASS, Layout
 from flocking.engine.kernels.obstacle_formulas import ObstacleFormulas, obstacle_formulas
+from flocking.engine.kernels.stated_motions import StatedMotion, check_columns
 from flocking.errors import InvalidInput
 from flocking.formula.contact import defined_at_contact
 from flocking.formula.derivatives import derivative
@@ -330,7 +331,8 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
     Raises
     ------
     InvalidInput
-        When the body states a rate for a column it does not have, or none for one it has.
+        When the body states a rate for a column it does not have, or none for one it has, or is not what its properties
+        say, see `flocking.engine.kernels.stated_motions`.
     """
     import sympy
 
@@ -355,6 +357,7 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
         known.add([_symbol(name)])
     stated = {name: _each(body, name, rates) for name, rates in body.rates(x).items()}
     known.check("rates", *(rate for rates in stated.values() for rate in rates))
+    check_columns(body, stated, p)
     moving = {"q": p, **stated} if second else stated
     columns = (("q", dimension), *((("p", dimension),) if second else ()), *own)
     found = {name: len(rates) for name, rates in moving.items()}
@@ -377,5 +380,8 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
     for k, limit in enumerate(body.limits(x).values()):
         limits |= {f"begins_{k}": sympy.sympify(limit.begins), f"ends_{k}": sympy.sympify(limit.ends)}
     known.check("limits", *limits.values())
+    if known.checked:
+        symbols = {_symbol(name): e for name, e in lets.items()}
+        StatedMotion(layout, x, w, symbols, moving, kinetic, list(limits.values())).check()
     named = {f"rate_{name}{k}": rate for name, _ in columns for k, rate in enumerate(moving[name])}
     return MotionFormulas(columns, lets, named, kinetic, departure, departs, limits)
