@@ -93,6 +93,10 @@ class Margins:
         ``"finished"``, ``"interrupted"``, or that the number of runs did not suffice.
     provenance
         Versions of the software.
+    refused_levels
+        Levels by quantity at which its scenario could not be made, with the reason; nothing is known there.
+    failures
+        Message of the first run that failed, by its world, such as ``"loss=0.2"``; such runs count as open.
     """
 
     scenario: str
@@ -107,6 +111,8 @@ class Margins:
     runs: int
     status: str
     provenance: Mapping[str, object] = field(default_factory=dict)
+    refused_levels: Mapping[str, Mapping[float, str]] = field(default_factory=dict)
+    failures: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def shown_ideally(self) -> tuple[str, ...]:
@@ -151,6 +157,13 @@ class Margins:
         ]
         found += [f"{one.name}: {one.meaning}. World at the last level: {one.world}." for one in self.varied]
         found += [f"{name} was not varied: {why}" for name, why in self.refused.items()]
+        for name, levels in self.refused_levels.items():
+            for why in dict.fromkeys(levels.values()):
+                there = ", ".join(given_text(level) for level in sorted(levels) if levels[level] == why)
+                found.append(f"{name} was refused at {there}, where nothing is known: {why}")
+        found += [
+            f"Runs that failed count as open; the first of {world}: {why}" for world, why in self.failures.items()
+        ]
         for key, count in self.ideal.items():
             if not count.shown(self.share):
                 found.append(f"{key} has no margin: {_counted(count)} in the ideal world.")
@@ -223,6 +236,12 @@ class Margins:
             ],
             "margins": [self._margin_data(row) for row in self.rows],
             "refused": dict(self.refused),
+            "refused_levels": [
+                {"quantity": name, "level": level, "why": why}
+                for name, levels in self.refused_levels.items()
+                for level, why in sorted(levels.items())
+            ],
+            "failures": dict(self.failures),
             "provenance": dict(self.provenance),
         }  # fmt: skip
 
@@ -278,11 +297,15 @@ def _read(data: Mapping[str, object]) -> Margins:
             for key, entries in one["counts"].items()  # type: ignore[attr-defined]
         }
         varied.append(Varied(str(one["name"]), str(one["meaning"]), str(one["world"]), counts, bool(one["falling"])))
+    refused: dict[str, dict[float, str]] = {}
+    for entry in data.get("refused_levels", ()):  # type: ignore[attr-defined]
+        refused.setdefault(str(entry["quantity"]), {})[float(entry["level"])] = str(entry["why"])
     return Margins(
         str(data["scenario"]), {str(c["key"]): str(c["statement"]) for c in read["conclusions"]},
         {str(c["key"]): count(c["ideal"]) for c in read["conclusions"]}, tuple(varied),  # type: ignore[arg-type]
         dict(data["refused"]), float(data["share"]), float(data["width"]), float(data["confidence"]),  # type: ignore
         tuple(data["seeds"]), int(data["runs"]), str(data["status"]), dict(data["provenance"]),  # type: ignore
+        refused, dict(data.get("failures", {})),  # type: ignore
     )  # fmt: skip
 
 

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.actuators import Limited
+from flocking.model.checks import number
 from flocking.model.law import Scenario
 from flocking.model.world.control import Control, Held
 from flocking.model.world.information import Delayed, Messages
 from flocking.model.world.losses import Bernoulli
 from flocking.model.world.noises import WhiteNoise
+from flocking.model.world.times import NANOSECOND
 
 ROUNDED = 1e-9
 """Relative difference by which a level may lie outside its ends and count as one of them."""
+
+MOST_DIGITS = 15
+"""Digits of a double that are the same after it is written and read."""
+
+UNRESOLVED = 1e-4
+"""Share of a level by which it may differ from what is simulated: the fourth digit, as levels between others have."""
 
 PERIODS = 1000
 """Ticks of the base world in the duration of a scenario, about: few enough that a run of ten agents takes seconds."""
@@ -55,6 +63,8 @@ class Quantity:
         Gives the default grid, from the ideal value outwards, from a scenario and the base period.
     falling
         Whether smaller values are further from the ideal one, as for a limit.
+    resolution
+        Values are whole multiples of this, as times are of a nanosecond; 0 where they are not rounded.
     """
 
     name: str
@@ -62,6 +72,13 @@ class Quantity:
     world: Callable[[Scenario, float, float], Scenario]
     levels: Callable[[Scenario, float], tuple[float, ...]]
     falling: bool = False
+    resolution: float = 0.0
+
+    def resolved(self, level: float) -> float:
+        """The value that is simulated for a ``level``."""
+        if not self.resolution:
+            return level
+        return float(f"{round(level / self.resolution) * self.resolution:.{MOST_DIGITS}g}")
 
 
 def rounded_levels(low: float, high: float) -> tuple[float, ...]:
@@ -187,6 +204,31 @@ def _limits(scenario: Scenario, _: float) -> tuple[float, ...]:
     return rounded_levels(FORCES[1] * largest, FORCES[0] * largest)[::-1]
 
 
+def checked_levels(name: str, given: Sequence[float], quantity: Quantity) -> list[float]:
+    """The levels of a quantity that are given, in order from the ideal one outwards.
+
+    Parameters
+    ----------
+    name, quantity
+        The quantity and its name.
+    given
+        The levels.
+
+    Raises
+    ------
+    InvalidInput
+        When one is negative, there are none, one is given twice, or it would be rounded.
+    """
+    found = [number("margins", f"levels[{name!r}]", value, least=0.0) for value in given]
+    if not found or len(set(found)) < len(found):
+        raise InvalidInput("margins", f"levels[{name!r}]", "must hold different levels, at least one", list(given))
+    for level in found:
+        if level and abs(quantity.resolved(level) - level) > UNRESOLVED * level:
+            rule = f"must be 0 or whole multiples of {quantity.resolution:g}, to which levels are rounded"
+            raise InvalidInput("margins", f"levels[{name!r}]", rule, level)
+    return sorted(found, reverse=quantity.falling)
+
+
 _quantities: dict[str, Quantity] = {}
 
 
@@ -235,9 +277,10 @@ def quantity_named(name: str) -> Quantity:
 
 for _quantity in (
     Quantity("period", "time between two controls of an agent, and between two of its messages where there are any",
-             _with_period, _periods),
-    Quantity("latency", "time from a control until its force acts", _with_latency, _delays),
-    Quantity("delay", "time from a sample until it arrives", _with_delay, _delays),
+             _with_period, _periods, resolution=NANOSECOND),
+    Quantity("latency", "time from a control until its force acts", _with_latency, _delays,
+             resolution=NANOSECOND),
+    Quantity("delay", "time from a sample until it arrives", _with_delay, _delays, resolution=NANOSECOND),
     Quantity("loss", "probability that a message is lost, each independently; the last one that came is used",
              _with_loss, lambda scenario, period: LOSSES),
     Quantity("noise", "standard deviation of measured positions along each axis", _with_noise, _position_noises),

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flocking.engine.driver.simulate import start
+from flocking.engine.interruption import interrupted
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.checks import integer, number
 from flocking.model.law import Scenario
-from flocking.model.serial import ForeignPart, to_data
 from flocking.model.world.control import CONTINUOUS
 from flocking.model.world.information import INSTANT, Messages
 from flocking.study.claims.claim import Claim
 from flocking.study.confidence_intervals import check_level
 from flocking.study.margins.brackets import STEP_TO_IDEAL, Count, between, bracket, open_everywhere, open_from_ideal
 from flocking.study.margins.computed_runs import HYPOTHESIS, Conclusions
+from flocking.study.margins.fingerprints import digest_of, fingerprint, has_foreign_parts
 from flocking.study.margins.margin_table import Margins, Varied, counts_of
-from flocking.study.margins.quantities import Quantity, base_period, quantity_named
+from flocking.study.margins.quantities import Quantity, base_period, checked_levels, quantity_named
 
 ROUNDED = 1.0 - 1e-3
 """Factor for the rounding of levels, which are powers of STEP_TO_IDEAL apart."""
@@ -64,7 +63,9 @@ class Worlds:
         """The scenario of a ``seed`` in a ``world``; the seed also draws losses, jitter and noise."""
         scenario = self.make(seed)
         if world == IDEAL:
-            return scenario.with_(information=INSTANT, control=CONTINUOUS)
+            # Bodies in discrete time have no other control than one at ticks.
+            control = scenario.control if scenario.agents.discrete else CONTINUOUS
+            return scenario.with_(information=INSTANT, control=control)
         name, _, value = world.partition("=")
         found = self.quantities[name].world(scenario, float(value), self.period)
         known = found.information
@@ -79,13 +80,22 @@ def _draws(known: Messages) -> bool:
     return noisy or known.jitter > 0 or (known.loss is not None and not known.loss.ideal)
 
 
-def _fingerprint(scenario: Scenario, seed: int) -> str:
-    """What distinguishes scenarios that differ in more than the seed they name; foreign parts count as different."""
-    try:
-        text = json.dumps(to_data(scenario.with_(seed=None)), sort_keys=True)
-    except ForeignPart:
-        text = f"seed {seed}"
-    return hashlib.sha256(text.encode()).hexdigest()
+def reason_of(error: Exception) -> str:
+    """Why something was refused, in words.
+
+    Parameters
+    ----------
+    error
+        What was raised.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        When it is an interruption.
+    """
+    if interrupted(error):
+        raise KeyboardInterrupt from error
+    return str(error) if isinstance(error, FlockingError) else f"{type(error).__name__}: {error}"
 
 
 class Search:
@@ -104,20 +114,24 @@ class Search:
     most_runs
         Largest number of runs.
     sweep
-        Makes runs: takes names of worlds, seeds and the name of a folder; gives verdicts by world and seed, and whether
-        all were made.
+        Makes runs: takes names of worlds, digests of their scenarios by seed, and the name of a folder; gives verdicts
+        by world and seed, and whether all were made.
     """
 
     def __init__(
         self, worlds: Worlds, claims: Sequence[Claim], seeds: Sequence[int], share: float, width: float,
         most_runs: int,
-        sweep: Callable[[Sequence[str], Sequence[int], str], tuple[dict[tuple[str, int], Verdicts], bool]],
+        sweep: Callable[[Sequence[str], Mapping[int, str], str], tuple[dict[tuple[str, int], Verdicts], bool]],
     ) -> None:  # fmt: skip
         self._worlds, self._claims, self._seeds = worlds, claims, tuple(seeds)
         self._share, self._width, self._most, self._sweep = share, width, most_runs, sweep
         self.levels: dict[str, set[float]] = {name: set() for name in worlds.quantities}
         self.found: dict[str, dict[int, Verdicts]] = {}
         self.runs, self.status = 0, "finished"
+        self.refused: dict[str, dict[float, str]] = {name: {} for name in worlds.quantities}
+        """Levels by quantity at which some scenario cannot be made, with the reason."""
+        self._prints: dict[tuple[str, int], str] = {}
+        self._foreign = has_foreign_parts(worlds(world=IDEAL, seed=self._seeds[0]))
         self._first: dict[str, float] = {}
 
     def run(self, grids: Mapping[str, Sequence[float]]) -> None:
@@ -128,10 +142,13 @@ class Search:
             self._first[name] = max(inner) if self._worlds.quantities[name].falling else min(inner)
         for turn in range(MOST_ROUNDS + 1):
             names = [IDEAL] if turn == 0 else []
-            names += [f"{name}={level!r}" for name, levels in requested.items() for level in levels]
-            if not names or not self._make(names, turn):
+            for world in names:
+                self._print(world)
+            possible = {name: [x for x in levels if self._can(name, x)] for name, levels in requested.items()}
+            names += [f"{name}={level!r}" for name, levels in possible.items() for level in levels]
+            if not any((names, *requested.values())) or not self._make(names, turn):
                 return
-            for name, levels in requested.items():
+            for name, levels in possible.items():
                 self.levels[name] |= set(levels)
             requested = self._next()
         if any(requested.values()):
@@ -146,7 +163,9 @@ class Search:
             self.status = f"{self._most} runs did not suffice"
             return False
         for part, (seeds, group) in enumerate(groups.items()):
-            made, complete = self._sweep(group, seeds, f"{turn:02d}-{part}")
+            # All seeds, not only those that are run: a run may stand for the equal scenarios of others.
+            digests = {s: digest_of(" ".join(self._prints[world, s] for world in group)) for s in self._seeds}
+            made, complete = self._sweep(group, {s: digests[s] for s in seeds}, f"{turn:02d}-{part}")
             for (world, seed), verdicts in made.items():
                 self.found.setdefault(world, {})[seed] = verdicts
             self.runs += len(made)
@@ -155,11 +174,27 @@ class Search:
                 return False
         return True
 
+    def _print(self, world: str) -> None:
+        """Note the fingerprints of the scenarios of a world, one for each seed."""
+        for seed in self._seeds:
+            if (world, seed) not in self._prints:
+                self._prints[world, seed] = fingerprint(self._worlds(world=world, seed=seed))
+
+    def _can(self, name: str, level: float) -> bool:
+        """Whether the scenarios of a level can be made; if not, the reason is noted and the other levels go on."""
+        try:
+            self._print(f"{name}={level!r}")
+        except Exception as error:
+            self.refused[name][level] = reason_of(error)
+            return False
+        return True
+
     def _different(self, world: str) -> tuple[int, ...]:
         """The first seed of each different scenario: runs without anything random are made once."""
         seen: dict[str, int] = {}
         for seed in self._seeds:
-            seen.setdefault(_fingerprint(self._worlds(world=world, seed=seed), seed), seed)
+            own = f" {seed}" if self._foreign else ""
+            seen.setdefault(self._prints[world, seed] + own, seed)
         return tuple(seen.values())
 
     def _next(self) -> dict[str, list[float]]:
@@ -178,7 +213,8 @@ class Search:
                     continue
                 if where.width > self._width:
                     level = between(where, falling=quantity.falling)
-                    if level is not None and level not in self.levels[name]:
+                    level = None if level is None else quantity.resolved(level)
+                    if level and level not in self.levels[name] and level not in self.refused[name]:
                         new[level] = None
             if new:
                 requested[name] = sorted(new)
@@ -303,33 +339,41 @@ def find_margins(
     for name, quantity in chosen.items():
         try:
             given = (levels or {}).get(name)
-            grid = list(quantity.levels(first, base)) if given is None else _checked_levels(name, given, quantity)
+            grid = list(quantity.levels(first, base)) if given is None else checked_levels(name, given, quantity)
             for level in (grid[0], grid[-1]):
                 scenario = worlds(world=f"{name}={level!r}", seed=seeds[0])
                 start(scenario)
             grids[name], words[name] = grid, scenario.imperfections
-        except FlockingError as error:
+        except Exception as error:
             if isinstance(error, InvalidInput) and (levels or {}).get(name) is not None:
                 raise
-            refused[name] = str(error)
+            refused[name] = reason_of(error)
     worlds = Worlds(make, {name: chosen[name] for name in grids}, base)
     folder = None if out is None else Path(out)
     audit = Conclusions(tuple(claims))
     about = {
-        "scenario": _fingerprint(first, seeds[0]), "period": base, "claims": [claim.key for claim in claims],
+        "scenario": fingerprint(first), "period": base, "claims": [claim.key for claim in claims],
         "quantities": {name: q.meaning for name, q in chosen.items()},
     }  # fmt: skip
 
-    def runs_of(names: Sequence[str], some: Sequence[int], place: str) -> tuple[dict[tuple[str, int], Verdicts], bool]:
+    failures: dict[str, str] = {}
+
+    def runs_of(
+        names: Sequence[str], some: Mapping[int, str], place: str
+    ) -> tuple[dict[tuple[str, int], Verdicts], bool]:
         table = make_runs(
-            worlds, grid={"world": list(names)}, seeds=list(some), measures=(), audit=audit, record=about,
+            worlds, grid={"world": list(names)}, seeds=list(some), measures=(), audit=audit,
+            record={**about, "scenarios": {f"seed {seed}": digest for seed, digest in some.items()}},
             out=None if folder is None else folder / "runs" / place,
             progress=progress, most_runs=most_runs, shared=shared, gives_up=True,
         )  # fmt: skip
         found = {}
         for index, row in table.rows.items():
             task = table.plan.task(index)
-            found[str(task.parameters["world"]), task.seed] = row["verdicts"]
+            world = str(task.parameters["world"])
+            found[world, task.seed] = row["verdicts"]
+            if row["status"] == "failed":
+                failures.setdefault(world, row["message"])
         return found, table.status == "finished"
 
     search = Search(worlds, claims, seeds, share, width, most_runs, runs_of)
@@ -341,12 +385,5 @@ def find_margins(
     statements = {claim.key: claim.statement for claim in claims if claim.key in search.ideal}
     return Margins(
         first.name, statements, search.ideal, varied, refused, share, width, confidence, seeds, search.runs,
-        search.status, versions(),
+        search.status, versions(), {name: levels for name, levels in search.refused.items() if levels}, failures,
     )  # fmt: skip
-
-
-def _checked_levels(name: str, given: Sequence[float], quantity: Quantity) -> list[float]:
-    found = [number("margins", f"levels[{name!r}]", value, least=0.0) for value in given]
-    if not found or len(set(found)) < len(found):
-        raise InvalidInput("margins", f"levels[{name!r}]", "must hold different levels, at least one", list(given))
-    return sorted(found, reverse=quantity.falling)

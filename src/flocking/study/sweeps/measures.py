@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -215,10 +216,36 @@ def code_of(function: Callable[..., object]) -> str:
     inner = function.function if isinstance(function, OfRun) else function
     inner = inspect.unwrap(inner)
     name = getattr(inner, "__qualname__", type(inner).__qualname__)
+    if isinstance(inner, functools.partial):
+        return f"partial of {code_of(inner.func)} {_content(inner.args)} {_content(inner.keywords)}"
     code = getattr(inner, "__code__", None)
     if code is None:
-        return name if " at 0x" in repr(inner) else f"{name} {inner!r}"
+        call = inspect.getattr_static(type(inner), "__call__", None)
+        called = code_of(call) if inspect.isfunction(call) else ""
+        return " ".join(filter(None, (name, called, _content(inner))))
+    owner = getattr(inner, "__self__", None)
+    if owner is not None and not inspect.isclass(owner):
+        name = f"{name} of {_content(owner)}"
     return f"{name} {hashlib.sha256(_code_text(code, inner).encode()).hexdigest()[:12]}"
+
+
+def _content(value: object) -> str:
+    """What a value holds: its repr, or where that contains addresses, which differ between processes, its parts."""
+    if inspect.isroutine(value) and hasattr(value, "__code__"):
+        return code_of(value)
+    if " at 0x" not in repr(value):
+        return repr(value)
+    if isinstance(value, tuple | list):
+        return repr([_content(entry) for entry in value])
+    entries = value if isinstance(value, dict) else getattr(value, "__dict__", {})
+    return f"{type(value).__qualname__} {[(name, _shallow(entry)) for name, entry in entries.items()]!r}"
+
+
+def _shallow(value: object) -> str:
+    """As `_content`, of a part, whose own parts are not looked at."""
+    if inspect.isroutine(value) and hasattr(value, "__code__"):
+        return code_of(value)
+    return type(value).__qualname__ if " at 0x" in repr(value) else repr(value)
 
 
 def _code_text(code: CodeType, function: Callable[..., object] | None = None) -> str:
