@@ -11,21 +11,24 @@ import pytest
 import flocking as fk
 from flocking.papers import paper
 from flocking.study.claims.claim import Claim, Measure, Result, Verdict
+from flocking.study.claims.conclusions.limits import positions_agree
 from flocking.study.claims.judgement import Judgement
 from flocking.study.claims.settled_run import settled_run, settled_runs
-from flocking.study.claims.settling import limit_of_series
+from flocking.study.claims.settling import configuration_unsettled, limit_of_series
+from flocking.study.evidence import Evidence
+from flocking.study.margins.computed_runs import as_computed
 
 T = np.linspace(0.0, 1.0, 401)
 BOUND = 0.01
 
 
-def motion(moved: float) -> Any:
-    """What is asked of the evidence: how far agents moved."""
-    return SimpleNamespace(path_about_mean=moved)
+def motion(t: np.ndarray, moved: float, oldest: Any) -> Any:
+    """What is asked of the evidence: how far agents moved, and what they used last."""
+    return SimpleNamespace(path_about_mean=moved, oldest_knowledge=oldest, t=t)
 
 
-def verdict(values: np.ndarray, t: np.ndarray = T, moved: float = 1.0) -> str:
-    found = limit_of_series(motion(moved), t, np.asarray(values), BOUND, str)
+def verdict(values: np.ndarray, t: np.ndarray = T, moved: float = 1.0, oldest: Any = None) -> str:
+    found = limit_of_series(motion(t, moved, oldest), t, np.asarray(values), BOUND, str)
     return "not yet" if found.unsettled else "holds" if found.holds else "fails"
 
 
@@ -94,6 +97,58 @@ def test_what_is_constant_while_nobody_moves_is_not_refuted() -> None:
     assert verdict(np.where(T < 0.1, 1.0, 0.5 + 0.02 * np.sin(41 * T)), moved=1e-6) == "fails"
 
 
+def test_what_stands_still_for_want_of_messages_is_not_refuted() -> None:
+    rest, trembling = 0.3 + 0.7 * np.exp(-10 * T), np.where(T < 0.1, 1.0, 0.5 + 0.02 * np.sin(41 * T))
+    for values in (rest, trembling):
+        assert verdict(values, oldest=(0.79, 0, 1)) == "not yet"
+        assert verdict(values, oldest=(0.81, 0, 1)) == "fails"
+    assert verdict(np.exp(-30 * T), oldest=(0.0, 0, 1)) == "holds"
+
+
+@pytest.mark.parametrize("world", [
+    {"control": fk.Held(0.1), "information": fk.Messages(0.1, loss=0.99, seed=0)},
+    {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=25.0)},
+    {"control": fk.Held(0.1), "information": fk.Messages(0.1, loss=1.0)},
+])  # fmt: skip
+def test_agents_that_stand_where_they_believe_others_to_be_have_not_missed_agreement(world: Any) -> None:
+    """Of 12 links with one message in 10 time units each, some have none in the last 4: here agents wait."""
+    law = fk.Law(fk.Fixed.complete(4), [fk.Gradient(fk.Potential("r**2/2"))])
+    start = fk.start.box(4, side=2, speed=0, seed=0)
+    made = fk.Scenario(law, start, t_end=20, frames=41, bodies=fk.SingleIntegrator(), **world)
+    evidence = Evidence(as_computed(fk.simulate(made, progress=False)))
+    found = positions_agree(evidence)
+    assert not found.holds
+    assert "last acted on what it knew" in found.unsettled
+
+
+def test_the_oldest_sample_is_read_from_the_log() -> None:
+    """Measured every 0.1 and 0.25 on the way: at the tick of 1.9 or 2.0 the newest is of 1.6 or 1.7."""
+    law = fk.Law(fk.Fixed.complete(4), [fk.Gradient(fk.Potential("r**2/2"))])
+    start = fk.start.box(4, side=2, speed=0, seed=0)
+    world = {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=0.25)}
+    made = fk.Scenario(law, start, t_end=2.05, frames=41, bodies=fk.SingleIntegrator(), **world)
+    run = fk.simulate(made, progress=False)
+    oldest = Evidence(run).oldest_knowledge
+    assert oldest is not None
+    assert oldest[0] == pytest.approx(1.7)
+    assert oldest[1] != oldest[2]
+    ideal = made.with_(information=fk.Messages(0.1, delay=0.0), control=fk.Held(0.1))
+    assert Evidence(fk.simulate(ideal, progress=False)).oldest_knowledge == (pytest.approx(2.0), 0, 1)
+    present = made.with_(information=fk.Instant())
+    assert Evidence(fk.simulate(present, progress=False)).oldest_knowledge is None
+
+
+def test_late_knowledge_is_as_old_as_its_delay() -> None:
+    """Agents that know others later than a fifth of the run have seen too little of them."""
+    law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("r**2/2"))])
+    start = fk.start.box(3, side=2, speed=0, seed=0)
+    for tau, old in ((1.0, True), (0.1, False)):
+        made = fk.Scenario(law, start, 2.0, frames=41, bodies=fk.SingleIntegrator(), information=fk.Delayed(tau))
+        evidence = Evidence(fk.simulate(made, progress=False))
+        assert evidence.oldest_knowledge == (pytest.approx(2.0 - tau), -1, -1)
+        assert ("known" in configuration_unsettled(evidence) or "late" in configuration_unsettled(evidence)) == old
+
+
 @pytest.mark.parametrize("t_end", [1e-9, 1e-6, 1e-3, 0.1, 0.9, 1.0, 1.1, 40.0])
 @pytest.mark.parametrize("slow", [1.0, 100.0])
 def test_a_damped_spring_never_fails_to_come_to_rest(t_end: float, slow: float) -> None:
@@ -128,7 +183,7 @@ def test_few_frames_show_no_limit() -> None:
 
 def test_the_contrary_of_a_limit_waits_too() -> None:
     for values in (np.exp(-4 * T), np.exp(-9 * T), np.full_like(T, 0.3)):
-        found = limit_of_series(motion(1.0), T, values, BOUND, str)
+        found = limit_of_series(motion(T, 1.0, None), T, values, BOUND, str)
         assert found.opposite.unsettled == found.unsettled
         assert found.opposite.margin == -found.margin
 

@@ -10,8 +10,9 @@ its means over the five tenths of the last half differ by no more than `STEADY` 
 them, they do not fall by a line through them that their scatter confirms, and the excess crosses its own mean
 `FEWEST_CROSSINGS` times or more in that half, so that one swing of a slow motion is none. These changes are also
 compared with the total change over the run (`OF_ALL`, and `STEADY` again), so that a run too short for its motion does
-not count as settled. In all other cases the verdict is ``not yet``. A motion that stays as it is for the whole run
-and changes later, however late, is taken for what it was: no run shows more.
+not count as settled. Nor does one in which, at the end, an agent acted on what it knew before the last two tenths: then
+it is messages that stand still, or a delay that is as long. In all other cases the verdict is ``not yet``. A motion
+that stays as it is for the whole run and changes later, however late, is taken for what it was: no run shows more.
 """
 
 from __future__ import annotations
@@ -134,7 +135,7 @@ def limit_of(
         return _unseen(bound, value(-1), note, error)
     tenths = [np.array([value(int(k)) for k in part]) for part in frames.tenths]
     first = np.array([value(int(k)) for k in frames.first])
-    return _judged(bound, tenths, first, note, error, moved=e.path_about_mean)
+    return _judged(e, bound, tenths, first, note, error)
 
 
 def limit_of_series(
@@ -153,12 +154,12 @@ def limit_of_series(
     if frames is None:
         return _unseen(bound, float(values[-1]), note, error)
     return _judged(
+        e,
         bound,
         [values[part] for part in frames.tenths],
         values[frames.first],
         note,
         error,
-        moved=e.path_about_mean,
     )
 
 
@@ -167,14 +168,25 @@ def _unseen(bound: float, end: float, note: Callable[[float], str], error: float
 
 
 def _judged(
-    bound: float, tenths: Sequence[Reals], first: Reals, note: Callable[[float], str], error: float, *, moved: float
+    e: Evidence, bound: float, tenths: Sequence[Reals], first: Reals, note: Callable[[float], str], error: float
 ) -> Measure:
     end = float(tenths[0][-1])
     excess = [part - bound for part in tenths]
-    return Measure(bound - end, error, note(end), _unsettled(excess, first - bound, moved), everywhere=False)
+    return Measure(bound - end, error, note(end), _unsettled(e, excess, first - bound), everywhere=False)
 
 
-def _unsettled(excess: Sequence[Reals], first: Reals, moved: float) -> str:
+def _old_knowledge(e: Evidence) -> str:
+    """Why what agents know is too old for a settled motion to show anything; empty where it is not."""
+    oldest = e.oldest_knowledge
+    if oldest is None or oldest[0] >= e.t[-1] - 2 * LAST * (e.t[-1] - e.t[0]):
+        return ""
+    since, agent, sender = oldest
+    if agent < 0:
+        return f"agents know others {e.t[-1] - since:.3g} late, longer than the last two tenths of the run"
+    return f"agent {agent} last acted on what it knew of agent {sender} at {since:.3g}, before the last two tenths"
+
+
+def _unsettled(e: Evidence, excess: Sequence[Reals], first: Reals) -> str:
     """Why the excess over a bound, in each tenth of the last half and in the first half, has not settled."""
     late = excess[0]
     if np.isnan(late).any():
@@ -189,9 +201,14 @@ def _unsettled(excess: Sequence[Reals], first: Reals, moved: float) -> str:
     now, total_change = float(means[0]), float(np.ptp(every))
     change, spread = abs(float(means[1]) - now), float(np.ptp(means))
     shrinking = change <= min(CHANGE * now, OF_ALL * total_change, SHRINKS * abs(float(means[2] - means[1])))
-    if change <= ROUNDING * now or shrinking:
+    constant = change <= ROUNDING * now or shrinking
+    steady = spread <= STEADY * min(now, total_change) and now > means.min()
+    if (constant or steady) and (why := _old_knowledge(e)):
+        return why
+    if constant:
+        moved = e.path_about_mean
         return "" if moved >= MOVED else f"agents moved about their mean by {moved:.1e} of the group's size alone"
-    if spread <= STEADY * min(now, total_change) and now > means.min():
+    if steady:
         half = np.concatenate(excess[::-1])
         crossings = np.count_nonzero(np.diff(half > half.mean()))
         if crossings < FEWEST_CROSSINGS:
@@ -231,6 +248,8 @@ def configuration_unsettled(e: Evidence) -> str:
     lengths = np.array([np.linalg.norm(e.displacement(e.q[k, i] - e.q[k, j]), axis=1) for k in frames])
     changes, longest = np.abs(lengths - lengths[-1]).max(axis=1), float(lengths[-1].max())
     change = float(changes[-len(late) :].max())
+    if why := _old_knowledge(e):
+        return why
     if change <= max(ROUNDING * longest, min(CHANGE * longest, OF_ALL * float(changes.max()))):
         return ""
     return (

@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Records
+from flocking.engine.runs.message_log import AT_START, PRESENT
 from flocking.model.graphs.connectivity import Links, components, is_connected
+from flocking.model.world.information import Delayed, Messages
+from flocking.model.world.times import NANOSECOND
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
 
 FASTER = 1.25
@@ -32,6 +35,29 @@ class LinkEvidence(RunEvidence):
         if links.shape != (len(self.t), n, n):
             raise NotMeasurable(f"frames of {n} agents hold no link matrices")
         return np.asarray(links, dtype=bool)
+
+    @cached_property
+    def oldest_knowledge(self) -> tuple[float, int, int] | None:
+        """The oldest sample that an agent used when it acted last: when it was measured, who used it, and of whom.
+
+        By the log where there is one; with `Delayed` knowledge the largest delay before the end, of no agents (-1).
+        None where agents know the present.
+        """
+        scenario, log = self.run.scenario, self.run.log
+        known = scenario.information
+        if isinstance(known, Delayed):
+            return float(self.t[-1]) - known.largest, -1, -1
+        if log is None or not isinstance(known, Messages):
+            return None
+        samples, oldest = known.schedule(self.run.n), None
+        agents, back = np.unique(log.ticks[::-1, 1], return_index=True)
+        for agent, act in zip(agents.tolist(), (len(log.ticks) - 1 - back).tolist(), strict=True):
+            uses = log.uses[log.firsts[act] : log.firsts[act] + log.ticks[act, 2]]
+            for _, sender, number in uses[(uses[:, 1] >= 0) & (uses[:, 2] != PRESENT)].tolist():
+                measured = 0 if number == AT_START else int(samples.at(np.array([sender]), np.array([number]))[0])
+                if oldest is None or measured < oldest[0]:
+                    oldest = measured, agent, sender
+        return None if oldest is None else (scenario.start.t + oldest[0] * NANOSECOND, *oldest[1:])
 
     @cached_property
     def uncertain_links(self) -> NDArray[np.bool_]:
