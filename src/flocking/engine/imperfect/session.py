@@ -200,8 +200,15 @@ class ImperfectSession(Session):
         self._take_gains()
         before = self.energy
         self.energy, self.kinetic = self._energy(seconds)
-        self.jumped += self.energy - before
+        self._jump(before)
         self._record_row(seconds)
+
+    def _jump(self, before: float) -> None:
+        """Count what the energy jumped from ``before``; where either is not finite, the ledger ends."""
+        if np.isfinite(self.energy) and np.isfinite(before):
+            self.jumped += self.energy - before
+        else:
+            self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
 
     def advance(self, to: float, seconds: float = math.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time."""
@@ -293,10 +300,7 @@ class ImperfectSession(Session):
         self.relink()
         before = self.energy
         self.energy, self.kinetic = self._energy(seconds)
-        if np.isfinite(self.energy) and np.isfinite(before):
-            self.jumped += self.energy - before
-        else:
-            self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
+        self._jump(before)
         slow, kind = is_tangential(speed, relative), "break" if breaks else "appear"
         self.records.switches.append((self._base + seconds, i, j, kind, graph, speed, slow, math.nan, math.nan))
         self._record_row(seconds)

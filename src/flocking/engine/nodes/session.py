@@ -19,6 +19,7 @@ from flocking.engine.nodes.requests import Answer, Request, sample_of, well_form
 from flocking.engine.protocol.body_chains import why_not_closed
 from flocking.engine.protocol.session import Session
 from flocking.engine.sampled.engine import ENGINE as SAMPLED
+from flocking.engine.sampled.safety import filter_counts
 from flocking.engine.sampled.session import SampledSession
 from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw, said
 from flocking.model.law import Law, Scenario
@@ -304,7 +305,7 @@ class NodeSession(SampledSession):
         """Where the results come from, and what happened to agents."""
         found = (
             super().about
-            | self._filter_counts(self._by_agents)
+            | filter_counts(self._by_agents, self._base)
             | {"agents killed": self.killed, "agents restarted": self.restarted}
         )
         found |= {"late answers": self.late, "ticks of ended agents": self.dead_ticks}

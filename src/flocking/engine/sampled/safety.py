@@ -243,3 +243,20 @@ class ForceFilter:
         floor = control.guarded_distance + np.maximum(left, 0.0) * np.exp(-control.gain * period)
         bound = sampled_bound(along, closing, braking, floor, period)
         return normals, own / braking * bound
+
+
+def filter_counts(keeper: ForceFilter | None, base: float) -> dict[str, object]:
+    """What a safety filter did, for the provenance of a run.
+
+    Parameters
+    ----------
+    keeper
+        The filter, where there is one.
+    base
+        The scenario's time at the start.
+    """
+    if keeper is None:
+        return {}
+    memory = keeper.memory
+    found = {"forces changed by the safety filter": memory.changed, "its conditions relaxed": memory.relaxed}
+    return found | ({"first relaxed at": base + memory.first_relaxed * NANOSECOND} if memory.relaxed else {})

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from flocking.engine.imperfect.messages.interventions import (
     Interventions,
     check_information,
     check_law_change,
+    no_energy,
     packed_changes,
     unpacked_changes,
 )
@@ -34,7 +35,7 @@ from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.leader_news import leader_news, with_leaders
 from flocking.engine.sampled.motion import Motion
-from flocking.engine.sampled.safety import ForceFilter
+from flocking.engine.sampled.safety import ForceFilter, filter_counts
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.bodies.actuators import APPLIED
 from flocking.model.bodies.unicycles import HEADING
@@ -71,6 +72,13 @@ class SampledSession(ImperfectSession):
         cls.in_blocks = bool(vars(cls).get("in_blocks", False))
 
     def __init__(self, scenario: Scenario) -> None:
+        self._prepare(scenario)
+        self.begin()
+        self._watch_pieces(0, np.ones(self.n, dtype=bool))
+        self._record_frames(0.0)
+
+    def _prepare(self, scenario: Scenario) -> None:
+        """Set all but the energy at the start: a law that has replaced another may have none there."""
         super().__init__(scenario)
         self.options = SampledOptions()
         assert isinstance(scenario.control, Held)
@@ -100,9 +108,6 @@ class SampledSession(ImperfectSession):
         """When each agent acts and measures next, as `_next_change` found it."""
         self.interventions = Interventions()
         self._blocks = EventBlocks()
-        self.begin()
-        self._watch_pieces(0, np.ones(self.n, dtype=bool))
-        self._record_frames(0.0)
 
     def _new_motion(self, scenario: Scenario, periods: Array) -> tuple[Actuation, Motion]:
         """What becomes of forces, and the motion from the start on; ``periods`` is how long each force is held."""
@@ -309,7 +314,7 @@ class SampledSession(ImperfectSession):
     def about(self) -> dict[str, object]:
         """Provenance of the records, with what a safety filter did, and when the session was changed."""
         changed = {CHANGED: list(self.interventions.times)} if self.interventions.times else {}
-        return super().about | self._filter_counts(self.filter) | changed
+        return super().about | filter_counts(self.filter, self._base) | changed
 
     @property
     def fidelity(self) -> Fidelity:
@@ -335,7 +340,7 @@ class SampledSession(ImperfectSession):
         Raises
         ------
         InvalidInput
-            When the law does not fit the scenario; the session is then unchanged.
+            When the law does not fit the scenario, or has no finite energy now; the session is then unchanged.
         UnsupportedLaw
             When its graphs are others, when a safety filter acts, and for another state.
         """
@@ -347,11 +352,15 @@ class SampledSession(ImperfectSession):
         new = self._sampled_law.renumbered(points) or SampledLaw(points, self.knowledge.degree)
         new.take_parameters(self.time)
         seconds = self.time - self._base
+        q, p = self.motion_at(seconds)
+        ranges, goes_on = ObstacleRanges(law, q, self.time), self._base + seconds <= self.ledger_ends
+        energy, _ = new.energy(self.time, q, p, new.pairs(self.links, ranges.pairs), self._linked)
+        if goes_on and not np.isfinite(energy):
+            raise no_energy(energy)
         self._account(seconds)
         self._record_row(seconds)
-        q = self.motion.at(seconds)[0]
         ends, before, met = self.obstacle_ranges.ends, self.energy, self.obstacle_ranges.pairs
-        self._sampled_law, self.obstacle_ranges = new, ObstacleRanges(law, q, self.time)
+        self._sampled_law, self.obstacle_ranges = new, ranges
         self.scenario = scenario
         self._schedule = sorted({s for term in law.body_terms for s in term.switch_times(self._base, math.inf)})
         self.gains_changed = sum(self._since_start(t) <= seconds for t in self._schedule)
@@ -360,18 +369,11 @@ class SampledSession(ImperfectSession):
         self.obstacle_ranges.ends = ends
         self.obstacle_ranges.watch(self._base, seconds, self.motion.shifted(seconds), np.arange(self.n))
         self.energy, self.kinetic = self._energy(seconds)
-        self.jumped += self.energy - before
+        if goes_on:
+            self.jumped += self.energy - before
         self._record_row(seconds)
         self.interventions.times.append(self.time)
         return None
-
-    def _filter_counts(self, keeper: ForceFilter | None) -> dict[str, object]:
-        """What a safety filter did."""
-        if keeper is None:
-            return {}
-        memory = keeper.memory
-        found = {"forces changed by the safety filter": memory.changed, "its conditions relaxed": memory.relaxed}
-        return found | ({"first relaxed at": self._base + memory.first_relaxed * NANOSECOND} if memory.relaxed else {})
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
@@ -382,9 +384,17 @@ class SampledSession(ImperfectSession):
         return numbers | more, arrays | rows
 
     @classmethod
+    def _unbegun(cls, scenario: Scenario) -> Self:
+        """A session that has recorded nothing, for a checkpoint to fill."""
+        session = cls.__new__(cls)
+        session._prepare(scenario)
+        session.energy = session.kinetic = math.nan
+        return session
+
+    @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> SampledSession:
         """The session that was packed."""
-        session = cls(stored.scenario)
+        session = cls._unbegun(stored.scenario)
         memory = session._memory
         rest = unpacked_changes(packed, session.interventions, session.knowledge)
         unpacked_memory(memory, rest, stored.scenario)

@@ -11,7 +11,7 @@ from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.imperfect.messages.knowledge import Knowledge
 from flocking.engine.protocol.session import Packed
-from flocking.errors import FlockingError, UnsupportedLaw
+from flocking.errors import FlockingError, InvalidInput, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import from_data, to_data
 from flocking.model.world.information import Information, Messages
@@ -89,6 +89,15 @@ def check_law_change(scenario: Scenario, law: Law) -> Scenario:
             "Start another run from run.state(-1)."
         )
     return scenario.with_numbers(law, scenario.t_end)
+
+
+def no_energy(energy: float) -> InvalidInput:
+    """The error of a law that cannot replace another one because its ``energy`` is not finite."""
+    return InvalidInput(
+        "SampledSession", "law", "must have a finite energy", energy,
+        "Two neighbours, or an agent and an obstacle, are where a potential is infinite: replace it once they are "
+        "elsewhere.",
+    )  # fmt: skip
 
 
 def _alike(one: Messages, other: Messages, kept: tuple[str, ...] = KEPT) -> bool:

@@ -42,11 +42,11 @@ class IntegratedSession(AdaptiveSession, SampledSession):
     rounding_alone = False
     motion: IntegratedMotion
 
-    def __init__(self, scenario: Scenario) -> None:
+    def _prepare(self, scenario: Scenario) -> None:
         self.integration_steps = 0
         """How many steps of the motion there were."""
         self._ends_step = False
-        super().__init__(scenario)
+        super()._prepare(scenario)
         self._lengths, self._stepper = self.motion.lengths, self.motion.stepper
 
     def _new_motion(self, scenario: Scenario, periods: Array) -> tuple[Actuation, IntegratedMotion]:
@@ -138,7 +138,7 @@ class IntegratedSession(AdaptiveSession, SampledSession):
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> IntegratedSession:
         """The session that was packed."""
-        session = cls(stored.scenario)
+        session = cls._unbegun(stored.scenario)
         memory = session._integrated_memory
         rest = unpacked_changes(packed, session.interventions, session.knowledge)
         unpacked_memory(memory, rest, stored.scenario)
