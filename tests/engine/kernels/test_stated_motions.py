@@ -98,7 +98,7 @@ def turned(x: Any) -> dict[str, Any]:
 
 
 REFUSED = {
-    "a spring at the origin": (Own(made=pulled, homogeneous=True), "homogeneous must be False .* got 'q0, q1'"),
+    "a spring at the origin": (Own(made=pulled, homogeneous=True), "homogeneous must not be stated .* got 'q0, q1'"),
     "a wind that changes": (
         Own(made=lambda x: {"p": [u + sympy.sin(x.t) for u in x.u]}, homogeneous=True), "homogeneous .* got 't'",
     ),
@@ -109,24 +109,26 @@ REFUSED = {
     "a limit at a place": (
         Own(limited=lambda x: {"wall": Limit(x.q[0], -x.q[0])}, homogeneous=True), "homogeneous .* got 'q0'",
     ),
-    "a drag for all observers": (Own(made=dragged, gain=0.5, inert=True), "inert must be False .* got 'p0, p1'"),
+    "a drag for all observers": (Own(made=dragged, gain=0.5, inert=True), "inert must not be stated .* got 'p0, p1'"),
     "order 1 for all observers": (
-        Own(order=1, made=lambda x: {"q": list(x.u)}, inert=True), "inert must be False .* got 'order 1'",
+        Own(order=1, made=lambda x: {"q": list(x.u)}, inert=True), "inert must not be stated .* got 'order 1'",
     ),
-    "a drag without words": (Own(made=dragged, gain=[0.0, 0.5, 0.0], summary=""), "summary must say .* rates are not"),
-    "thrust without words": (Own(made=dragged, gain=-0.5, summary=""), "summary must say .* rates are not"),
-    "a force without work": (Own(made=turned, summary=""), "summary must say .* rates are not"),
+    "a drag without words": (
+        Own(made=dragged, gain=[0.0, 0.5, 0.0], summary=""), "summary must state .* rates are not",
+    ),
+    "thrust without words": (Own(made=dragged, gain=-0.5, summary=""), "summary must state .* rates are not"),
+    "a force without work": (Own(made=turned, summary=""), "summary must state .* rates are not"),
     "masses that do not weigh": (
-        Own(made=lambda x: {"p": list(x.u)}, masses=[1.0, 2.0, 1.0], summary=""), "summary must say .* rates are not",
+        Own(made=lambda x: {"p": list(x.u)}, masses=[1.0, 2.0, 1.0], summary=""), "summary must state .* rates are not",
     ),
     "an energy without words": (
-        Own(stored=lambda x, w: 3 * energy(x, w), summary=""), "summary must say .* kinetic energies are not",
+        Own(stored=lambda x, w: 3 * energy(x, w), summary=""), "summary must state .* kinetic energies are not",
     ),
     "order 1 without words": (
-        Own(order=1, made=lambda x: {"q": [2 * u for u in x.u]}, summary=""), "summary must say .* rates are not",
+        Own(order=1, made=lambda x: {"q": [2 * u for u in x.u]}, summary=""), "summary must state .* rates are not",
     ),
     "one of two bodies": (
-        fk.Mixture((fk.PointMass(), Own(made=dragged, gain=0.5, summary="")), [0, 1, 1]), "Mixture: summary must say",
+        fk.Mixture((fk.PointMass(), Own(made=dragged, gain=0.5, summary="")), [0, 1, 1]), "Mixture: summary must state",
     ),
     "twice as fast": (
         Own(made=lambda x: {**point(x), "q": [2 * v for v in x.p]}), "rates must not give 'q' another .* got '2*",

@@ -287,3 +287,8 @@ def test_what_is_nearest_to_a_far_acceleration_is_that_of_its_direction(size):
     np.testing.assert_allclose(held, [-3.0, np.sqrt(27.0)], rtol=1e-9)
     assert there
     assert also
+
+
+def test_a_safety_filter_is_described_with_its_phase_and_latency():
+    keeper = fk.SafetyFilter(0.1, phase=0.03, latency=0.02, distance=0.7, acceleration=10.0)
+    assert keeper.summary == "control held for 0.1 behind a safety filter, first at 0.03, acting 0.02 later"

@@ -128,7 +128,8 @@ class Stepper:
                 if length < shortest:
                     raise StepTooSmall(
                         f"The step shrank to {length:.2g} (less than the spacing of numbers allows). The motion meets "
-                        "a singularity of the law: raise the start distances, soften the potential or lower the gains.",
+                        "a singularity of the law: raise the start distances, soften the potential or lower the gains; "
+                        "or the formula of a leader or of a body has one at this time.",
                         time=t + self._base, agents=self.strained,
                     )  # fmt: skip
                 end = min(t + length, bound)

@@ -21,6 +21,7 @@ from flocking.engine.runs.run import Run
 from flocking.engine.storage.new_folders import check_free
 from flocking.errors import EngineFailed, EngineMissing, FlockingError, InvalidInput, SimulationError, StorageError
 from flocking.model.law import Law, Scenario
+from flocking.model.leaders_and_obstacles.unbounded_velocities import check_leaders
 
 GLANCE_SECONDS = 0.25
 """Wall time in seconds between two stops of a run for progress and commits; a slow step takes longer."""
@@ -72,8 +73,12 @@ def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law
     Raises
     ------
     InvalidInput, UnsupportedLaw, EngineMissing
-        As raised by the engine, and if the opened object is not a session.
+        As raised by the engine, if the opened object is not a session, and if the velocity of a leader is infinite or
+        not real during the run.
     """
+    followed = [*scenario.law.leaders, *(() if plant is None else plant.leaders)]
+    followed += [] if scenario.energy.leader is None else [scenario.energy.leader]
+    check_leaders({id(x): x for x in followed}.values(), scenario.start.t, scenario.t_end)
     engine.check_space(scenario)
     engine.check_bodies(scenario)
     check_world(engine.name, scenario, engine.worlds, leader_messages=engine.leader_messages)

@@ -56,6 +56,7 @@ class StallWarning:
             warnings.warn(
                 f"The run hardly advances at t = {session.time:.9g}: {why}. It goes on, and may never end; Ctrl-C "
                 "ends it and keeps what was computed. A common cause: agents that are limited, late or disturbed are "
-                "not held back before the distance at which a potential is infinite.",
+                "not held back before the distance at which a potential is infinite, or the velocity of a leader "
+                "changes faster and faster.",
                 HardlyAdvances, stacklevel=4,
             )  # fmt: skip

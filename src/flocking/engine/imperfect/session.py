@@ -172,9 +172,8 @@ class ImperfectSession(Session):
 
     def _next_gains(self) -> float:
         """When scheduled gains change next, in seconds from the start."""
-        if self.gains_changed == len(self._schedule):
-            return math.inf
-        return self._since_start(self._schedule[self.gains_changed])
+        done = self.gains_changed
+        return math.inf if done == len(self._schedule) else self._since_start(self._schedule[done])
 
     def _take_gains(self) -> None:
         """Take the gains that are in force after the changes so far."""
@@ -205,10 +204,9 @@ class ImperfectSession(Session):
 
     def _jump(self, before: float) -> None:
         """Count what the energy jumped from ``before``; where either is not finite, the ledger ends."""
-        if np.isfinite(self.energy) and np.isfinite(before):
-            self.jumped += self.energy - before
-        else:
-            self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
+        finite = bool(np.isfinite(self.energy) and np.isfinite(before))
+        self.jumped += self.energy - before if finite else 0.0
+        self.ledger_ends = self.ledger_ends if finite else min(self.ledger_ends, self._base + self.accounted)
 
     def advance(self, to: float, seconds: float = math.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time."""
@@ -417,7 +415,5 @@ class ImperfectSession(Session):
         UnsupportedLaw
             Always.
         """
-        raise UnsupportedLaw(
-            f"engine={self.engine!r} replaces neither law nor state while a run goes on. Start another run from "
-            "run.state(-1)."
-        )
+        what = "replaces neither law nor state while a run goes on. Start another run from run.state(-1)."
+        raise UnsupportedLaw(f"engine={self.engine!r} {what}")

@@ -332,7 +332,7 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
     ------
     InvalidInput
         When the body states a rate for a column it does not have, or none for one it has, or is not what its properties
-        say, see `flocking.engine.kernels.stated_motions`.
+        state, see `flocking.engine.kernels.stated_motions`.
     """
     import sympy
 

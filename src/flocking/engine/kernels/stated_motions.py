@@ -88,7 +88,7 @@ class StatedMotion:
         return expression.xreplace(self._numbers)
 
     def check(self) -> None:
-        """Check the kinetic energy, and that rates are as `Body.homogeneous`, `Body.inert` and `Body.ideal` say.
+        """Check the kinetic energy, and that rates are as `Body.homogeneous`, `Body.inert` and `Body.ideal` state.
 
         Raises
         ------
@@ -112,17 +112,18 @@ class StatedMotion:
         self._check_frame()
         if body.homogeneous and (places := used & {*x.q, x.t}):
             raise InvalidInput(
-                owner, "homogeneous", "must be False where rates depend on place or time", _names(places),
-                "State homogeneous = False, else engines move the origin.",
+                owner, "homogeneous", "must not be stated where rates depend on place or time", _names(places),
+                "Leave it out: engines would move the origin.",
             )  # fmt: skip
         if body.inert and (body.order == 1 or (used & {*x.p})):
             raise InvalidInput(
-                owner, "inert", "must be False where rates depend on the velocity, and for bodies of order 1",
+                owner, "inert", "must not be stated where rates depend on the velocity, nor for bodies of order 1",
                 _names(used & {*x.p}) if body.order == 2 else "order 1",
             )  # fmt: skip
         if body.ideal and (what := self._not_ideal()):
             raise InvalidInput(
-                owner, "summary", f"must say what agents do where {what} not those of points under the law's force",
+                owner, "summary",
+                f"must state in words what agents do where {what} not those of points under the force of the law",
                 repr(body.summary), "State a few words, or leave the summary of Body as it is.",
             )  # fmt: skip
 
@@ -142,7 +143,7 @@ class StatedMotion:
             raise InvalidInput(
                 type(self._body).__name__, "kinetic",
                 "must be that of points, m |w|^2/2, where the frame of the energy accelerates",
-                str(self._kinetic), "Give the scenario an energy in the frame of the laboratory, Energy().",
+                str(self._kinetic), "Give the scenario an energy in the frame of the laboratory.",
             )  # fmt: skip
 
     @property

@@ -154,18 +154,29 @@ class Leader(ABC):
 
         Infinite if interval arithmetic gives none, because bounds are too wide or a function is not supported.
         """
-        module, numbers = self._module, tuple(self.parameters.values())
         edges = np.linspace(t0, t1, SPEED_INTERVALS + 1)
-        t = Jet.variable(edges[:-1], edges[1:])
-        square = np.zeros(SPEED_INTERVALS)
+        return float(self.speed_bounds(edges[:-1], edges[1:]).max())
+
+    def speed_bounds(self, low: Array, high: Array) -> Array:
+        """The same of many intervals, shape (K,); infinite for those of which interval arithmetic gives none.
+
+        Parameters
+        ----------
+        low, high
+            Begin and end of each, shape (K,).
+        """
+        module, numbers = self._module, tuple(self.parameters.values())
+        t = Jet.variable(low, high)
+        square = np.zeros(len(low))
         try:
-            for branches in on_jets(module.branches)(t, *numbers):
-                jets = [v if isinstance(v, Jet) else t.constant(float(v)) for v in branches]
-                largest = np.max([np.maximum(-jet.parts[0][0], jet.parts[0][1]) for jet in jets], axis=0)
-                square += largest**2
+            with np.errstate(all="ignore"):
+                for branches in on_jets(module.branches)(t, *numbers):
+                    jets = [v if isinstance(v, Jet) else t.constant(float(v)) for v in branches]
+                    largest = np.max([np.maximum(-jet.parts[0][0], jet.parts[0][1]) for jet in jets], axis=0)
+                    square += largest**2
         except (ValueError, ArithmeticError, TypeError, AttributeError):
-            return np.inf
-        return ROUNDED_UP * float(np.sqrt(square.max()))
+            return np.full(len(low), np.inf)
+        return np.asarray(ROUNDED_UP * np.sqrt(square))
 
     def _motion(self, module: ModuleType, t: float, numbers: tuple[float, ...]) -> Array:
         """Values of the formulas, shape (3, m); NaN if they have no real value."""

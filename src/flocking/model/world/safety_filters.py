@@ -149,7 +149,8 @@ class SafetyFilter(Held):
     @property
     def summary(self) -> str:
         """As that of `Held`, with ``behind a safety filter``."""
-        return f"{Held.summary.__get__(self)} behind a safety filter"
+        held, *others = Held.summary.__get__(self).split(", ")
+        return ", ".join([f"{held} behind a safety filter", *others])
 
     @property
     def guarded_distance(self) -> float:
