@@ -110,3 +110,13 @@ def test_analysis_reads_no_provenance() -> None:
         if PROVENANCE_READ.search(line)
     }
     assert found == {}
+
+
+def test_a_run_without_a_ledger_has_an_empty_residual():
+    law = fk.Law(fk.Proximity(9.0), [fk.Gradient(fk.Potential("(r - 1)**2/2"))])
+    made = fk.Scenario(
+        law, fk.State([[0.0, 0.0], [2.0, 0.0]]), t_end=0.2, frames=2, bodies=fk.SingleIntegrator(), control=fk.Held(0.1)
+    )
+    run = fk.simulate(made, engine="tiles", progress=False)
+    assert len(run.trace) == 0
+    assert run.residual.shape == (0,)

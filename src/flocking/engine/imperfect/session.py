@@ -408,12 +408,6 @@ class ImperfectSession(Session):
         return Fidelity(self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule)
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
-        """Not possible: what agents know of each other belongs to the past of this run.
-
-        Raises
-        ------
-        UnsupportedLaw
-            Always.
-        """
+        """Not possible: `UnsupportedLaw` is raised. What agents know of each other belongs to the past of this run."""
         what = "replaces neither law nor state while a run goes on. Start another run from run.state(-1)."
         raise UnsupportedLaw(f"engine={self.engine!r} {what}")

@@ -368,8 +368,13 @@ class Run:
 
     @property
     def residual(self) -> Array:
-        """What the ledger leaves unexplained at every step: H - H(0) + dissipated - supplied - jumped - departed."""
+        """What the ledger leaves unexplained at every step: H - H(0) + dissipated - supplied - jumped - departed.
+
+        Empty where the run has no ledger.
+        """
         trace = self.trace
+        if not len(trace):
+            return np.zeros(0)
         moved = trace["energy"] - trace["energy"][0] + trace["dissipated"] - trace["supplied"] - trace["jumped"]
         return np.asarray(moved - trace["departed"])
 
