@@ -27,6 +27,8 @@ PLACES_OF_ALGEBRA = {
     "model/leaders_and_obstacles/leader_positions.py",
     # decides what kind of function a leader's acceleration is, and encloses exact numbers of it in intervals
     "study/certificates/linear/leader_errors.py",
+    # decides whether rates of a user's body are what the body states, and keeps the difference for nothing else
+    "engine/kernels/stated_motions.py",
     # decides whether the pieces of a potential meet, and keeps the difference for nothing else
     "study/certificates/pieces.py",
 }

@@ -115,8 +115,10 @@ def shi(key: str) -> None:
     guide = np.stack([np.sin(t), np.cos(t)], axis=1)
     leader = SimpleNamespace(along=lambda _: (guide, guide))
     # Two agents, one of which goes with the leader; their spread stays too.
-    seen = SimpleNamespace(t=t, p=np.stack([guide, guide + 1.0], axis=1), velocity_spread=np.ones(len(t)),
-                           law=SimpleNamespace(leaders=[leader]))  # fmt: skip
+    seen = SimpleNamespace(
+        t=t, p=np.stack([guide, guide + 1.0], axis=1), velocity_spread=np.ones(len(t)),
+        law=SimpleNamespace(leaders=[leader]), oldest_knowledge=None, path_about_mean=np.inf,
+    )  # fmt: skip
     for name in paper(key).scenarios():
         kind = name.removeprefix(key).removeprefix("-")
         some, kept = kind.startswith("partial"), not kind.endswith("disconnected")

@@ -68,17 +68,6 @@ def test_the_top_of_one_swing_is_no_fluctuation() -> None:
     assert verdict(0.5 + 0.01 * np.sin(3 * np.pi * T)) == "not yet"
 
 
-def test_what_decays_slowly_is_not_constant() -> None:
-    """A fast mode that has died away beside a slow one: the tenths differ by little, and by the same."""
-    assert verdict(0.9 * np.exp(-60 * T) + 0.3 * np.exp(-0.005 * T)) == "not yet"
-    assert verdict(0.9 * np.exp(-20 * T) + 0.3) == "fails"
-
-
-def test_what_fluctuates_and_falls_slowly_is_not_steady() -> None:
-    swings = 0.02 * np.sin(41 * T)
-    assert verdict(np.where(T < 0.1, 1.0, 0.5 * (1 - 0.15 * T) + swings)) == "not yet"
-
-
 @pytest.mark.parametrize("t_end", [3.5, 4.0, 4.4, 5.2, 5.6, 6.0])
 def test_groups_that_fly_through_each_other_stop_switching(t_end: float) -> None:
     """Straight lines come within a radius of each other once."""

@@ -76,7 +76,7 @@ def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law
         As raised by the engine, if the opened object is not a session, and if the velocity of a leader is infinite or
         not real during the run.
     """
-    followed = [*scenario.law.leaders, *(() if plant is None else plant.leaders)]
+    followed = [*scenario.law.leaders, *(plant.leaders if isinstance(plant, Law) else ())]
     followed += [] if scenario.energy.leader is None else [scenario.energy.leader]
     check_leaders({id(x): x for x in followed}.values(), scenario.start.t, scenario.t_end)
     engine.check_space(scenario)

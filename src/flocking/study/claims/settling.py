@@ -4,15 +4,15 @@ Claims about limits are measured on a finite run, all by one criterion. A limit 
 throughout the last tenth of the run. It is missed when the bound does not hold at any time of that tenth and the
 excess over the bound has settled, in one of two ways. Either it is constant, in a run in which agents went along paths
 about their mean of `MOVED` of the group's size or longer: its means over the last tenth and over the tenth before
-differ by no more than `CHANGE` of it, and by no more than `SHRINKS` of the change before that, as what tends to
-another limit does and what decays slowly does not; or by no more than `ROUNDING`. Or it fluctuates and does not fall:
-its means over the five tenths of the last half differ by no more than `STEADY` of it, the last is not the least of
-them, they do not fall by a line through them that their scatter confirms, and the excess crosses its own mean
+differ by no more than `CHANGE` of it. Or it fluctuates and does not fall: its means over the five tenths of the last
+half differ by no more than `STEADY` of it, the last is not the least of them, and the excess crosses its own mean
 `FEWEST_CROSSINGS` times or more in that half, so that one swing of a slow motion is none. These changes are also
 compared with the total change over the run (`OF_ALL`, and `STEADY` again), so that a run too short for its motion does
 not count as settled. Nor does one in which, at the end, an agent acted on what it knew before the last two tenths: then
-it is messages that stand still, or a delay that is as long. In all other cases the verdict is ``not yet``. A motion
-that stays as it is for the whole run and changes later, however late, is taken for what it was: no run shows more.
+it is messages that stand still, or a delay that is as long. In all other cases the verdict is ``not yet``.
+
+What decays by less than `CHANGE` of itself in a tenth of the run, after it has changed much more, is taken for
+constant, and what fluctuates while it falls by less than `STEADY`, for steady: a longer run decides otherwise.
 """
 
 from __future__ import annotations
@@ -35,10 +35,6 @@ CHANGE = 1e-3
 
 OF_ALL = 1e-2
 """And by this fraction of its total change over the run."""
-
-SHRINKS = 0.95
-"""The change from one tenth to the next against the one before, of what tends to a limit: 0.8 of 1/t, less of
-exponentials. What decays by `CHANGE` a tenth changes by 0.999 of that in the next."""
 
 ROUNDING = 1e-12
 """Relative changes this small are rounding."""
@@ -200,8 +196,7 @@ def _unsettled(e: Evidence, excess: Sequence[Reals], first: Reals) -> str:
         return ""
     now, total_change = float(means[0]), float(np.ptp(every))
     change, spread = abs(float(means[1]) - now), float(np.ptp(means))
-    shrinking = change <= min(CHANGE * now, OF_ALL * total_change, SHRINKS * abs(float(means[2] - means[1])))
-    constant = change <= ROUNDING * now or shrinking
+    constant = change <= max(ROUNDING * now, min(CHANGE * now, OF_ALL * total_change))
     steady = spread <= STEADY * min(now, total_change) and now > means.min()
     if (constant or steady) and (why := _old_knowledge(e)):
         return why
@@ -211,21 +206,11 @@ def _unsettled(e: Evidence, excess: Sequence[Reals], first: Reals) -> str:
     if steady:
         half = np.concatenate(excess[::-1])
         crossings = np.count_nonzero(np.diff(half > half.mean()))
-        if crossings < FEWEST_CROSSINGS:
-            return "it may be at the top of one swing"
-        return "it fluctuates and falls slowly" if _falls(means[::-1]) else ""
+        return "" if crossings >= FEWEST_CROSSINGS else "it may be at the top of one swing"
     return (
         f"the excess over the bound still changes in a tenth of the run, by {change / now:.1e} of itself and "
         f"{change / total_change:.1e} of its change since the start"
     )
-
-
-def _falls(means: Reals) -> bool:
-    """Whether the line through these means, by least squares, falls by more than the error of its slope."""
-    k = np.arange(len(means)) - 0.5 * (len(means) - 1)
-    slope = float(k @ means / (k @ k))
-    rest = means - means.mean() - slope * k
-    return slope < -float(np.sqrt(rest @ rest / (len(means) - 2) / (k @ k)))
 
 
 def configuration_unsettled(e: Evidence) -> str:
