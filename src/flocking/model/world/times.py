@@ -59,7 +59,8 @@ def span(values: ArrayLike) -> str:
     values
         One number, or one for each agent.
     """
-    return " to ".join(dict.fromkeys(f"{end:g}" for end in (np.min(values), np.max(values))))
+    found = np.asarray(values, dtype=np.float64)
+    return " to ".join(dict.fromkeys(f"{end:g}" for end in (float(found.min()), float(found.max()))))
 
 
 @dataclass(frozen=True, eq=False)
