@@ -14,7 +14,6 @@ from flocking.engine.driver.run_progress import Progress
 from flocking.engine.driver.simulate import advance_slice, fine_option, open_session
 from flocking.engine.interruption import Deferred
 from flocking.engine.protocol.engine import Engine
-from flocking.engine.protocol.session import interrupted_at
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError, InvalidInput, RunsFailed, SimulationError
 from flocking.model.law import Scenario
@@ -161,8 +160,7 @@ class _Ensemble:
             session.records.check_fits()
             while not session.reached(job.scenario.t_end) and not self._stopped:
                 advance_slice(session, job.scenario.t_end)
-            ended = session.reached(job.scenario.t_end)
-            job.run = session.run("finished" if ended else interrupted_at(session.time))
+            job.run = session.run()
         except SimulationError as error:
             if error.run is None:
                 error.run = session.run(str(error))

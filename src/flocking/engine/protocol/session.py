@@ -21,9 +21,6 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.information import Information
 
-SAME_TIME = 1e-12
-"""Relative difference of two times that is rounding: many steps are added up."""
-
 Packed = tuple[dict[str, object], Arrays]
 """A session as plain data for JSON and arrays of numbers by name."""
 
@@ -250,9 +247,7 @@ class Session(ABC):
         """
         (linked, unlinked), accuracy = self.known
         if status is None:
-            end = self.scenario.t_end
-            ended = self.time >= end or math.isclose(self.time, end, rel_tol=SAME_TIME)
-            status = "finished" if ended else interrupted_at(self.time)
+            status = "finished" if self.reached(self.scenario.t_end) else interrupted_at(self.time)
         return Run(
             self.scenario, status=status, provenance=self.about, closest_linked=linked, closest_unlinked=unlinked,
             accuracy=accuracy, fidelity=self.fidelity, rank=self.team.rank, **self.records.tables(),

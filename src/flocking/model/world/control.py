@@ -78,12 +78,12 @@ class Held(Control):
     @property
     def summary(self) -> str:
         """The periods, and phases and latency that are not zero."""
-        found = [f"control held for {span(self.period)}"]
-        if np.any(self.phase):
-            found.append(f"first at {span(self.phase)}")
-        if self.latency:
-            found.append(f"acting {self.latency:g} later")
-        return ", ".join(found)
+        return f"control held for {span(self.period)}{self._delays_in_words}"
+
+    @property
+    def _delays_in_words(self) -> str:
+        found = f", first at {span(self.phase)}" if np.any(self.phase) else ""
+        return f"{found}, acting {self.latency:g} later" if self.latency else found
 
     def check_count(self, n: int) -> None:
         """Check that periods and phases given for each agent are ``n``.

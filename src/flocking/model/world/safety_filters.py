@@ -16,6 +16,7 @@ from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Wall
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
 from flocking.model.world.control import Held
+from flocking.model.world.times import span
 
 MARGIN = 1e-6
 """Share of the distance by which the filter keeps agents farther apart, so that rounding never leads below it."""
@@ -149,8 +150,7 @@ class SafetyFilter(Held):
     @property
     def summary(self) -> str:
         """As that of `Held`, with ``behind a safety filter``."""
-        held, *others = Held.summary.__get__(self).split(", ")
-        return ", ".join([f"{held} behind a safety filter", *others])
+        return f"control held for {span(self.period)} behind a safety filter{self._delays_in_words}"
 
     @property
     def guarded_distance(self) -> float:
