@@ -89,20 +89,21 @@ _HOMES = {
 """Modules of all names but those of `flocking.model.library`, each imported at its first use."""
 
 
-def __getattr__(name: str) -> Any:
-    if name == "papers":
-        return import_module("flocking.papers")
-    if name in _HOMES:
-        value = getattr(import_module(f"flocking.{_HOMES[name]}"), name)
-        globals()[name] = value
-        return value
-    library = None if name.startswith("_") and name != "__all__" else import_module("flocking.model.library")
-    if name == "__all__":
-        return sorted([*_HOMES, *(each for each in vars(library) if not each.startswith("_")), "papers"])
-    if hasattr(library, name):
-        return getattr(library, name)
-    raise AttributeError(f"module 'flocking' has no attribute {name!r}")
+if not TYPE_CHECKING:  # Type checkers know the names above, and refuse others.
 
+    def __getattr__(name: str) -> Any:
+        if name == "papers":
+            return import_module("flocking.papers")
+        if name in _HOMES:
+            value = getattr(import_module(f"flocking.{_HOMES[name]}"), name)
+            globals()[name] = value
+            return value
+        library = None if name.startswith("_") and name != "__all__" else import_module("flocking.model.library")
+        if name == "__all__":
+            return sorted([*_HOMES, *(each for each in vars(library) if not each.startswith("_")), "papers"])
+        if hasattr(library, name):
+            return getattr(library, name)
+        raise AttributeError(f"module 'flocking' has no attribute {name!r}")
 
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__getattr__("__all__")})
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__getattr__("__all__")})

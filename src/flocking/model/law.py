@@ -64,7 +64,7 @@ class Law(LawCell):
     """
 
     graph: Graph
-    terms: Annotated[tuple[Term, ...], Nested("term", many=True, most=MOST_TERMS)]
+    terms: Annotated[Sequence[Term], Nested("term", many=True, most=MOST_TERMS)]
 
     def __post_init__(self) -> None:
         if not isinstance(self.graph, Graph):

@@ -24,7 +24,7 @@ class Space(ABC):
     from one agent to another. Everything that needs q_j - q_i uses `displacement`, or `lengths` where it prints code.
     """
 
-    lengths: tuple[float, ...] = ()
+    lengths: Sequence[float] = ()
     """Length after which each axis repeats, infinite where it does not; empty where none does, in any dimension."""
 
     @abstractmethod
@@ -100,7 +100,7 @@ class Periodic(Space):
         When a length is not positive, or no axis repeats.
     """
 
-    lengths: Annotated[tuple[float, ...], values.LENGTHS] = field()
+    lengths: Annotated[Sequence[float], values.LENGTHS] = field()
 
     def __post_init__(self) -> None:
         given = self.lengths

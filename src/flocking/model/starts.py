@@ -234,7 +234,7 @@ def given(
     if links is not None and n > MOST_PAIRWISE:
         raise InvalidInput("start.given", "links", f"must be left out for more than {MOST_PAIRWISE} agents", n)
     further = {name: np.array(rows) for name, rows in (columns or {}).items()}
-    state = State(np.array(q), None if p is None else np.array(p), t, columns=further)  # type: ignore[arg-type]
+    state = State(np.array(q), None if p is None else np.array(p), t, columns=further)
     if links is None:
         return state
     matrix = np.zeros((n, n), dtype=bool)

@@ -21,6 +21,7 @@ from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 SPACE = 3
 """Dimensions beyond which an error adds that rows are agents: columns may have been meant."""
@@ -59,6 +60,17 @@ class State:
     t: float = 0.0
     links: Links | None = None
     columns: Annotated[Mapping[str, Array], values.NAMED_ROWS] = field(default_factory=dict)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            q: ArrayLike,
+            p: ArrayLike | None = None,
+            t: float = 0.0,
+            links: ArrayLike | None = None,
+            columns: Mapping[str, ArrayLike] = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         q = array("State", "q", self.q, ndim=2)
@@ -150,6 +162,12 @@ class Agents(Points):
     damping: float | Array = 0.0
     order: Annotated[int, values.ORDER] = 2
     headings: Annotated[Array | None, values.HEADINGS] = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, masses: ArrayLike = 1.0, damping: ArrayLike = 0.0, order: int = 2, headings: ArrayLike | None = None
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         one_of("Agents", "order", self.order, (1, 2), "must be 1 or 2")

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import sympy
+    from numpy.typing import ArrayLike
 
 KIND = "kind"
 """Parameter with the number of the body of an agent."""
@@ -50,8 +51,12 @@ class Mixture(Body):
     'agents of 2 bodies: PointMass, Lagged'
     """
 
-    bodies: tuple[Body, ...]
+    bodies: Sequence[Body]
     kinds: Array
+
+    if TYPE_CHECKING:
+
+        def __init__(self, bodies: Sequence[Body], kinds: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         given = (self.bodies,) if isinstance(self.bodies, Body) else tuple(self.bodies)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
@@ -213,7 +213,7 @@ class Fixed(Graph):
     """
 
     n: Annotated[int, values.FEW_AGENTS]
-    edges: Annotated[tuple[tuple[int, int], ...], values.PAIRS]
+    edges: Annotated[Sequence[tuple[int, int]], values.PAIRS]
     directed: Annotated[bool, values.hidden(values.TRUTH)] = False
     moves: bool = field(default=False, init=False, repr=False)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from flocking.model.checks import Array, array, integer, number
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, Short, add_group
 from flocking.model.parts.registration import register_part
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 class PairWeights(ABC):
@@ -51,6 +54,10 @@ class MatrixWeights(PairWeights):
     """
 
     values: Annotated[Array, values.PAIR_MATRIX]
+
+    if TYPE_CHECKING:
+
+        def __init__(self, values: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         values = array("Consensus", "weights", self.values, ndim=2)

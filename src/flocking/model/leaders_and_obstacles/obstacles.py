@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated
@@ -15,12 +15,14 @@ from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
 from flocking.model.checks import Array, array, integer, number
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink
+from flocking.model.leaders_and_obstacles.obstacle_code import array_source, point_symbols
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, Nested, add_group
 from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 TINY = 1e-300
 """Added under square roots, so that the distance to a centre has a slope, 0, at the centre."""
@@ -175,7 +177,7 @@ class Obstacle(ABC):
         names = tuple(self.parameters)
         return generated_module(
             ("obstacle", self.dimension, names), self.structure, (self,), lambda: _stages(self),
-            lambda stages: _array_source(stages, self.dimension, names),
+            lambda stages: array_source(stages, self.dimension, names),
         )  # fmt: skip
 
     def distance_function(self) -> Callable[[Array, Array, Sequence[Array]], Array]:
@@ -245,6 +247,10 @@ class Ball(Obstacle):
 
     centre: Annotated[Leader, Nested("place")]
     radius: float
+
+    if TYPE_CHECKING:
+
+        def __init__(self, centre: Leader | ArrayLike, radius: float) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", _placed("Ball", "centre", self.centre))
@@ -318,6 +324,10 @@ class Wall(Obstacle):
     normal: Annotated[Array, values.DIRECTION]
     extent: float = 100.0
 
+    if TYPE_CHECKING:
+
+        def __init__(self, point: Leader | ArrayLike, normal: ArrayLike, extent: float = 100.0) -> None: ...
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", _placed("Wall", "point", self.point))
         normal = array("Wall", "normal", self.normal, ndim=1)
@@ -385,35 +395,8 @@ def _by_feature(values: Sequence[sympy.Expr]) -> sympy.Expr:
     return sympy.Piecewise(*((v, sympy.Eq(feature, k)) for k, v in enumerate(numbered)), (last, True))
 
 
-def _vector(letter: str, dimension: int) -> list[object]:
-    import sympy
-
-    return [sympy.Symbol(f"{letter}{k}", real=True) for k in range(dimension)]
-
-
 def _stages(obstacle: Obstacle) -> list[dict[str, sympy.Expr]]:
     import sympy
 
-    q, p = (_vector(letter, obstacle.dimension) for letter in "qp")
+    q, p = (point_symbols(letter, obstacle.dimension) for letter in "qp")
     return obstacle.geometry(q, p, sympy.Symbol("t", real=True), lambda name: sympy.Symbol(name, real=True))
-
-
-def _array_source(stages: list[dict[str, sympy.Expr]], dimension: int, names: tuple[str, ...]) -> str:
-    from flocking.formula.printing import statements
-
-    q, p = (_vector(letter, dimension) for letter in "qp")
-
-    def function(
-        name: str, arguments: Sequence[sympy.Symbol], steps: Sequence[Mapping[str, sympy.Expr]], result: str
-    ) -> str:
-        lines = [s for k, stage in enumerate(steps) for s in statements(stage, arrays=True, prefix=f"stage{k}_")]
-        body = "".join(f"    {line}\n" for line in [*lines, f"return {result}"])
-        return f"def {name}({', '.join(map(str, [*arguments, 't', *names]))}):\n{body}\n\n"
-
-    results = ", ".join(f"{name!r}: {name}" for stage in stages for name in stage)
-    alone = [{k: v for k, v in stage.items() if k in ("feature", "distance")} for stage in stages[:-1]]
-    return (
-        "import numpy\n\n\n"
-        + function("geometry", [*q, *p], stages, f"{{{results}}}")
-        + function("distance", q, alone, "distance")
-    )

@@ -17,6 +17,7 @@ from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 
 @register_part("polygon")
@@ -42,6 +43,10 @@ class ConvexPolygon(Obstacle):
     vertices: Annotated[Array, values.ROWS]
     rounding: float
     motion: Leader | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(self, vertices: ArrayLike, rounding: float, motion: Leader | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         vertices = array("ConvexPolygon", "vertices", self.vertices, ndim=2)

@@ -245,7 +245,8 @@ def _held(kinds: Sequence[object]) -> Value | Nested:
     if _is_array(kind):
         return values.PER_AGENT
     arguments = get_args(kind)
-    if get_origin(kind) is tuple and len(arguments) == 2 and arguments[1] is Ellipsis:
+    listed = get_origin(kind) is tuple and len(arguments) == 2 and arguments[1] is Ellipsis
+    if listed or get_origin(kind) is Sequence:
         inner = _held(_members(arguments[0]))
         if isinstance(inner, Nested):
             return Nested(inner.group, many=True)

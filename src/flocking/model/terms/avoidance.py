@@ -76,7 +76,7 @@ class ObstacleTerm(BodyTerm):
     A subclass defines the force of one active obstacle and the balance of its power.
     """
 
-    obstacles: tuple[Obstacle, ...]
+    obstacles: Sequence[Obstacle]
     range: float
 
     @abstractmethod
@@ -170,7 +170,7 @@ class Avoid(ObstacleTerm):
         If a value is out of range, an obstacle is invalid, or gamma-agents lack a direction.
     """
 
-    obstacles: tuple[Obstacle, ...]
+    obstacles: Sequence[Obstacle]
     leader: Leader | None = None
     range: float = field(kw_only=True)
     repulsion_gain: float = field(default=100.0, kw_only=True)

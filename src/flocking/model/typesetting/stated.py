@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from flocking.model.bodies.body import Body
@@ -22,7 +23,7 @@ class StatedLaw(Protocol):
         """Its graph."""
 
     @property
-    def terms(self) -> tuple[Term, ...]:
+    def terms(self) -> Sequence[Term]:
         """Its terms."""
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from flocking.model.world.losses import Bernoulli, Loss, probability
 from flocking.model.world.noises import Noise, WhiteNoise
 from flocking.model.world.times import NANOSECOND, PeriodicTimes, nanoseconds, span
 from flocking.model.world.world_part import IdealPart, WorldPart
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 SELF_KNOWN = ("true", "measured")
 """What an agent may know of itself: its true state, or its own newest sample."""
@@ -107,6 +110,25 @@ class Messages(Information):
     self_known: Annotated[str, values.choice(*SELF_KNOWN)] = "true"
     seed: Annotated[int, values.SEED] = 0
     leader: bool = False
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            period: ArrayLike,
+            phase: ArrayLike = 0.0,
+            delay: float = 0.0,
+            jitter: float = 0.0,
+            loss: Loss | float | None = None,
+            noise: Noise | float | None = None,
+            resolution: float = 0.0,
+            velocity_resolution: float = 0.0,
+            expires: float | None = None,
+            predict: bool = False,
+            self_known: str = "true",
+            seed: int = 0,
+            leader: bool = False,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         nanoseconds("Messages", "period", self.period, positive=True)
@@ -244,6 +266,10 @@ class Delayed(Information):
 
     tau: Annotated[float | Array, values.NUMBER_OR_ROWS]
     self_delayed: bool = False
+
+    if TYPE_CHECKING:
+
+        def __init__(self, tau: ArrayLike, self_delayed: bool = False) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "self_delayed", truth("Delayed", "self_delayed", self.self_delayed))

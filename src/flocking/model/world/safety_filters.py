@@ -93,7 +93,7 @@ class SafetyFilter(Held):
     acceleration: float | Array = field(kw_only=True)
     form: Annotated[str, values.choice(*FORMS)] = field(default="sampled", kw_only=True)
     gain: float = field(default=1.0, kw_only=True)
-    obstacles: tuple[Obstacle, ...] = field(default=(), kw_only=True)
+    obstacles: Sequence[Obstacle] = field(default=(), kw_only=True)
     clearance: float | None = field(default=None, kw_only=True)
 
     if TYPE_CHECKING:  # Lists are accepted.

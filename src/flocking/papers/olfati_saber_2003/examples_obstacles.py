@@ -38,7 +38,7 @@ def nearby() -> State:
 
 def first_obstacle(scale: float = 1.0) -> Ball:
     """The first obstacle, its radius times ``scale``."""
-    return Ball(CENTRE, SIZE * scale)  # type: ignore[arg-type]
+    return Ball(CENTRE, SIZE * scale)
 
 
 class AvoidanceNumbers(TypedDict, total=False):

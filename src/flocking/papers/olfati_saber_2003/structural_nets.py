@@ -217,7 +217,7 @@ def defect(
     radius = float(np.max(np.asarray(graph.break_radius)))
     if not np.isfinite(radius):
         raise InvalidInput("defect", "graph", "must have a radius at which links break", graph)
-    still = State(state.q, None, state.t, state.links)  # type: ignore[arg-type]
+    still = State(state.q, None, state.t, state.links)
     forces = evaluate(Law(graph, (Gradient(potential),)), still, agents=Agents(headings=headings)).u
     matrix = _weights(graph, state, headings) > 0
     count = int(np.count_nonzero(np.triu(matrix | matrix.T)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,7 +105,7 @@ def chain_links(scale: float) -> Links:
     return Proximity(scale).initial(q)
 
 
-def drawn_edges(scale: float) -> list[tuple[tuple[int, int], ...]]:
+def drawn_edges(scale: float) -> list[Sequence[tuple[int, int]]]:
     """Edges of forty drawn graphs, the probability of a link scaled."""
     chance = system.LINK_PROBABILITY * scale
     return [Fixed.random_connected(system.AGENTS, chance, seed).edges for seed in range(40)]
