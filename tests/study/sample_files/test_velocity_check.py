@@ -60,19 +60,56 @@ def test_one_agent_of_many_is_named():
 
 @pytest.mark.parametrize("seed", range(12))
 def test_honest_velocities_stay_exact(seed):
-    """Positions with noise, rounded, and with a jump of the origin in one frame beside smooth velocities."""
+    """Positions with noise, and rounded, beside smooth velocities."""
     draw = np.random.default_rng(seed)
     q, p = motion()
     size = 10.0 ** draw.uniform(-6, 0)
     found = doubted_velocities(T, q + size * draw.normal(size=q.shape), p)
-    assert found is None or found.error.max() < 0.05
+    assert found.error.max() < 0.05
+    assert found.noise == pytest.approx(size, rel=0.2)
     found = doubted_velocities(T, q.round(2), p)
-    assert found is None or found.error.max() < 0.05
+    assert found.error.max() < 0.05
+    assert found.noise == pytest.approx(0.01 / np.sqrt(12), rel=0.3)
 
 
-def test_few_samples_are_taken_as_they_are():
+@pytest.mark.parametrize("count", [2, 3, 8])
+def test_few_samples_are_compared_with_mean_velocities(count):
     q, p = motion()
-    assert doubted_velocities(T[:8], q[:8], 0.0 * p[:8]) is None
+    assert doubted_velocities(T[:count], q[:count], p[:count]) is None
+    assert doubted_velocities(T[:count], q[:count], 0.0 * p[:count]).error.max() > 0.9
+    coarse = slice(None, None, 15)
+    assert doubted_velocities(T[coarse][:count], q[coarse][:count], p[coarse][:count]) is None
+    found = motion_of(Samples(T[:count], q[:count], p[:count], NAMES)).run
+    assert "not known" in found.provenance["velocities"]
+
+
+def test_agents_that_go_apart_are_not_said_to_rest():
+    t = np.linspace(0.0, 3.5, 8)
+    q = np.stack([np.stack([t, 0 * t], axis=1), np.stack([-t, 0 * t + 1], axis=1)], axis=1)
+    found = motion_of(Samples(t, q, np.zeros_like(q), NAMES[:2])).audit()
+    assert found["mean-velocity"].verdict is not Verdict.HOLDS
+    assert found["velocities-agree"].verdict is not Verdict.HOLDS
+
+
+@pytest.mark.parametrize("size", [0.05, 1e-3])
+def test_noise_of_positions_beside_exact_velocities_is_an_error(size):
+    """Two agents 1.9 apart for ever."""
+    t = np.linspace(0.0, 10.0, 201)
+    p = np.zeros((201, 2, 2))
+    p[:, :, 0] = 1.0
+    q = p * t[:, None, None] + np.array([[0.0, 0.0], [0.0, 1.9]])
+    noisy = q + size * np.random.default_rng(0).normal(size=q.shape)
+    found = motion_of(Samples(t, noisy, p, NAMES[:2]), radius=2.0)
+    assert found.run.fidelity.position_error == pytest.approx(3 * size, rel=0.2)
+    assert found.run.fidelity.velocity_error == 0.0
+    assert "noise of positions" in found.run.provenance["velocities"]
+    verdicts = {key: found.audit()[key].verdict for key in ("connected", "neighbours-kept")}
+    assert Verdict.FAILS not in verdicts.values()
+    if size == 0.05:
+        assert set(verdicts.values()) == {Verdict.NOT_RESOLVED}
+    exact = motion_of(Samples(t, q, p, NAMES[:2]), radius=2.0)
+    assert exact.run.provenance["velocities"] == "given in the file, taken as exact"
+    assert exact.audit()["connected"].verdict is Verdict.HOLDS
 
 
 def test_agents_that_rest_have_a_constant_mean_velocity():

@@ -1,18 +1,21 @@
 """Whether a run is long enough to decide what its motion tends to.
 
 Claims about limits are measured on a finite run, all by one criterion. A limit is reached when its bound holds
-throughout the last tenth of the run. It is missed when the bound does not hold at any time of that tenth and the
-excess over the bound has settled, in one of two ways. Either it is constant, in a run in which agents went along paths
-about their mean of `MOVED` of the group's size or longer: its means over the last tenth and over the tenth before
-differ by no more than `CHANGE` of it. Or it fluctuates and does not fall: its means over the five tenths of the last
-half differ by no more than `STEADY` of it, the last is not the least of them, and the excess crosses its own mean
-`FEWEST_CROSSINGS` times or more in that half, so that one swing of a slow motion is none. These changes are also
+throughout the last tenth of the run, and what is within it does not rise there so that it would leave the bound within
+another such run. It is missed when the bound does not hold at any time of that tenth and the excess over the bound has
+settled, in one of two ways. Either it is constant, in a run in which agents went along paths about their mean of
+`MOVED` of the group's size or longer: its means over the last tenth and over the tenth before differ by no more than
+`CHANGE` of it, and it does not fall towards the bound: where its means fell through all five tenths of the last half,
+the geometric series of these falls must end before `REMAINING` of it is gone. Or it fluctuates and does not fall: each
+of the five tenths of the last half holds a whole swing, their means differ by no more than `STEADY` of it, the last is
+not the least of them, neither the means nor the largest values of the tenths fall along a line by more than `CONFIRMED`
+errors of its slope, nor do the largest values fall throughout as those series do. These changes are also
 compared with the total change over the run (`OF_ALL`, and `STEADY` again), so that a run too short for its motion does
 not count as settled. Nor does one in which, at the end, an agent acted on what it knew before the last two tenths: then
 it is messages that stand still, or a delay that is as long. In all other cases the verdict is ``not yet``.
 
-What decays by less than `CHANGE` of itself in a tenth of the run, after it has changed much more, is taken for
-constant, and what fluctuates while it falls by less than `STEADY`, for steady: a longer run decides otherwise.
+What falls by less than `ROUNDING` of itself in a tenth of the run, after it has changed much more, is taken for
+constant, and a fall that is hidden by fluctuations, for none: a longer run decides otherwise.
 """
 
 from __future__ import annotations
@@ -42,11 +45,16 @@ ROUNDING = 1e-12
 TIME_ROUNDING = 1e-9
 """Frames lie on the edges of tenths up to this share of the duration."""
 
+REMAINING = 0.25
+"""Share of the excess that may still be lost if its falls go on as a geometric series. All of it is lost by what decays
+exponentially to the bound."""
+
 STEADY = 0.1
 """The same for the five tenths of the last half, where the last of them is not the least."""
 
-FEWEST_CROSSINGS = 4
-"""Times that a fluctuating quantity crosses its mean in the last half of the run: two whole swings."""
+CONFIRMED = 2.353
+"""Errors of the slope of a line through five means beyond which it falls: of 20 lines of a constant and independent
+errors one falls so (Student's distribution with three degrees of freedom, one-sided)."""
 
 MOVED = 1e-2
 """Length of a path about the mean, as a share of the group's size, below which a constant quantity shows nothing: the
@@ -57,6 +65,9 @@ FEWEST = 3
 
 MOST = 8
 """Frames of a share that are evaluated where the evaluation is costly."""
+
+MOST_WHERE_MISSED = 64
+"""Frames of a share that are evaluated all the same before a limit counts as missed: fewer may miss its swings."""
 
 
 @dataclass(frozen=True)
@@ -129,9 +140,16 @@ def limit_of(
     frames = late_frames(e.t, most=MOST)
     if frames is None:
         return _unseen(bound, value(-1), note, error)
-    tenths = [np.array([value(int(k)) for k in part]) for part in frames.tenths]
-    first = np.array([value(int(k)) for k in frames.first])
-    return _judged(e, bound, tenths, first, note, error)
+    known: dict[int, float] = {}
+
+    def judged(frames: Late) -> Measure:
+        known.update((k, value(k)) for part in (*frames.tenths, frames.first) for k in part.tolist() if k not in known)
+        tenths = [np.array([known[k] for k in part.tolist()]) for part in frames.tenths]
+        return _judged(e, bound, tenths, np.array([known[k] for k in frames.first.tolist()]), note, error)
+
+    found = judged(frames)
+    every = late_frames(e.t, most=MOST_WHERE_MISSED)
+    return found if found.unsettled or found.holds or every is None else judged(every)
 
 
 def limit_of_series(
@@ -168,7 +186,7 @@ def _judged(
 ) -> Measure:
     end = float(tenths[0][-1])
     excess = [part - bound for part in tenths]
-    return Measure(bound - end, error, note(end), _unsettled(e, excess, first - bound), everywhere=False)
+    return Measure(bound - end, error, note(end), _unsettled(e, excess, first - bound, bound), everywhere=False)
 
 
 def _old_knowledge(e: Evidence) -> str:
@@ -182,13 +200,15 @@ def _old_knowledge(e: Evidence) -> str:
     return f"agent {agent} last acted on what it knew of agent {sender} at {since:.3g}, before the last two tenths"
 
 
-def _unsettled(e: Evidence, excess: Sequence[Reals], first: Reals) -> str:
+def _unsettled(e: Evidence, excess: Sequence[Reals], first: Reals, bound: float) -> str:
     """Why the excess over a bound, in each tenth of the last half and in the first half, has not settled."""
     late = excess[0]
     if np.isnan(late).any():
         return ""
     if late[-1] < 0:
-        return "" if (late < 0).all() else "reached for less than the last tenth of the run"
+        if (late < 0).all():
+            return "it grows, and would leave the bound again" if _leaves(excess, bound) else ""
+        return "reached for less than the last tenth of the run"
     if (late < 0).any():
         return "reached in the last tenth of the run and left again"
     means, every = np.array([part.mean() for part in excess]), np.concatenate([*excess, first])
@@ -202,15 +222,65 @@ def _unsettled(e: Evidence, excess: Sequence[Reals], first: Reals) -> str:
         return why
     if constant:
         moved = e.path_about_mean
-        return "" if moved >= MOVED else f"agents moved about their mean by {moved:.1e} of the group's size alone"
+        if moved < MOVED:
+            return f"agents moved about their mean by {moved:.1e} of the group's size alone"
+        return "the excess over the bound falls slowly" if _tends_to_bound(means) else ""
     if steady:
-        half = np.concatenate(excess[::-1])
-        crossings = np.count_nonzero(np.diff(half > half.mean()))
-        return "" if crossings >= FEWEST_CROSSINGS else "it may be at the top of one swing"
+        if min(_swings(part, now) for part in excess) < 1:
+            return "it swings so slowly that a tenth of the run may show the top of one swing"
+        highest = np.array([_highest(part) for part in excess])
+        falls = _line_falls(means[::-1]) or _line_falls(highest[::-1]) or _tends_to_bound(highest)
+        return "the excess over the bound fluctuates and falls slowly" if falls else ""
     return (
         f"the excess over the bound still changes in a tenth of the run, by {change / now:.1e} of itself and "
         f"{change / total_change:.1e} of its change since the start"
     )
+
+
+def _swings(values: Reals, level: float) -> int:
+    """Number of whole swings about a level."""
+    return int(np.count_nonzero(np.diff(values > level))) // 2
+
+
+def _highest(values: Reals) -> float:
+    """The largest value of a function: of the parabola through the largest of its samples and those beside it."""
+    k = int(values.argmax())
+    if k in (0, len(values) - 1):
+        return float(values[k])
+    before, at, after = (float(x) for x in values[k - 1 : k + 2])
+    curvature = before - 2 * at + after
+    return at - (after - before) ** 2 / (8 * curvature) if curvature < 0 else at
+
+
+def _leaves(excess: Sequence[Reals], bound: float) -> bool:
+    """Whether what is within the bound rose at the end, and would leave it within another such run.
+
+    It rose where its largest values in the last three twentieths of the run, or in the last three tenths, ascend; it
+    goes on by the same factor.
+    """
+    halves = [part for tenth in excess[:2] for part in (tenth[len(tenth) // 2 :], tenth[: len(tenth) // 2])]
+    for parts, share in ((halves[:3], LAST / 2), (excess[:3], LAST)):
+        last, before, third = (float(part.max(initial=-bound)) + bound for part in parts)
+        if last > before > third > ROUNDING * bound and last * (last / third) ** (0.5 / share) >= bound:
+            return True
+    return False
+
+
+def _tends_to_bound(means: Reals) -> bool:
+    """Whether values of five tenths, the last first, fell throughout, as a series that leaves little of them."""
+    falls = np.diff(means)
+    if (falls <= ROUNDING * means[0]).any():
+        return False
+    last, before = float(falls[0]), float(falls[1])
+    return last >= before or last**2 / (before - last) >= REMAINING * float(means[0])
+
+
+def _line_falls(means: Reals) -> bool:
+    """Whether the line through values in order of time, by least squares, falls, against the error of its slope."""
+    k = np.arange(len(means)) - 0.5 * (len(means) - 1)
+    slope = float(k @ means / (k @ k))
+    rest = means - means.mean() - slope * k
+    return slope < -CONFIRMED * float(np.sqrt(rest @ rest / (len(means) - 2) / (k @ k)))
 
 
 def configuration_unsettled(e: Evidence) -> str:
@@ -246,16 +316,15 @@ def configuration_unsettled(e: Evidence) -> str:
 def limit_of_configuration(
     e: Evidence, bound: float, value: Callable[[int], float], note: Callable[[float], str]
 ) -> Measure:
-    """The same as `limit_of` for a function of links and distances, which has settled once these have.
+    """The same as `limit_of` for a function of links and distances, reached where these have settled with it in bound.
 
     Parameters
     ----------
     bound, value, note
         As `limit_of` takes them.
     """
-    if configuration_unsettled(e):
+    if configuration_unsettled(e) or (end := value(-1)) >= bound:
         return limit_of(e, bound, value, note)
-    end = value(-1)
     return Measure(bound - end, 0.0, note(end), everywhere=False)
 
 

@@ -18,7 +18,7 @@ from flocking.study.claims.audit import Report, audit
 from flocking.study.claims.claims_without_law import claims_without_law
 from flocking.study.claims.general_claims import GENERAL
 from flocking.study.sample_files.samples import LARGEST_FILE, Samples
-from flocking.study.sample_files.velocities import SPREADS, Velocities, smoothed_velocities
+from flocking.study.sample_files.velocities import SPREADS, WINDOW, Velocities, smoothed_velocities
 from flocking.study.sample_files.velocity_check import doubted_velocities
 from flocking.study.trajectory import SAMPLES, closest_of, largest_gap, run_from_samples
 
@@ -28,6 +28,9 @@ four normal draws exceeds a standard deviation in 78 % of cases; audits allow th
 
 GIVEN = "given in the file, taken as exact"
 """How velocities of a file are described."""
+
+FEW = f"; noise of positions is not known from fewer than {WINDOW} samples"
+"""What is added where there are too few samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +129,8 @@ def _velocities(samples: Samples, *, discrete: bool) -> Velocities | None:
 def _with_errors(run: Run, found: Velocities | None, samples: Samples) -> Run:
     """The run with what is known of the errors of its samples; ``found`` are the velocities that were estimated."""
     if found is None:
-        return replace(run, provenance={**run.provenance, "velocities": GIVEN})
+        about = GIVEN + FEW * (len(run.t) < WINDOW)
+        return replace(run, provenance={**run.provenance, "velocities": about})
     errors = {"position_error": SPREADS * found.noise, "velocity_error": float(found.error.max())}
     described = found.method if samples.p is not None else _described(found)
     about = {**run.provenance, "velocities": described, **errors}

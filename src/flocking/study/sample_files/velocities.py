@@ -20,6 +20,11 @@ SPREADS = 3.0
 """Standard deviations of noise that an estimated error contains; all but 0.3 % of normal noise lies within."""
 
 
+SAME_NOISE = 0.1
+"""Residuals of the highest degree above this share of those of the degree below it are noise: of noise alone the
+expected share is 1, while errors of truncation fall by far more where samples resolve the motion."""
+
+
 @dataclass(frozen=True, eq=False)
 class Velocities:
     """Estimated velocities.
@@ -37,6 +42,8 @@ class Velocities:
         Standard deviation of the noise in each coordinate of the positions, from the residuals of the fits.
     method
         The method in words.
+    coarser_noise
+        The same from fits of a lower degree. They show the same noise, and far larger errors of truncation.
     """
 
     p: Array
@@ -44,6 +51,12 @@ class Velocities:
     error: Array
     noise: float
     method: str
+    coarser_noise: float = np.inf
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether the residuals are noise, which a higher degree does not reduce, and no errors of truncation."""
+        return self.noise > SAME_NOISE * self.coarser_noise
 
 
 def smoothed_velocities(t: Array, q: Array) -> Velocities:
@@ -70,7 +83,7 @@ def smoothed_velocities(t: Array, q: Array) -> Velocities:
             "Give velocities, or more samples.",
         )  # fmt: skip
     slopes = {degree: _slopes(t, q, degree) for degree in sorted({d for pair in DEGREES for d in pair})}
-    noise = slopes[DEGREES[-1][1]][2]
+    noise, coarser_noise = (slopes[degree][2] for degree in reversed(DEGREES[-1]))
     best = None
     for degree, higher in DEGREES:
         p = slopes[degree][0]
@@ -78,7 +91,7 @@ def smoothed_velocities(t: Array, q: Array) -> Velocities:
         error = np.abs(p - other) + SPREADS * noise * gain[:, None, None]
         if best is None or np.mean(error**2) < np.mean(best.error**2):
             method = f"slope of a polynomial of degree {degree} through the {WINDOW} nearest samples"
-            best = Velocities(p, other, error, noise, method)
+            best = Velocities(p, other, error, noise, method, coarser_noise)
     assert best is not None
     return best
 
