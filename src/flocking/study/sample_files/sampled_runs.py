@@ -129,8 +129,8 @@ def _velocities(samples: Samples, *, discrete: bool) -> Velocities | None:
 def _with_errors(run: Run, found: Velocities | None, samples: Samples) -> Run:
     """The run with what is known of the errors of its samples; ``found`` are the velocities that were estimated."""
     if found is None:
-        about = GIVEN + FEW * (len(run.t) < WINDOW)
-        return replace(run, provenance={**run.provenance, "velocities": about})
+        given = GIVEN + FEW * (len(run.t) < WINDOW)
+        return replace(run, provenance={**run.provenance, "velocities": given})
     errors = {"position_error": SPREADS * found.noise, "velocity_error": float(found.error.max())}
     described = found.method if samples.p is not None else _described(found)
     about = {**run.provenance, "velocities": described, **errors}
