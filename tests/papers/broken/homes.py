@@ -175,7 +175,15 @@ def _fields_of(thing: Any) -> list[Part]:
 def _own_functions(home: str) -> list[FunctionType]:
     thing, _ = found(home)
     things = vars(thing).values() if isinstance(thing, type) else [thing]
-    return [f for f in map(_plain, things) if f is not None]
+    return [g for f in map(_plain, things) if f is not None for g in _made_from(f, home.rpartition(".")[0])]
+
+
+def _made_from(function: FunctionType, module: str) -> list[FunctionType]:
+    """A function, or those of the module that another module made it from, as `claims_by_name` makes one."""
+    if function.__globals__["__name__"] == module:
+        return [function]
+    cells = [_plain(cell.cell_contents) for cell in function.__closure__ or ()]
+    return [f for f in cells if f is not None and f.__module__ == module] or [function]
 
 
 def names_of(home: str) -> set[str]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.study.certificates import comparison
 from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.certify import certify
 from flocking.study.certificates.comparison import compare
@@ -369,3 +370,12 @@ def test_errors_and_texts():
         found["nonsense"]
     assert len(found) == len(found.all) == len(found.as_dict()["certificates"])
     assert "delay: granted" in str(found)
+
+
+def test_the_error_of_an_energy_with_an_infinite_force_is_not_known(monkeypatch):
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("r**2/2"))])
+    run = fk.simulate(fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=1), progress=False)
+    frames = np.arange(len(run.t))
+    assert 0 < comparison._energy_error(run, frames) < 1e-6
+    monkeypatch.setattr(comparison, "control", lambda law, state, agents: np.full_like(state.q, np.inf))
+    assert np.isnan(comparison._energy_error(run, frames))

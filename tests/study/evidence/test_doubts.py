@@ -13,6 +13,7 @@ from flocking.study.claims.claim import Verdict
 from flocking.study.claims.conclusions.energy import at_most, energy_rise
 from flocking.study.claims.conclusions.links import no_link_lost, stays_connected
 from flocking.study.evidence import Evidence, NotResolvable
+from flocking.study.sweeps.measures import MEASURES
 from flocking.study.trajectory import run_from_samples
 
 STRETCHED = 3.0
@@ -179,6 +180,36 @@ def test_a_pair_in_doubt_at_the_end_leaves_the_links_there_open() -> None:
     with pytest.raises(NotResolvable, match="agents 0 and 1"):
         _ = e.end_links
     assert _chain([]).end_links[0, 1]
+
+
+def test_numbers_of_flocks_are_known_where_the_pair_in_doubt_does_not_decide_them() -> None:
+    """Three agents in a row: the link of the first two decides, one between the first and the last would not."""
+    for pair, decides in (((0, 1), True), ((0, 2), False)):
+        e = _chain([], [(9.0, 10.0, 9.9, *pair, "near miss", 0, "break", 1e-9, 1e-6)])
+        fewer, more = e.possible_end_links
+        assert not fewer[pair]
+        assert more[pair]
+        measures = (lambda: e.flocks_at_end), (lambda: MEASURES["density"][1](e))  # noqa: B023
+        for measured in measures:
+            if decides:
+                with pytest.raises(NotResolvable, match="agents 0 and 1"):
+                    measured()
+            else:
+                assert measured() == 1
+
+
+def test_sweeps_say_why_a_number_is_not_known() -> None:
+    def make(seed: int, radius: float) -> fk.Scenario:
+        return swing(radius, 1e-9).scenario
+
+    at_the_end = float(2.0 + np.sin(np.sqrt(2.0) * 3.0))
+    table = fk.sweep(
+        make, grid={"radius": [at_the_end + 1e-13, 2.0]}, seeds=1, measures=["density"], audit=False, workers=1,
+        progress=False,
+    )  # fmt: skip
+    assert np.isnan(table.values("density")).tolist() == [[True], [False]]
+    assert "density: agents 0 and 1" in str(table.columns["message"][0])
+    assert table.columns["message"][1] == ""
 
 
 def test_a_speed_between_the_frames_breaks_its_bound() -> None:

@@ -256,25 +256,29 @@ def _energy(run: Run, certificate: Certificate) -> tuple[float, float]:
 
 
 def _energy_error(run: Run, frames: Indices) -> float:
-    """Error of the energy at some frames, of first order in the errors of positions and velocities, and doubled."""
+    """Error of the energy at some frames, of first order in the errors of positions and velocities, and doubled.
+
+    NaN where a force is infinite.
+    """
     if run.accuracy is None or not len(run.accuracy.frames):
         return np.nan
     setting = EnergySetting(run.scenario)
-    largest = 0.0
+    errors = []
     for frame in frames:
         state, (of_q, of_p) = run.state(int(frame)), run.accuracy.frames[frame]
         force = np.zeros(1)
         if setting.gradients:
             law = Law(run.scenario.law.graph, setting.gradients)
             force = np.linalg.norm(control(law, state, agents=run.scenario.agents), axis=1)
-        error = float(force.sum() * of_q)
+        total = float(force.sum())
+        error = total * float(of_q) if np.isfinite(total) else np.nan
         if setting.order == 2:
             error += float((setting.masses * np.linalg.norm(state.p, axis=1)).sum() * of_p)
         if setting.track is not None:
             away = np.linalg.norm(state.q - setting.track.leader.at(state.t)[0], axis=1)
             error += float((setting.position_gains * away).sum() * of_q)
-        largest = max(largest, 2.0 * error)
-    return largest
+        errors.append(2.0 * error)
+    return float(np.max(errors))
 
 
 _OBSERVED: dict[str, Callable[[Run, Certificate], tuple[float, float] | None]] = {

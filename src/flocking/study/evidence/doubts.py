@@ -9,6 +9,7 @@ import numpy as np
 from flocking.arrays import Mask, Records
 from flocking.engine.runs.run import Accuracy
 from flocking.model.graphs.connectivity import Links, is_connected
+from flocking.model.observables import flocks
 from flocking.study.evidence.basis import NotResolvable
 from flocking.study.evidence.links import LinkEvidence
 
@@ -118,11 +119,53 @@ class DoubtEvidence(LinkEvidence):
     @property
     def end_links(self) -> Links:
         """Link matrix at the end, shape (N, N); raises as that of `LinkEvidence`, and when a pair is in doubt then."""
-        if self.run.accuracy is not None and self.switches_known and self.law.graph.moves:
-            still = self.link_doubts[self.link_doubts["end"] >= self.t[-1]]
-            if len(still) or self.known_until < np.inf:
-                raise NotResolvable(_described(still[0]) if len(still) else self.loss_note)
-        return super().end_links
+        fewer, more = self.possible_end_links
+        if fewer is not more:
+            raise NotResolvable(_described(self._doubts_at_end[0]))
+        return fewer
+
+    @property
+    def possible_end_links(self) -> tuple[Links, Links]:
+        """Link matrices at the end with the pairs in doubt then not linked, and linked; the same where there are none.
+
+        Raises
+        ------
+        NotResolvable
+            When nothing is known of the end.
+        """
+        links = super().end_links
+        if self.run.accuracy is None or not self.switches_known or not self.law.graph.moves:
+            return links, links
+        still = self._doubts_at_end
+        if self.known_until < np.inf:
+            raise NotResolvable(_described(still[0]) if len(still) else self.loss_note)
+        if not len(still):
+            return links, links
+        fewer, more = links.copy(), links.copy()
+        for row in still:
+            self._set(fewer, int(row["i"]), int(row["j"]), value=False)
+            self._set(more, int(row["i"]), int(row["j"]), value=True)
+        return fewer, more
+
+    @property
+    def flocks_at_end(self) -> int:
+        """Number of flocks at the end.
+
+        Raises
+        ------
+        NotResolvable
+            When nothing is known of the end, or pairs in doubt then decide it.
+        """
+        if self._observed_flocks is None:
+            fewer, more = (flocks(links) for links in self.possible_end_links)
+            if fewer == more:
+                return fewer
+        return super().flocks_at_end
+
+    @property
+    def _doubts_at_end(self) -> Records:
+        still: Records = self.link_doubts[self.link_doubts["end"] >= self.t[-1]]
+        return still
 
     @cached_property
     def possible_histories(self) -> tuple[list[tuple[float, Links]], list[tuple[float, Links]]]:

@@ -78,12 +78,15 @@ def run_task(work: Work, task: Task) -> Row:
         from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
         evidence = Evidence(run)
+        unknown = []
         for name, measure in work.measures.items():
             doing = name
             try:
                 row["values"][name] = plain_measure(name, measure(evidence))
-            except (NotMeasurable, NotResolvable):
+            except (NotMeasurable, NotResolvable) as reason:
                 row["values"][name] = math.nan
+                unknown.append(f"{name}: {reason}")
+        row["message"] = "; ".join(unknown)
         doing = "audit"
         if work.audit is not None:
             row["verdicts"] = _verdicts(work.audit(run))
