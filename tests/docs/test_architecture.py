@@ -22,6 +22,7 @@ HOMES = {
     "change what agents know of leaders by messages": "class LeaderNews",
     "change how it is located when agents of similar headings come near under held control": "class ConeView",
     "change what a replaced law or state changes under delayed knowledge": "class Replacement",
+    "change what a replaced law or state changes with messages under continuous control": "def _go_on_with(",
     "change when agents know of a replaced state": "class StateJumps",
     "change what goes with an agent that changes ranks under held control": "class HeldRankParticles(",
     "change what goes with a body that changes ranks under held control": "def columns_here(self",

@@ -359,6 +359,50 @@ def test_messages_change_under_continuous_control_and_the_lab_goes_back(tmp_path
     assert (experiment.state.q == ended).all()
 
 
+def test_the_law_and_agents_are_moved_while_messages_are_under_way_and_the_log_replays_it(tmp_path):
+    """What follows is that of the same session without a lab: samples on their way state what they did."""
+    made = radio(delay=0.1, jitter=0.02).with_(control=fk.Continuous())
+    track, experiment = fk.Track(fk.Velocity([1.0, 0.0]), 1.0, 0.5), Experiment(made)
+    assert experiment.engine == "delayed"
+    experiment.advance(0.53)
+    experiment.apply({"kind": "set", "path": ["law", "terms", 1, "gain"], "value": 2.0})
+    experiment.save_moment()
+    experiment.advance(0.8)
+    to = [float(x) for x in experiment.state.q[0] + 0.1]
+    experiment.apply({"kind": "place", "agent": 0, "to": to})
+    experiment.apply({"kind": "set", "path": ["information", "delay"], "value": 0.15})
+    experiment.advance(0.85)
+    experiment.apply({"kind": "set", "path": ["law", "graph", "gap"], "value": 0.5})
+    experiment.save_moment()
+    experiment.apply({"kind": "term", "term": to_data(track)})
+    experiment.advance(1.2)
+    session = fk.start(made)
+    session.advance(0.53)
+    terms = made.law.terms[0], fk.Consensus(2.0)
+    session.replace(law=fk.Law(made.law.graph, terms))
+    session.advance(0.8)
+    q = np.array(session.state.q)
+    q[0] = to
+    session.replace(state=fk.State(q, session.state.p))
+    session.replace_information(fk.Messages(0.05, delay=0.15, jitter=0.02, predict=True))
+    session.advance(0.85)
+    session.replace(law=fk.Law(fk.Hysteresis(4, 0.5), terms))
+    session.replace(law=fk.Law(session.scenario.law.graph, [*terms, track]))
+    session.advance(1.2)
+    assert (session.state.q == experiment.state.q).all()
+    again = replay(EventLog.read(experiment.log.write(tmp_path / "radio.events.json")))
+    assert (again.state.q == experiment.state.q).all()
+    assert (experiment.branch(1.2).state.q == experiment.state.q).all()
+    ended = experiment.state.q.copy()
+    experiment.go_back()
+    assert experiment.time == 0.53
+    experiment.advance(1.2)
+    assert np.abs(experiment.state.q - ended).max() > 1e-3
+    run = session.run()
+    assert np.abs(run.residual).max() <= 1e-7 * max(1.0, run.turnover)
+    assert run.provenance["changed at"] == [0.53, 0.8, 0.85]
+
+
 def test_the_page_has_sliders_for_what_may_change_about_messages():
     def sliders(scenario):
         (section,) = [s for s in sections(scenario) if s.title == "Messages"]

@@ -190,6 +190,16 @@ def test_a_move_that_becomes_known_is_a_jump_of_the_force_of_who_learns_of_it():
     assert found["jumps"][row, 1] == 0
 
 
+@pytest.mark.parametrize("delays", ["one", "pairs"])
+def test_a_law_over_other_links_with_another_state_has_its_own_links_at_once(delays):
+    session = fk.start(world(2, delays).with_(law=law(graph=fk.Fixed(5, [(0, 1), (1, 2)]))))
+    session.advance(AT)
+    graph = fk.Fixed(5, [(2, 3), (3, 4)])
+    session.replace(law=law(graph=graph), state=moved(session.state))
+    assert (session.state.links == graph.initial(session.state.q)).all()
+    assert (session.known_links[0] == session.state.links).all()
+
+
 def test_links_that_are_cut_without_a_move_are_cut_in_what_agents_know():
     session = fk.start(world(2, "one"))
     session.advance(AT)

@@ -72,6 +72,16 @@ class Delays(ABC):
             self._found = key, jumps.windows(self.history, self.begin, self.points.rounding(self.begin))
         return self._found[1]
 
+    def known_at_once(self, agents: Links) -> Links:
+        """Pairs whose distance, as the first one knows it, jumps as soon as states do, shape (N, N).
+
+        Parameters
+        ----------
+        agents
+            Whose state jumps, shape (N,).
+        """
+        return self.jumps.at_once(agents)
+
     @abstractmethod
     def states(self, seconds: float, true: Array, senders: Indices, sensed: Indices) -> tuple[Array, Array]:
         """States that agents know of themselves, shape (N, 2 m), and of their neighbours, shape (pairs, 2 m).

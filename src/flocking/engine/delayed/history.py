@@ -60,6 +60,16 @@ class History:
         """
         self.segments.append(segment)
         self._ends.append(segment.t1)
+        self.drop(keep_from)
+
+    def drop(self, keep_from: float) -> None:
+        """Drop the steps that end before a time.
+
+        Parameters
+        ----------
+        keep_from
+            The earliest time that is read from now on.
+        """
         old = bisect_left(self._ends, keep_from)
         del self.segments[:old], self._ends[:old]
 

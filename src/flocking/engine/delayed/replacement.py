@@ -27,14 +27,19 @@ class Replacement:
         The law as it computes forces; it holds which limits of bodies act.
     state
         The state; None where it goes on as it is.
-    keeps_links
-        Whether the graphs are those of before, so that links and what agents know of them go on.
+    keeps_graphs
+        Whether the graphs are those of before.
     """
 
     scenario: Scenario
     law: DelayedLaw
     state: State | None
-    keeps_links: bool
+    keeps_graphs: bool
+
+    @property
+    def keeps_links(self) -> bool:
+        """Whether links and what agents know of them go on."""
+        return self.keeps_graphs and self.state is None
 
     def jumping(self, before: Array, after: Array) -> Links:
         """Agents whose state jumps between two state vectors, shape (N,).
@@ -114,4 +119,4 @@ def replacement(
     check_delayed_law(engine, scenario, None)
     new = dynamics.renumbered(scenario) or DelayedLaw(scenario)
     new.held = dynamics.held.copy()
-    return Replacement(scenario, new, state, keeps and state is None)
+    return Replacement(scenario, new, state, keeps)

@@ -23,6 +23,10 @@ from flocking.errors import InvalidInput, SimulationError
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
+CLOCK = 4.0 * float(np.finfo(np.float64).eps)
+"""Rounding of a time since the start, as a share of the scenario's times of which it is the difference: two of these,
+each rounded by half a unit, and the difference."""
+
 
 @dataclass(frozen=True)
 class DelayedOptions:
@@ -72,6 +76,8 @@ class DelayedSession(DelayedSteps):
         new = replacement(self.engine, self.scenario, law, state, self.state, self._law)
         seconds = self._now()
         before = self._segment.at(seconds)
+        while self._next_gains() <= seconds:
+            self._change_gains()
         if seconds == self._segment.t1:
             self._end_step(seconds)
         saved, rows = dict(vars(self)), len(self.records.trace)
@@ -93,7 +99,7 @@ class DelayedSession(DelayedSteps):
     def _now(self) -> float:
         """The session's time in seconds from the start, within the last step, after what is accounted for."""
         segment, now = self._segment, max(self.time - self._base, self.accounted)
-        rounding = self.delays.points.rounding(now)
+        rounding = self.delays.points.rounding(now) + CLOCK * (abs(self._base) + abs(self.time))
         if now >= segment.t1 - rounding:
             return segment.t1
         return segment.t0 if now <= segment.t0 + rounding and self.accounted <= segment.t0 else now
@@ -165,14 +171,14 @@ class DelayedSession(DelayedSteps):
         self.links = np.array([g.links_in(new.scenario.space, q, headings) for g in graphs])
         if new.state is not None and new.state.links is not None:
             self.links[0] = new.state.links
-        if self.links.shape != before.shape or new.state is None:
+        if not new.keeps_graphs or new.state is None:
             self.known_links = self.links_by_known_distances(self.links.copy(), seconds, y)
             return
         known = self.known_links
         if new.state.links is not None:
             # Links that are cut or made without a move; of moves agents know when their delays have passed.
             known = np.where((self.links != before) & ~(moved | moved[:, None]), self.links, known)
-        self.known_links = self.links_by_known_distances(known, seconds, y, self.delays.jumps.at_once(moved))
+        self.known_links = self.links_by_known_distances(known, seconds, y, self.delays.known_at_once(moved))
 
     @property
     def about(self) -> dict[str, object]:

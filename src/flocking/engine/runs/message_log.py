@@ -18,6 +18,10 @@ CHANGED = "changed at"
 """Name in the provenance of a run of the times at which its law or world was changed while it went on: its log then
 follows from several declarations."""
 
+GRAPHS_CHANGED = "graphs changed at"
+"""Name in the provenance of a run of the last time at which the graphs of its law were replaced while messages went on:
+the law that the run states has other ones than entries of the log before."""
+
 AT_START = -1
 """Number of the sample that everyone has of everyone at the start."""
 

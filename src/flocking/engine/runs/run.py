@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Array, Reals, Records
 from flocking.engine.runs.fidelity import UNSTATED, Fidelity
-from flocking.engine.runs.message_log import MessageLog, nanosecond_of
+from flocking.engine.runs.message_log import GRAPHS_CHANGED, MessageLog, nanosecond_of
 from flocking.errors import InvalidInput
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Scenario
@@ -351,7 +351,7 @@ class Run:
         Raises
         ------
         InvalidInput
-            When the run has no log of what agents used.
+            When the run has no log of what agents used, or its graphs were replaced later.
         """
         if self.log is None:
             raise InvalidInput(
@@ -360,6 +360,12 @@ class Run:
                 "The engine 'sampled' keeps one, and 'delayed' where there are messages.",
             )  # fmt: skip
         scenario, start = self.scenario, self.scenario.start
+        later = self.provenance.get(GRAPHS_CHANGED)
+        if isinstance(later, float) and self.t[frame] <= later:
+            raise InvalidInput(
+                "Run", "known_links_at", f"needs a frame after {later:g}, when graphs of the law were replaced",
+                float(self.t[frame]), "The run states its last law alone.",
+            )  # fmt: skip
         first = np.array([g.links_in(scenario.space, start.q, scenario.agents.headings) for g in scenario.law.graphs])
         if start.links is not None:
             first[0] = start.links

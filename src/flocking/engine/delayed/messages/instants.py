@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
 
@@ -49,9 +50,21 @@ class MessageInstants(BreakingPoints):
         self.knowledge = knowledge
         self.heard = BEFORE
         self.there: Links = np.ones((knowledge.n, knowledge.n), dtype=bool)
-        self._coming: list[tuple[int, int]] = []
-        """Heap of instants at which a sample newer than the one in use arrives, and at whom."""
+        self._coming: list[tuple[int, int, int, int]] = []
+        """Heap of instants at which samples arrive, and of whom: receiver, sender and number."""
         self._ends = self._expiry()
+
+    def of(self, knowledge: Knowledge) -> MessageInstants:
+        """These instants of a copy of what agents know.
+
+        Parameters
+        ----------
+        knowledge
+            The copy.
+        """
+        other = copy(self)
+        other.knowledge, other._coming = knowledge, list(self._coming)
+        return other
 
     def jump(self, seconds: float, agents: Indices, known_links: Links) -> None:
         """Nothing: a force that jumps is known to others by samples alone."""
@@ -108,6 +121,9 @@ class MessageInstants(BreakingPoints):
             before = knowledge.newest[agents].copy()
             knowledge.hear(instant, agents)
             changed[agents] |= knowledge.newest[agents] != before
+            # What a later sample has overtaken changes nothing; a session that goes on from a checkpoint lacks it.
+            while self._coming and self._coming[0][3] <= knowledge.newest[self._coming[0][1:3]]:
+                heapq.heappop(self._coming)
         there = self._there(instant)
         changed |= there != self.there
         self.there, self.heard = there, instant
@@ -122,9 +138,9 @@ class MessageInstants(BreakingPoints):
         later = k > knowledge.newest[receiver, sender]
         receiver, k = receiver[later], k[later]
         times = knowledge.arrivals(receiver, np.full(len(k), sender), k)
-        for time, agent in zip(times.tolist(), receiver.tolist(), strict=True):
+        for time, agent, number in zip(times.tolist(), receiver.tolist(), k.tolist(), strict=True):
             if time < NEVER:
-                heapq.heappush(self._coming, (time, agent))
+                heapq.heappush(self._coming, (time, agent, sender, number))
 
     def _begun(self) -> Instants:
         """When the samples in use were taken, shape (N, N)."""

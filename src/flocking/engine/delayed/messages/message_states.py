@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from copy import copy
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -149,6 +150,19 @@ class MessageStates(Delays):
         self._rows = np.zeros((0, 2 * knowledge.m))
         self._begun: Array = np.zeros(0)
         self._own = knowledge.samples.start
+
+    def copy(self) -> Self:
+        """An independent copy of all that a replacement of the law or the state changes; samples are shared."""
+        other = copy(self)
+        other.knowledge, other.history, other.jumps = copy(self.knowledge), self.history.copy(), self.jumps.copy()
+        other.points = self.points.of(other.knowledge)
+        return other
+
+    def known_at_once(self, agents: Links) -> Links:
+        """Those of agents that know their own present; the others know of a jump by samples."""
+        found = np.zeros((len(agents), len(agents)), dtype=bool)
+        found[agents] = not self._measured
+        return found
 
     def prepare(self, senders: Indices, sensed: Indices) -> None:
         """Take up what agents know from now on.

@@ -7,11 +7,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flocking.arrays import AnyArray, Array, Indices
+from flocking.arrays import AnyArray, Array, Indices, Links
+from flocking.engine.archives.data_checks import Table
 from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.messages.instants import BEFORE
 from flocking.engine.delayed.messages.message_states import MessageStates
+from flocking.engine.delayed.replacement import Replacement
 from flocking.engine.delayed.session import DelayedSession
+from flocking.engine.imperfect.checkpoint_form import must
 from flocking.engine.imperfect.messages.interventions import (
     KEPT,
     Interventions,
@@ -22,7 +25,7 @@ from flocking.engine.imperfect.messages.interventions import (
 from flocking.engine.imperfect.messages.knowledge import Knowledge
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Fidelity
-from flocking.engine.runs.message_log import CHANGED
+from flocking.engine.runs.message_log import CHANGED, GRAPHS_CHANGED
 from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -49,11 +52,13 @@ class MessagesSession(DelayedSession):
 
     def _prepare(self, scenario: Scenario, longest_step: float) -> None:
         super()._prepare(scenario, longest_step)
-        self._in_use: list[AnyArray] = [np.zeros((0, 3), dtype=np.int64)] * self.n
-        """Entries of the log of what each agent uses."""
+        self._in_use: list[AnyArray | None] = [None] * self.n
+        """Entries of the log of what each agent uses; None where those from now on are logged anyway."""
         self._using = np.ones(self.n, dtype=bool)
         """Who may use something else than the log states."""
         self.interventions = Interventions()
+        self.graphs_changed: float | None = None
+        """When graphs were replaced last, in the scenario's time; None where they were not."""
 
     def _new_delays(self, scenario: Scenario) -> Delays:
         start = scenario.start
@@ -118,14 +123,13 @@ class MessagesSession(DelayedSession):
         heard, log = self._states.points.heard, self.records.log
         assert log is not None
         found = self._uses(asked)
-        begun = heard == 0 and seconds == 0.0
-        new = [k for k, agent in enumerate(asked) if begun or not np.array_equal(found[k], self._in_use[agent])]
+        new = [k for k, agent in enumerate(asked.tolist()) if _differ(found[k], self._in_use[agent])]
         if not new:
             return
         agents = asked[new]
         for k, agent in zip(new, agents.tolist(), strict=True):
             self._in_use[agent] = found[k]
-        # A switch between two instants is logged at the whole nanosecond before it, but not before the last instant.
+        # Between two instants the whole nanosecond before is logged, but none before the last instant.
         instant = heard if heard * NANOSECOND == seconds else max(int(seconds * PER_SECOND), heard)
         force = self._force(seconds, np.array(self._segment.coefficients[-1]))
         log.act(instant, agents, force[agents], [found[k] for k in new])
@@ -139,11 +143,50 @@ class MessagesSession(DelayedSession):
     # Changes, and saving.
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
-        """Refused: what is on its way, and what agents know of links, is of the law and the state before."""
-        raise UnsupportedLaw(
-            f"engine={self.engine!r} replaces neither law nor state while messages are under way. Start another run "
-            "from run.state(-1)."
-        )
+        """Replace the law or the state from the session's time on; samples that were taken state what they did.
+
+        What falls on an instant of messages at this time comes first. Forces jump, by what agents know; the change of
+        energy counts as a jump of the ledger. Agents know of another state of a neighbour when a sample arrives that
+        was taken later, of their own at once, or by their next sample with ``self_known="measured"``. A law over the
+        same graphs keeps links and what agents know of them; under other graphs both are those of a start, of whom
+        something is known. A state with links sets those of the law's graph, and between agents that it does not move
+        also what these know of them. An equal law changes nothing.
+
+        Raises
+        ------
+        InvalidInput
+            When law, state and agents disagree, or the new energy or a force is not finite; the session then goes on
+            as it was.
+        UnsupportedLaw
+            When this engine cannot run the law, or it has another number of graphs.
+        """
+        if law is not None and len(law.graphs) != len(self.scenario.law.graphs):
+            raise UnsupportedLaw(
+                f"engine={self.engine!r} keeps the number of graphs of a law, {len(self.scenario.law.graphs)}, while "
+                f"messages are under way: the log names graphs by number, and the law has {len(law.graphs)}. Start "
+                "another run from run.state(-1)."
+            )
+        try:
+            super().replace(law=law, state=state)
+        finally:
+            if self._states.points.heard > BEFORE:
+                self._note(self._now())
+
+    def _part_from_what_is_saved(self) -> None:
+        super()._part_from_what_is_saved()
+        self.knowledge, self._using = self._states.knowledge, self._using.copy()
+
+    def _go_on_with(self, new: Replacement, seconds: float, before: Array) -> None:
+        super()._go_on_with(new, seconds, before)
+        # Nothing of the past is read, and a step before the last one could have a gap that no jump explains any more.
+        self.history.drop(seconds)
+        self._using[:], self._in_use = True, [None] * self.n
+        if not new.keeps_graphs:
+            self.graphs_changed = self.time
+
+    def _renew_links(self, new: Replacement, seconds: float, y: Array, moved: Links) -> None:
+        super()._renew_links(new, seconds, y, moved)
+        self.known_links &= self._states.points.there
 
     def replace_information(self, information: Information) -> None:
         """Send messages in another way from now on: samples on their way arrive, or not, as before."""
@@ -156,20 +199,31 @@ class MessagesSession(DelayedSession):
     @property
     def about(self) -> dict[str, object]:
         """Provenance of the records, and when the session was changed."""
-        return super().about | ({CHANGED: list(self.interventions.times)} if self.interventions.times else {})
+        changed = sorted({*self.interventions.times, *self.replaced_at})
+        graphs = {} if self.graphs_changed is None else {GRAPHS_CHANGED: self.graphs_changed}
+        return super().about | ({CHANGED: changed} if changed else {}) | graphs
 
     @property
     def fidelity(self) -> Fidelity:
         """As of all sessions with adaptive steps, and whether this one was changed."""
-        return dataclasses.replace(super().fidelity, changed=bool(self.interventions.times))
+        found = super().fidelity
+        return dataclasses.replace(found, changed=found.changed or bool(self.interventions.times))
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
         (numbers, arrays), (more, rows) = super().pack(), packed_changes(self.interventions, self.knowledge)
+        if self.graphs_changed is not None:
+            rows = {**rows, "graphs_changed": np.array([self.graphs_changed])}
         return numbers | more, arrays | rows
 
     def _recall_changes(self, packed: Packed) -> Packed:
-        return unpacked_changes(packed, self.interventions, self.knowledge)
+        numbers, arrays = unpacked_changes(packed, self.interventions, self.knowledge)
+        if "graphs_changed" in arrays:
+            Table("f8", (1,)).check(arrays["graphs_changed"], "graphs_changed")
+            self.graphs_changed = float(arrays["graphs_changed"][0])
+            times = arrays.get("replaced_at", np.zeros(0))
+            must(bool((times == self.graphs_changed).any()), "graphs_changed", "be when a law was replaced")
+        return numbers, {name: array for name, array in arrays.items() if name != "graphs_changed"}
 
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> MessagesSession:
@@ -178,5 +232,10 @@ class MessagesSession(DelayedSession):
         assert isinstance(session, MessagesSession)
         session._using[:] = session._states.points.heard == BEFORE
         if session._states.points.heard > BEFORE:
-            session._in_use = session._uses(np.arange(session.n))
+            session._in_use = list(session._uses(np.arange(session.n)))
         return session
+
+
+def _differ(one: AnyArray, other: AnyArray | None) -> bool:
+    """Whether entries of the log differ from others, or these are to be logged whatever they are."""
+    return other is None or not np.array_equal(one, other)
