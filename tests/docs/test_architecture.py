@@ -45,7 +45,7 @@ HOMES = {
     "change how a safety filter changes forces": "class ForceFilter:",
     "change how bodies without a closed form move between ticks": "class IntegratedMotion(",
     "change how bodies without a closed form are integrated again": "class IntegratedForcedMotion",
-    "change how it is located when agents see each other under held control": "def find_view_events(",
+    "change how it is located when agents come into view under held control and with messages": "def find_view_events(",
     "change how agents keep their stopping paths apart": "def between(",
     "add a guarantee of consensus on graphs that switch": "def switching_certificates(",
     "add a guarantee of consensus on directed graphs": "def directed_certificates(",

@@ -22,12 +22,14 @@ class PlainMessages(PlainWorld):
         Slope of the potential.
     gain
         Gain of the consensus.
+    levels
+        Distances at which links appear and break; those of the graph when absent.
     """
 
-    def __init__(self, scenario, slope, gain):
+    def __init__(self, scenario, slope, gain, levels=None):
         self.slope, self.gain, self.info = slope, gain, scenario.information
         graph = scenario.law.graph
-        self.enter, self.leave = float(graph.appear_radius), float(graph.break_radius)
+        self.enter, self.leave = map(float, levels or (graph.appear_radius, graph.break_radius))
         self.n, self.m = scenario.start.q.shape
         self.order = scenario.agents.order
         self.q = [list(x) for x in scenario.start.q]
@@ -70,8 +72,22 @@ class PlainMessages(PlainWorld):
     def force(self, t, y):
         d, v = self.apart(t, y)
         r = np.linalg.norm(d, axis=2) + np.eye(self.n)
-        acting = (self.links & self.here)[..., None]
+        acting = ((self.links & self.here) * self.weights(r))[..., None]
         return (acting * (self.slope(r)[..., None] * d / r[..., None] + self.gain * v)).sum(axis=1)
+
+    def weights(self, r):
+        """Of neighbours at distances from each agent, shape (N, N)."""
+        return 1.0
+
+    def gaps(self, t, y):
+        """How far every link is from switching, shape (N, N)."""
+        r = np.linalg.norm(self.apart(t, y)[0], axis=2)
+        return np.where(self.links, self.leave - r, r - self.enter)
+
+    def followed(self, t, y):
+        """Links by what is known at a time."""
+        r = np.linalg.norm(self.apart(t, y)[0], axis=2)
+        return np.where(self.links, r < self.leave, r < self.enter)
 
     def rate(self, t, y):
         u = self.force(t, y)
@@ -105,9 +121,7 @@ class PlainMessages(PlainWorld):
             self.queue[i] = [x for x in self.queue[i] if x[0] > t]
         if self.expires is not None:
             self.here = np.array([[t - x[1] < self.expires for x in row] for row in self.known])
-        r = np.linalg.norm(self.apart(t / NS, y)[0], axis=2)
-        found = np.where(self.links, r < self.leave, r < self.enter) & self.here & ~np.eye(self.n, dtype=bool)
-        self.links = found
+        self.links = self.followed(t / NS, y) & self.here & ~np.eye(self.n, dtype=bool)
 
     def run(self, t_end):
         """Positions and velocities at the end."""
@@ -130,20 +144,17 @@ class PlainMessages(PlainWorld):
     def move(self, t, to, y):
         """The motion from one instant to another, link by link."""
         while t < to:
-            levels, side = np.where(self.links, self.leave, self.enter), np.where(self.links, 1.0, -1.0)
             idle = 1e3 * (np.eye(self.n) + ~self.here)
 
-            def worst(s, z, levels=levels, side=side, idle=idle):
-                r = np.linalg.norm(self.apart(s, z)[0], axis=2)
-                return (side * (levels - r) + idle).min() + 1e-12
+            def worst(s, z, idle=idle):
+                return (self.gaps(s, z) + idle).min() + 1e-12
 
             worst.terminal, worst.direction = True, -1
             found = solve_ivp(self.rate, (t, to), y, method="DOP853", rtol=1e-12, atol=1e-13, events=worst,
                               max_step=(to - t) / 4)  # fmt: skip
             t, y = float(found.t[-1]), found.y[:, -1]
             if found.status == 1:
-                r = np.linalg.norm(self.apart(t, y)[0], axis=2)
-                crossed = (side * (levels - r) + idle) < 1e-9
+                crossed = (self.gaps(t, y) + idle) < 1e-9
                 self.links = self.links ^ crossed
                 self.switches += int(crossed.sum())
         return y

@@ -175,7 +175,6 @@ def test_a_link_that_would_switch_without_end_is_named():
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ({"law": fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)])}, "FieldOfView has another rule"),
         ({"law": fk.Law(fk.Proximity(2.0), [fk.VelocityAverage(1.0)])}, "engine='delayed' does not count neighbours"),
         (
             {

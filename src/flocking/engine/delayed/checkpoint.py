@@ -27,6 +27,7 @@ from flocking.engine.imperfect.checkpoint_form import (
 )
 from flocking.engine.imperfect.memory import ImperfectMemory
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
+from flocking.engine.imperfect.view_switches import views_of
 from flocking.engine.protocol.session import Packed
 from flocking.model.law import Scenario
 
@@ -270,14 +271,18 @@ def _check_crossings(arrays: Arrays, fresh: DelayedMemory, span: tuple[float, fl
     must(((time >= span[0] - slack) & (time <= span[1] + slack)).all(), "crossing_time", "lie in the last step")
     links = arrays["links"].copy()
     segment = Segment(float(arrays["times"][-2]), float(arrays["times"][-1]), arrays["coefficients"][-1])
+    views = views_of(graphs, scenario.agents.headings, scenario.start.q)
     for at, (i, j, k) in zip(time.tolist(), rows.tolist(), strict=True):
         graph = graphs[k]
         must(graph.moves and i != j and (graph.directed or i < j), "crossing", "name pairs whose links switch")
         q = segment.at(min(at, segment.t1))[: n * m].reshape(n, m)
-        apart = float(np.linalg.norm(scenario.space.displacement(q[j] - q[i])))
+        offset = scenario.space.displacement(q[j] - q[i])
         radius = graph.break_radius if links[k, i, j] else graph.appear_radius
         level = float(np.broadcast_to(np.asarray(radius, dtype=np.float64), n)[i])
-        must(abs(apart - level) <= NEAR * (level + float(np.abs(q).max())), "crossing_time",
+        off = level - float(np.linalg.norm(offset))
+        if k in views:
+            off = float(views[k].margins(np.array([i]), np.array([j]), offset[None])[0])
+        must(abs(off) <= NEAR * (level + float(np.abs(q).max())), "crossing_time",
              "be when a pair is at its distance")  # fmt: skip
         links[k, i, j] = not links[k, i, j]
         if not graph.directed:

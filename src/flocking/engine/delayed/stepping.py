@@ -130,14 +130,17 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         pairs
             Pairs whose distances jump, shape (N, N); all when absent.
         """
-        if not self._rules.ways.any():
+        if not self._rules.ways.any() and not self._views:
             return found
         m = self.m
         own, known = self.delays.all_states(seconds, self._true(y))
         offset = self.scenario.space.displacement(known[..., :m] - own[:, None, :m])
         distance = np.sqrt((offset**2).sum(axis=-1))
-        for graph in np.flatnonzero(self._rules.ways).tolist():
-            followed = self._rules.followed(graph, found[graph], distance)
+        every = {
+            graph: self._rules.followed(graph, found[graph], distance)
+            for graph in np.flatnonzero(self._rules.ways).tolist()
+        } | {graph: view.seen(slice(None), offset) for graph, view in self._views.items()}
+        for graph, followed in every.items():
             found[graph] = followed if pairs is None else np.where(pairs, followed, found[graph])
             np.fill_diagonal(found[graph], False)
         return found
@@ -325,7 +328,7 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
 
     def _known_switches(self, segment: Segment) -> Array:
         """The first switches of known links on a step: rows (time since it began, i, j, graph)."""
-        if not self._rules.ways.any():
+        if not self._rules.ways.any() and not self._views:
             return np.zeros((0, 4))
         return self.delays.switches(self.scenario.space, segment, self._base, self.known_links, self._rules)
 
@@ -376,8 +379,8 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         self._check_slope()
         if self._short_steps > SLIDING:
             raise SimulationError(
-                f"The state of agent {agents[1]} that agent {agents[0]} has stays at the distance at which a link "
-                "switches, and it would switch without end. Use a graph with hysteresis.",
+                f"The state of agent {agents[1]} that agent {agents[0]} has stays where a link switches, and it "
+                "would switch without end. Use a graph with hysteresis.",
                 time=self._base + seconds, agents=agents,
             )  # fmt: skip
 

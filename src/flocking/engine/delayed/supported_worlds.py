@@ -45,7 +45,7 @@ def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> Non
             f"agent that knows itself late assumes to meet one. Leave Avoid or {option} out."
         )
     points = PointMass() if body.order == 2 else SingleIntegrator()
-    check_law(engine, scenario, plant, points, obstacles=True)
+    check_law(engine, scenario, plant, points, obstacles=True, views=isinstance(information, Messages))
 
 
 def _refused_body(body: Body) -> str:

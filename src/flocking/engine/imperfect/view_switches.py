@@ -15,7 +15,14 @@ import numpy as np
 
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.cone_switches import ConeView, cone_view
-from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, reach_within, squared_distance
+from flocking.engine.imperfect.pair_polynomials import (
+    ROUNDING,
+    Paths,
+    nearest_offset,
+    reach_within,
+    squared_distance,
+)
+from flocking.engine.imperfect.pair_switches import TwoPaths
 from flocking.engine.kernels.bernstein import all_rows, first_all_above, part_from
 from flocking.formula.native.functions import native_apart
 from flocking.model.graphs.distance_graphs import Graph
@@ -85,6 +92,26 @@ def views_of(graphs: Sequence[Graph], headings: Array | None, q: Array) -> dict[
     }
 
 
+class Looking(NamedTuple):
+    """How an agent looks at another one.
+
+    Parameters
+    ----------
+    s, o
+        The agent that looks, and the other one.
+    radius, cosine
+        Radius of its field of view, and the cosine of the half angle.
+    slack
+        Overshoot in distance that counts as a change; covers rounding.
+    """
+
+    s: int
+    o: int
+    radius: float
+    cosine: float
+    slack: float
+
+
 def view_change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: float, slack: float) -> float:
     """First place in [0, 1] at which a seen agent is lost, or an unseen one is seen, or `NEVER`; for native functions.
 
@@ -125,6 +152,67 @@ def view_change(near: bool, square: Array, L: Array, Q: Array, c: float, radius:
     return min(first, first_all_above(two))
 
 
+def add_view_changes(
+    paths: Paths, two: TwoPaths, look: Looking, near: bool, direction: Array, found: Array, total: int
+) -> int:
+    """Add rows (time, s, o) of all changes of whether an agent has another one in view; how many rows there are.
+
+    Parameters
+    ----------
+    paths, two
+        How agents move from now on, in open space, and the paths that are looked at, first that of the one that looks.
+    look
+        How it looks.
+    near
+        Whether it has the other one in view now.
+    direction
+        Unit vector in which it looks, shape (m,).
+    found, total
+        Takes the rows, shape (room, 3 or more), and how many there are before.
+    """
+    i, j, span, slack = two.i, two.j, two.span, look.slack
+    if not near and two.distance - two.reach > look.radius + 2.0 * slack:
+        return total
+    degree, m = paths.S.shape[0] - 1, paths.S.shape[2]
+    terms = 2 * degree + 1
+    square, L, Q, offset = np.empty(terms), np.empty(terms), np.empty(terms), np.empty(m)
+    ahead, power, product = np.empty(degree + 1), np.empty(terms), np.empty(terms)
+    for k in range(m):
+        offset[k] = paths.S[0, j, k] - paths.S[0, i, k]
+    squared_distance(paths, i, j, offset, span, square)
+    scale = 1.0
+    for a in range(degree + 1):
+        ahead[a] = 0.0
+        for k in range(m):
+            ahead[a] += (paths.S[a, j, k] - paths.S[a, i, k]) * direction[k]
+        ahead[a] *= scale
+        scale *= span
+    for a in range(terms):
+        power[a], product[a] = ahead[a] if a <= degree else 0.0, 0.0
+    for a in range(degree + 1):
+        for b in range(degree + 1):
+            product[a + b] += ahead[a] * ahead[b]
+    for a in range(terms):
+        L[a], Q[a] = 0.0, -look.cosine * look.cosine * square[a]
+        for b in range(a + 1):
+            L[a] += paths.table[a, b] * power[b]
+            Q[a] += paths.table[a, b] * product[b]
+    seen, x, changes = near, 0.0, 0
+    while x < 1.0 and changes < MOST_CHANGES:
+        place = view_change(
+            seen, part_from(square, x), part_from(L, x), part_from(Q, x), look.cosine, look.radius, slack
+        )
+        if place > 1.0:
+            break
+        x = x + place * (1.0 - x)
+        seen = not seen
+        if total < found.shape[0]:
+            found[total, 0], found[total, 1], found[total, 2] = x * span, look.s, look.o
+        total += 1
+        changes += 1
+    return total
+
+
 @native_apart
 def find_view_events(
     paths: Paths, length: Array, changed: Links, near: Links, directions: Array, cosines: Array, radii: Array,
@@ -154,54 +242,16 @@ def find_view_events(
     int
         How many rows there are, those included for which there was no room.
     """
-    degree, n, m = paths.S.shape[0] - 1, paths.S.shape[1], paths.S.shape[2]
-    terms = 2 * degree + 1
-    square, L, Q, offset = np.empty(terms), np.empty(terms), np.empty(terms), np.empty(m)
-    ahead, power, product = np.empty(degree + 1), np.empty(terms), np.empty(terms)
-    total = 0
+    n, nearest, total = paths.S.shape[1], np.empty(paths.S.shape[2]), 0
     for i in range(n):
         slack = ROUNDING * (radii[i] + size)
         for j in range(n):
             if i == j or not (changed[i] or changed[j]):
                 continue
             span = min(length[i], length[j])
-            distance = 0.0
-            for k in range(m):
-                offset[k] = paths.S[0, j, k] - paths.S[0, i, k]
-                distance += offset[k] ** 2
-            if not near[i, j] and np.sqrt(distance) - reach_within(paths, i, j, span) > radii[i] + 2.0 * slack:
-                continue
-            squared_distance(paths, i, j, offset, span, square)
-            scale = 1.0
-            for a in range(degree + 1):
-                ahead[a] = 0.0
-                for k in range(m):
-                    ahead[a] += (paths.S[a, j, k] - paths.S[a, i, k]) * directions[i, k]
-                ahead[a] *= scale
-                scale *= span
-            for a in range(terms):
-                power[a], product[a] = ahead[a] if a <= degree else 0.0, 0.0
-            for a in range(degree + 1):
-                for b in range(degree + 1):
-                    product[a + b] += ahead[a] * ahead[b]
-            for a in range(terms):
-                L[a], Q[a] = 0.0, -cosines[i] * cosines[i] * square[a]
-                for b in range(a + 1):
-                    L[a] += paths.table[a, b] * power[b]
-                    Q[a] += paths.table[a, b] * product[b]
-            seen, x, changes = near[i, j], 0.0, 0
-            while x < 1.0 and changes < MOST_CHANGES:
-                place = view_change(
-                    seen, part_from(square, x), part_from(L, x), part_from(Q, x), cosines[i], radii[i], slack
-                )
-                if place > 1.0:
-                    break
-                x = x + place * (1.0 - x)
-                seen = not seen
-                if total < found.shape[0]:
-                    found[total, 0], found[total, 1], found[total, 2] = x * span, i, j
-                total += 1
-                changes += 1
+            distance, reach = nearest_offset(paths, i, j, nearest), reach_within(paths, i, j, span)
+            two, look = TwoPaths(i, j, span, distance, reach), Looking(i, j, radii[i], cosines[i], slack)
+            total = add_view_changes(paths, two, look, near[i, j], directions[i], found, total)
     return total
 
 

@@ -10,10 +10,12 @@ import numpy as np
 from flocking.arrays import Array, Links
 from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.runs.run import Run
+from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.law import Scenario
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.arrivals import NEVER
 from flocking.study.message_logs.continuous_motion import ContinuousMotion
+from flocking.study.message_logs.link_margins import margin_of
 from flocking.study.message_logs.replay_result import MOST_ERRORS, Replay, WrongEntry
 from flocking.study.message_logs.second_computation import SecondComputation, Uses
 
@@ -152,7 +154,8 @@ class ContinuousReplay(SecondComputation):
             return
         own = np.where(np.isnan(self._own), world.motion.states(seconds)[0], self._own)
         places = self._places + (seconds - self._begun)[..., None] * self._rates
-        apart = np.linalg.norm(world.space.displacement(places - own[:, None]), axis=-1)
+        offset = world.space.displacement(places - own[:, None])
+        apart = np.linalg.norm(offset, axis=-1)
         watched = self._there & ~self._open & ~np.eye(world.n, dtype=bool)
         for number, (graph, (appear, leave)) in enumerate(zip(world.graphs, self._radii, strict=True)):
             if not graph.moves:
@@ -160,8 +163,18 @@ class ContinuousReplay(SecondComputation):
             links: Links = self.links[number]
             slack = world.near * (1.0 + np.where(links, leave, appear))
             late = watched & np.where(links, apart > leave + slack, apart < appear - slack)
+            if graph.sees_headings:
+                inside = self._inside(graph, offset)
+                late = watched & np.where(links, inside < -slack, inside > slack)
             for agent, other in np.argwhere(late).tolist():
                 what = "was to break" if links[agent, other] else "was to appear"
                 yield self._finding(
                     instant, agent, None, f"its link with agent {other} {what} before, by what it knew, and did not"
                 )
+
+    def _inside(self, graph: Graph, offset: Array) -> Array:
+        """How far inside of what each agent has in view all others are, shape (N, N), from displacements (N, N, m)."""
+        n, headings = self.world.n, self.world.scenario.agents.headings
+        pairs = [(i, j) for i in range(n) for j in range(n)]
+        found = [0.0 if i == j else margin_of(graph, headings, (i, j), True, offset[i, j])[0] for i, j in pairs]
+        return np.reshape(found, (n, n))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
 from typing import NamedTuple, Self
 
@@ -14,10 +15,12 @@ from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.history import History, position_series
 from flocking.engine.delayed.messages.instants import MessageInstants
 from flocking.engine.delayed.state_jumps import StateJumps
+from flocking.engine.imperfect.cone_switches import ConeView
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.messages.knowledge import Knowledge
 from flocking.engine.imperfect.messages.samples import START
 from flocking.engine.imperfect.pair_polynomials import (
+    ROUNDING,
     Paths,
     conversion,
     nearest_offset,
@@ -25,6 +28,7 @@ from flocking.engine.imperfect.pair_polynomials import (
     too_many_images,
 )
 from flocking.engine.imperfect.pair_switches import TwoPaths, WatchedLink, add_switches
+from flocking.engine.imperfect.view_switches import Looking, View, add_view_changes
 from flocking.engine.kernels.bernstein import all_rows
 from flocking.formula.native.functions import native_apart
 from flocking.model.space import Space
@@ -59,10 +63,63 @@ class InUse(NamedTuple):
     moved: int
 
 
+class Watched(NamedTuple):
+    """When links of what agents know switch.
+
+    Parameters
+    ----------
+    ways
+        Of each graph: 0 where its links never change, `BY_VIEW` where they follow fields of view, else by distances;
+        shape (graphs,).
+    enter, leave
+        Distances of each graph and sensing agent, shape (graphs, N).
+    allowed
+        Pairs that may be linked, shape (graphs, N, N).
+    directions, cosines
+        Unit vectors in which agents look, shape (graphs, N, m), and cosines of their half angles, shape (graphs, N).
+    """
+
+    ways: Numbers
+    enter: Array
+    leave: Array
+    allowed: Links
+    directions: Array
+    cosines: Array
+
+
+BY_VIEW = 3
+"""Of a graph whose links follow fields of view, beside the numbers of
+`flocking.engine.imperfect.link_rules.LinkRules.ways`."""
+
+
+def watched(rules: LinkRules, views: Mapping[int, View | ConeView], n: int, m: int) -> Watched:
+    """When links of what agents know switch, by distances, fields of view and cones.
+
+    Parameters
+    ----------
+    rules, views
+        When true links switch, and the fields of view and cones of graphs that have some, by number.
+    n, m
+        Number of agents and of axes.
+    """
+    graphs = len(rules.ways)
+    found = Watched(
+        rules.ways.copy(), rules.appear.copy(), rules.break_.copy(), np.ones((graphs, n, n), dtype=bool),
+        np.zeros((graphs, n, m)), np.ones((graphs, n)),
+    )  # fmt: skip
+    for graph, view in views.items():
+        found.enter[graph] = found.leave[graph] = view.radii
+        if isinstance(view, View):
+            found.ways[graph], found.directions[graph], found.cosines[graph] = BY_VIEW, view.directions, view.cosines
+        else:
+            found.ways[graph], found.allowed[graph] = 1, view.allowed
+    return found
+
+
 @native_apart
 def find_message_switches(
-    own: Array, used: InUse, begin: float, span: float, lengths: Array, table: Array, links: Links, ways: Numbers,
-    enter: Array, leave: Array, size: float, found: Array,
+    own: Array, used: InUse, begin: float, span: float, lengths: Array, table: Array, links: Links, rules: Watched,
+    size: float, found: Array,
 ) -> int:  # fmt: skip
     """Fill rows (time since the step began, i, j, graph) of the first switch of every link on a step.
 
@@ -79,8 +136,8 @@ def find_message_switches(
         See `flocking.engine.imperfect.pair_polynomials.Paths`.
     links
         Links by what agents know, shape (graphs, N, N).
-    ways, enter, leave
-        See `flocking.engine.imperfect.link_rules.LinkRules`.
+    rules
+        When they switch.
     size
         Size of the coordinates, for rounding.
     found
@@ -112,10 +169,15 @@ def find_message_switches(
             distance, reach = nearest_offset(paths, 0, 1, nearest), reach_within(paths, 0, 1, span)
             two = TwoPaths(0, 1, span, distance, reach)
             for graph in range(links.shape[0]):
-                if ways[graph] == 0:
+                if rules.ways[graph] == 0 or not rules.allowed[graph, i, j]:
                     continue
-                link = WatchedLink(links[graph, i, j], enter[graph, i], leave[graph, i], i, j, graph)
-                count = add_switches(paths, two, nearest, link, size, row, 0)
+                close, far, linked = rules.enter[graph, i], rules.leave[graph, i], links[graph, i, j]
+                if rules.ways[graph] == BY_VIEW:
+                    look = Looking(i, j, far, rules.cosines[graph, i], ROUNDING * (far + size))
+                    count = add_view_changes(paths, two, look, linked, rules.directions[graph, i], row, 0)
+                else:
+                    link = WatchedLink(linked, close, far, i, j, graph)
+                    count = add_switches(paths, two, nearest, link, size, row, 0)
                 if count < 0:
                     return -1
                 if count > 0:
@@ -134,14 +196,16 @@ class MessageStates(Delays):
         What messages have stated; there are messages.
     history
         The past, which is not read.
+    views
+        The fields of view and cones of graphs that have some, by number.
     """
 
     points: MessageInstants
 
-    def __init__(self, knowledge: Knowledge, history: History) -> None:
+    def __init__(self, knowledge: Knowledge, history: History, views: Mapping[int, View | ConeView]) -> None:
         assert knowledge.messages is not None
         assert knowledge.schedule is not None
-        self.knowledge, self.history = knowledge, history
+        self.knowledge, self.history, self.views = knowledge, history, views
         # Half a nanosecond more than the shortest period, so that rounding cuts no step of a whole one.
         self.least, self.largest = (float(knowledge.schedule.period.min()) + 0.5) * NANOSECOND, 0.0
         self.points = MessageInstants(knowledge)
@@ -218,9 +282,11 @@ class MessageStates(Delays):
         )  # fmt: skip
         size = max(float(np.abs(own[0]).max()), float(np.abs(used.rows[..., :m]).max()))
 
+        by = watched(rules, self.views, n, m)
+
         def rows_in(found: Array) -> int:
             count = int(find_message_switches(
-                own, used, begin, segment.t1 - begin, lengths, conversion(DEGREE), links, *rules, size, found
+                own, used, begin, segment.t1 - begin, lengths, conversion(DEGREE), links, by, size, found
             ))  # fmt: skip
             if count < 0:
                 raise too_many_images(base + begin)

@@ -65,7 +65,7 @@ class MessagesSession(DelayedSession):
         # Agents of order 1 stand still before the start, whatever velocities it gives.
         sent = start.p if scenario.agents.order == 2 else np.zeros_like(start.p)
         self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
-        return MessageStates(self.knowledge, self.history)
+        return MessageStates(self.knowledge, self.history, self._views)
 
     @property
     def _states(self) -> MessageStates:
@@ -102,7 +102,7 @@ class MessagesSession(DelayedSession):
         self.pending = self.pending[~changed[self.pending[:, 0], self.pending[:, 1]]]
         known = self.knowledge.known(instant, agents, *self._seen(seconds))
         before = self.known_links[:, agents].copy()
-        self.knowledge.relink(known, self._rules, {})
+        self.knowledge.relink(known, self._rules, self._views)
         self.known_links[:, agents] = np.where(changed[agents], self.known_links[:, agents], before)
         self._using[agents] = True
         self._relink_known()
@@ -178,6 +178,7 @@ class MessagesSession(DelayedSession):
 
     def _go_on_with(self, new: Replacement, seconds: float, before: Array) -> None:
         super()._go_on_with(new, seconds, before)
+        self._states.views = self._views
         # Nothing of the past is read, and a step before the last one could have a gap that no jump explains any more.
         self.history.drop(seconds)
         self._using[:], self._in_use = True, [None] * self.n
