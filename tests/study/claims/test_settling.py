@@ -117,6 +117,9 @@ def test_what_is_small_may_fluctuate() -> None:
     assert {verdict(1e-3 * rng.uniform(0.5, 1.0, len(T))) for _ in range(200)} == {"holds"}
     assert verdict(1e-13 * np.exp(3 * T)) == "holds"
     assert verdict(1e-9 * np.exp(12 * T)) == "not yet"
+    # Errors of a computation, which grow from one place to the next as they like.
+    errors = [1e-5 * BOUND * 10.0 ** rng.uniform(-2, 0, len(T)) for _ in range(200)]
+    assert {verdict(np.exp(-30 * T) * 0.1 + values) for values in errors} == {"holds"}
 
 
 def test_what_passes_by_is_not_reached() -> None:

@@ -60,6 +60,9 @@ MOVED = 1e-2
 """Length of a path about the mean, as a share of the group's size, below which a constant quantity shows nothing: the
 run is short for the motion."""
 
+UNSEEN = 1e-4
+"""Share of a bound below which values may be errors of the computation, whose growth shows nothing."""
+
 FEWEST = 3
 """Frames needed in each of the two shares."""
 
@@ -261,7 +264,8 @@ def _leaves(excess: Sequence[Reals], bound: float) -> bool:
     halves = [part for tenth in excess[:2] for part in (tenth[len(tenth) // 2 :], tenth[: len(tenth) // 2])]
     for parts, share in ((halves[:3], LAST / 2), (excess[:3], LAST)):
         last, before, third = (float(part.max(initial=-bound)) + bound for part in parts)
-        if last > before > third > ROUNDING * bound and last * (last / third) ** (0.5 / share) >= bound:
+        grows = last > max(before, UNSEEN * bound) and before > third > 0
+        if grows and last * (last / third) ** (0.5 / share) >= bound:
             return True
     return False
 
