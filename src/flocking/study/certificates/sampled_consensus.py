@@ -202,6 +202,11 @@ class SampledConsensus:
         return self.messages is not None and self.messages.self_known == "measured"
 
     @property
+    def _stores_errors(self) -> bool:
+        """Whether the errors of samples that agents have used of themselves are still to reach their neighbours."""
+        return self.own_measured and self.delayed_samples > 0
+
+    @property
     def order(self) -> int:
         """2 where positions and velocities are agreed on, 1 where one of them is."""
         return 1 if self.consensus.is_first else 2
@@ -227,6 +232,8 @@ class SampledConsensus:
         Components are positions (velocities, where those alone are agreed on) and, for order 2, velocities, now and as
         many periods ago as messages are late, then what is stored of each neighbour whose messages are lost. All
         are relative to the position of agent 0, and its velocity where late positions do not determine a common motion.
+        Where agents know themselves by their samples and these are late to others, what is stored of earlier ticks are
+        the samples with their errors: an agent has used the error of its sample before its neighbours do.
 
         Parameters
         ----------
@@ -242,6 +249,9 @@ class SampledConsensus:
             steady[: self.n, self.n : block] = period * np.eye(self.n)
         for k in range(self.delayed_samples):
             steady[(k + 1) * block : (k + 2) * block, k * block : (k + 1) * block] = np.eye(block)
+        if self._stores_errors:
+            for component in range(block):
+                builder.always({block + component: 1.0}, {}, {component: 1.0})
         memory = size - len(links)
         if self.uses_older_samples:
             steady[memory:, memory:] = np.eye(len(links))
@@ -270,25 +280,30 @@ class SampledConsensus:
         number = {(int(i), int(j)): k for k, (i, j) in enumerate(links)}
         return [[number[i, j], number[j, i]] for i, j in number if i < j]
 
+    @property
+    def _error_signs(self) -> tuple[float, float]:
+        """How errors of one tick act at that tick: the agent's own in its own state, its neighbours' in theirs."""
+        return (-1.0 if self.own_measured else 0.0), (0.0 if self._stores_errors else 1.0)
+
     def _couple(self, builder: _Builder, period: float, i: int, j: int) -> None:
         """The force on i of a neighbour j whose message may be lost."""
         n, late = self.n, self.n * self.order * self.delayed_samples
-        own = -1.0 if self.own_measured else 0.0
+        own, other = self._error_signs
         if self.order == 1:
             gain = float(self.consensus.first_gain.lo)
-            builder.add({i: period * gain}, _difference(i, late + j), {j: 1.0, i: own})
+            builder.add({i: period * gain}, _difference(i, late + j), {j: other, i: own})
             return
         place, rate = float(self.consensus.place_gain.lo), float(self.consensus.rate_gain.lo)
         out_of = {late + j: place, i: -place, late + n + j: rate, n + i: -rate}
-        noise = {j: place, i: own * place, n + j: rate, n + i: own * rate}
+        noise = {j: other * place, i: own * place, n + j: other * rate, n + i: own * rate}
         builder.add({i: 0.5 * period * period, n + i: period}, out_of, noise)
 
     def _remember(self, builder: _Builder, period: float, i: int, j: int, place: int) -> None:
         """The force on i of what it stores of j, and of what a new sample changes if it arrives."""
         gain, late = float(self.consensus.first_gain.lo), self.n * self.delayed_samples
-        own = -1.0 if self.own_measured else 0.0
+        own, other = self._error_signs
         builder.always({i: period * gain}, _difference(i, place), {i: own})
-        builder.add({i: period * gain, place: 1.0}, _difference(place, late + j), {j: 1.0})
+        builder.add({i: period * gain, place: 1.0}, _difference(place, late + j), {j: other})
 
     def _reduced(self, full: RandomRecursion) -> RandomRecursion:
         n, block = self.n, self.n * self.order
