@@ -12,6 +12,8 @@ from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.bodies.actuators import Limited
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
+from flocking.model.world.control import Continuous, Control, Held
+from flocking.model.world.times import PER_SECOND, Instants
 from flocking.study.certificates.certificate import (
     NOT_APPLICABLE,
     Certificate,
@@ -38,7 +40,10 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
 
     A force of at most F stops a mass m at the speed v in no less than m v^2/(2 F). Two agents at the distance g that
     close in at the speed w can avoid contact along the line between them if and only if
-    w^2 <= 2 (F_i/m_i + F_j/m_j) g.
+    w^2 <= 2 (F_i/m_i + F_j/m_j) g. Under held control no force acts before an agent's first tick and the latency: it
+    goes on with its velocity until then. A force that is held for whole periods T stops an agent on at most F T^2/(8 m)
+    and v T/2 more: v = k F T/m + r with 0 <= r < F T/m takes r T/2 - m r^2/(2 F) more, the last period with less force.
+    To avoid contact a constant force suffices, which any period holds.
 
     Parameters
     ----------
@@ -58,24 +63,46 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     )
     if not all(h.holds for h in hypotheses):
         return not_applicable(STOPPING, source, hypotheses)
+    control = scenario.control
+    hypotheses = until_failed(
+        *(lambda h=h: h for h in hypotheses),
+        lambda: Hypothesis(
+            "control is continuous or held, and nothing changes the force that is held",
+            type(control) in (Continuous, Held), control.summary or "continuous",
+        ),
+        lambda: Hypothesis(
+            "agents know the present state", scenario.information.ideal, scenario.information.summary or "so"
+        ),
+    )  # fmt: skip
+    if not all(h.holds for h in hypotheses):
+        return tuple(decided(key, source, hypotheses) for key in STOPPING)
     assert type(body) is Limited
     n, start = scenario.start.n, scenario.start
     most = Interval.of(np.broadcast_to(np.asarray(body.force, dtype=np.float64), n)) / Interval.of(
         np.broadcast_to(np.asarray(body.masses, dtype=np.float64), n)
     )
+    first = _first_forces(control, n)
     squares = Interval.of(np.zeros(n))
     for column in start.p.T:
         squares = squares + Interval.of(column).power(2)
     ways = squares / (most * Interval.of(2.0))
+    if isinstance(control, Held):
+        speeds = Interval(np.maximum(squares.lo, 0.0), squares.hi).sqrt()
+        ways = ways + speeds * _in_seconds(first)
+        period = _in_seconds(control.schedule(n).period)
+        more = most * period.power(2) * Interval.of(0.125), speeds * period * Interval.of(0.5)
+        ways = Interval(ways.lo, (ways + Interval(np.zeros(n), np.minimum(more[0].hi, more[1].hi))).hi)
     way = Interval.of(float(ways.lo.max()), float(ways.hi.max()))
     found = decided(
         STOPPING[0], source, hypotheses, bound=way, side="is", quantity="least distance on which all agents can stop",
         statement=f"No law stops every agent on less than {rounded_down(way.lo)}; braking does on "
         f"{rounded_up(way.hi)}.",
     )  # fmt: skip
-    share = _contact_share(start.q, start.p, most)
+    share = _contact_share(start.q, start.p, most, first)
     reason = f"to brake before contact two agents need {rounded_up(share.hi, 6)} times their largest forces"
     reason = "" if share.hi <= 1.0 else reason
+    if np.isinf(share.lo):
+        reason = "two agents meet before both could brake, or are at one point"
     return found, decided(
         STOPPING[1], source, hypotheses, reason=reason, bound=share, side="is",
         quantity="share of their largest forces that two agents need to brake before contact",
@@ -85,8 +112,31 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     )  # fmt: skip
 
 
-def _contact_share(q: Array, p: Array, most: Interval) -> Interval:
-    """The largest w^2/(2 (a_i + a_j) g) of all pairs, enclosed; infinite of two agents at one point."""
+def _first_forces(control: Control, n: int) -> Instants:
+    """Times at which each agent's first force acts, whole nanoseconds from the start, shape (N,)."""
+    if not isinstance(control, Held):
+        return np.zeros(n, dtype=np.int64)
+    return control.schedule(n).phase + control.latency_in_nanoseconds
+
+
+def _in_seconds(times: Instants) -> Interval:
+    """Whole nanoseconds as enclosed seconds."""
+    found = times.astype(np.float64)
+    # Above 2^53 not every whole number is one of double precision.
+    around = Interval(
+        np.where(found > 0.0, np.nextafter(found, 0.0), 0.0), np.where(found > 0.0, np.nextafter(found, np.inf), 0.0)
+    )
+    return around / Interval.of(float(PER_SECOND))
+
+
+def _contact_share(q: Array, p: Array, most: Interval, first: Instants) -> Interval:
+    """The least share s of their largest forces by which all pairs avoid contact, enclosed; infinite where none does.
+
+    Along the line between the agents at the start the gap is g - w t + s a (t - c)^2/2 + s b (t - d)^2/2, each square
+    from its time on, c <= d. Its least value is not negative from s = w^2/(2 a (g - w c)) on where it is reached before
+    d, that is where 2 (g - w c) <= w (d - c). Else s solves a b (d - c)^2 s^2 + 2 B s = w^2 with
+    B = a (g - w c) + b (g - w d), which for c = d is w^2/(2 (a + b) (g - w c)).
+    """
     i, j = np.triu_indices(len(q), 1)
     if not len(i):
         return Interval.of(0.0)
@@ -95,14 +145,37 @@ def _contact_share(q: Array, p: Array, most: Interval) -> Interval:
         away, speed = (Interval.of(x[j, k]) - Interval.of(x[i, k]) for x in (q, p))
         along, square = along + away * speed, square + away.power(2)
     distance = Interval(np.maximum(square.lo, 0.0), square.hi).sqrt()
+    # Pairs at one point are set apart below, so that nothing is divided by zero.
+    together = ~(distance.lo > 0.0)
+    distance = Interval(np.where(together, 1.0, distance.lo), np.where(together, 1.0, distance.hi))
     closing = -along
-    # w = -dq.dv/g, so that w^2/g = (dq.dv)^2/g^3.
-    squared = Interval(np.maximum(closing.lo, 0.0), np.maximum(closing.hi, 0.0)).power(2)
-    able = Interval(most.lo[i], most.hi[i]) + Interval(most.lo[j], most.hi[j])
-    share = squared / (able * distance.power(3) * Interval.of(2.0))
-    together = distance.lo <= 0.0
-    ends = (float(np.where(together, np.inf, x).max()) for x in (share.lo, share.hi))
+    closing = Interval(np.maximum(closing.lo, 0.0), np.maximum(closing.hi, 0.0)) / distance
+    closing = Interval(np.maximum(closing.lo, 0.0), closing.hi)
+    earlier, later = np.where(first[i] <= first[j], i, j), np.where(first[i] <= first[j], j, i)
+    a, b = (Interval(most.lo[k], most.hi[k]) for k in (earlier, later))
+    c, wait = _in_seconds(first[earlier]), _in_seconds(first[later] - first[earlier])
+    left = distance - closing * c
+    both = a * left + b * (left - closing * wait)
+    squared, waited = closing.power(2), closing * wait
+    alone = _quotient(squared, a * left * Interval.of(2.0))
+    under = both.power(2) + a * b * wait.power(2) * squared
+    together_brake = _quotient(squared, both + Interval(np.maximum(under.lo, 0.0), under.hi).sqrt())
+    twice = left * Interval.of(2.0)
+    before, after = twice.hi <= waited.lo, twice.lo > waited.hi
+    lo = np.where(before, alone.lo, np.where(after, together_brake.lo, np.minimum(alone.lo, together_brake.lo)))
+    hi = np.where(before, alone.hi, np.where(after, together_brake.hi, np.maximum(alone.hi, together_brake.hi)))
+    ends = (float(np.where(together, np.inf, x).max()) for x in (lo, hi))
     return Interval.of(*ends)
+
+
+def _quotient(squared: Interval, under: Interval) -> Interval:
+    """How much force a squared speed needs: none where it is zero, infinitely much where no way is left."""
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        lo, hi = squared.lo / under.hi, squared.hi / under.lo
+    still = squared.hi <= 0.0
+    lo = np.where(under.hi > 0.0, np.nextafter(np.maximum(lo, 0.0), 0.0), np.where(still, 0.0, np.inf))
+    hi = np.where(under.lo > 0.0, np.nextafter(hi, np.inf), np.inf)
+    return Interval(lo, np.where(still, 0.0, hi))
 
 
 def energy_and_limits(scenario: Scenario) -> tuple[Certificate, ...]:
