@@ -17,10 +17,10 @@ from flocking.engine.discrete.law_in_force import DiscreteLaw, Known
 from flocking.engine.discrete.linked_pairs import Neighbours
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.fixed_step.threads import check_threads
-from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
 from flocking.engine.runs.fidelity import Fidelity, LedgerRule
 from flocking.engine.runs.recorder import MOST_LINKED, Recorder
-from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
+from flocking.errors import NotFinite, SimulationError, UnsupportedLaw
 from flocking.model.bodies.discrete_bodies import DiscreteBody
 from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.law import Law, Scenario
@@ -143,8 +143,7 @@ class DiscreteSession(Session):
 
     def advance(self, to: float, seconds: float = math.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time."""
-        if not to >= self.time:
-            raise InvalidInput("DiscreteSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        to = time_to_reach("DiscreteSession", to, self.time)
         stop, end = clock.monotonic() + seconds, self._instant(to)
         try:
             while True:

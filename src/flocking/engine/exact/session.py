@@ -32,7 +32,7 @@ from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.exact.step_search import found_step
 from flocking.engine.exact.switch_records import write_rows, write_switch
 from flocking.engine.kernels.ledger_rows import DEPARTED, MORE, WORKED
-from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.reference.plants import known_plant
@@ -139,8 +139,7 @@ class ExactSession(AdaptiveSession):
 
     def advance(self, to: float, seconds: float = np.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time. Where steps fall depends on neither."""
-        if not to >= self.time:
-            raise InvalidInput("ExactSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        to = time_to_reach("ExactSession", to, self.time)
         own, end = (self._origin.own_time(t) for t in (to, self.scenario.t_end))
         stop = time.monotonic() + seconds
         try:

@@ -25,12 +25,12 @@ from flocking.engine.imperfect.pair_switches import pair_events, radial_speed
 from flocking.engine.imperfect.powers import SEVEN, Rule
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.imperfect.view_switches import view_events, views_of
-from flocking.engine.protocol.session import Session, Stored
+from flocking.engine.protocol.session import Session, Stored, time_to_reach
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Closest, LedgerRow, is_tangential
-from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
+from flocking.errors import SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
@@ -210,8 +210,7 @@ class ImperfectSession(Session):
 
     def advance(self, to: float, seconds: float = math.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time."""
-        if not to >= self.time:
-            raise InvalidInput(type(self).__name__, "to", f"must not be before the session's time, {self.time:g}", to)
+        to = time_to_reach(type(self).__name__, to, self.time)
         stop, before, events = clock.monotonic() + seconds, (self.time, self.steps), 0
         end = to - self._base
         last = self.scenario.t_end - self._base

@@ -16,7 +16,7 @@ from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.provenance import provenance
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Accuracy, Closest, Run
-from flocking.errors import UnsupportedLaw
+from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.information import Information
@@ -54,6 +54,34 @@ def interrupted_at(time: float) -> str:
         When it was left.
     """
     return f"interrupted at t = {time:.9g}"
+
+
+def time_to_reach(owner: str, to: float, now: float, slack: float = 0.0) -> float:
+    """The time ``to`` as a plain float: what sessions note of it is saved as JSON, which knows no other numbers.
+
+    Parameters
+    ----------
+    owner
+        The class of the session, for messages.
+    to
+        Time to reach.
+    now
+        The session's time.
+    slack
+        How far before it ``to`` may lie, such as a step.
+
+    Raises
+    ------
+    InvalidInput
+        When ``to`` is not a number, or lies in the past.
+    """
+    try:
+        found = float(to)
+    except (TypeError, ValueError):
+        raise InvalidInput(owner, "to", "must be a number", to) from None
+    if not found >= now - slack:
+        raise InvalidInput(owner, "to", f"must not be before the session's time, {now:g}", to)
+    return found
 
 
 class Session(ABC):

@@ -27,7 +27,7 @@ from flocking.engine.lammps.domains.options import DomainOptions
 from flocking.engine.lammps.domains.particles import RankParticles
 from flocking.engine.lammps.ledger import observed_state
 from flocking.engine.lammps.ranks import Ranks
-from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
 from flocking.engine.runs.frame_parts import FramePart
 from flocking.engine.runs.recorder import MOST_LINKED
 from flocking.engine.tiles import checks
@@ -42,7 +42,7 @@ from flocking.engine.tiles.planted_law import Planted
 from flocking.engine.tiles.records import TilesRecorder
 from flocking.engine.tiles.session import TilesSession
 from flocking.engine.tiles.snapshot import TilesSnapshot
-from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
+from flocking.errors import NotFinite, SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
@@ -129,8 +129,7 @@ class DomainSession(TilesSession):
 
         The first rank decides for all when the time is over, and whether Ctrl-C was pressed.
         """
-        if not to >= self.time - self.step:
-            raise InvalidInput("DomainSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        to = time_to_reach("DomainSession", to, self.time, self.step)
         stop, particles = time.monotonic() + seconds, self._particles
         try:
             with self.ranks.bound():

@@ -18,14 +18,14 @@ from flocking.engine.lammps.domains.session import INTERRUPTED, TIME_IS_OVER, Do
 from flocking.engine.lammps.held.checkpoint import Carried, HeldRankFields, pack_held_ranks, unpacked
 from flocking.engine.lammps.held.particles import HeldRankParticles
 from flocking.engine.lammps.ranks import Ranks
-from flocking.engine.protocol.session import Packed, Stored
+from flocking.engine.protocol.session import Packed, Stored, time_to_reach
 from flocking.engine.runs.recorder import MOST_LINKED
 from flocking.engine.tiles.held.held_ledger import HeldLedger
 from flocking.engine.tiles.held.session import HeldTilesSession
 from flocking.engine.tiles.held.true_state import ON_STEP
 from flocking.engine.tiles.kernels.control_kernel import control_spec
 from flocking.engine.tiles.options import TilesOptions
-from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
+from flocking.errors import SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.times import NANOSECOND
@@ -90,8 +90,7 @@ class HeldDomainSession(DomainSession, HeldTilesSession):
 
         The first rank decides for all when the time is over, and whether Ctrl-C was pressed.
         """
-        if not to >= self.time - self.step * ON_STEP:
-            raise InvalidInput("DomainSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        to = time_to_reach("DomainSession", to, self.time, self.step * ON_STEP)
         stop, particles = time.monotonic() + seconds, self._particles
         try:
             with self.ranks.bound():

@@ -12,7 +12,7 @@ from flocking.arrays import Links
 from flocking.engine import interruption
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.protocol.body_chains import of_points, point_of
-from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.held.checkpoint import pack_held, packed_options, recall_held
@@ -136,8 +136,7 @@ class HeldTilesSession(HeldTruth):
 
     def advance(self, to: float, seconds: float = np.inf) -> None:
         """Take steps until time ``to``, or for ``seconds`` of wall time; frames lie anywhere between."""
-        if not to >= self.time - self.step * ON_STEP:
-            raise InvalidInput("TilesSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        to = time_to_reach("TilesSession", to, self.time, self.step * ON_STEP)
         stop = time.monotonic() + seconds
         try:
             while self._reaches_next(to):
