@@ -324,6 +324,39 @@ class HeldActuation:
             self.workers.each(slow_down, size // 16, agents, into, marked, most, terms, target)
         self._blow()
 
+    def mean_acting(self, force: Reals, h: float, ids: Numbers32) -> Reals:
+        """What counts as the force at the beginning of a step, so that its mean with that at the end is the true one.
+
+        A force f = g + c s(t) with s(0) = 1 has the mean g + c I/h, where I is the integral of s: at the beginning c
+        counts 2 I/h - s(h) times. That is nearly once for lags far longer than the step, hardly for far shorter ones.
+
+        Parameters
+        ----------
+        force
+            What lagged forces tend to, shape (m, size).
+        h
+            Length of the step.
+        ids
+            As for `act`.
+        """
+        assert self.lag is not None
+        assert self.constants is not None
+        tau = np.asarray(self.constants.time_constant, dtype=np.float64)
+        tau = tau[ids] if tau.ndim else tau
+        off = self.lag.astype(np.float64) - force
+        most = self.largest_rates(ids)
+        if len(most):
+            far = np.sqrt((off**2).sum(axis=0))
+            rate = most / np.where(far > 0.0, far, 1.0)
+            steady = np.clip(np.where(far > 0.0, 1.0 / rate - tau, 0.0), 0.0, h)
+            left = 1.0 - rate * steady
+            last = left * np.exp(-(h - steady) / tau)
+            integral = steady * (1.0 - 0.5 * rate * steady) + tau * (left - last)
+        else:
+            last = np.exp(-h / tau)
+            integral = -tau * np.expm1(-h / tau)
+        return np.asarray((force + self.beside + (2.0 * integral / h - last) * off).astype(force.dtype))
+
     def _blow(self) -> None:
         """Take the gusts in force that act beside lagged forces."""
         self.beside[:] = 0.0

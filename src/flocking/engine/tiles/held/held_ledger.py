@@ -125,30 +125,34 @@ def at_rest(scenario: Scenario) -> bool:
     return scenario.energy.leader is None and scenario.energy.frame != "centre of mass"
 
 
-def powers_of(scenario: Scenario, particles: HeldParticles, t: float, *, lawful: bool = False) -> Array:
+def powers_of(
+    scenario: Scenario, particles: HeldParticles, t: float, *, lawful: bool = False, step: float | None = None
+) -> Array:
     """Power of the forces that act, and that in the frame of the energy, shape (2,).
 
     With ``lawful`` also the power in that frame of the desired forces of the law, shape (3,), unless the frame is at
-    rest: then a pass has just left the rates of change of the velocities under the law in the other array.
+    rest: then a pass has just left the rates of change of the velocities under the law in the other array. With
+    ``step`` forces count as they do at the beginning of a step of this length.
     """
     m, body, energy = particles.m, scenario.agents, scenario.energy
     motion, ids, moves = particles.motion, particles.ids, not at_rest(scenario)
     # One pass over the agents in the frame of the lists, in which they are slow; other frames follow from its sums.
     frame = particles.displacement.velocity.astype(np.float64) if moves else np.zeros(m)
     found = np.zeros((particles.tiles, 2 + 3 * m if moves else 2))
+    force = particles.acting_force if step is None else particles.mean_force(step)
     particles.workers.each(
-        force_sums, particles.tiles, particles.agents, particles.acting_force, particles.successor,
+        force_sums, particles.tiles, particles.agents, force, particles.successor,
         motion.by_place(body.masses, ids), motion.by_place(body.damping, ids), frame, particles.n, moves,
         moves and lawful, found,
     )  # fmt: skip
     sums = np.asarray(particles.group_sum(found.sum(axis=0)))
     if not moves:
         return np.array([sums[0], sums[0]])
-    force, momentum, desired = np.split(sums[2:], 3)
+    total, momentum, desired = np.split(sums[2:], 3)
     if energy.leader is not None:
         other = np.asarray(energy.leader.at(t)[1], dtype=np.float64)
     else:
         masses = np.asarray(body.masses, dtype=np.float64)
         other = frame + momentum / float(masses.sum() if masses.ndim else masses * particles.everyone)
-    work = [sums[0] + frame @ force, sums[0] - (other - frame) @ force]
+    work = [sums[0] + frame @ total, sums[0] - (other - frame) @ total]
     return np.array([*work, sums[1] - (other - frame) @ desired] if lawful else work)

@@ -225,6 +225,12 @@ class HeldParticles(ParticleArrays):
         """The force that acts now, shape (m, size); of agents of order 1 their velocity."""
         return self.force if self.actuation is None else self.actuation.acting(self.force)
 
+    def mean_force(self, h: float) -> Reals:
+        """`acting_force`, or where forces lag what counts as it for a step ``h``, see `HeldActuation.mean_acting`."""
+        if self.actuation is None or self.actuation.lag is None:
+            return self.acting_force
+        return self.actuation.mean_acting(self.force, h, self.ids[: self.size])
+
     @property
     def seen_force(self) -> Reals:
         """The force that acts at the time that is looked at, shape (m, size); of agents of order 1 their velocity."""

@@ -237,8 +237,10 @@ class HeldTilesSession(HeldTruth):
         if changed or gusts:
             particles.exert(now, begun, gusts=gusts)
             changed = True
-        if changed and self.options.ledger and not self._sums_powers:
-            self._memory.ledger.act(powers_of(self.scenario, particles, t))
+        lags = particles.actuation is not None and particles.actuation.lag is not None
+        begins = changed or (lags and self._memory.looked == now * NANOSECOND)
+        if begins and self.options.ledger and not self._sums_powers:
+            self._memory.ledger.act(powers_of(self.scenario, particles, t, step=self.step))
 
     def _tick(self, t: float, tick: Links) -> None:
         """Let agents marked in ``tick``, shape (N,) or (1,), compute their controls, which act after the latency."""
