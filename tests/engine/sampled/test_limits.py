@@ -7,7 +7,7 @@ import flocking as fk
 from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.session import SampledSession
-from flocking.errors import UnsupportedLaw
+from flocking.errors import InvalidInput, UnsupportedLaw
 from tests.engine.sampled.test_sessions import same
 
 PAIR = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("r**2/2")), fk.Consensus(1.0)])
@@ -117,3 +117,32 @@ def test_a_limit_that_is_left_out_is_caught(monkeypatch):
 def test_a_safety_filter_is_for_bodies_that_brake_as_it_says():
     with pytest.raises(UnsupportedLaw, match="SafetyFilter is for"):
         fk.start(scenario(control=fk.SafetyFilter(0.1, distance=0.5, acceleration=2.0)))
+
+
+@pytest.mark.parametrize(
+    ("bodies", "t_end", "said"),
+    [
+        (fk.Lagged(fk.PointMass(), 1e-6), 0.5, "time_constant must be at least 1.6e-06"),
+        (fk.Limited(fk.Lagged(fk.PointMass(), 1e-300), rate=1.0), 0.5, "time_constant"),
+        (fk.Lagged(fk.PointMass(), 1e-9), 1e-5, "time_constant must be at least 3.2e-08"),
+        (fk.PointMass(damping=1e7), 0.5, "damping must be at most 625000 times the mass"),
+        (fk.PointMass(masses=[1.0, 1e-9], damping=1.0), 0.5, "damping"),
+    ],
+)
+def test_time_constants_that_would_make_too_many_pieces_are_refused_by_name(bodies, t_end, said):
+    """Pieces are 1/32 of a time constant: at most ten million of them, none below a nanosecond."""
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("r**2/2"))])
+    made = fk.Scenario(law, fk.State([[0.0], [1.0]]), t_end=t_end, bodies=bodies, control=fk.Held(t_end / 5))
+    with pytest.raises(InvalidInput, match=said):
+        fk.start(made, engine="sampled")
+
+
+def test_a_tiny_largest_rate_holds_a_lagged_force_without_a_warning(recwarn):
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("r**2/2"))])
+    made = fk.Scenario(
+        law, fk.State([[0.0], [1.0]]), t_end=0.2, frames=3, control=fk.Held(0.1),
+        bodies=fk.Limited(fk.Lagged(fk.PointMass(), 0.2), rate=1e-300),
+    )  # fmt: skip
+    run = fk.simulate(made, engine="sampled", progress=False)
+    assert np.abs(run.q[-1] - run.q[0]).max() < 1e-290
+    assert not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 
+import numpy as np
+
 from flocking.engine.imperfect.supported_laws import check_law
-from flocking.engine.protocol.body_chains import check_integrated, point_of, why_not_closed
+from flocking.engine.protocol.body_chains import check_integrated, members_of, point_of, why_not_closed
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.repeats import Repeats, counted_steps
 from flocking.engine.protocol.session import Packed, Session, Stored
@@ -14,21 +16,31 @@ from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.runs.run import Run
 from flocking.engine.sampled.integrated.session import IntegratedSession
 from flocking.engine.sampled.leader_news import check_leader_messages
+from flocking.engine.sampled.motion import SERIES_SHARE
 from flocking.engine.sampled.random_rounding import RandomRoundingSession
 from flocking.engine.sampled.safety import check_filter
 from flocking.engine.sampled.session import SampledOptions, SampledSession
-from flocking.errors import UnsupportedLaw
+from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.bodies.actuators import Lagged
 from flocking.model.law import Law, Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.world.control import Held
 from flocking.model.world.information import Instant, Messages
 from flocking.model.world.safety_filters import SafetyFilter
+from flocking.model.world.times import NANOSECOND
 
 SEEDS = (1, 2)
 """Seeds of the errors of repetitions."""
 
 FINER = (0.1, 0.01)
 """Tolerance of each repetition of a motion that is integrated, as a share of that of the run."""
+
+
+SECOND = 2
+"""Order of bodies with inertia, which damping slows down."""
+
+MOST_PIECES = 1e7
+"""Pieces of polynomials up to which a run begins: some of an hour for a few agents, and it takes longer with each."""
 
 
 class SampledEngine(Engine):
@@ -60,6 +72,7 @@ class SampledEngine(Engine):
             check_filter(scenario)
         if why_not_closed(scenario.agents):
             check_integrated(self.name, scenario.agents)
+        _check_pieces(scenario)
         check_law(self.name, scenario, plant, point_of(scenario.agents), obstacles=True, views=True)
         check_leader_messages(self.name, scenario)
 
@@ -98,3 +111,26 @@ def _finer(scenario: Scenario, share: float) -> Session:
 
 ENGINE = SampledEngine()
 """The one entry."""
+
+
+def _check_pieces(scenario: Scenario) -> None:
+    """Refuse time constants so short that polynomials of a share of them would be too many, or below a nanosecond."""
+    body, length = scenario.agents, scenario.t_end - scenario.start.t
+    shortest = max(length / MOST_PIECES, NANOSECOND) / SERIES_SHARE
+    where = "in engine='sampled' for a run of this length"
+    for _, chain, _ in members_of(body):
+        for part in chain:
+            if isinstance(part, Lagged) and not float(np.min(part.time_constant)) >= shortest:
+                raise InvalidInput(
+                    "Lagged", "time_constant", f"must be at least {shortest:g} {where}",
+                    float(np.min(part.time_constant)),
+                    "Leave the lag out, which moves agents nearly as well, use engine='tiles', or end the run earlier.",
+                )  # fmt: skip
+    if body.order != SECOND or why_not_closed(body):
+        return
+    fastest = float(np.max(np.asarray(body.damping) / np.asarray(body.masses)))
+    if not fastest * shortest <= 1.0:
+        raise InvalidInput(
+            type(body).__name__, "damping", f"must be at most {1.0 / shortest:g} times the mass {where}",
+            fastest, "Damp less, use engine='tiles', or end the run earlier.",
+        )  # fmt: skip

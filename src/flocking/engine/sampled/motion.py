@@ -141,7 +141,8 @@ class Motion:
         slope = (drive.force - drive.lag) / tau
         size = np.sqrt((slope**2).sum(axis=1, keepdims=True))
         steady = size > most
-        with np.errstate(divide="ignore", invalid="ignore"):
+        # A largest rate that is tiny against the slope scales it to this rate all the same.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             A[1] = np.where(steady, slope * (most / size), slope)
         for k in range(2, len(A)):
             A[k] = np.where(steady, 0.0, -A[k - 1] / (tau * k))
@@ -158,7 +159,8 @@ class Motion:
         far = np.sqrt(((self.force - self.lag) ** 2).sum(axis=1))
         most, tau = self.largest_rate[:, 0], self._tau[:, 0]
         rows = far / tau > most
-        left = np.ceil((far[rows] / most[rows] - tau[rows]) * PER_SECOND)
+        with np.errstate(over="ignore"):
+            left = np.ceil((far[rows] / most[rows] - tau[rows]) * PER_SECOND)
         found[rows] = np.clip(left, 1.0, float(LONGEST_PIECE)).astype(np.int64)
         return found
 
