@@ -239,3 +239,16 @@ def test_other_changes_of_a_running_session_are_refused():
         session.replace_information(replace(RADIO, expires=0.5))
     with pytest.raises(UnsupportedLaw, match="not whether they are"):
         session.replace_information(fk.Instant())
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("control", [fk.Held(0.1), fk.Continuous()], ids=["held", "continuous"])
+def test_huge_errors_of_samples_hide_agents_without_a_warning(control):
+    """A distance of 1e300 has no square: no link appears, and agents fly on."""
+    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("(r-1)**2/2")), fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [1.5, 0.0]], [[0.0, 0.1], [0.0, 0.0]])
+    made = fk.Scenario(
+        law, start, t_end=0.5, frames=3, control=control, information=fk.Messages(0.1, noise=fk.WhiteNoise(1e300)),
+    )  # fmt: skip
+    run = fk.simulate(made, progress=False)
+    assert run.q[-1] == pytest.approx(start.q + 0.5 * start.p)

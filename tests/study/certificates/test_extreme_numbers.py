@@ -11,6 +11,7 @@ import pytest
 import flocking as fk
 from flocking.formula.intervals import Interval
 from flocking.study.certificates.certificate import GRANTED, Certificate, Enclosure, decided
+from flocking.study.certificates.enclosed_matrices import norm_bound
 
 START = fk.State([[0.0, 0], [1, 0], [0, 1]], [[0.0, 0.1], [0, 0], [0.2, 0]])
 
@@ -65,3 +66,10 @@ def test_json_has_null_for_an_infinite_end():
     one = Certificate("x", "", "", (), GRANTED, bound=Enclosure(-np.inf, 2.0))
     text = json.dumps(one.as_dict(), allow_nan=False)
     assert json.loads(text)["bound"] == {"lower": None, "upper": 2.0}
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_bound_that_overflows_is_infinite_without_a_warning():
+    assert norm_bound(np.full((2, 2), 1e200)) == np.inf
+    assert norm_bound(np.full((2, 2), 1e307)) == np.inf
+    assert norm_bound(np.full((2, 2), 1e100)) == pytest.approx(2e100)

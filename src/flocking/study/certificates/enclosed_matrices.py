@@ -35,7 +35,9 @@ def norm_bound(matrix: Array) -> float:
     matrix
         Elements that are not negative, shape (n, m).
     """
-    return INFLATION * float(np.sqrt(matrix.sum(axis=0).max(initial=0.0) * matrix.sum(axis=1).max(initial=0.0)))
+    # A bound that overflows is infinite and proves nothing.
+    with np.errstate(over="ignore"):
+        return INFLATION * float(np.sqrt(matrix.sum(axis=0).max(initial=0.0) * matrix.sum(axis=1).max(initial=0.0)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -304,7 +304,9 @@ class Knowledge:
         """
         agents, m = known.agents, self.m
         offset = self.space.displacement(known.positions(m) - known.own[:, None, :m])
-        distance = np.sqrt((offset**2).sum(axis=-1))
+        # A sample with a huge error states a distance that is infinite for its square.
+        with np.errstate(over="ignore"):
+            distance = np.sqrt((offset**2).sum(axis=-1))
         for graph in np.flatnonzero(rules.ways).tolist():
             links = rules.followed(graph, self.links[graph, agents], distance, agents) & known.there
             links[np.arange(len(agents)), agents] = False
