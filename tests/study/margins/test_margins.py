@@ -380,3 +380,13 @@ def test_a_conclusion_that_only_the_ideal_world_keeps_is_sought_three_times():
     assert (table.runs, table.status) == (5, "finished")
     assert table.varied[0].levels == (0.00625, 0.025, 0.1, 0.4)
     assert table.cells[0][2:6] == ("ideal", "1/1", "one run", "0.00625")
+
+
+@pytest.mark.parametrize("levels", [[2.0], [0.0, 0.5, 1.5]])
+def test_levels_of_which_no_world_is_made_are_named(levels):
+    """A probability of 2: the user gave a level, and no part of that name."""
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("r**2/2"))])
+    made = fk.Scenario(law, fk.State([[0.0], [1.0]]), t_end=1.0, bodies=fk.SingleIntegrator())
+    with pytest.raises(fk.InvalidInput, match=r"margins: levels\['loss'\] .* from 0 to 1") as error:
+        fk.margins(made, ["loss"], levels={"loss": levels})
+    assert error.value.value == levels[-1]

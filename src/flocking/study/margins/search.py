@@ -346,7 +346,10 @@ def find_margins(
             grids[name], words[name] = grid, scenario.imperfections
         except Exception as error:
             if isinstance(error, InvalidInput) and (levels or {}).get(name) is not None:
-                raise
+                if error.owner == "margins":
+                    raise
+                rule = f"must be of worlds that there are, in which {error.owner}: {error.parameter} {error.rule}"
+                raise InvalidInput("margins", f"levels[{name!r}]", rule, error.value, error.fix) from error
             refused[name] = reason_of(error)
     worlds = Worlds(make, {name: chosen[name] for name in grids}, base)
     folder = None if out is None else Path(out)
