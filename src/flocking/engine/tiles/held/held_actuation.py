@@ -11,6 +11,7 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.held_speeds import fit_speed, speed_terms
 from flocking.engine.protocol.body_chains import chain_of
 from flocking.engine.tiles.held.lagged_motion import LagConstants
+from flocking.engine.tiles.held.limited_rates import beginning_share
 from flocking.engine.tiles.held.turning import Pushed, TurningPoint, headings_after
 from flocking.engine.tiles.simd.vectors import double_of, load, narrow, root, select, spread, store
 from flocking.formula.native.functions import native
@@ -325,37 +326,18 @@ class HeldActuation:
         self._blow()
 
     def mean_acting(self, force: Reals, h: float, ids: Numbers32) -> Reals:
-        """What counts as the force at the beginning of a step, so that its mean with that at the end is the true one.
-
-        A force f = g + c s(t) with s(0) = 1 has the mean g + c I/h, where I is the integral of s: at the beginning c
-        counts 2 I/h - s(h) times. That is nearly once for lags far longer than the step, hardly for far shorter ones.
+        """What counts as the force at the beginning of a step; see `beginning_share`.
 
         Parameters
         ----------
-        force
-            What lagged forces tend to, shape (m, size).
-        h
-            Length of the step.
-        ids
-            As for `act`.
+        force, h, ids
+            What lagged forces tend to, shape (m, size); length of the step; as for `act`.
         """
         assert self.lag is not None
         assert self.constants is not None
-        tau = np.asarray(self.constants.time_constant, dtype=np.float64)
-        tau = tau[ids] if tau.ndim else tau
-        off = self.lag.astype(np.float64) - force
-        most = self.largest_rates(ids)
-        if len(most):
-            far = np.sqrt((off**2).sum(axis=0))
-            rate = most / np.where(far > 0.0, far, 1.0)
-            steady = np.clip(np.where(far > 0.0, 1.0 / rate - tau, 0.0), 0.0, h)
-            left = 1.0 - rate * steady
-            last = left * np.exp(-(h - steady) / tau)
-            integral = steady * (1.0 - 0.5 * rate * steady) + tau * (left - last)
-        else:
-            last = np.exp(-h / tau)
-            integral = -tau * np.expm1(-h / tau)
-        return np.asarray((force + self.beside + (2.0 * integral / h - last) * off).astype(force.dtype))
+        tau, off = np.asarray(self.constants.time_constant), self.lag.astype(np.float64) - force
+        share = beginning_share(off, self.largest_rates(ids), tau[ids] if tau.ndim else tau, h)
+        return np.asarray((force + self.beside + share * off).astype(force.dtype))
 
     def _blow(self) -> None:
         """Take the gusts in force that act beside lagged forces."""

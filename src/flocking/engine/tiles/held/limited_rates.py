@@ -106,3 +106,31 @@ def steady_times(gap: Array, most: Array, time_constant: Array) -> Array:
     """
     far = np.sqrt((gap**2).sum(axis=1))
     return np.asarray(np.maximum(far / most - time_constant, 0.0))
+
+
+def beginning_share(off: Array, most: Array, tau: Array, h: float) -> Array:
+    """How often a change that is still to come counts at the beginning of a step, so that its mean is right.
+
+    A force f = g + c s(t) with s(0) = 1 has the mean g + c I/h, where I is the integral of s: at the beginning c counts
+    2 I/h - s(h) times. That is nearly once for lags far longer than the step, hardly for far shorter ones.
+
+    Parameters
+    ----------
+    off
+        The c of each agent, shape (m, size).
+    most
+        Largest rates, shape (1,) or (size,); no entries where there are none.
+    tau
+        Time constants, one or shape (size,).
+    h
+        Length of the step.
+    """
+    if not len(most):
+        return np.asarray(-2.0 * tau * np.expm1(-h / tau) / h - np.exp(-h / tau))
+    far = np.sqrt((off**2).sum(axis=0))
+    rate = most / np.where(far > 0.0, far, 1.0)
+    steady = np.clip(np.where(far > 0.0, 1.0 / rate - tau, 0.0), 0.0, h)
+    left = 1.0 - rate * steady
+    last = left * np.exp(-(h - steady) / tau)
+    integral = steady * (1.0 - 0.5 * rate * steady) + tau * (left - last)
+    return np.asarray(2.0 * integral / h - last)
