@@ -30,6 +30,9 @@ from flocking.study.certificates.sources import sources
 KEY = "limit_never_acts"
 """Key of the certificate of limits."""
 
+OF_HOLD = 0.125
+"""Largest part of a T^2 by which an agent goes further whose force is held for T: the speed v that is left when it must
+stop within a period takes v T / 2 instead of v^2 / (2 a), and the difference is largest at v = a T / 2."""
 
 STOPPING = ("stopping_distance", "braking_suffices")
 """Keys of the certificates of what a largest force can do."""
@@ -90,7 +93,7 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         speeds = Interval(np.maximum(squares.lo, 0.0), squares.hi).sqrt()
         ways = ways + speeds * _in_seconds(first)
         period = _in_seconds(control.schedule(n).period)
-        more = most * period.power(2) * Interval.of(0.125), speeds * period * Interval.of(0.5)
+        more = most * period.power(2) * Interval.of(OF_HOLD), speeds * period * Interval.of(0.5)
         ways = Interval(ways.lo, (ways + Interval(np.zeros(n), np.minimum(more[0].hi, more[1].hi))).hi)
     way = Interval.of(float(ways.lo.max()), float(ways.hi.max()))
     found = decided(
