@@ -11,7 +11,7 @@ import sympy
 import flocking as fk
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.layout import Layout
-from flocking.errors import FormulaError
+from flocking.errors import FormulaError, InvalidInput
 from flocking.formula.derivatives import derivative
 from flocking.formula.grammar import Formula
 from flocking.formula.growth import LARGEST_SIZES, MOST_CALLS, sizes
@@ -138,3 +138,10 @@ def test_short_formulas_have_the_derivatives_of_sympy(text: str) -> None:
     psi = to_sympy(Formula(text), {**{n: sympy.Symbol(n, real=True) for n in "Rabd"}, "r": r})
     assert derivative(psi, r) == sympy.diff(psi, r)
     assert derivative(psi, r, 2) == sympy.diff(psi, r, 2)
+
+
+@pytest.mark.parametrize("times", [0, 3, -1, 1.5])
+def test_other_derivatives_than_the_first_two_are_refused(times: float) -> None:
+    r = sympy.Symbol("r", positive=True)
+    with pytest.raises(InvalidInput, match="derivative: times must be 1 or 2"):
+        derivative(r**4, r, times)  # type: ignore[arg-type]

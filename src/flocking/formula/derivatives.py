@@ -12,6 +12,7 @@ from itertools import combinations
 from operator import mul
 from typing import TYPE_CHECKING
 
+from flocking.errors import InvalidInput
 from flocking.formula.grammar import FUNCTIONS
 from flocking.formula.growth import GROUP
 from flocking.formula.identities import expanded_addends
@@ -40,9 +41,16 @@ def derivative(expression: sympy.Expr, x: sympy.Symbol, times: int = 1) -> sympy
         The variable.
     times
         1 or 2.
+
+    Raises
+    ------
+    InvalidInput
+        When it is asked for another one.
     """
     import sympy
 
+    if times not in (1, 2):
+        raise InvalidInput("derivative", "times", "must be 1 or 2", times)
     rules = _Rules(x)
     first = rules.first(expression)
     if times == 1:

@@ -34,6 +34,8 @@ def test_rotation_distance_in_space_is_half_the_trace() -> None:
     np.testing.assert_allclose(heading_gaps(R, "rotation"), expected, atol=1e-12)
     with pytest.raises(InvalidInput, match="rotation matrices"):
         heading_gaps(2 * R, "rotation")
+    with pytest.raises(InvalidInput, match="rotation matrices"):
+        heading_gaps((1 + 1e-6) * R, "rotation")
     with pytest.raises(InvalidInput, match="measure"):
         heading_gaps(R, "real")
 

@@ -93,7 +93,8 @@ def heading_gaps(headings: Array, measure: str) -> Array:
         raise InvalidInput("Cone", "measure", "must be 'rotation' for rotation matrices", measure)
     size = headings.shape[1]
     product = np.einsum("nij,nik->njk", headings, headings)
-    if not np.allclose(product, np.eye(size), atol=ORTHOGONAL) or not np.allclose(np.linalg.det(headings), 1.0):
+    orthogonal = np.allclose(product, np.eye(size), rtol=0.0, atol=ORTHOGONAL)
+    if not orthogonal or not np.allclose(np.linalg.det(headings), 1.0):
         raise InvalidInput("Agents", "headings", "must be rotation matrices", f"shape {headings.shape}")
     return np.asarray(0.5 * (size - np.einsum("jab,iab->ij", headings, headings)))
 
