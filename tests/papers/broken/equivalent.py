@@ -26,6 +26,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("observables.mean_", "constant: 1.05 for 1 in ", EQUAL_MASSES),
     ("diagrams.pair_potentials", "[(0, 1)] turned round", "the adjacency matrix of two agents is symmetric"),
     ("Bump.steepest", "best", GRID),
+    ("Bump.steepest", "GRID = ", "a finer grid brackets the same maximum, which is refined in both"),
     ("Bump.steepest", "len(grid) - 1", GRID),
     ("Bump.steepest", "without method = 'bounded'", "the method that scipy takes where bounds are given"),
     ("translational_energy", "leader.at(0.0)", "sinks and constant velocities are the same at all times"),
@@ -79,6 +80,10 @@ RULES: tuple[tuple[str, str, str], ...] = (
         for words in ("1 in unpack(", "1 in indented([f'out", "2 in indented(")
     ),
     ("motion_source", "without if f'", UNUSED),
+    ("nonsmooth.energy_rates", "in -1.0", "where a multiple of a quantity is least, the quantity is least too"),
+    ("Heading.desired", "1.05 times np.asarray(found)", "the new heading is the direction alone of what is desired"),
+    ("Heading.updated", "in np.where(still, 1.0", "where nothing is desired the heading is kept, whatever divides it"),
+    ("order_curves.order_series", "without engine = 'discrete'", "agents in discrete time have this engine alone"),
     ("zhou_2015.system.scenario", "without velocity_gain = ", "the paper's number is the default of the term"),
     ("obstacles._first_that_holds", "in (last[0], True)", "the last piece is taken wherever no earlier one holds"),
     ("obstacles._by_feature", "swap: arguments of sympy.Eq(", "an equation may be read from either side"),
