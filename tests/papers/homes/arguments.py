@@ -17,7 +17,7 @@ from flocking.model.leaders_and_obstacles.obstacles import Ball
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.avoidance import Avoid
 from flocking.model.terms.body_terms import Track
-from flocking.model.terms.pair_terms import Gradient
+from flocking.model.terms.pair_terms import Consensus, Gradient
 
 
 def kept(part, **expected):
@@ -78,6 +78,18 @@ def gradient():
     refused(lambda **wrong: Gradient(Potential("r**2"), **wrong), weighting="power", stored="nothing")
 
 
+def consensus():
+    kept(Consensus(3), gain=3)
+    kept(Consensus([3, 2]), gain=[3, 2])
+    chosen = Consensus(weighted=np.bool_(True), functional=np.bool_(True))
+    assert chosen.weighted is True
+    assert chosen.functional is True
+    wrong = {"gain": -1.0, "weights": [[0.0, -1.0], [1.0, 0.0]], "weighted": "no", "functional": 1, "over": 3}
+    for name, value in wrong.items():
+        with pytest.raises(InvalidInput, match=f"^(Consensus|MatrixWeights): {name}"):
+            Consensus(**{name: value})
+
+
 def track():
     kept(Track(Velocity((1.0, 0.0)), 1, 2, 3), position_gain=1, velocity_gain=2, acceleration_gain=3)
     kept(Track(Velocity((1.0, 0.0)), [1, 2], [3, 4], [5, 6]), position_gain=[1, 2], velocity_gain=[3, 4],
@@ -116,6 +128,7 @@ CHECKS: dict[str, Callable[[], None]] = {
     f"{MODEL}.graphs.views.Cone": cone,
     f"{MODEL}.graphs.views.SmoothCone": smooth_cone,
     f"{MODEL}.terms.pair_terms.Gradient": gradient,
+    f"{MODEL}.terms.pair_terms.Consensus": consensus,
     f"{MODEL}.terms.body_terms.Track": track,
     f"{MODEL}.terms.avoidance.Avoid": avoid,
 }

@@ -15,7 +15,7 @@ from flocking.model.law import Law
 from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Piece, Wall
 from flocking.model.potentials.potential import Potential
-from flocking.model.state import State
+from flocking.model.state import Agents, State
 from flocking.model.terms.avoidance import Avoid
 from flocking.papers.olfati_saber_2003.obstacle_links import beta_links
 
@@ -169,6 +169,11 @@ def avoided():
             power = sum(float(u @ (p - frame)) for u, p in zip(expected, P, strict=True))
             assert_allclose(found.dissipation, sum(drags), rtol=1e-9)
             assert_allclose(found.supply - found.dissipation, power, rtol=1e-9)
+        # At order 1 an agent moves with its force, whose power is then spent: what is supplied is lost.
+        expected = np.array([pushed(q, 0.0 * q, ahead if gamma else None) for q in Q])
+        flow = evaluate(law, State(Q, P), agents=Agents(order=1))
+        assert_allclose(flow.u, expected, rtol=1e-9, atol=1e-10)
+        assert_allclose([flow.dissipation, flow.supply], (expected**2).sum(), rtol=1e-9)
     # An agent that has met its gamma-agent is not pulled, and one sits in the middle where no direction is wanted.
     for velocity, middle in (((3.0, 4.0), ahead), ((0.0, 0.0), CENTRE)):
         met = State([ahead], P[:1])

@@ -20,6 +20,7 @@ from flocking.model.potentials.potential import Potential
 from flocking.model.state import Agents, State
 from flocking.model.terms.body_terms import Compensate, Track
 from flocking.model.terms.pair_terms import Consensus, Gradient, PairTerm
+from flocking.model.terms.steering import Cohesion
 from tests.papers.homes.group import DAMPING, GUIDE, MASSES, PSI, STATE, N, P, Q, R, W, near_pairs, slope, value
 
 
@@ -62,6 +63,10 @@ def law():
     assert not Law(Proximity(R), (Gradient(Potential("r**2")), Consensus())).singular_at_zero()
     one = Law(Proximity(R), Gradient(PSI))
     assert one.terms == (Gradient(PSI),)
+    assert len(Law(Proximity(R), (Compensate(),)).terms) == 1
+    for count in (2, 3):
+        with pytest.raises(InvalidInput, match="at most one Compensate"):
+            Law(Proximity(R), (Gradient(PSI), *[Compensate()] * count))
     ledger()
 
 
@@ -118,6 +123,7 @@ def first_order():
     scale = [sum(abs(slope(d)) for i, _, d, _ in near_pairs() if i == k) for k in range(N)]
     assert_allclose(flow.pair_force_sum, scale, rtol=1e-10)
     functionals()
+    steered()
     uneven()
     infinite()
 
@@ -182,6 +188,17 @@ def obstacle_contacts():
     from tests.papers.homes.avoidance import avoided
 
     avoided()
+
+
+def steered():
+    """Forces of steering terms add to those of the others: towards the centroid of those seen (Reynolds 1987)."""
+    agents = Agents(MASSES, DAMPING)
+    u = DAMPING[:, None] * P
+    for i, j, d, n in near_pairs():
+        u[i] += slope(d) * n + 1.5 * (Q[j] - Q[i])
+    law = Law(Proximity(R), (Gradient(PSI), Compensate(), Cohesion(1.5, R, total="sum")))
+    assert_allclose(control(law, STATE, agents=agents), u, rtol=1e-10, atol=1e-12)
+    assert_allclose(evaluate(law, STATE, agents=agents).u, u, rtol=1e-10, atol=1e-12)
 
 
 def memory():

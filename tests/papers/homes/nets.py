@@ -6,9 +6,11 @@ import itertools
 import math
 
 import numpy as np
+import pytest
 import sympy
 from numpy.testing import assert_allclose, assert_array_equal
 
+from flocking.errors import InvalidInput
 from flocking.model.graphs.connectivity import is_connected
 from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
 from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
@@ -118,6 +120,19 @@ def views():
     space = np.array(turns)
     expected = [[0.5 * np.trace(np.eye(3) - b.T @ a) for b in space] for a in space]
     assert_allclose(heading_gaps(space, "rotation"), expected, atol=1e-12)
+    # What is no rotation to nine digits is refused: a shear, another size, a mirror image.
+    for off, refused in ((2e-9, True), (0.5e-9, False)):
+        for wrong in ([[1.0, off], [0.0, 1.0]], [[1.0 + off / 2, 0.0], [0.0, 1.0]]):
+            turned = np.array([np.eye(2), wrong])
+            if not refused:
+                assert_allclose(heading_gaps(turned, "rotation"), 0.0, atol=1e-8)
+                continue
+            with pytest.raises(InvalidInput, match="Agents: headings must be rotation matrices"):
+                heading_gaps(turned, "rotation")
+    with pytest.raises(InvalidInput, match="Agents: headings must be rotation matrices"):
+        heading_gaps(np.array([np.eye(2), np.diag([1.0, -1.0])]), "rotation")
+    with pytest.raises(InvalidInput, match="must be 'rotation'"):
+        heading_gaps(plane, "real")
 
 
 def rho(z, k0):
@@ -313,10 +328,6 @@ def shapes():
 
 
 def refused_beyond_four():
-    import pytest
-
-    from flocking.errors import InvalidInput
-
     shapes()
     with pytest.raises(InvalidInput, match="at most 4"):
         conformations.conformations(5, 1.2)

@@ -262,6 +262,9 @@ def held():
         assert made.name == f"{system.KEY}-network-held"
         assert_allclose(made.frame_times, 0.2 * np.arange(251), atol=1e-9)
     assert signature(system.held_network).parameters["seed"].default == 0
+    usual = system.held_network()
+    assert usual.seed == 0
+    assert_array_equal(usual.start.q, system.held_network(0).start.q)
 
 
 PAPER = "flocking.papers.olfati_saber_2006"

@@ -296,6 +296,14 @@ def claims():
     library, comparison = rows(BOIDS, "the library's program"), rows(BIRDS, "the comparison's program")
     agree_on(theorems, system, {"": library, "-sequential": library, "-comparison-small": comparison,
                                 "-comparison-large": comparison})  # fmt: skip
+    for name, made in system.scenarios().items():
+        # Birds have one speed; boids may be slower than theirs.
+        stated = {c.key: c.statement for c in theorems.claims(name)}["speed"]
+        body = made(0).agents
+        assert isinstance(body, fk.Heading) or body.speed is not None
+        assert stated == (
+            f"All speeds are {body.speed:g}." if isinstance(body, fk.Heading) else "No speed is above the largest one."
+        )
     with pytest.raises(fk.InvalidInput, match="claims: scenario"):
         theorems.claims("boids")
     assert {k: g.basis.name for k, g in theorems.grounds().items()} == {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.control import control
 from flocking.errors import InvalidInput
+from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Fixed, Proximity
 from flocking.model.graphs.smooth_graphs import Smooth
@@ -21,6 +23,7 @@ from flocking.model.law import Law
 from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.observables import headings, mean_position, mean_velocity
 from flocking.model.potentials.potential import Potential
+from flocking.model.space import Periodic
 from flocking.model.state import Agents, State
 from flocking.model.terms.body_terms import Compensate
 from flocking.model.terms.pair_terms import Consensus, Gradient
@@ -70,6 +73,20 @@ def energies():
     assert_allclose(total_energy(law, kept, energy), value(d) + pairs * V_OFF + 0.5 * (P**2).sum(), rtol=1e-10)
     assert_allclose(agent_energies(law, kept, energy)[:3],
                     [value(d) + 3 * V_OFF, value(d) + 3 * V_OFF, 4 * V_OFF], rtol=1e-10)  # fmt: skip
+    # On a torus the shortest of all images of the way from one agent to another counts.
+    side = 6.5
+    images = [side * np.array(k) for k in itertools.product(range(-3, 4), repeat=2)]
+    around = {(i, j): min(math.hypot(*(Q[j] - Q[i] + k)) for k in images)
+              for i, j in itertools.permutations(range(N), 2)}  # fmt: skip
+    assert any(d < R < math.dist(Q[i], Q[j]) for (i, j), d in around.items())
+    assert any(d > R for d in around.values())
+    torus = np.zeros(N)
+    for (i, _), d in around.items():
+        torus[i] += value(d) if d < R else V_OFF
+    world = Periodic((side, side))
+    assert_allclose(agent_energies(law, STATE, energy, space=world), torus, rtol=1e-10)
+    found = total_energy(law, STATE, energy, agents=agents, space=world)
+    assert_allclose(found, torus.sum() / 2 + kinetic, rtol=1e-10)
     frame = Energy("leader", leader=Velocity(GUIDE), unlinked=V_OFF)
     moving = 0.5 * sum(m * float((p - GUIDE) @ (p - GUIDE)) for m, p in zip(MASSES, P, strict=True))
     assert_allclose(total_energy(law, STATE, frame, agents=agents), each.sum() / 2 + moving, rtol=1e-10)
@@ -170,6 +187,18 @@ def states():
         assert not found.flags.writeable
         assert_array_equal(found, values)
     assert isinstance(given.t, float)
+    columns = State(Q, P, columns={"charge": [[k] for k in range(N)], "axis": P}).columns
+    assert list(columns) == ["charge", "axis"]
+    for name, values in (("charge", np.arange(N)[:, None]), ("axis", P)):
+        found = columns[name]
+        assert isinstance(found, np.ndarray)
+        assert found.dtype == float
+        assert not found.flags.writeable
+        assert_array_equal(found, values)
+    assert State(Q).columns == {}
+    for wrong in ({"charge": P[:-1]}, {"charge": np.zeros(N)}, {"charge": P * math.nan}, [P]):
+        with pytest.raises(InvalidInput, match="State: columns"):
+            State(Q, P, columns=wrong)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert State(np.zeros((4, 3)) + np.arange(4)[:, None]).dimension == 3
@@ -193,6 +222,16 @@ def agents():
     assert_array_equal(one.damping, DAMPING)
     assert_allclose(control(Law(Proximity(R), (Compensate(),)), STATE, agents=one), DAMPING[:, None] * P, rtol=1e-12)
     assert Layout(Law(Proximity(R), (Compensate(),)), Energy()) is not None
+    # m dp/dt = u - k p, and dq/dt = u at order 1, whose velocity is no part of the state and which nothing damps.
+    u, p, mass, gain = (2.0, -3.0), (0.5, 0.25), 4.0, 0.8
+    x = SimpleNamespace(u=u, p=p, mass=mass, damping=gain)
+    assert Agents(mass, gain).rates(x) == {"p": [(a - gain * b) / mass for a, b in zip(u, p, strict=True)]}
+    assert Agents(mass, order=1).rates(x) == {"q": list(u)}
+    assert Agents(mass, gain).structure == PointMass().structure
+    assert Agents(mass, order=1).structure == SingleIntegrator().structure
+    inert = [Agents().inert, Agents([1.0, 2.0], [0.0, 0.0]).inert, Agents(damping=[0.0, 0.1]).inert]
+    assert inert == [True, True, False]
+    assert Agents(order=1).inert is False
 
 
 MODEL, STUDY = "flocking.model", "flocking.study"

@@ -7,12 +7,14 @@ from inspect import signature
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import flocking as fk
+from flocking.errors import UnsupportedLaw
 from flocking.model.observables import order
 from flocking.model.world.random_numbers import Purpose, normal_pairs
-from flocking.papers.vicsek_1995 import closed_forms, density_waves, order_curves, system, theorems
+from flocking.papers.vicsek_1995 import closed_forms, density_waves, order_curves, system, theorems, transition
+from flocking.papers.vicsek_1995.large_groups import HeadingGroup
 from tests.papers.homes.stated_claims import agree_on
 from tests.papers.transcriptions.standard_laws import vicsek as by_hand
 
@@ -215,6 +217,10 @@ def groups():
     usual = signature(system.group).parameters
     assert [usual[k].default for k in ("seed", "duration", "speed", "noise_kind", "update", "name")] == [
         0, 400, 0.03, "angular", "backward", ""]  # fmt: skip
+    plain = system.group(9, 3.5, 0.8)
+    assert (plain.t_end, plain.seed, plain.name, len(plain.frame_times)) == (400.0, 0, "", 401)
+    assert (plain.agents.speed, plain.agents.noise_kind, plain.agents.update, plain.agents.seed) == (
+        0.03, "angular", "backward", 0)  # fmt: skip
     for wrong, word in (((9, 0.0, 1.0), "side"), ((0, 3.0, 1.0), "n"), ((9, 3.0, -1.0), "noise")):
         with pytest.raises(fk.InvalidInput, match=word):
             system.group(*wrong)
@@ -274,6 +280,68 @@ def series():
     assert_allclose(many.q, system.group(1000, 9.0, 0.5).start.q)
 
 
+def large():
+    """Groups update as the rule says, in either order of the update; the velocity before the update moves those that
+    update backward."""
+    for update, kind in (("backward", "angular"), ("forward", "vectorial")):
+        group = HeadingGroup(
+            system.group(20, SIDE, 0.7, seed=3, duration=1, speed=0.5, noise_kind=kind, update=update), threads=1
+        )
+        start = system.group(20, SIDE, 0.7, seed=3, speed=0.5).start
+        q, p = start.q, start.p
+        for k in range(3):
+            assert group.updates == k
+            places, headings = group.state()
+            assert_allclose([by_hand.nearest(x, SIDE) for x in (places - q).ravel()], 0.0, atol=1e-11)
+            assert places.min() >= 0.0
+            assert places.max() < SIDE
+            assert_allclose(headings, p / 0.5, atol=1e-11)
+            assert_allclose(group.direction, p.mean(axis=0) / 0.5, atol=1e-11)
+            assert_allclose(group.order, math.hypot(*p.mean(axis=0)) / 0.5, rtol=1e-11)
+            if kind == "angular":
+                q, p = by_hand.updated(q, p, SIDE, 0.7, 0.5, k, seed=3)
+            else:
+                p = by_hand.with_vectorial_noise(q, p, SIDE, 0.7, 0.5, k, seed=3)
+                q = q + p
+            q = q % SIDE
+            group.update()
+        group.update(2)
+        assert group.updates == 5
+        group.close()
+    made = system.group(20, SIDE, 0.7)
+    for wrong in (0, -1, 1.5):
+        with pytest.raises(fk.InvalidInput, match="HeadingGroup: threads"):
+            HeadingGroup(made, threads=wrong)
+    one, two = HeadingGroup(made), HeadingGroup(made, threads=2)
+    for group in (one, two):
+        group.update()
+    for found, same in zip(one.state(), two.state(), strict=True):
+        assert_array_equal(found, same)
+    two.close()
+    # Its threads are there no more.
+    with pytest.raises(RuntimeError, match="shutdown"):
+        two.update()
+    with pytest.raises(UnsupportedLaw, match="HeadingGroup needs a torus of at least three radii"):
+        HeadingGroup(system.group(20, 2.9, 0.7))
+
+
+def boxes():
+    """Numbers of agents box by box, those of a strip that is left out in none."""
+
+    def expected(q, side, size):
+        along = range(math.floor(side / size))
+        numbers = [
+            sum(a * size <= x < (a + 1) * size and b * size <= y < (b + 1) * size for x, y in q)
+            for a in along for b in along
+        ]  # fmt: skip
+        return np.mean(numbers), np.mean(np.square(numbers))
+
+    q = np.column_stack([RNG.random(50) ** 2, RNG.random(50)])
+    some, usual = (1.0, 2.0, 0.7, 6.5), (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+    assert_allclose(transition.counted(6.5 * q, 6.5, some), [expected(6.5 * q, 6.5, x) for x in some], rtol=1e-12)
+    assert_allclose(transition.counted(40.0 * q, 40.0), [expected(40.0 * q, 40.0, x) for x in usual], rtol=1e-12)
+
+
 RULE, NOT = "the rule, as commonly cited", "not stated"
 JUMP, LATER = "Gregoire, Chate 2004", "Chate et al. 2008"
 SPEED = ("speed", RULE, "PAPER", "HOLDS", False, "speeds_kept", "granted")
@@ -330,5 +398,7 @@ HOMES = {
     f"{PAPER}.system.group": groups,
     f"{PAPER}.system.scenario": scenarios,
     f"{PAPER}.order_curves.order_series": series,
+    f"{PAPER}.large_groups.HeadingGroup": large,
+    f"{PAPER}.transition.counted": boxes,
     f"{PAPER}.theorems.claims": claims,
 }
