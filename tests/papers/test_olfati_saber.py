@@ -100,7 +100,7 @@ def test_a_sink_too_strong_for_the_net_leaves_no_planar_one() -> None:
     weak = system.sink_scenario(0, a=1.0, b=5.0, agents=30)
     found = judged_with(weak.with_(start=few.start), system.SINK)
     assert found["planar"] in ("fails", "not yet")  # hundreds of links cross to the end; their number changes slowly
-    assert found["triangular"] == found["low-defect"] == "fails"
+    assert {found["low-defect"], found["triangular"]} <= {"fails", "not yet"}
     assert found["energy"] == found["energy-falls"] == "holds"
 
 

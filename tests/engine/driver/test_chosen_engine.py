@@ -49,7 +49,7 @@ def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: st
         ),
         (
             scenario(3, fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)]), information=fk.Messages(0.1)),
-            "engine='delayed' follows links by two distances; FieldOfView has another rule",
+            "FieldOfView: headings must be given for each of the 3 agents",
         ),
         (
             scenario(3000, control=fk.Held(0.1), information=fk.Messages(0.1, loss=0.3)),

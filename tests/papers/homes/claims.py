@@ -117,7 +117,7 @@ def shi(key: str) -> None:
     # Two agents, one of which goes with the leader; their spread stays too.
     seen = SimpleNamespace(
         t=t, p=np.stack([guide, guide + 1.0], axis=1), velocity_spread=np.ones(len(t)),
-        law=SimpleNamespace(leaders=[leader]), oldest_knowledge=None, path_about_mean=np.inf,
+        law=SimpleNamespace(leaders=[leader]), oldest_knowledge=None, yet_to_meet="", path_about_mean=np.inf,
     )  # fmt: skip
     for name in paper(key).scenarios():
         kind = name.removeprefix(key).removeprefix("-")

@@ -93,6 +93,7 @@ def evidence(**given):
     for name in ("t", "trace"):
         given.setdefault(name, getattr(run, name, None))
     given.setdefault("oldest_knowledge", None)
+    given.setdefault("yet_to_meet", "")
     given.setdefault("path_about_mean", np.inf)
     known = {name: SimpleNamespace(value=v, error=0.0, time=0.5) for name, v in given.pop("largest", {}).items()}
     return SimpleNamespace(largest=known.get, sampled=False, **given)

@@ -24,7 +24,7 @@ BOUND = 0.01
 
 def motion(t: np.ndarray, moved: float, oldest: Any) -> Any:
     """What is asked of the evidence: how far agents moved, and what they used last."""
-    return SimpleNamespace(path_about_mean=moved, oldest_knowledge=oldest, t=t)
+    return SimpleNamespace(path_about_mean=moved, oldest_knowledge=oldest, yet_to_meet="", t=t)
 
 
 def verdict(values: np.ndarray, t: np.ndarray = T, moved: float = 1.0, oldest: Any = None) -> str:
@@ -110,6 +110,17 @@ def test_what_leaves_an_unstable_rest_has_not_come_to_rest(t_end: float) -> None
     found = fk.audit(fk.simulate(fk.Scenario(law, start, t_end=t_end, frames=401, tolerance=1e-12), progress=False))
     for key in ("velocities-agree", "distances-settle"):
         assert str(found[key].verdict) == "not yet", key
+
+
+@pytest.mark.parametrize("t_end", [10.0, 40.0])
+def test_agents_that_have_yet_to_meet_have_not_missed_agreement(t_end: float) -> None:
+    """Two that close in at 2 from 100 apart meet at 49.5, and two that pass beside each other never do."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)])
+    for away, expected in ((0.0, "not yet"), (2.0, "fails")):
+        start = fk.State([[0.0, 0.0], [100.0, away]], [[1.0, 0.0], [-1.0, 0.0]])
+        found = fk.audit(fk.simulate(fk.Scenario(law, start, t_end=t_end), progress=False))["velocities-agree"]
+        assert str(found.verdict) == expected
+        assert ("agents 0 and 1 have yet to meet" in found.note + str(found)) == (expected == "not yet")
 
 
 def test_what_is_small_may_fluctuate() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import flocking as fk
 from flocking.study.claims.claim import Verdict
 from flocking.study.sample_files.sampled_runs import motion_of
 from flocking.study.sample_files.samples import Samples
@@ -89,6 +90,33 @@ def test_agents_that_go_apart_are_not_said_to_rest():
     found = motion_of(Samples(t, q, np.zeros_like(q), NAMES[:2])).audit()
     assert found["mean-velocity"].verdict is not Verdict.HOLDS
     assert found["velocities-agree"].verdict is not Verdict.HOLDS
+
+
+@pytest.mark.parametrize("size", [1e-2, 1e-5])
+def test_noise_of_velocities_is_an_error(size):
+    """Mean velocities of honest measurements move; that of the agents does not."""
+    q, p = motion()
+    q, p = q - q.mean(axis=1, keepdims=True), p - p.mean(axis=1, keepdims=True)
+    measured = p + size * np.random.default_rng(1).normal(size=p.shape)
+    found = motion_of(Samples(T, q, measured, NAMES))
+    assert found.run.fidelity.velocity_error == pytest.approx(3 * size, rel=0.25)
+    assert "noise of velocities" in found.run.provenance["velocities"]
+    law = fk.Law(fk.Fixed.complete(3), [fk.Consensus(1.0)])
+    declared = fk.Scenario(law, fk.State(q[0], p[0]), t_end=6.0)
+    judged = motion_of(Samples(T, q, measured, NAMES), declared).audit()["momentum"]
+    assert judged.verdict is not Verdict.FAILS
+
+
+def test_agents_at_one_point_by_rounding_are_not_said_to_have_met():
+    q, p = motion()
+    q[:, 1] = q[:, 0] + 2e-3
+    p[:, 1] = p[:, 0]
+    law = fk.Law(fk.Fixed.complete(3), [fk.Consensus(1.0)])
+    declared = fk.Scenario(law, fk.State(q[0], p[0]), t_end=6.0)
+    found = motion_of(Samples(T, q.round(2), p, NAMES), declared).audit()
+    assert (q.round(2)[:, 0] == q.round(2)[:, 1]).all(axis=1).any()
+    for key in ("linked-apart", "all-apart"):
+        assert found[key].verdict is Verdict.NOT_RESOLVED
 
 
 @pytest.mark.parametrize("size", [0.05, 1e-3])

@@ -98,20 +98,25 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     way = Interval.of(float(ways.lo.max()), float(ways.hi.max()))
     found = decided(
         STOPPING[0], source, hypotheses, bound=way, side="is", quantity="least distance on which all agents can stop",
-        statement=f"No law stops every agent on less than {rounded_down(way.lo)}; braking does on "
+        statement=f"No law stops every agent on less than {rounded_down(np.maximum(way.lo, 0.0))}; braking does on "
         f"{rounded_up(way.hi)}.",
     )  # fmt: skip
     share = _contact_share(start.q, start.p, most, first)
-    reason = f"to brake before contact two agents need {rounded_up(share.hi, 6)} times their largest forces"
+    reason = (
+        "to stop their approach along the line between them before its length is used up, two agents need "
+        f"{rounded_up(share.hi, 6)} times their largest forces; they may pass each other all the same"
+    )
     reason = "" if share.hi <= 1.0 else reason
-    if np.isinf(share.lo):
-        reason = "two agents meet before both could brake, or are at one point"
+    if np.isinf(share.hi):
+        reason = (
+            "two agents are at one point, or use up the distance along the line between them before both could brake; "
+            "they may pass each other all the same"
+        )
     return found, decided(
         STOPPING[1], source, hypotheses, reason=reason, bound=share, side="is",
-        quantity="share of their largest forces that two agents need to brake before contact",
-        statement=f"Braking suffices to avoid every contact between two agents alone: at most "
-        f"{rounded_up(share.hi, 6)} of "
-        "their largest forces is needed.",
+        quantity="share of their largest forces with which two agents stop their approach along the line between them",
+        statement="Braking suffices to avoid every contact between two agents alone"
+        + (f": at most {rounded_up(share.hi, 6)} of their largest forces is needed." if share.hi <= 1.0 else "."),
     )  # fmt: skip
 
 

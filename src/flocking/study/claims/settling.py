@@ -12,7 +12,9 @@ not the least of them, neither the means nor the largest values of the tenths fa
 errors of its slope, nor do the largest values fall throughout as those series do. These changes are also
 compared with the total change over the run (`OF_ALL`, and `STEADY` again), so that a run too short for its motion does
 not count as settled. Nor does one in which, at the end, an agent acted on what it knew before the last two tenths: then
-it is messages that stand still, or a delay that is as long. In all other cases the verdict is ``not yet``.
+it is messages that stand still, or a delay that is as long. Nor, in open space, one at whose end agents without a link
+go on straight lines that bring them into each other's radius within ten such runs. In all other cases the
+verdict is ``not yet``.
 
 What falls by less than `ROUNDING` of itself in a tenth of the run, after it has changed much more, is taken for
 constant, and a fall that is hidden by fluctuations, for none: a longer run decides otherwise.
@@ -221,7 +223,7 @@ def _unsettled(e: Evidence, excess: Sequence[Reals], first: Reals, bound: float)
     change, spread = abs(float(means[1]) - now), float(np.ptp(means))
     constant = change <= max(ROUNDING * now, min(CHANGE * now, OF_ALL * total_change))
     steady = spread <= STEADY * min(now, total_change) and now > means.min()
-    if (constant or steady) and (why := _old_knowledge(e)):
+    if (constant or steady) and (why := _old_knowledge(e) or e.yet_to_meet):
         return why
     if constant:
         moved = e.path_about_mean

@@ -83,13 +83,16 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
     def coincidences(self) -> list[tuple[float, tuple[int, int]]]:
         """Times and pairs of agents that are given at one point: at the start, or at a sample.
 
-        Later frames carry the error of the computation, and a part of a running run may begin later than its scenario.
+        Positions that are measured with an error show none. Later frames carry the error of the computation, and a part
+        of a running run may begin later than its scenario.
         """
         if self.is_running:
             return []
         if not self.sampled:
             start = self.run.scenario.start
             return [(start.t, pair) for pair in _coincident(self.wrapped(start.q))]
+        if self.position_error > 0:
+            return []
         return [(float(t), pair) for t, q in zip(self.t, self.q, strict=True) for pair in _coincident(self.wrapped(q))]
 
     def linked_together(self, time: float, pair: tuple[int, int]) -> bool:

@@ -12,13 +12,16 @@ from flocking.engine.runs.message_log import AT_START, PRESENT
 from flocking.model.graphs.connectivity import Links, components, is_connected
 from flocking.model.world.information import Delayed, Messages
 from flocking.model.world.times import NANOSECOND
-from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
+from flocking.study.evidence.basis import MOST_DENSE, NotMeasurable, NotResolvable, RunEvidence
 
 FASTER = 1.25
 """Between two samples a distance is taken to change at most this many times as fast as at them."""
 
 FINE = 1e-9
 """Equal times are one instant where neighbouring floats differ by at most this share of the duration."""
+
+FURTHER_RUNS = 10
+"""Further runs of the same length within which agents on straight lines meet for it to count."""
 
 
 class LinkEvidence(RunEvidence):
@@ -35,6 +38,33 @@ class LinkEvidence(RunEvidence):
         if links.shape != (len(self.t), n, n):
             raise NotMeasurable(f"frames of {n} agents hold no link matrices")
         return np.asarray(links, dtype=bool)
+
+    @cached_property
+    def yet_to_meet(self) -> str:
+        """Which agents first come into each other's radius within `FURTHER_RUNS` if all keep their velocities.
+
+        Empty where none do, in space that repeats, for more agents than `MOST_DENSE`, and without known links.
+        """
+        graph, run = self.law.graph, self.run
+        try:
+            met = np.asarray(self.frame_links).any(axis=0)
+        except NotMeasurable:
+            return ""
+        if not graph.moves or graph.sees_headings or not run.scenario.space.is_open or run.n > MOST_DENSE:
+            return ""
+        q, p = (np.asarray(x[-1], dtype=np.float64) for x in (run.q, run.p))
+        d, v = q[None] - q[:, None], p[None] - p[:, None]
+        closing, speed = -(d * v).sum(axis=2), (v**2).sum(axis=2)
+        when = np.where(closing > 0, closing / np.where(closing > 0, speed, 1.0), np.inf)
+        soon = when <= FURTHER_RUNS * (self.t[-1] - self.t[0])
+        nearest = np.linalg.norm(d + v * np.where(soon, when, 0.0)[..., None], axis=2)
+        meets = soon & (nearest < np.asarray(graph.appear_radius)[..., None])
+        meets &= ~(met | met.T)
+        np.fill_diagonal(meets, False)
+        if not meets.any():
+            return ""
+        i, j = (int(x) for x in np.argwhere(meets)[0])
+        return f"agents {i} and {j} have yet to meet"
 
     @cached_property
     def oldest_knowledge(self) -> tuple[float, int, int] | None:

@@ -20,7 +20,7 @@ SPREADS = 3.0
 """Standard deviations of noise that an estimated error contains; all but 0.3 % of normal noise lies within."""
 
 
-SAME_NOISE = 0.1
+SAME_NOISE = 0.05
 """Residuals of the highest degree above this share of those of the degree below it are noise: of noise alone the
 expected share is 1, while errors of truncation fall by far more where samples resolve the motion."""
 
@@ -42,8 +42,10 @@ class Velocities:
         Standard deviation of the noise in each coordinate of the positions, from the residuals of the fits.
     method
         The method in words.
+    typical_noise
+        The same by the median over the samples, which moments at which forces jump do not raise.
     coarser_noise
-        The same from fits of a lower degree. They show the same noise, and far larger errors of truncation.
+        That from fits of a lower degree. They show the same noise, and far larger errors of truncation.
     """
 
     p: Array
@@ -51,12 +53,13 @@ class Velocities:
     error: Array
     noise: float
     method: str
+    typical_noise: float = 0.0
     coarser_noise: float = np.inf
 
     @property
-    def is_noise(self) -> bool:
-        """Whether the residuals are noise, which a higher degree does not reduce, and no errors of truncation."""
-        return self.noise > SAME_NOISE * self.coarser_noise
+    def resolved_noise(self) -> float:
+        """The typical noise; 0 where a higher degree reduces it, as it does errors of truncation."""
+        return self.typical_noise if self.typical_noise > SAME_NOISE * self.coarser_noise else 0.0
 
 
 def smoothed_velocities(t: Array, q: Array) -> Velocities:
@@ -83,23 +86,25 @@ def smoothed_velocities(t: Array, q: Array) -> Velocities:
             "Give velocities, or more samples.",
         )  # fmt: skip
     slopes = {degree: _slopes(t, q, degree) for degree in sorted({d for pair in DEGREES for d in pair})}
-    noise, coarser_noise = (slopes[degree][2] for degree in reversed(DEGREES[-1]))
+    lower, highest = DEGREES[-1]
+    noise = slopes[highest][2]
+    typical_noise, coarser_noise = (float(np.sqrt(np.median(slopes[degree][3]))) for degree in (highest, lower))
     best = None
     for degree, higher in DEGREES:
         p = slopes[degree][0]
-        other, gain, _ = slopes[higher]
+        other, gain = slopes[higher][:2]
         error = np.abs(p - other) + SPREADS * noise * gain[:, None, None]
         if best is None or np.mean(error**2) < np.mean(best.error**2):
             method = f"slope of a polynomial of degree {degree} through the {WINDOW} nearest samples"
-            best = Velocities(p, other, error, noise, method, coarser_noise)
+            best = Velocities(p, other, error, noise, method, typical_noise, coarser_noise)
     assert best is not None
     return best
 
 
-def _slopes(t: Array, q: Array, degree: int) -> tuple[Array, Array, float]:
-    """Slopes at every sample, the gain of noise in each, and the noise that the residuals of the fits show."""
+def _slopes(t: Array, q: Array, degree: int) -> tuple[Array, Array, float, Array]:
+    """Slopes at every sample, the gain of noise in each, the noise in the residuals of the fits, and its squares."""
     count = len(t)
-    p, gain, squares = np.zeros_like(q), np.zeros(count), 0.0
+    p, gain, squares = np.zeros_like(q), np.zeros(count), np.zeros(count)
     for k in range(count):
         first = min(max(0, k - WINDOW // 2), count - WINDOW)
         part = slice(first, first + WINDOW)
@@ -111,5 +116,5 @@ def _slopes(t: Array, q: Array, degree: int) -> tuple[Array, Array, float]:
         p[k] = np.tensordot(weights, values, axes=1)
         gain[k] = float(np.linalg.norm(weights))
         residual = values - np.tensordot(powers @ fit, values, axes=1)
-        squares += float((residual**2).mean()) * WINDOW / (WINDOW - degree - 1)
-    return p, gain, float(np.sqrt(squares / count))
+        squares[k] = float((residual**2).mean()) * WINDOW / (WINDOW - degree - 1)
+    return p, gain, float(np.sqrt(squares.mean())), squares

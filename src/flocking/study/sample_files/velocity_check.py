@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.model.checks import Array
-from flocking.study.sample_files.velocities import WINDOW, Velocities, smoothed_velocities
+from flocking.study.sample_files.velocities import SPREADS, WINDOW, Velocities, smoothed_velocities
 
 BEYOND = 3.0
 """Multiples of the estimated error of slopes by which velocities may differ from them."""
@@ -22,8 +22,9 @@ def doubted_velocities(t: Array, q: Array, p: Array) -> Velocities | None:
 
     The error is what they differ by from the slopes of the positions, and of fewer than `WINDOW` samples from the mean
     velocities between samples. Up to `BEYOND` times what these are uncertain by and `TOLERATED` of the speeds counts as
-    none, so that velocities that are measured better than positions stay exact. The noise is that in the residuals of
-    the fits; of fewer samples it is not known.
+    none, so that velocities that are measured better than positions stay exact. The noise of the positions is that in
+    the residuals of the fits, and that of the velocities in those of fits to them, which counts as their error, too; of
+    fewer samples it is not known.
 
     Parameters
     ----------
@@ -34,26 +35,34 @@ def doubted_velocities(t: Array, q: Array, p: Array) -> Velocities | None:
     """
     if len(t) < WINDOW:
         slopes, uncertain = _mean_velocities(t, q, p)
-        noise, is_noise = 0.0, False
+        noise, of_velocities = 0.0, 0.0
     else:
         smoothed = smoothed_velocities(t, q)
         slopes, uncertain = smoothed.p, smoothed.error
-        noise, is_noise = smoothed.noise, smoothed.is_noise and smoothed.noise > EXACT * float(np.abs(q).max())
+        noise, of_velocities = _noise(smoothed, q), _noise(smoothed_velocities(t, p), p)
     fastest = float(np.linalg.norm(slopes - slopes.mean(axis=1, keepdims=True), axis=2).max())
     off = np.abs(p - slopes)
     error = np.where(off > BEYOND * uncertain + TOLERATED * fastest, off, 0.0)
     if error.any():
         agent = int(error.max(axis=(0, 2)).argmax())
         method = (
-            f"given in the file; they differ from the slopes of the positions by up to {error.max():.2g}, more than "
-            f"errors of these explain (agent {agent}), which counts as their error: check units and columns, or leave "
-            "them out"
+            "given in the file; they differ from the slopes of the positions by up to "
+            f"{error.max():.2g} (agent {agent}), "
+            "more than the estimated errors of these, which counts as their error: check units and columns, or leave "
+            "them out; or samples are too far apart for the motion"
         )
-        return Velocities(p, slopes, error, noise, method)
-    if is_noise:
-        method = f"given in the file, taken as exact; noise of positions {noise:.1e}, from their residuals"
-        return Velocities(p, p, error, noise, method)
-    return None
+        return Velocities(p, slopes, np.maximum(error, SPREADS * of_velocities), noise, method)
+    if not noise and not of_velocities:
+        return None
+    exact = f"noise of velocities about {of_velocities:.1e}" if of_velocities else "taken as exact"
+    method = f"given in the file, {exact}; noise of positions about {noise:.1e}, or the motion between samples"
+    return Velocities(p, p, np.full_like(p, SPREADS * of_velocities), noise, method)
+
+
+def _noise(found: Velocities, values: Array) -> float:
+    """The noise that was found; 0 for rounding."""
+    noise = found.resolved_noise
+    return noise if noise > EXACT * float(np.abs(values).max()) else 0.0
 
 
 def _mean_velocities(t: Array, q: Array, p: Array) -> tuple[Array, Array]:
