@@ -30,6 +30,7 @@ LEFT_OUT = {
     "tests/mpi": "make test-mpi",
     "tests/packaging": "builds the package, without limit",
     "tests/papers/broken": "no tests: faults for test_broken_homes.py, under a limit of processor time",
+    "tests/papers/homes/vicsek.py": "no tests: numbers of threads, whose results are compared",
     "tests/papers/test_own_paper.py": "runs a program to its end, without limit",
     "tests/repeat.py": "no tests: runs the repetitions",
     "tests/show/test_notebook_in_browser.py": "make test-browser; waits for what a page shows, for a minute at most",
