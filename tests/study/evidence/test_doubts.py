@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -210,6 +211,17 @@ def test_sweeps_say_why_a_number_is_not_known() -> None:
     assert np.isnan(table.values("density")).tolist() == [[True], [False]]
     assert "density: agents 0 and 1" in str(table.columns["message"][0])
     assert table.columns["message"][1] == ""
+
+
+def test_reasons_of_many_numbers_are_cut_to_what_a_sweep_stores(tmp_path: Path) -> None:
+    def make(seed: int) -> fk.Scenario:
+        return swing(float(2.0 + np.sin(np.sqrt(2.0) * 3.0)) + 1e-13, 1e-9).scenario
+
+    measures = {f"number_{k}": (lambda run: Evidence(run).end_links.sum()) for k in range(9)}
+    given = {"seeds": 1, "measures": measures, "audit": False, "workers": 1, "progress": False}
+    fk.sweep(make, out=tmp_path / "sweep", **given)
+    (message,) = fk.read_sweep(tmp_path / "sweep").columns["message"]
+    assert str(message).startswith("number_0: agents 0 and 1")
 
 
 def test_a_speed_between_the_frames_breaks_its_bound() -> None:

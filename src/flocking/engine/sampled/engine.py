@@ -40,7 +40,7 @@ SECOND = 2
 """Order of bodies with inertia, which damping slows down."""
 
 MOST_PIECES = 1e7
-"""Pieces of polynomials up to which a run begins: some of an hour for a few agents, and it takes longer with each."""
+"""Pieces of polynomials up to which a run begins. It takes the longer the more there are, and may take hours."""
 
 
 class SampledEngine(Engine):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -147,20 +148,28 @@ class DoubtEvidence(LinkEvidence):
             self._set(more, int(row["i"]), int(row["j"]), value=True)
         return fewer, more
 
-    @property
-    def flocks_at_end(self) -> int:
-        """Number of flocks at the end.
+    def certain_at_end(self, value: Callable[[Links], float]) -> float:
+        """A value of the links at the end that is the same for the fewest and for the most of them.
+
+        Parameters
+        ----------
+        value
+            The function of a link matrix, shape (N, N), which only grows or only falls with further links.
 
         Raises
         ------
         NotResolvable
             When nothing is known of the end, or pairs in doubt then decide it.
         """
-        if self._observed_flocks is None:
-            fewer, more = (flocks(links) for links in self.possible_end_links)
-            if fewer == more:
-                return fewer
-        return super().flocks_at_end
+        fewer, more = (value(links) for links in self.possible_end_links)
+        return fewer if fewer == more else value(self.end_links)
+
+    @property
+    def flocks_at_end(self) -> int:
+        """Number of flocks at the end; raises as `certain_at_end` does."""
+        if self._observed_flocks is not None:
+            return super().flocks_at_end
+        return int(self.certain_at_end(flocks))
 
     @property
     def _doubts_at_end(self) -> Records:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import AnyArray, Records
+from flocking.arrays import AnyArray, Reals, Records
 from flocking.engine.runs.message_log import AT_START, PRESENT
 from flocking.model.graphs.connectivity import Links, components, is_connected
 from flocking.model.world.information import Delayed, Messages
@@ -46,25 +46,29 @@ class LinkEvidence(RunEvidence):
         Empty where none do, in space that repeats, for more agents than `MOST_DENSE`, and without known links.
         """
         graph, run = self.law.graph, self.run
-        try:
-            met = np.asarray(self.frame_links).any(axis=0)
-        except NotMeasurable:
-            return ""
         if not graph.moves or graph.sees_headings or not run.scenario.space.is_open or run.n > MOST_DENSE:
             return ""
-        q, p = (np.asarray(x[-1], dtype=np.float64) for x in (run.q, run.p))
-        d, v = q[None] - q[:, None], p[None] - p[:, None]
-        closing, speed = -(d * v).sum(axis=2), (v**2).sum(axis=2)
-        when = np.where(closing > 0, closing / np.where(closing > 0, speed, 1.0), np.inf)
-        soon = when <= FURTHER_RUNS * (self.t[-1] - self.t[0])
-        nearest = np.linalg.norm(d + v * np.where(soon, when, 0.0)[..., None], axis=2)
-        meets = soon & (nearest < np.asarray(graph.appear_radius)[..., None])
-        meets &= ~(met | met.T)
+        try:
+            met = self.frame_links.any(axis=0)
+        except NotMeasurable:
+            return ""
+        when, nearest = self.straight_ahead
+        soon = (when > 0) & (when <= FURTHER_RUNS * (self.t[-1] - self.t[0]))
+        meets = soon & (nearest < np.asarray(graph.appear_radius)[..., None]) & ~(met | met.T)
         np.fill_diagonal(meets, False)
         if not meets.any():
             return ""
         i, j = (int(x) for x in np.argwhere(meets)[0])
         return f"agents {i} and {j} have yet to meet"
+
+    @property
+    def straight_ahead(self) -> tuple[Reals, Reals]:
+        """When after the end pairs come nearest if all keep their velocities, 0 where they part, and how near."""
+        q, p = self.q[-1], self.p[-1]
+        d, v = self.displacement(q[None] - q[:, None]), p[None] - p[:, None]
+        closing, speed = -(d * v).sum(axis=2), (v**2).sum(axis=2)
+        when = np.where(speed > 0, np.maximum(closing, 0.0) / np.where(speed > 0, speed, 1.0), 0.0)
+        return when, np.linalg.norm(d + v * when[..., None], axis=2)
 
     @cached_property
     def oldest_knowledge(self) -> tuple[float, int, int] | None:

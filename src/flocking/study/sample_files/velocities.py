@@ -87,8 +87,8 @@ def smoothed_velocities(t: Array, q: Array) -> Velocities:
         )  # fmt: skip
     slopes = {degree: _slopes(t, q, degree) for degree in sorted({d for pair in DEGREES for d in pair})}
     lower, highest = DEGREES[-1]
-    noise = slopes[highest][2]
-    typical_noise, coarser_noise = (float(np.sqrt(np.median(slopes[degree][3]))) for degree in (highest, lower))
+    noise = float(np.sqrt(slopes[highest][2].mean()))
+    typical_noise, coarser_noise = (float(np.sqrt(np.median(slopes[degree][2]))) for degree in (highest, lower))
     best = None
     for degree, higher in DEGREES:
         p = slopes[degree][0]
@@ -101,8 +101,8 @@ def smoothed_velocities(t: Array, q: Array) -> Velocities:
     return best
 
 
-def _slopes(t: Array, q: Array, degree: int) -> tuple[Array, Array, float, Array]:
-    """Slopes at every sample, the gain of noise in each, the noise in the residuals of the fits, and its squares."""
+def _slopes(t: Array, q: Array, degree: int) -> tuple[Array, Array, Array]:
+    """Slopes at every sample, the gain of noise in each, and the squared noise in the residuals of its fit."""
     count = len(t)
     p, gain, squares = np.zeros_like(q), np.zeros(count), np.zeros(count)
     for k in range(count):
@@ -117,4 +117,4 @@ def _slopes(t: Array, q: Array, degree: int) -> tuple[Array, Array, float, Array
         gain[k] = float(np.linalg.norm(weights))
         residual = values - np.tensordot(powers @ fit, values, axes=1)
         squares[k] = float((residual**2).mean()) * WINDOW / (WINDOW - degree - 1)
-    return p, gain, float(np.sqrt(squares.mean())), squares
+    return p, gain, squares

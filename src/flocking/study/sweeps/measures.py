@@ -66,19 +66,14 @@ def _closest(e: Evidence) -> float:
         return math.nan
 
 
-def _density(e: Evidence) -> float:
-    """Share of the largest flock at the end; pairs in doubt may not decide it."""
-    fewer, more = (observables.density(links) for links in e.possible_end_links)
-    return fewer if fewer == more else observables.density(e.end_links)
-
-
 def _from_switches(e: Evidence, value: Callable[[Evidence], Measured]) -> Measured:
     return value(e) if e.switches_known else math.nan
 
 
 MEASURES: dict[str, tuple[str, Measuring]] = {
     "flocks": ("flocks at the end", lambda e: e.flocks_at_end),
-    "density": ("share of the agents in the largest flock at the end", _density),
+    "density": ("share of the agents in the largest flock at the end",
+                lambda e: e.certain_at_end(observables.density)),
     "connected": ("whether the graph is connected throughout", _connected),
     "connected_at_end": ("whether the graph is connected at the end", lambda e: e.flocks_at_end == 1),
     "disconnected_at": ("time at which the graph first falls apart", lambda e: _or_nan(e.seen_disconnected)),

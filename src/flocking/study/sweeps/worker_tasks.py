@@ -86,7 +86,7 @@ def run_task(work: Work, task: Task) -> Row:
             except (NotMeasurable, NotResolvable) as reason:
                 row["values"][name] = math.nan
                 unknown.append(f"{name}: {reason}")
-        row["message"] = "; ".join(unknown)
+        row["message"] = "; ".join(unknown)[:LONGEST_MESSAGE]
         doing = "audit"
         if work.audit is not None:
             row["verdicts"] = _verdicts(work.audit(run))

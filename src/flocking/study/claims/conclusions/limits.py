@@ -129,13 +129,10 @@ def _meets_a_radius(e: Evidence) -> bool:
     Where space repeats, agents that move past each other are taken to meet at last, by one image or another.
     """
     e.need_few()
-    q, p, links = e.q[-1], e.p[-1], e.end_links
-    d, v = e.displacement(q[None] - q[:, None]), p[None] - p[:, None]
+    p, links = e.p[-1], e.end_links
     enters, leaves = (np.asarray(r)[..., None] for r in (e.law.graph.appear_radius, e.law.graph.break_radius))
-    closing, speed = -(d * v).sum(axis=2), (v**2).sum(axis=2)
-    moving = speed > 0
-    when = np.where(moving, np.maximum(closing, 0.0) / np.where(moving, speed, 1.0), 0.0)
-    nearest = np.linalg.norm(d + v * when[..., None], axis=2)
+    moving = (p[None] != p[:, None]).any(axis=2)
+    _, nearest = e.straight_ahead
     switches = np.where(links, moving & np.isfinite(leaves), nearest < enters)
     if not e.run.scenario.space.is_open:
         switches |= moving
