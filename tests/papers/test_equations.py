@@ -10,8 +10,23 @@ from flocking.papers import KEYS, STANDARD_KEYS, paper
 from flocking.papers.equation_table import KINDS, Demonstration, Fault, Row
 from tests.papers.transcriptions.rows import ROWS, examine, goes_red, identity
 
+DEAR_ROWS = {
+    "cucker-smale-2007 Theorem (beta < 1/2)",
+    "olfati-saber-2006 Theorem (Algorithm 2)",
+    "olfati-saber-2006 Algorithm 1",
+    "olfati-saber-2006 network simulator",
+    "olfati-saber-2006 metrics",
+    "olfati-saber-2006 centre",
+    "vicsek-1995 Fig. 2a",
+}
+"""Rows of standard laws that take seconds of processor time each; those of the five papers are in the default suite."""
 
-@pytest.mark.parametrize("row", ROWS, ids=identity)
+
+def by_tier(row: Row) -> object:
+    return pytest.param(row, marks=pytest.mark.slow if identity(row) in DEAR_ROWS else (), id=identity(row))
+
+
+@pytest.mark.parametrize("row", [by_tier(row) for row in ROWS])
 def test_row(row: Row) -> None:
     """It passes for the paper's number, and goes red when that is off by one per cent; see `statement`."""
     examine(row)
@@ -45,6 +60,7 @@ def test_row_is_complete(row: Row) -> None:
 def test_numbers_are_unique_within_a_paper() -> None:
     names = [identity(row) for row in ROWS]
     assert len(names) == len(set(names))
+    assert set(names) >= DEAR_ROWS
 
 
 def _made(kind: str = "equation", **fields) -> Row:

@@ -157,7 +157,7 @@ def alike(patch):
     [
         (looks_elsewhere, VIEWS, "was to"),
         pytest.param(does_not_switch, VIEWS, "its link with agent", marks=pytest.mark.slow),
-        (alike, CONES, "was no neighbour"),
+        pytest.param(alike, CONES, "was no neighbour", marks=pytest.mark.slow),
         pytest.param(does_not_switch, CONES, "its link with agent", marks=pytest.mark.slow),
     ],
 )  # fmt: skip

@@ -239,7 +239,7 @@ def lattice(law):
 
 
 @pytest.mark.parametrize("scheme", ["euler", "rk4"])
-@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", LAWS_WITH_GAINS)
 def test_a_gain_one_per_cent_off_shows(name, precision, scheme):
     law = LAWS_WITH_GAINS[name]
