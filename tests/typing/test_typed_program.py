@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import inspect
+import re
 from importlib import import_module
 from pathlib import Path
 
@@ -32,14 +34,26 @@ def stated() -> list[tuple[str, str, ast.FunctionDef]]:
 
 def test_the_typed_program_runs(tmp_path: Path) -> None:
     made = [scenario for law in typed_program.laws()[:1] for scenario in typed_program.worlds(law)]
-    assert len(typed_program.laws()) == 7
-    assert len(made) == 7
+    assert len(typed_program.laws()) == 9
+    assert len(made) == 9
     typed_program.results(made[0], tmp_path)
     assert {each.name for each in tmp_path.iterdir()} == {"run.zarr", "picture.svg", "picture.png"}
 
 
 def test_there_are_stated_signatures() -> None:
     assert {"State", "Messages", "Sink"} <= {name for _, name, _ in stated()}
+
+
+def test_parts_that_keep_arrays_state_that_they_take_lists() -> None:
+    keep = {
+        each.__name__
+        for each in [getattr(fk, name) for name in fk.__all__]
+        if inspect.isclass(each) and dataclasses.is_dataclass(each) and each.__module__.startswith("flocking.model")
+        for part in inspect.signature(each).parameters.values()
+        if re.search(r"\bArray\b", str(part.annotation))
+    }
+    assert len(keep) > 20
+    assert keep <= {name for _, name, _ in stated()}
 
 
 @pytest.mark.parametrize(("module", "name", "signature"), stated(), ids=[name for _, name, _ in stated()])

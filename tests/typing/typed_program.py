@@ -28,6 +28,10 @@ def laws() -> list[fk.Law]:
         fk.Law(fk.Proximity(2.0), (fk.Track(fk.Velocity([1.0, 0.0]), 0.0, 1.0),)),
         fk.Law(fk.Proximity(2.0), [fk.Track(fk.Path(["cos(t)", "sin(t)"], [0.0, 0.0]), 0.1, 0.2)]),
         fk.Law(fk.Proximity(2.0), [fk.Track(fk.Sink([1, 2]), fk.Schedule([1], [0.5, 1.0]), 1)]),
+        fk.Law(
+            fk.FieldOfView([2, 2, 3], [1.0, 1.5, 2.0]), [fk.Consensus([1, 2, 3]), fk.Track(fk.Sink([1, 2]), [0, 1, 1])]
+        ),
+        fk.Law(fk.Cone(2, [1.0, 1.5, 2.0]), [fk.VelocityAverage([1, 1, 2])]),
     ]
 
 
@@ -48,6 +52,13 @@ def worlds(law: fk.Law) -> list[fk.Scenario]:
         ),
         fk.Scenario(law, start, t_end=5, information=fk.Delayed([[0, 0.1, 0.1], [0.1, 0, 0.1], [0.1, 0.1, 0]])),
         fk.Scenario(law, start, 5, control=careful),
+        fk.Scenario(
+            law, start, 5, control=fk.Held([0.1, 0.1, 0.2], phase=[0, 0.05, 0]),
+            bodies=fk.Lagged(fk.Limited(fk.PointMass([1, 2, 1], damping=[0, 0, 1]), force=[1, 1, 2]), [0.1, 0.1, 0.2]),
+        ),
+        fk.Scenario(
+            law, start, 5, bodies=fk.Disturbed(fk.SingleIntegrator([1, 2, 1], headings=[0, 1, 2]), [0.1, 0.1, 0.2], 0.1)
+        ),
     ]  # fmt: skip
 
 

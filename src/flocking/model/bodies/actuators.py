@@ -17,6 +17,9 @@ from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
+
+    from flocking.model.bodies.body import Body
 
 APPLIED = "applied"
 """Column of a lagged body: the force that it exerts, or its velocity where it is of order 1."""
@@ -56,6 +59,10 @@ class Lagged(WrappedBody):
     """
 
     time_constant: float | Array
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(self, body: Body, time_constant: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         tau = scalar_or_each("Lagged", "time_constant", self.time_constant, above=0.0)
@@ -129,6 +136,13 @@ class Limited(WrappedBody):
     speed: float | Array | None = None
     rate: float | Array | None = None
     shape: Annotated[str, values.choice(*SHAPES)] = "ball"
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(
+            self, body: Body, force: ArrayLike | None = None, speed: ArrayLike | None = None,
+            rate: ArrayLike | None = None, shape: str = "ball",
+        ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
         self.check_inner()

@@ -20,6 +20,7 @@ from flocking.model.world.random_numbers import Purpose, normal_axes, uniform
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 UPDATES = ("backward", "forward", "sequential", "shuffled")
 """With which velocity a body moves after a tick, that before it or that which it sets, and on whose state it acts."""
@@ -183,6 +184,13 @@ class Heading(DiscreteBody):
     seed: Annotated[int, values.SEED] = 0
     masses: float | Array = 1.0
 
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(
+            self, speed: ArrayLike, noise: ArrayLike = 0.0, noise_kind: str = "angular", update: str = "backward",
+            seed: int = 0, masses: ArrayLike = 1.0,
+        ) -> None: ...  # fmt: skip
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "speed", scalar_or_each("Heading", "speed", self.speed, above=0.0))
         object.__setattr__(self, "noise", scalar_or_each("Heading", "noise", self.noise, least=0.0))
@@ -308,6 +316,13 @@ class Impulsive(DiscreteBody):
     speed: float | Array | None = None
     update: Annotated[str, values.choice(*UPDATES)] = "backward"
     seed: Annotated[int, values.SEED] = 0
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(
+            self, masses: ArrayLike = 1.0, damping: ArrayLike = 0.0, force: ArrayLike | None = None,
+            speed: ArrayLike | None = None, update: str = "backward", seed: int = 0,
+        ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
         for name in ("force", "speed"):

@@ -19,6 +19,9 @@ from flocking.model.world.times import PER_SECOND, nanoseconds
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
+
+    from flocking.model.bodies.body import Body
 
 
 @register_part("disturbed")
@@ -58,6 +61,10 @@ class Disturbed(WrappedBody):
     sigma: float | Array
     period: float
     seed: Annotated[int, values.SEED] = 0
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(self, body: Body, sigma: ArrayLike, period: float, seed: int = 0) -> None: ...
 
     def __post_init__(self) -> None:
         self.check_inner()

@@ -15,6 +15,7 @@ from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 
 class Points(Body):
@@ -58,6 +59,12 @@ class PointMass(Points):
     masses: float | Array = 1.0
     damping: float | Array = 0.0
     headings: Annotated[Array | None, values.HEADINGS] = None
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(
+            self, masses: ArrayLike = 1.0, damping: ArrayLike = 0.0, headings: ArrayLike | None = None,
+        ) -> None: ...  # fmt: skip
 
     @property
     def order(self) -> int:
@@ -105,6 +112,10 @@ class SingleIntegrator(Points):
 
     masses: float | Array = 1.0
     headings: Annotated[Array | None, values.HEADINGS] = None
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(self, masses: ArrayLike = 1.0, headings: ArrayLike | None = None) -> None: ...
 
     @property
     def order(self) -> int:

@@ -15,6 +15,7 @@ from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 AXES = ("axis_1", "axis_2", "axis_3")
 """Columns of the attitude: where the axes of the body point, unit vectors; thrust acts along the last."""
@@ -90,6 +91,15 @@ class Quadrotor(Body):
     command_frequency: float | Array = 10.0
     reach: float | Array = 0.8
     gravity: float | Array = 9.81
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(
+            self, masses: ArrayLike = 0.028, damping: ArrayLike = 0.0, roll_inertia: ArrayLike = 1.657171e-05,
+            pitch_inertia: ArrayLike = 1.6655602e-05, yaw_inertia: ArrayLike = 2.9261652e-05,
+            attitude_frequency: ArrayLike = 20.0, attitude_damping: ArrayLike = 0.7,
+            command_frequency: ArrayLike = 10.0, reach: ArrayLike = 0.8, gravity: ArrayLike = 9.81,
+        ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
         for name in self.parameters:

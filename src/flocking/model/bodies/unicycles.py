@@ -15,6 +15,7 @@ from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 HEADING = "heading"
 """Column of the direction in which a unicycle drives, a unit vector."""
@@ -60,6 +61,10 @@ class Unicycle(Body):
     offset: float | Array
     masses: float | Array = 1.0
     damping: float | Array = 0.0
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(self, offset: ArrayLike, masses: ArrayLike = 1.0, damping: ArrayLike = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "offset", scalar_or_each("Unicycle", "offset", self.offset, above=0.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
 from flocking.model.world.control import Control
 from flocking.model.world.random_numbers import Purpose, normal_axes
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 MOST_SUBSTEPS = 10_000
 """Largest number of steps between two ticks: the work of a tick is that of so many evaluations."""
@@ -73,6 +76,13 @@ class VelocityUnit(DiscreteBody):
     masses: float | Array = 1.0
     update = "forward"
     moves_itself = True
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(
+            self, time_constant: ArrayLike, acceleration: float | None = None, speed: float | None = None,
+            fixed: bool = False, diffusion: float = 0.0, substeps: int = 20, seed: int = 0, masses: ArrayLike = 1.0,
+        ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
         owner = "VelocityUnit"

@@ -18,6 +18,7 @@ from flocking.model.potentials.sigma_norm import SigmaNorm, sigma_share
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 
 @register_part("smooth")
@@ -126,6 +127,10 @@ class PerAgentRadii(Graph):
     closed: bool = True
     directed = True
     follows_radii = True
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(self, radii: ArrayLike, closed: bool = True) -> None: ...
 
     def __post_init__(self) -> None:
         radii = array("PerAgentRadii", "radii", self.radii, ndim=1)

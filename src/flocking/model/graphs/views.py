@@ -21,6 +21,7 @@ from flocking.model.space import OPEN, Space
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 MEASURES = ("real", "wrapped", "rotation")
 ORTHOGONAL = 1e-9
@@ -125,6 +126,10 @@ class Cone(HeadingGraph, OneRadius):
     radius: float | Array
     opening: float | Array
     measure: Annotated[str, values.choice(*MEASURES)] = "real"
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(self, radius: ArrayLike, opening: ArrayLike, measure: str = "real") -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", scalar_or_each("Cone", "radius", self.radius, least=0.0))
@@ -302,6 +307,10 @@ class FieldOfView(HeadingGraph, OneRadius):
     radius: float | Array
     half_angle: float | Array
     directed = True
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(self, radius: ArrayLike, half_angle: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         for name in ("radius", "half_angle"):

@@ -15,6 +15,7 @@ from flocking.model.terms.symbols import PairSymbols
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 
 @register_part("cucker_smale")
@@ -97,6 +98,10 @@ class VelocityAverage(PairTerm):
     gain: float | Array = 1.0
     over: Graph | None = field(default=None, kw_only=True)
     functional: ClassVar[str] = AVERAGE
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(self, gain: ArrayLike = 1.0, *, over: Graph | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         check_graph("VelocityAverage", self.over)

@@ -17,6 +17,7 @@ from flocking.model.terms.symbols import BodySymbols
 
 if TYPE_CHECKING:
     import sympy
+    from numpy.typing import ArrayLike
 
 
 class BodyTerm(Term):
@@ -96,6 +97,14 @@ class Track(BodyTerm):
     per_mass: bool = False
     shared: bool = False
     saturated: bool = False
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(
+            self, leader: Leader, position_gain: ArrayLike | Schedule = 0.0,
+            velocity_gain: ArrayLike | Schedule = 1.0, acceleration_gain: ArrayLike | Schedule = 0.0,
+            per_mass: bool = False, shared: bool = False, saturated: bool = False,
+        ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
         if not isinstance(self.leader, Leader):

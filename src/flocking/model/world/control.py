@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.world.times import PeriodicTimes, nanoseconds, span
 from flocking.model.world.world_part import IdealPart, WorldPart
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 class Control(WorldPart):
@@ -61,6 +65,10 @@ class Held(Control):
     period: float | Array
     phase: float | Array = 0.0
     latency: float = 0.0
+
+    if TYPE_CHECKING:  # Lists are accepted.
+
+        def __init__(self, period: ArrayLike, phase: ArrayLike = 0.0, latency: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         nanoseconds("Held", "period", self.period, positive=True)
