@@ -89,11 +89,21 @@ def test_more_than_numbers_is_replaced_with_everything(before: fk.Law, after: fk
     assert np.abs(session.state.q - anew.state.q).max() < 1e-7
 
 
-def test_numbers_that_do_not_fit_are_refused_and_nothing_changes() -> None:
+@pytest.mark.parametrize(
+    "uneven",
+    [
+        law(fk.Gradient(SPRING), fk.Consensus(np.ones(5))),
+        law(fk.Gradient(SPRING), graph=fk.FieldOfView([1.0, 2.0], 1.2)),
+        law(fk.Gradient(SPRING), graph=fk.Cone([1.0, 2.0], 1.2)),
+    ],
+    ids=["gains", "views", "cones"],
+)
+def test_numbers_that_do_not_fit_are_refused_and_nothing_changes(uneven: fk.Law) -> None:
     before = PAIRS["gain"][0]
-    session = fk.start(fk.Scenario(before, START, t_end=1.0, frames=3), engine="exact")
+    agents = fk.Agents(headings=np.zeros(12))
+    session = fk.start(fk.Scenario(before, START, t_end=1.0, frames=3, agents=agents), engine="exact")
     session.advance(0.1)
-    state, uneven = session.state, law(fk.Gradient(SPRING), fk.Consensus(np.ones(5)))
+    state = session.state
     with pytest.raises(fk.InvalidInput, match="12 agents"):
         session.replace(law=uneven)
     assert session.scenario.law is before

@@ -121,13 +121,15 @@ class LinkState:
 
     def under(self, law: Law) -> LinkState | None:
         """The same links under another law, if its graphs, kinks and obstacles are the same; else None."""
+        if law.graphs != self.graphs:
+            return None
         watches, contacts = watches_of(law, len(self._allowed[0])), ObstacleContacts(law)
         obstacles = [(g.structure, g.rows) for g in contacts.groups] == [
             (g.structure, g.rows) for g in self.contacts.groups
         ]
         before = self.watches[: self._first_level]
         if not (
-            law.graphs == self.graphs and obstacles and contacts.levels == self.contacts.levels
+            obstacles and contacts.levels == self.contacts.levels
             and len(watches) == len(before) and all(map(Watch.is_where, watches, before))
         ):  # fmt: skip
             return None
