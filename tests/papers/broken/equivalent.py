@@ -87,6 +87,22 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("zhou_2015.system.scenario", "without velocity_gain = ", "the paper's number is the default of the term"),
     ("obstacles._first_that_holds", "in (last[0], True)", "the last piece is taken wherever no earlier one holds"),
     ("obstacles._by_feature", "swap: arguments of sympy.Eq(", "an equation may be read from either side"),
+    ("density_waves.waves_of", "best) / side % 1.0", "strips are counted modulo their number besides"),
+    ("sees_places", "return True at once", "it is true of all such terms"),
+    ("ShillWalls.steer", "Div in -self.speed * np.sign(", "the sign is 1 or -1 wherever a force is taken"),
+    ("TurnBack.steer", "other sign in desired - seen.p", "what lies along the velocity is taken off"),
+    ("rules.next_state", "[(:, None)] turned round", "one agent acts: its number is one row and one column"),
+    ("observations.measured", "in -1", ANY_LENGTH),
+    ("vasarhelyi_2018.system.unit", "without substeps = ", "the paper's number is the default of the body"),
+    ("vasarhelyi_2018.system._of", "without scaled = ", "a flock's vehicles are those that are not scaled"),
+    ("vasarhelyi_2018.parameters.at", "without minlength = ", "there is an agent of the last label"),
+    *(
+        ("vasarhelyi_2018.parameters.at", text, "the squares of all entries are added")
+        for text in ("in axis", "without axis")
+    ),
+    ("vasarhelyi_2018.parameters.at", "in np.where(speeds > 0.0", "the direction at rest is 0, whatever divides it"),
+    ("vasarhelyi_2018.parameters.at", "in max(len(q) * (len(q) - 1), 1)", "of no pairs none is near"),
+    ("closed_forms.lone_speeds", "Mult in system.STEP / system.TIME_CONSTANT", "the time constant is one second"),
 )
 """Function, words of the fault, and why it changes nothing."""
 

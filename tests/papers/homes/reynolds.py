@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from inspect import signature
+from inspect import signature, unwrap
 
 import numpy as np
 import pytest
@@ -92,6 +92,9 @@ def separation():
     part = fk.Separation(1.0, 2.0)
     assert (part.cosine, part.near, part.total, part.exponent, part.among) == (-1.0, 0.0, "direction", 2.0, None)
     assert (part.reach, fk.Separation(1.0, 2.0, total="mean", among=3.0).reach) == (2.0, 3.0)
+    assert fk.Separation(1.0, 0.01).reach == 0.01
+    close = forces(fk.Separation(1.0, 5.0, total="sum"), np.array([[0.0, 0.0], [0.01, 0.0]]), np.zeros((2, 2)))
+    assert_allclose(close, [[-100.0, 0.0], [100.0, 0.0]], rtol=1e-12)
     refused(fk.Separation, {**CONE, "exponent": -1.0, "among": 3.0}, {"weight": 1.0, "radius": 2.0})
     refused(fk.Separation, {"among": 0.0}, {"weight": 1.0, "radius": 2.0, "total": "mean"})
 
@@ -164,6 +167,26 @@ def impulsive():
     half = [by_hand.shortened(by_hand.force(Q.tolist(), p.tolist(), i), 10.0) for i in range(N)]
     halved = [by_hand.shortened(by_hand.plus(p[i].tolist(), by_hand.times(0.1, half[i])), 4.5) for i in range(N)]
     assert_allclose(late.p[1], halved, atol=1e-10)
+    slowed = fk.Impulsive(masses=2.0, damping=np.linspace(0.1, 0.5, N), force=3.0, speed=np.linspace(2.0, 5.0, N))
+    found = slowed.updated(P, 4.0 * Q, np.full(N, 0.2), np.arange(N), np.zeros(N, dtype=np.int64))
+    for i in range(N):
+        push = by_hand.minus(by_hand.shortened((4.0 * Q[i]).tolist(), 3.0), (slowed.damping[i] * P[i]).tolist())
+        new = by_hand.plus(P[i].tolist(), by_hand.times(0.1, push))
+        assert_allclose(found[i], by_hand.shortened(new, slowed.speed[i]), atol=1e-12)
+    with np.errstate(over="raise"):
+        far = fk.Impulsive(speed=2.0).updated(P[:1], np.full((1, 3), 1e200), np.ones(1), np.arange(1), np.zeros(1, int))
+    assert_allclose(far, np.full((1, 3), 2.0 / math.sqrt(3.0)), rtol=1e-12)
+    below = np.array([[1.98, 0.0, 0.0]])
+    kept = fk.Impulsive(speed=2.0).updated(below, 0.0 * below, np.ones(1), np.arange(1), np.zeros(1, int))
+    assert_allclose(kept, below, rtol=1e-15)
+    unlimited = fk.Impulsive().updated(below, 3.0 * below, np.ones(1), np.arange(1), np.zeros(1, int))
+    assert_allclose(unlimited, 4.0 * below, rtol=1e-15)
+    assert (slowed.parameters["force"], fk.Impulsive(speed=2.0).parameters) == (3.0, {"speed": 2.0})
+    assert fk.Impulsive().parameters == {}
+    kinds = [fk.Impulsive(force=f, speed=s).structure for f in (None, 1.0) for s in (None, 1.0)]
+    assert len(set(kinds)) == 4
+    assert fk.Impulsive(force=2.0, speed=2.0).structure == kinds[3]
+    assert slowed.summary == "velocities set at ticks, force up to 3, speed up to 5"
     free = fk.Impulsive()
     assert (free.force, free.speed, free.update, free.seed, free.masses, free.order) == (
         None, None, "backward", 0, 1.0, 2)  # fmt: skip
@@ -185,7 +208,11 @@ def boids():
     assert found.control.period == 0.1
     assert found.law == system.boid_law()
     assert system.boids().frame_times[-1] == system.boids().t_end == 40.0
-    usual = signature(system.boids).parameters
+    # Times of updates are rounded to nine digits; then one frame a second, and one at the end.
+    fine = system.boids(agents=9, step=0.1234567891, duration=4.0).frame_times
+    assert list(fine) == [*(round(0.1234567891 * k, 9) for k in range(26)), 4.0]
+    assert list(system.boids(agents=9, step=0.02, duration=3.5).frame_times[25:]) == [0.5, 1.0, 2.0, 3.0, 3.5]
+    usual = signature(unwrap(system.boids)).parameters
     assert [usual[k].default for k in ("agents", "seed", "duration", "update", "step", "name")] == [
         200, 0, 40.0, "forward", 0.04, ""]  # fmt: skip
     for wrong in ({"agents": 1}, {"step": 0.0}, {"duration": 1.0}):
@@ -229,7 +256,7 @@ def birds():
     assert_allclose(np.linalg.norm(found.start.p, axis=1), 1.0, rtol=1e-12)
     assert found.law == system.bird_law(2.5)
     assert found.control.period == 1.0
-    usual = signature(system.birds).parameters
+    usual = signature(unwrap(system.birds)).parameters
     assert [usual[k].default for k in ("seed", "updates", "update", "name")] == [0, 100, "shuffled", ""]
     for wrong, word in (((7, 0.0, 2.5), "side"), ((0, 6.0, 2.5), "n")):
         with pytest.raises(fk.InvalidInput, match=word):

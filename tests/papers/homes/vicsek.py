@@ -181,6 +181,16 @@ def cumulant():
 
 
 def bands():
+    for wave in ((0, 4), (4, 0), (4, -4), (2, 4), (3, -1)):
+        # Agents in rows across a wave and its multiples, which are shorter than any that is looked at.
+        rows = RNG.integers(0, 40, 400) / math.gcd(*wave)
+        along = np.array([-wave[1], wave[0]]) / math.hypot(*wave)
+        places = (rows[:, None] * np.array(wave) / math.hypot(*wave) ** 2 * math.gcd(*wave)
+                  + RNG.normal(size=(400, 1)) * along) * SIDE  # fmt: skip
+        assert density_waves.waves_of(places % SIDE, places, SIDE)[0] == wave
+    fifth = np.column_stack([RNG.random(400), RNG.integers(0, 5, 400) / 5 + 0.01 * RNG.random(400)]) * SIDE
+    assert density_waves.waves_of(fifth, fifth, SIDE)[1] < 20.0
+    assert density_waves.waves_of(np.zeros((1, 2)), np.ones((1, 2)), SIDE)[:2] == ((0, 1), 1.0)
     q, u = RNG.random((40, 2)) * SIDE, RNG.normal(size=(40, 2))
     wave, strength, across, order_, profile, local = density_waves.waves_of(q, u, SIDE)
     sizes = {}

@@ -7,6 +7,7 @@ The paper prints no parameters, as far as is known. Those of the boids are of it
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from flocking.model import starts
@@ -52,7 +53,7 @@ STEP = 0.04
 DURATION, SEQUENTIAL_DURATION = 40.0, 4.0
 """Durations of the runs: chosen here; agents that act one after another take longer to compute."""
 EVERY_UPDATE = 25
-"""Updates at the start of a run of boids that are frames each; then one frame a second."""
+"""Updates at the start of a run of boids that are frames each; then one frame a second, and one at the end."""
 
 BIRD_SPEED, COHERE, SEPARATE, MATCH, BIRD_SEPARATION = 1.0, 0.03, 0.015, 0.05, 1.0
 """Speed, factors of cohesion, separation and matching, and distance of separation of the birds (comparison)."""
@@ -99,11 +100,11 @@ def boids(
     duration = number("boids", "duration", duration, least=(EVERY_UPDATE + 1) * step)
     begin = starts.ball(count, radius=START_RADIUS, speed=START_SPEED, velocities="sphere", dimension=3, seed=seed)
     first = [round(k * step, 9) for k in range(EVERY_UPDATE + 1)]
-    later = [float(k) for k in range(1, int(duration) + 1) if first[-1] < k <= duration]
+    later = [float(k) for k in range(1, math.ceil(duration)) if k > first[-1]]
     body = Impulsive(force=FORCE, speed=SPEED, update=update, seed=seed)
-    frames = (*first, *later)
+    frames = (*first, *later, duration)
     return Scenario(
-        boid_law(), begin, t_end=frames[-1], agents=body, frames=frames, name=name, seed=seed, control=Held(step)
+        boid_law(), begin, t_end=duration, agents=body, frames=frames, name=name, seed=seed, control=Held(step)
     )
 
 

@@ -61,13 +61,13 @@ def waves_of(q: Array, u: Array, side: float) -> tuple[tuple[int, int], float, f
         L.
     """
     q, u = np.asarray(q, dtype=np.float64), np.asarray(u, dtype=np.float64)
-    best, strength = (1, 0), -1.0
-    for a in range(WAVES + 1):
-        for b in range(-WAVES if a else 1, WAVES + 1):
-            phase = (2.0 * np.pi / side) * (a * q[:, 0] + b * q[:, 1])
-            found = float(np.cos(phase).sum() ** 2 + np.sin(phase).sum() ** 2) / len(q)
-            if found > strength:
-                best, strength = (a, b), found
+
+    def strength_of(wave: tuple[int, int]) -> float:
+        phase = (2.0 * np.pi / side) * (wave[0] * q[:, 0] + wave[1] * q[:, 1])
+        return float(np.cos(phase).sum() ** 2 + np.sin(phase).sum() ** 2) / len(q)
+
+    waves = [(a, b) for a in range(WAVES + 1) for b in range(-WAVES if a else 1, WAVES + 1)]
+    best = max(waves, key=strength_of)
     mean = u.mean(axis=0)
     order = float(np.linalg.norm(mean))
     normal = np.asarray(best) / np.linalg.norm(best)
@@ -75,4 +75,11 @@ def waves_of(q: Array, u: Array, side: float) -> tuple[tuple[int, int], float, f
     count = np.bincount(strip, minlength=STRIPS)
     sums = np.stack([np.bincount(strip, u[:, k], minlength=STRIPS) for k in range(2)], axis=1)
     local = np.linalg.norm(sums, axis=1) / np.maximum(count, 1)
-    return best, strength, abs(float(mean @ normal)) / max(order, 1e-300), order, count * STRIPS / len(q), local
+    return (
+        best,
+        strength_of(best),
+        abs(float(mean @ normal)) / max(order, 1e-300),
+        order,
+        count * STRIPS / len(q),
+        local,
+    )
