@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from flocking.study.claims.audit import audit
 from flocking.study.claims.claim import Basis, Verdict
 from flocking.study.claims.judgement import judge
 from flocking.study.claims.settled_run import settled_runs
+from flocking.study.claims.subjects import Subject
 
 NAMES = [
     (key, name) for key in ("tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015") for name in paper(key).scenarios()
@@ -153,3 +156,46 @@ def test_a_decay_is_not_resolved_where_the_run_states_no_error() -> None:
     assert audit(exact, claims)["exponential"].verdict == Verdict.HOLDS
     assert tiled.accuracy is None
     assert audit(tiled, claims)["exponential"].verdict == Verdict.NOT_RESOLVED
+
+
+ZHOU = paper("zhou-2015").scenario().with_(t_end=1.0, frames=11)
+WORLDS = {
+    "messages": (
+        {"information": fk.Messages(0.05, loss=0.3), "control": fk.Held(0.05)},
+        "the theorem assumes an ideal world: messages every 0.05, 0.3 of them lost; control held for 0.05",
+    ),
+    "space": ({"space": fk.Periodic([60.0, 60.0])}, "space is Periodic, not open"),
+    "bodies": ({"agents": fk.Lagged(fk.PointMass(), 0.02)}, "the theorem assumes an ideal world: "),
+}
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_the_conclusion_is_measured_beside_a_hypothesis_that_is_not_met(name: str) -> None:
+    changes, reason = WORLDS[name]
+    run = fk.simulate(ZHOU.with_(**changes), progress=False)
+    report = fk.audit(run)
+    for found in report.results:
+        assert found.verdict is Verdict.HYPOTHESIS_NOT_MET
+        assert found.note.startswith(reason)
+        assert (found.conclusion is None) == (found.claim.about.subject is Subject.LEDGER)
+    mean = run.p.sum(axis=1) / run.n
+    moved = np.abs(mean - mean[0]).max()
+    alone = report["momentum"].conclusion
+    assert alone is not None
+    said = float(alone.note.split("mean velocity moved by ")[1].split(";")[0])
+    assert said == pytest.approx(moved, rel=0.06, abs=1e-13)
+    assert (moved > 1e-3) == (name == "messages")
+    assert alone.verdict is (Verdict.FAILS if moved > 1e-3 else Verdict.HOLDS)
+    assert f"{reason}" in str(report)
+    assert f"the conclusion by itself: {alone.verdict} ({alone.note})" in str(report)
+    rows = {row["claim"]: row for row in json.loads(json.dumps(report.as_dict()))["claims"]}
+    assert rows["momentum"]["conclusion"]["verdict"] == str(alone.verdict)
+    assert rows["momentum"]["conclusion"]["margin"] == pytest.approx(alone.margin)
+    assert "conclusion" not in rows["energy"]
+
+
+def test_in_the_world_of_the_theorems_nothing_stands_beside() -> None:
+    report = fk.audit(fk.simulate(ZHOU, progress=False))
+    assert report["momentum"].verdict is Verdict.HOLDS
+    assert all(found.conclusion is None for found in report.results)
+    assert "by itself" not in str(report)

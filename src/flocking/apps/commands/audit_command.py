@@ -225,7 +225,7 @@ def _print_claims(report: Report, title: str, proven: Mapping[str, str] | None =
 
     sure = dict.fromkeys(proven or (), ", guaranteed")
     rows = [
-        (r.claim.key, f"{r.verdict}{sure.get(r.claim.key, '')}", short(r.margin), short(r.error), r.note)
+        (r.claim.key, f"{r.verdict}{sure.get(r.claim.key, '')}", short(r.margin), short(r.error), r.words)
         for r in report.results
     ]
     print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=title)

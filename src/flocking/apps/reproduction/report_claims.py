@@ -127,7 +127,7 @@ def _result(name: str, result: Result) -> str:
 
 def _measured(result: Result) -> str:
     error = f" (error {short(result.error)})" if result.error > 0 else ""
-    return set_text(f"{short(result.margin)}{error}{f'; {result.note}' if result.note else ''}")
+    return set_text(f"{short(result.margin)}{error}{f'; {result.words}' if result.words else ''}")
 
 
 def _card(claim: Claim, place: str, verdict: Verdict, as_expected: bool, measured: str) -> str:

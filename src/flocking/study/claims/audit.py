@@ -56,7 +56,7 @@ class Report:
         counts = Counter(str(r.verdict) for r in self.results)
         rows = [
             (escape(r.claim.key), escape(str(r.verdict)), set_text(r.claim.statement), _short(r.margin),
-             _short(r.error), escape(r.note))
+             _short(r.error), escape(r.words))
             for r in self.results
         ]  # fmt: skip
         head = ("claim", "verdict", "statement", "margin", "error", "measured")
@@ -73,7 +73,7 @@ class Report:
         }
 
     def __str__(self) -> str:
-        rows = [(r.claim.key, str(r.verdict), _short(r.margin), _short(r.error), r.note) for r in self.results]
+        rows = [(r.claim.key, str(r.verdict), _short(r.margin), _short(r.error), r.words) for r in self.results]
         head = ("claim", "verdict", "margin", "error", "measured")
         widths = [max(len(row[k]) for row in [head, *rows]) for k in range(4)]
         lines = [

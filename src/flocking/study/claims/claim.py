@@ -164,6 +164,9 @@ class Claim:
         Measures the hypothesis; none by default.
     obstacle
         Gives the reason why the claim does not apply to a run; empty when it applies.
+    setting
+        Gives the reason why a run is not of the agents, the space or the world that the theorem is about; empty
+        when it is. The hypothesis is then not met, and the conclusion is measured beside it.
     expected
         The verdict that follows from the ground; see ``basis``.
     reason
@@ -199,6 +202,7 @@ class Claim:
     conclusion: Callable[[Evidence], Measure]
     hypothesis: Callable[[Evidence], Measure] = granted
     obstacle: Callable[[Evidence], str] = _everywhere
+    setting: Callable[[Evidence], str] = _everywhere
     expected: Verdict = Verdict.HOLDS
     reason: str = ""
     dynamic: bool = True
@@ -251,6 +255,8 @@ class Claim:
     def _examined(self, evidence: Evidence) -> Result:
         if reason := self.obstacle(evidence):
             return Result(self, Verdict.NOT_APPLICABLE, note=reason)
+        if reason := self.setting(evidence):
+            return Result(self, Verdict.HYPOTHESIS_NOT_MET, -1.0, 0.0, reason, self._conclusion_alone(evidence))
         hypothesis = self.hypothesis(evidence)
         if (doubt := self._undecided_by_samples(evidence, hypothesis)) or hypothesis.holds is not True:
             unknown = doubt or hypothesis.holds is None
@@ -265,6 +271,12 @@ class Claim:
         verdict, doubt = self._verdict(evidence, measured, hypothesis.unsettled or measured.unsettled)
         error = math.nan if measured.as_computed else measured.error
         return Result(self, verdict, measured.margin, error, _joined(measured.note, doubt))
+
+    def _conclusion_alone(self, evidence: Evidence) -> Result | None:
+        """What a run outside the setting of the theorem shows of the conclusion; None of energies, which differ."""
+        if self.about.subject is Subject.LEDGER:
+            return None
+        return replace(self, setting=_everywhere, hypothesis=granted).examine(evidence)
 
     def _verdict(self, e: Evidence, measured: Measure, unsettled: str) -> tuple[Verdict, str]:
         """The verdict that a measured conclusion allows, and the doubt that remains."""
@@ -307,6 +319,9 @@ class Result:
         Margin of the conclusion (or of a hypothesis that is not met) and the numerical error that bounds it.
     note
         The measured value in words, or why there is none.
+    conclusion
+        What the run shows of the conclusion by itself, where it is not of the setting of the theorem; see
+        `Claim.setting`. No theorem promises it.
     """
 
     claim: Claim
@@ -314,10 +329,18 @@ class Result:
     margin: float = math.nan
     error: float = math.nan
     note: str = ""
+    conclusion: Result | None = None
 
     def __repr__(self) -> str:
         """In one line: the claim, the verdict, and what was measured."""
-        return f"<Result {self.claim.key}: {self.verdict}{f', {self.note}' if self.note else ''}>"
+        return f"<Result {self.claim.key}: {self.verdict}{f', {self.words}' if self.words else ''}>"
+
+    @property
+    def words(self) -> str:
+        """The note, and what the run shows of the conclusion by itself where that was measured."""
+        if (alone := self.conclusion) is None:
+            return self.note
+        return f"{self.note}; the conclusion by itself: {alone.verdict}{f' ({alone.note})' if alone.note else ''}"
 
     @property
     def as_expected(self) -> bool:
@@ -337,6 +360,13 @@ class Result:
             "origin": str(self.claim.stated),
             "statement": self.claim.statement,
             "expected": self.claim.expectation,
+            **self.measured(),
+            **({} if self.conclusion is None else {"conclusion": self.conclusion.measured()}),
+        }
+
+    def measured(self) -> dict[str, object]:
+        """Verdict, margin, error and note as plain data for JSON; numbers that are not finite become None."""
+        return {
             "verdict": str(self.verdict),
             "margin": finite(self.margin),
             "error": finite(self.error),

@@ -36,8 +36,9 @@ def as_computed(run: Run) -> Run:
 def bare(claim: Claim) -> tuple[Claim, Claim]:
     """The conclusion of a claim without its hypothesis, and its hypothesis where the claim applies, as claims."""
     plain = replace(
-        claim, basis=Basis.GENERAL, ground="", counterexample=None, expected=Verdict.HOLDS, hypothesis=granted
-    )
+        claim, basis=Basis.GENERAL, ground="", counterexample=None, expected=Verdict.HOLDS, hypothesis=granted,
+        setting=_nothing,
+    )  # fmt: skip
     hypothesis = replace(plain, key=claim.key + HYPOTHESIS, conclusion=claim.hypothesis, dynamic=False)
     return replace(plain, obstacle=_nothing), hypothesis
 

@@ -200,7 +200,7 @@ def verdicts_on(run: Run, claims: Sequence[Claim], guarantees: Certificates | No
 def _note(result: Result) -> str:
     """What was measured, and how well where the error leaves the verdict open."""
     left_open = result.verdict is Verdict.NOT_RESOLVED and abs(result.margin) <= result.error < math.inf
-    return f"{result.note}, known to within {rounded_up(result.error, 2)}" if left_open else result.note
+    return f"{result.note}, known to within {rounded_up(result.error, 2)}" if left_open else result.words
 
 
 def _word(claim: Claim, verdict: Verdict, run: Run) -> str:
