@@ -142,7 +142,7 @@ class Chattering(SimulationError):
 
 
 class LinkLost(SimulationError):
-    """A link whose potential diverges at the break radius was lost: the step was too large."""
+    """A link whose potential is infinite at the break radius was lost: the step was too large, or a limit acted."""
 
 
 class StepTooLarge(SimulationError):

@@ -205,7 +205,8 @@ def test_what_an_error_leaves_open_is_said_with_that_error():
     from flocking.study.claims.claim import Verdict
 
     class Given:
-        margin, note = 1.33, "closest 1.33 to an obstacle"
+        margin = 1.33
+        note = words = "closest 1.33 to an obstacle"
 
         def __init__(self, verdict, error):
             self.verdict, self.error = verdict, error

@@ -9,6 +9,7 @@ import numpy as np
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.exact.crossings.guards import deepest_dip
 from flocking.engine.exact.crossings.images import linked_paths
+from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.model.checks import Array
 
@@ -22,6 +23,9 @@ DIP_GAP = 1e-2
 """The same at a close approach inside the step, relative to the energies: the polynomial of a step that resolves it
 keeps the energy to some digits.
 """
+
+AT_BARRIER = 1e-6
+"""Share of the break radius within which a link is at the barrier there when steps shrink to nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,29 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
         return False
     inside = segment.cut(x)
     return _gap(dynamics, inside.t1, inside.coefficients[-1], ledger) > DIP_GAP
+
+
+def nearest_to_barrier(dynamics: Dynamics, links: LinkState, y: Array) -> tuple[int, int] | None:
+    """The linked pair nearest to a break radius where its potential is infinite; None if none is at it.
+
+    Parameters
+    ----------
+    dynamics
+        The law in force.
+    links
+        The links.
+    y
+        State vector.
+    """
+    q, found = dynamics.split(y)[0], []
+    for watch in links.watches:
+        if watch.kind == "link" and dynamics.barriers[watch.graph] and links.links[watch.graph].any():
+            i, j = np.nonzero(links.links[watch.graph])
+            apart = np.linalg.norm(dynamics.scenario.space.displacement(q[j] - q[i]), axis=1)
+            k = int(np.argmin(gap := 1.0 - apart / watch.leave[i]))
+            found.append((float(gap[k]), (int(i[k]), int(j[k]))))
+    nearest = min(found, default=(1.0, None))
+    return nearest[1] if nearest[0] < AT_BARRIER else None
 
 
 def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState) -> float:

@@ -14,6 +14,15 @@ def link_lost(time: float, agents: tuple[int, ...]) -> LinkLost:
     )  # fmt: skip
 
 
+def held_back(time: float, agents: tuple[int, ...]) -> LinkLost:
+    """The error for a link of ``agents`` at ``time`` that limits of their bodies keep the law from holding."""
+    return LinkLost(
+        "A link reaches the break radius, where its potential is infinite: limits of the bodies keep the force that "
+        "would hold it from acting. Raise the limits, or start with less energy.",
+        time=time, agents=agents,
+    )  # fmt: skip
+
+
 def sliding(time: float, agents: tuple[int, ...]) -> Chattering:
     """The error for ``agents`` that do not leave a distance that they cross at ``time``."""
     return Chattering(

@@ -203,6 +203,8 @@ class ExactSession(AdaptiveSession):
 
     def _take_step(self, tried: tuple[Segment, StepperMemory] | None) -> None:
         before, known = self._stepper.memory, self._error.difference
+        if self._dynamics.held.limits:
+            self._stepper.tolerance = self._dynamics.grown(self._stepper.tolerance, before.y, before.slope)
         try:
             ledger = LedgerState(self._tail, self.energy, self.kinetic) if self.plant is None else None
             bound = self._jumps.bound(self._segment.t1)

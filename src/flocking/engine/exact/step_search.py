@@ -7,10 +7,11 @@ import numpy as np
 from flocking.engine import interruption
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
-from flocking.engine.exact.barriers import LedgerState, jumps_barrier
+from flocking.engine.exact.barriers import LedgerState, jumps_barrier, nearest_to_barrier
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import Dynamics
-from flocking.engine.exact.failures import link_lost
+from flocking.engine.exact.failures import held_back, link_lost
+from flocking.errors import StepTooSmall
 
 SHORTENED = 0.25
 """Factor by which a step that is not acceptable is shortened."""
@@ -61,7 +62,13 @@ def found_step(
     for _ in range(RETRIES):
         interruption.check()
         if tried is None:
-            complete = stepper.step(bound, longest)
+            try:
+                complete = stepper.step(bound, longest)
+            except StepTooSmall:
+                nearest = nearest_to_barrier(dynamics, links, before.y) if dynamics.held.limits else None
+                if nearest is None:
+                    raise
+                raise held_back(before.t + dynamics.base, nearest) from None
         else:
             complete = tried[0]
             stepper.recall(tried[1])

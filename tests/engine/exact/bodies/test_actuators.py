@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 import flocking as fk
 from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.engine.exact.session import ExactSession
+from flocking.errors import LinkLost
 from flocking.model.serial import from_data, to_data
 from flocking.study.scenario_files.scenario_file import parse_scenario, scenario_to_text
 from tests.bodies import Actuated
@@ -83,6 +84,25 @@ def test_a_bite_is_located():
     w = np.sqrt(2.0)
     distance = run.q[-1, 1, 0] - run.q[-1, 0, 0]
     assert distance == pytest.approx(np.cos(w * left) - 2 / w * np.sin(w * left), abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [4.0, 2.0])
+def test_a_barrier_that_limits_do_not_hold_is_reached_at_a_known_time(speed):
+    """Held back by a constant force until then; the ledger, which grows without bound, does not stop the steps."""
+    law = fk.Law(fk.Proximity(4.0), [fk.Gradient(fk.Potential("1000/(4 - r)"))])
+    start = fk.State([[0.0, 0.0], [3.0, 0.0]], [[0.0, 0.0], [speed, 0.0]])
+    session = fk.start(fk.Scenario(law, start, 0.5, bodies=fk.Limited(fk.PointMass(), force=2.0)))
+    # The gap of 1 closes at the relative speed, which falls by 4 in a unit of time.
+    if speed**2 < 8.0:
+        session.advance(0.5)
+        apart = session.state.q[1, 0] - session.state.q[0, 0]
+        assert apart == pytest.approx(3.0 + 0.5 * speed - 2.0 * 0.5**2, abs=1e-9)
+        return
+    with pytest.raises(LinkLost, match="limits of the bodies") as reached:
+        session.advance(0.5)
+    assert tuple(reached.value.agents) == (0, 1)
+    assert reached.value.time == pytest.approx((speed - np.sqrt(speed**2 - 8.0)) / 4.0, abs=1e-7)
+    assert session.steps < 3000
 
 
 def test_no_agent_gets_faster_than_its_limit():
