@@ -10,6 +10,7 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.held.held_actuation import HeldActuation
 from flocking.engine.tiles.held.held_motion import HeldMotion, coast
 from flocking.engine.tiles.held.lagged_motion import LaggedForces, coast_lagged
+from flocking.engine.tiles.held.listed_senders import take_senders, tiles_ahead
 from flocking.engine.tiles.held.messages import SampleStore
 from flocking.engine.tiles.kernels.control_kernel import control_kernel, control_spec
 from flocking.engine.tiles.kernels.spec import KernelSpec
@@ -43,6 +44,9 @@ class HeldParticles(ParticleArrays):
         What stands between the forces that agents compute and those; None for nothing.
     known
         Lists of each graph with the links by what agents know; None where those of the truth serve.
+    used, senders
+        For each entry of the lists of a graph the sample used last, see `flocking.engine.tiles.kernels.heard_samples`,
+        and the number of the agent that it stands for; no entries where nothing is drawn.
     powers
         By tile, powers of the forces at rest at the beginning and at the end of the last step, shape (tiles, 2); no
         rows where they are not summed.
@@ -77,6 +81,8 @@ class HeldParticles(ParticleArrays):
         self._draws = heard is not None and heard.draws
         self._tested = 0
         self.used: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
+        self.senders: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
+        self._ahead = 1
         self.known: list[TileLists | None] = [None] * len(spec.graphs)
         self.known_builders = [ListBuilder(self.n, memory_limit, workers, self.search.box) for _ in scenario.law.graphs]
         self._first_known_links = state.links
@@ -141,13 +147,19 @@ class HeldParticles(ParticleArrays):
 
     def forget_used(self) -> None:
         """Drop the record of which samples were used: the next search finds them again."""
-        self._tested = 0
+        self._tested, self._ahead = 0, 1
         if self._draws:
             for number in range(len(self.known)):
                 if number in self._shared:
                     continue
                 lists = self._lists_of(number)
                 self.used[number] = np.zeros(lists.rows.size, np.uint32)
+                self.senders[number] = np.empty(lists.rows.size, np.uint32)
+                self.workers.each(
+                    take_senders, self.tiles, lists.rows.reshape(-1), lists.first, lists.count, self.ids,
+                    self.senders[number],
+                )  # fmt: skip
+                self._ahead = max(self._ahead, tiles_ahead(lists, self.n))
 
     def _lists_of(self, number: int) -> TileLists:
         """Lists of the neighbours of one graph by what agents know."""
@@ -189,8 +201,8 @@ class HeldParticles(ParticleArrays):
             self.refresh_copies(self.agents)
         else:
             own = self.store.own(now, own, self.ids)
-            news = self.store.news(now, self.ids, self._tested)
-            lists += [self.store.rows, news, *self.used]
+            news = self.store.news(now, self.ids, self._tested, self._ahead)
+            lists += [self.store.rows, news, *self.used, *self.senders]
             # Where everybody acts, all entries have been looked at until now.
             self._tested = self.store.settled(now) if self.store.alike and self.all_act else 0
         parameters = self.parameters

@@ -17,6 +17,17 @@ from flocking.model.world.losses import Bernoulli, DistanceLoss, GilbertElliott,
 MOST_SAMPLES = 1 << 30
 """Samples of an agent that kernels distinguish, see `flocking.engine.tiles.kernels.heard_samples.BEST`."""
 
+WORTH_FETCHING = 1.0 / 32.0
+"""Share of its neighbours that must use a sample for it to be fetched before its use: a line of memory has two agents
+with some six neighbours each, so that below it two of three lines would be fetched in vain."""
+
+MOST_FETCHED = 6
+"""Most samples of an agent that are fetched before their use: with more, those of a tile would fill much of the first
+cache of a processor."""
+
+TYPICAL_LOSS = 0.2
+"""Share of lost messages that is assumed where it depends on distances or on the messages before."""
+
 
 class News(NamedTuple):
     """What the control kernel reads about messages; arrays of length 1 where all agents are alike, else by place.
@@ -48,6 +59,9 @@ class News(NamedTuple):
     tested
         Number of the newest sample that was looked at for every entry of the lists before, at a time when its messages
         had arrived if ever they would; 0 where that is not known.
+    ahead, older
+        How many tiles before its use the older samples of a tile are fetched, and how many of each agent: what these
+        are changes no result.
     """
 
     now: float
@@ -66,6 +80,8 @@ class News(NamedTuple):
     loss: Array
     truth: Reals
     tested: int
+    ahead: int
+    older: int
 
 
 def is_plain(loss: Loss | None) -> bool:
@@ -85,6 +101,25 @@ def loss_numbers(loss: Loss | None) -> Array:
         redrawn, share = loss.redraws
         return np.array([loss.loss_good, loss.loss_bad, redrawn, loss.stationary_bad, share])
     return np.zeros(1)
+
+
+def older_places(loss: Loss | None, jitter: float, period: float) -> int:
+    """How many samples of each agent before the newest are used by enough others to be fetched before their use.
+
+    Parameters
+    ----------
+    loss
+        The loss of messages; None for none.
+    jitter, period
+        Largest delay that is drawn, and time between two samples, in nanoseconds.
+    """
+    lost = TYPICAL_LOSS
+    if loss is None:
+        lost = 0.0
+    elif isinstance(loss, Bernoulli):
+        lost = loss.probability
+    by_loss = next((k for k in range(MOST_FETCHED) if lost ** (k + 1) < WORTH_FETCHING), MOST_FETCHED)
+    return min(by_loss + math.ceil(jitter / period), MOST_FETCHED)
 
 
 def check_messages(scenario: Scenario) -> None:

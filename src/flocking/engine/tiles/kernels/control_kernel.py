@@ -73,14 +73,14 @@ def _arguments(spec: KernelSpec, heard: HeardSamples | None) -> list[str]:
     ``first_tile``, ``last_tile``; the time ``t``; ``acting``, 1 for each agent that acts and 0 for the others, shape
     (size,); what each agent knows of itself ``K``, shape (size, 2m); the true state ``X``; for each graph the lists
     and the squared radii; where there are messages the samples ``S``, their ``news`` (see
-    `flocking.engine.tiles.held.messages.News`) and the samples used before for each graph; parameters; the controls
-    ``U``, shape (m, size).
+    `flocking.engine.tiles.held.news.News`), and for each graph the samples used before and the numbers of the agents
+    that the entries of its lists stand for; parameters; the controls ``U``, shape (m, size).
     """
     found = ["first_tile", "last_tile", "t", "acting", "K", "X", "n"]
     for number in range(len(spec.graphs)):
         found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
     if heard is not None:
-        found += ["S", "news", *(f"used{number}" for number in range(len(spec.graphs)))]
+        found += ["S", "news", *(f"{x}{number}" for x in ("used", "senders") for number in range(len(spec.graphs)))]
     return [*found, "P", "A", "ids", "seeds", "matrices", "M", "U"]
 
 

@@ -8,6 +8,8 @@ has arrived stays arrived. Samples that were looked at when even the latest of t
 looked at again, for one that was lost stays lost. Where messages are never late by chance, the state of the channel of
 Gilbert and Elliott at the newest sample is kept beside the entry too, so that the next sample needs one draw, not a
 look back. All rows of a tile are searched before forces are summed: a processor then works at several draws at once.
+Older samples are used in no order, so that no processor loads them ahead by itself: where all agents take samples at
+the same times, the newest of them are fetched for a whole tile that comes later, else those of a row after its search.
 """
 
 from __future__ import annotations
@@ -26,12 +28,24 @@ BEST, KNOWN, BAD = 0x3FFFFFFF, 0x40000000, 0x80000000
 sample that was looked at is known, and whether it is bad."""
 
 
-_SPOT_LINES = (
+_SLOT_LINES = (
     "slot = select(behind > slot0, slot0 + depth - behind, slot0 - behind)",
     "slot = select((best == np.uint32(0)) | (behind >= depth), spread(depth), slot)",
-    "store(spots, 0, slot * size + j)",
 )
-"""Lines that find the rows of samples from their numbers."""
+"""Lines that find the places of samples from their numbers."""
+
+_SPOT_LINES = ("store(spots, 0, slot * size + j)",)
+"""Lines that find the rows of samples from their places."""
+
+_FETCH_LINES = (
+    "later = min(tile + np.int64(news.ahead), np.int64(news.size) // 16 - 1) * 16",
+    "for back in range(1, min(np.int64(news.fresh[0]), np.int64(news.older) + 1)):",
+    "    place = np.int64(news.slots[0]) - back",
+    "    place = place + np.int64(news.depth) if place < 0 else place",
+    "    store(spots, 0, numbers_from(place * np.int64(news.size) + later))",
+    "    fetch_ahead(S, spots, 0)",
+)
+"""Lines that fetch older samples of the agents of a tile that comes later."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +171,11 @@ class HeardSamples:
             lines += [f"there = {known}"]
         else:
             lines += ["there = other"]
-        lines += _SPOT_LINES
+        if self.draws:
+            # What is not used is not fetched from where older samples lie.
+            lines += [*_SLOT_LINES, "slot = select(there, slot, slot0)", *_SPOT_LINES]
+        else:
+            lines += [*_SLOT_LINES, *_SPOT_LINES]
         if self.predict:
             lines += [
                 "since = select(best > np.uint32(0), ages + float_of(widen(behind)) * periods, spread(news.now))",
@@ -179,14 +197,11 @@ class HeardSamples:
             return []
         lines = [f"for step in range(count{number}[tile]):"]
         lines += ["    " + x for x in [*loaded, *self._news(timed=self.jitter), *self._searched(number)]]
-        # Older samples lie in no order: the processor does not load them ahead by itself.
-        mask = f" & np.uint32({BEST})" * self.keeps_channels
-        ahead = [f"best = best{mask}", "behind = count - best", *_SPOT_LINES, "fetch_ahead(S, spots, 0)"]
-        lines += ["    " + x for x in ahead]
         if not self.alike:
-            return lines
+            ahead = ["behind = count - best", *_SLOT_LINES, *_SPOT_LINES, "fetch_ahead(S, spots, 0)"]
+            return [*lines, *("    " + x for x in ahead)]
         # Where no sample has come, nothing that was found before changes.
-        return ["if np.int64(news.counts[0]) > news.tested:", *("    " + x for x in lines)]
+        return ["if np.int64(news.counts[0]) > news.tested:", *("    " + x for x in [*_FETCH_LINES, *lines])]
 
     def _news(self, *, timed: bool) -> list[str]:
         """Lines that load what may have arrived of each neighbour; ``timed``: with ages and periods."""
@@ -199,8 +214,9 @@ class HeardSamples:
         return [f"{name} = {taken.format(field)}" for name, field in names.items()]
 
     def _searched(self, number: int) -> list[str]:
+        sender = f"load(senders{number}, at)" if self.searches_first(number) else "gather(ids, j)"
         lines = [
-            "receiver, sender = widen(load(ids, base)), widen(gather(ids, j))",
+            f"receiver, sender = widen(load(ids, base)), widen({sender})",
             "best = count ^ count" if number in self.shared else f"best = load(used{number}, at)",
         ]
         keeps = self.keeps_channels and number not in self.shared

@@ -26,18 +26,16 @@ def philox_words(a, b, c, d, key, key2):  # type: ignore[no-untyped-def]
     key, key2
         Words of the key.
     """
-    # The words of a seed have 32 bits; with the masks LLVM infers it, and multiplies half words throughout.
-    key, key2 = key & np.uint64(WORD), key2 & np.uint64(WORD)
+    # Only the lower halves of what is multiplied are masked: LLVM then multiplies half words throughout and needs no
+    # operation for the masks. What is in the upper halves meanwhile reaches no lower half.
     for _ in range(ROUNDS):
-        high = np.uint64(FIRST) * a
-        other = np.uint64(SECOND) * c
-        a = (other >> np.uint64(32)) ^ b ^ key
-        b = other & np.uint64(WORD)
-        c = (high >> np.uint64(32)) ^ d ^ key2
-        d = high & np.uint64(WORD)
-        key = (key + np.uint64(FIRST_STEP)) & np.uint64(WORD)
-        key2 = (key2 + np.uint64(SECOND_STEP)) & np.uint64(WORD)
-    return a, b, c, d
+        high = np.uint64(FIRST) * (a & np.uint64(WORD))
+        other = np.uint64(SECOND) * (c & np.uint64(WORD))
+        a, b = (other >> np.uint64(32)) ^ b ^ key, other
+        c, d = (high >> np.uint64(32)) ^ d ^ key2, high
+        key, key2 = key + np.uint64(FIRST_STEP), key2 + np.uint64(SECOND_STEP)
+    word = np.uint64(WORD)
+    return a & word, b & word, c & word, d & word
 
 
 def open_unit(high, low):  # type: ignore[no-untyped-def]
