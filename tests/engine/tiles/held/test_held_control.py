@@ -181,3 +181,28 @@ def test_large_groups_choose_it():
     start = fk.start.hexagonal(2200, spacing=1.9, noise=0.2, speed=1.0, seed=1)
     assert chosen_engine(fk.Scenario(LAW, start, t_end=1.0, control=fk.Held(0.1)), "auto") == "tiles"
     assert chosen_engine(scenario(fk.Held(0.1)), "auto") == "sampled"
+
+
+@pytest.mark.parametrize(("m", "alike"), [(2, True), (2, False), (3, True), (3, False)])
+def test_agents_coast_and_powers_are_summed_in_the_order_of_agents_and_axes(m, alike):
+    rng = np.random.default_rng(m)
+    n, size = 27, 32
+    agents, force, frame = rng.normal(size=(size, 2 * m)), rng.normal(size=(m, size)), rng.normal(size=m)
+    constants = rng.uniform(0.1, 1.0, (1 if alike else size, 4))
+    target, fastest, powers = np.empty_like(agents), np.zeros(2), np.zeros((2, 2))
+    held_motion.coast(0, 2, agents, target, force, constants, frame, n, fastest, powers)
+    for tile in range(2):
+        most, before, after = 0.0, 0.0, 0.0
+        for i in range(16 * tile, min(16 * tile + 16, n)):
+            drift, lift, keep, push = constants[0 if alike else i]
+            q, p, u = agents[i, :m], agents[i, m:], force[:, i]
+            speed = keep * p + push * u
+            assert (target[i, :m] == q + drift * p + lift * u).all()
+            assert (target[i, m:] == speed).all()
+            square = 0.0
+            for k in range(m):
+                square += (speed[k] - frame[k]) ** 2
+                before += u[k] * p[k]
+                after += u[k] * speed[k]
+            most = max(most, square)
+        assert (fastest[tile], powers[tile, 0], powers[tile, 1]) == (most, before, after)

@@ -79,16 +79,26 @@ def coast(first, last, agents, target, force, constants, frame, n, fastest, powe
     powers
         Takes the powers of the forces at the beginning and at the end of the step, shape (tiles, 2); no rows for none.
     """
-    m = force.shape[0]
+    # With a known number of axes their loops are written out.
+    if force.shape[0] == 2:
+        _coast(2, first, last, agents, target, force, constants, frame, n, fastest, powers)
+    else:
+        _coast(3, first, last, agents, target, force, constants, frame, n, fastest, powers)
+
+
+def _coast(m, first, last, agents, target, force, constants, frame, n, fastest, powers):  # type: ignore[no-untyped-def]
+    each = constants.shape[0] > 1
+    drift, lift, keep, push = constants[0, 0], constants[0, 1], constants[0, 2], constants[0, 3]
     for tile in range(first, last):
         most, before, after = np.float64(0.0), np.float64(0.0), np.float64(0.0)
         for i in range(tile * 16, tile * 16 + 16):
-            row = i if constants.shape[0] > 1 else 0
+            if each:
+                drift, lift, keep, push = constants[i, 0], constants[i, 1], constants[i, 2], constants[i, 3]
             square = np.float64(0.0)
             for k in range(m):
                 p, u = agents[i, m + k], force[k, i]
-                target[i, k] = agents[i, k] + constants[row, 0] * p + constants[row, 1] * u
-                speed = constants[row, 2] * p + constants[row, 3] * u
+                target[i, k] = agents[i, k] + drift * p + lift * u
+                speed = keep * p + push * u
                 target[i, m + k] = speed
                 c = np.float64(speed) - np.float64(frame[k])
                 square += c * c
