@@ -67,7 +67,7 @@ def after_step(
     """
     _check_finite(particles, time)
     links_stay(particles, step, time)
-    records.closest_linked = closest_pair(particles, records.closest_linked, time)
+    records.closest_linked = closest_pair(particles, records.closest_linked, time, particles.Y)
     _check_pair_motion(particles, h, step, time, singular_reach)
 
 
@@ -92,20 +92,24 @@ def _no_infinite_agent(particles: ParticleArrays, time: float) -> None:
     )  # fmt: skip
 
 
-def closest_pair(particles: ParticleArrays, before: Closest, time: float) -> Closest:
+def closest_pair(particles: ParticleArrays, before: Closest, time: float, rows: Reals) -> Closest:
     """The closest listed pair so far.
 
     Parameters
     ----------
     before
         That of all earlier steps.
+    time
+        Time of the positions.
+    rows
+        Positions that the last pass was made from, each axis in a row, shape (m or more, size).
     """
     near = _nearest(particles)
     if not near < min(before.distance, FARTHEST):
         return before
     own = particles.results.tile_extremes[:, 1]
     pair = particles.agreed_pair(
-        float(own.min(initial=np.inf)), _closest_in(particles, int(np.argmin(own))) if len(own) else None
+        float(own.min(initial=np.inf)), _closest_in(particles, int(np.argmin(own)), rows) if len(own) else None
     )
     return before if pair is None else Closest(near, time, pair)
 
@@ -210,11 +214,11 @@ def _listed(particles: ParticleArrays, tiles: Sequence[int] | Indices) -> tuple[
     return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
 
 
-def _closest_in(particles: ParticleArrays, tile: int) -> tuple[int, int] | None:
+def _closest_in(particles: ParticleArrays, tile: int, rows: Reals) -> tuple[int, int] | None:
     i, j = _listed(particles, [tile])
     if not len(i):
         return None
-    apart = particles.Y[: particles.m, j] - particles.Y[: particles.m, i]
+    apart = rows[: particles.m, j] - rows[: particles.m, i]
     square = (particles.space.displacement(apart.T) ** 2).sum(axis=1)
     k = int(np.argmin(square))
     a, b = int(particles.ids[i[k]]), int(particles.ids[j[k]])

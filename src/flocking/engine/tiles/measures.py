@@ -58,6 +58,24 @@ def extremes_of(tile_extremes, out):  # type: ignore[no-untyped-def]
     out[0], out[1], out[2] = fast, near, broken
 
 
+@native
+def column_sums(values, out):  # type: ignore[no-untyped-def]
+    """Sum of each column, from the first row to the last.
+
+    Parameters
+    ----------
+    values
+        Numbers, shape (rows, columns). NumPy sums such columns in the same order, many times more slowly.
+    out
+        Receives the sums, shape (columns,).
+    """
+    for k in range(values.shape[1]):
+        out[k] = values[0, k] if values.shape[0] > 0 else 0.0
+    for row in range(1, values.shape[0]):
+        for k in range(values.shape[1]):
+            out[k] += values[row, k]
+
+
 def cutoffs_of(graphs: tuple[Graph, ...], spec: KernelSpec) -> list[float]:
     """Largest distance of linked agents under each graph; 0 for a fixed one.
 

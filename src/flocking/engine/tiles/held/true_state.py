@@ -90,9 +90,11 @@ class HeldTruth(TilesSession):
         self._memory.farthest = max(self._memory.farthest, 2.0 * particles.top_speed * length)
         self._guarded(lambda: particles.require_lists(self.step))
         top = particles.top_speed
-        particles.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=hold)
+        # Accelerations under the law are needed only where the ledger takes powers in a frame that moves.
+        writes = self.options.ledger and not at_rest(self.scenario)
+        particles.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=hold, writes=writes)
         particles.top_speed = top
-        self.records.closest_linked = checks.closest_pair(particles, self.records.closest_linked, t)
+        self.records.closest_linked = checks.closest_pair(particles, self.records.closest_linked, t, particles.X)
         if particles.lost is not None:
             self._memory.ledger_ends, particles.lost = (
                 min(self._memory.ledger_ends, self.scenario.start.t + self._memory.looked),

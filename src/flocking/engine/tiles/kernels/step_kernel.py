@@ -72,10 +72,11 @@ def _arguments(spec: KernelSpec) -> list[str]:
 
     ``first_tile``, ``last_tile``; the time ``t``; ``keep``, ``kick``, ``drift``; ``velocity_lag`` (time by which
     velocities are advanced to the time of the positions) and ``exponential_damping`` (1 if velocities are damped
-    exponentially); ``hold`` (links do not change); the state ``X`` and the next state ``Y``, shape (16 tiles, 2m); the
-    number of agents ``n``; for each graph the lists and the squared radii, per agent and common; the obstacles within
-    range of each tile; parameters ``P``, ``A`` and ``O``; identities ``ids``; hash seeds and matrices of pair weights;
-    means over the group; velocity ``C`` of the frame of the lists; results ``tile_extremes`` and ``sums`` per tile;
+    exponentially); ``hold`` (links do not change); the state ``X`` and the next state ``Y``, shape (16 tiles, 2m),
+    or no rows where only the sums are needed; the number of agents ``n``; for each graph the lists and the squared
+    radii, per agent and common; the obstacles within range of each tile; parameters ``P``, ``A`` and ``O``;
+    identities ``ids``; hash seeds and matrices of pair weights; means over the group; velocity ``C`` of the frame
+    of the lists; results ``tile_extremes`` and ``sums`` per tile;
     where agents are more than points `BODY_ARGUMENTS`.
     """
     found = [
@@ -171,7 +172,8 @@ def _tail_block(w: Writer) -> list[str]:
         kick = f"kick{k}" if spec.damped else "kick"
         lines += [f"next{k} = keep * p{k} + {kick} * a{k}", f"x{k} = q{k} + drift * next{k}"]
         lines += [f"c{k} = next{k} - C[{k}]"]
-    lines += [f"store_agents(Y, base, ({', '.join([f'x{k}' for k in axes] + [f'next{k}' for k in axes])}))"]
+    state = ", ".join([f"x{k}" for k in axes] + [f"next{k}" for k in axes])
+    lines += ["if Y.shape[0] > 0:", f"    store_agents(Y, base, ({state}))"]
     lines += ["square = " + " + ".join(f"c{k} * c{k}" for k in axes), "live = i < n"]
     # The comparison is false for NaN, which therefore gives an infinite speed.
     lines += ["speed = select(square < huge, square, endless)"]

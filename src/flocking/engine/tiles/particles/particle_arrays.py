@@ -11,7 +11,7 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec, only_numbers_differ
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
-from flocking.engine.tiles.measures import extremes_of
+from flocking.engine.tiles.measures import column_sums, extremes_of
 from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond
 from flocking.engine.tiles.neighbours.obstacle_lists import ObstacleLists
 from flocking.engine.tiles.particles.graph_radii import GraphRadii
@@ -153,7 +153,7 @@ class ParticleArrays(ListedAgents):
 
     def move(
         self, t: float, *, keep: float, kick: float, drift: float, velocity_lag: float = 0.0,
-        exponential_damping: float = 1.0, hold: bool = False,
+        exponential_damping: float = 1.0, hold: bool = False, writes: bool = True,
     ) -> None:  # fmt: skip
         """Run one pass of the kernel from X to Y; the caller decides whether Y becomes the state.
 
@@ -169,8 +169,12 @@ class ParticleArrays(ListedAgents):
             1 if damping of velocities is exponential within the kick, else 0.
         hold
             Whether links do not change.
+        writes
+            Whether Y is written; without, the pass leaves extremes, links and the sums of the ledger alone.
         """
         T = self.dtype
+        # Further passes of the same step read Y.
+        writes = writes or self.kernels.flow is not None or self.kernels.planted is not None
         self.refresh_copies(self.agents)
         if self.spec.reads_means:
             self._fill_means(self.X, self.results.means)
@@ -186,7 +190,8 @@ class ParticleArrays(ListedAgents):
         kernels, results, bodies = self.kernels, self.results, self.body_rows
         begin = (float(t), T(keep), T(kick), T(drift), T(velocity_lag), T(exponential_damping))
         arguments = (
-            self.agents, self.successor, self.n, *lists, parameters.P, parameters.A, kernels.obstacle_rows, self.ids,
+            self.agents, self.successor if writes else self.successor[:0], self.n, *lists, parameters.P, parameters.A,
+            kernels.obstacle_rows, self.ids,
             parameters.seeds, parameters.matrices, results.means, velocity, results.tile_extremes, results.sums,
             *((bodies.further, bodies.slopes, bodies.controls) if self.spec.bodied else ()),
         )  # fmt: skip
@@ -264,7 +269,8 @@ class ParticleArrays(ListedAgents):
 
     def total_sums(self) -> Array:
         """The sums of the last pass over all tiles, in a fixed order."""
-        total: Array = self.results.sums.sum(axis=0)
+        total = np.empty(self.results.sums.shape[1])
+        column_sums(self.results.sums, total)
         return total
 
     def _broken_pair(self) -> tuple[int, int] | None:
