@@ -10,7 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.engine.fixed_step.certain_pairs import PARTS, certain_pairs
+from flocking.engine.fixed_step.certain_pairs import ENTRY_BYTES, PARTS, certain_pairs
+from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
+from flocking.engine.tiles.neighbours.pair_count_bound import PairCountBound
 from flocking.errors import TooCrowded
 from tests.engine.tiles.laws import saber
 
@@ -65,3 +67,13 @@ def test_one_far_sighted_agent_does_not_make_a_crowd_too_crowded() -> None:
     scenario = fk.Scenario(law, fk.State(q), t_end=0.02, frames=2)
     run = fk.simulate(scenario, engine="tiles", step=0.01, memory_limit=5e6, skin=0.01, progress=False)
     assert run.t[-1] == pytest.approx(0.02)
+
+
+def test_images_of_one_spot_are_counted_where_axes_repeat() -> None:
+    box = fk.Periodic([7.0, 7.0])
+    q = np.full((500, 2), 3.0) + 7.0 * np.random.default_rng(0).integers(-50, 50, (500, 2))
+    limit = 0.9 * ENTRY_BYTES * 500 * 499
+    crowded = 1e6
+    with pytest.raises(TooManyNeighboursError):
+        PairCountBound(limit).check(crowded, q, lambda: [1.0], box)
+    PairCountBound(limit).check(crowded, q, lambda: [1.0])

@@ -286,9 +286,7 @@ class RankParticles(SharedParticles):
 
     def _list_moving(self, skin: float, tables: list[Numbers32]) -> tuple[int, int] | None:
         q: Reals = self.agents[: self.n, : self.m]
-        if not self.space.is_open:
-            q = self.space.wrapped(q.astype(np.float64))
-        self.search.pair_count_bound.check(self._crowding, q, self.radii.certain_reaches)
+        self.search.pair_count_bound.check(self._crowding, q, self.radii.certain_reaches, self.space)
         radii, left = self.radii, iter(tables)
         lost = None
         for number, kind in enumerate(self.spec.graphs):

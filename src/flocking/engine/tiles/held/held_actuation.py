@@ -241,7 +241,7 @@ class HeldActuation:
         n = self.n
         for rows in (self.desired, self.lag, self.beside if self.lag is not None else None):
             if rows is not None:
-                rows[:, :n] = rows[:, order]
+                rows[:, :n] = np.take(rows, order, axis=1, mode="clip")
                 rows[:, n:] = rows[:, n - 1 : n]
         if self.heading is not None:
             self.heading[:n] = self.heading[order]

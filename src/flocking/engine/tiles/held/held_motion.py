@@ -81,9 +81,9 @@ def coast(first, last, agents, target, force, constants, frame, n, fastest, powe
     """
     # With a known number of axes their loops are written out.
     if force.shape[0] == 2:
-        _coast(2, first, last, agents, target, force, constants, frame, n, fastest, powers)
+        _coast(2, first, last, agents, target, force, constants, frame, n, fastest, powers)  # type: ignore[no-untyped-call]
     else:
-        _coast(3, first, last, agents, target, force, constants, frame, n, fastest, powers)
+        _coast(3, first, last, agents, target, force, constants, frame, n, fastest, powers)  # type: ignore[no-untyped-call]
 
 
 def _coast(m, first, last, agents, target, force, constants, frame, n, fastest, powers):  # type: ignore[no-untyped-def]

@@ -108,7 +108,7 @@ class HeldParticles(ParticleArrays):
         """Sort the agents with their forces, and rebuild all lists."""
         super().rebuild(step, skin)
         if self.moving:
-            self.force[:, : self.n] = self.force[:, self.search.sorter.order]
+            self.force[:, : self.n] = np.take(self.force, self.search.sorter.order, axis=1, mode="clip")
             self.force[:, self.n :] = self.force[:, self.n - 1 : self.n]
             if self.actuation is not None:
                 self.actuation.reorder(self.search.sorter.order)

@@ -9,6 +9,7 @@ import numpy as np
 from flocking.arrays import Reals
 from flocking.engine.fixed_step.certain_pairs import ENTRY_BYTES, certain_pairs
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
+from flocking.model.space import OPEN, Space
 
 BALL_SHARE = {1: 2.0 / 3.0, 2: np.pi / 9.0, 3: 4.0 / 3.0 * np.pi / 27.0}
 """Fraction of a cell and its neighbours that lies within one width of a point, by dimension."""
@@ -31,7 +32,9 @@ class PairCountBound:
         self._limit = memory_limit
         self._passed = 0.0
 
-    def check(self, crowding: float, q: Reals, reaches: Callable[[], Sequence[float]]) -> None:
+    def check(
+        self, crowding: float, q: Reals, reaches: Callable[[], Sequence[float]], space: Space = OPEN
+    ) -> None:  # fmt: skip
         """Check that lists may fit; a new bound is computed only if the estimated number of pairs has grown.
 
         Parameters
@@ -42,6 +45,8 @@ class PairCountBound:
             Positions, shape (N, m).
         reaches
             Returns the distance within which every agent lists another, for each graph.
+        space
+            Where axes repeat, images of the positions in its box are counted.
 
         Raises
         ------
@@ -51,7 +56,7 @@ class PairCountBound:
         expected = ENTRY_BYTES * expected_pairs(crowding, *q.shape)
         if expected < max(0.5 * self._limit, GROWTH * self._passed):
             return
-        places = q.astype(np.float64)
+        places = q.astype(np.float64) if space.is_open else space.wrapped(q.astype(np.float64))
         for reach in reaches():
             least = ENTRY_BYTES * certain_pairs(places, reach) if reach > 0 else 0.0
             if least > self._limit:

@@ -130,9 +130,7 @@ class ListedAgents(AgentArrays):
 
     def _check_count(self) -> None:
         q: Reals = self.agents[: self.n, : self.m]
-        if not self.space.is_open:
-            q = self.space.wrapped(q.astype(np.float64))
-        self.search.pair_count_bound.check(self.search.sorter.crowding, q, self.radii.certain_reaches)
+        self.search.pair_count_bound.check(self.search.sorter.crowding, q, self.radii.certain_reaches, self.space)
 
     def distances(self, i: Indices, j: Indices) -> Array:
         """Distances of pairs of agents, by their places."""
