@@ -117,6 +117,22 @@ def test_a_moved_leader_stays_one_leader_of_law_and_energy():
     assert np.array_equal(leader.value, led().law.terms[2].leader.value)
 
 
+def test_a_moved_leader_that_sends_messages_is_known_by_the_next_sample():
+    """The session of continuous control goes on, and the same events give the same bits again."""
+    law = fk.Law(fk.Fixed(1, []), [fk.Track(fk.Velocity([0.0, 0.0]), 1.0, 0.5)])
+    told = fk.Messages(0.2, delay=0.05, leader=True)
+    made = Experiment(fk.Scenario(law, fk.State([[0.0, 0.0]]), t_end=2.0, information=told))
+    made.advance(0.3)
+    session = made.session
+    made.apply({"kind": "move", "path": ["law", "terms", 0, "leader"], "to": [3.0, 4.0]})
+    made.advance(0.45)
+    assert made.session is session
+    assert not made.state.q.any()
+    made.advance(1.0)
+    assert made.state.q.all()
+    assert same(replay(made.log), made)
+
+
 def test_steps_of_a_leader_add_up_from_where_it_is():
     made = Experiment(led())
     made.advance(0.5)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -11,25 +10,12 @@ import pytest
 import flocking as fk
 from flocking.engine.c_export.exported_law import exported_law
 from flocking.engine.driver.nodes import simulate_nodes
-from flocking.engine.sampled.leader_news import LeaderNews
+from flocking.engine.imperfect.messages.leader_news import LeaderNews
 from flocking.errors import InvalidInput, UnsupportedLaw
-from flocking.model.world.random_numbers import Purpose, uniform
+from tests.engine.imperfect.plain_leader import GAINS, LEADER, PlainLeaderMail
 from tests.engine.sampled.plain_world import NS, PlainWorld
 from tests.engine.sampled.test_independent import random_world
 from tests.engine.sampled.test_sessions import same
-
-LEADER = fk.Path(["cos(w*t)", "0.5 - 0.3*t"], start=[0.2, 1.0], w=1.7)
-GAINS = (0.9, 0.6, 0.7)
-
-
-def moved(t):
-    """Position, velocity and acceleration of the leader, by hand."""
-    w = 1.7
-    return (
-        (0.2 + math.sin(w * t) / w, 1.0 + 0.5 * t - 0.15 * t * t),
-        (math.cos(w * t), 0.5 - 0.3 * t),
-        (-w * math.sin(w * t), -0.3),
-    )
 
 
 class PlainLeader(PlainWorld):
@@ -37,31 +23,13 @@ class PlainLeader(PlainWorld):
 
     def __init__(self, scenario, slope, gain, enter, leave):
         super().__init__(scenario, slope, gain, enter, leave)
-        info = scenario.information
-        period, phase = round(info.period * NS), round(info.phase * NS)
-        sender = 2**32 - 1
-        self.mail = [[] for _ in range(self.n)]
-        for k in range(int(scenario.t_end * NS) // period + 1):
-            for i in range(self.n):
-                words = np.array([sender]), np.array([i]), np.array([k])
-                if info.loss is not None and info.loss.lost(info.seed, *words)[0]:
-                    continue
-                late = round(float(uniform(info.seed, Purpose.JITTER, *words)[0]) * self.jitter) if self.jitter else 0
-                self.mail[i].append((phase + k * period + self.delay + late, k, phase + k * period))
-        self.told = [(-1, 0)] * self.n
+        self.leader = PlainLeaderMail(scenario)
 
     def act(self, i, t):
         u = super().act(i, t)
         q, p = (self.q[i], self.p[i]) if self.info.self_known == "true" else self.own[i]
-        for arrives, k, taken in self.mail[i]:
-            if arrives <= t and k > self.told[i][0]:
-                self.told[i] = (k, taken)
-        taken = self.told[i][1]
-        x, v, a = moved(taken / NS)
-        if self.info.predict:
-            s = (t - taken) / NS
-            x = [b + s * c + s * s * d / 2 for b, c, d in zip(x, v, a, strict=True)]
-            v = [c + s * d for c, d in zip(v, a, strict=True)]
+        self.leader.hear(i, t)
+        x, v, a = self.leader.believed(i, t / NS)
         c1, c2, g = GAINS
         return [
             w - c1 * (q[k] - x[k]) - c2 * (p[k] - v[k]) + g * self.mass[i] * a[k] for k, w in enumerate(u)
@@ -95,7 +63,7 @@ def test_random_worlds(seed):
     for agent in range(run.n):
         rows = np.flatnonzero(run.log.ticks[:, 1] == agent)
         first = run.log.firsts[rows[-1]]
-        assert run.log.uses[first].tolist() == [-2, -1, plain.told[agent][0]]
+        assert run.log.uses[first].tolist() == [-2, -1, plain.leader.told[agent][0]]
     found = fk.replay(run)
     assert found.agrees, str(found)
     assert np.abs(run.residual).max() <= 1e-11 * max(1.0, run.turnover) + run.fidelity.ledger.size
@@ -166,9 +134,8 @@ def test_what_messages_of_leaders_cannot_be_is_refused(name, value):
 
 def test_others_refuse_by_name():
     made = scenario(0)
-    for engine in ("tiles", "lammps"):
-        with pytest.raises(UnsupportedLaw, match="messages of the leader would be left out"):
-            fk.start(made, engine)
+    with pytest.raises(UnsupportedLaw, match="messages of the leader would be left out"):
+        fk.start(made, "lammps")
     with pytest.raises(UnsupportedLaw, match="leave leader=True"):
         simulate_nodes(made, processes=False)
     with pytest.raises(UnsupportedLaw, match="does not receive their messages"):

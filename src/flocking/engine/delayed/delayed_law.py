@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from flocking.arrays import Array, Indices, Links
 from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
 from flocking.engine.adaptive_steps.state_vectors import component_tolerances, further_columns, joined
 from flocking.engine.fixed_step.supported_bodies import is_point
+from flocking.engine.imperfect.messages.leader_slots import leader_slots
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.kernels.codegen import body_kernels, known_kernels
 from flocking.engine.kernels.law_kernels import Pairs
@@ -30,8 +32,9 @@ class DelayedLaw(TrueLaw):
         body, (n, m) = scenario.agents, scenario.start.q.shape
         self.held = HeldNumbers(body, n, m, scenario.tolerance, scenario.start.t)
         self.held.draw(0.0)
+        self._leaders = leader_slots(scenario)
         super().__init__(scenario)
-        self._known = known_kernels(self.layout, self.m, 0)
+        self._known = known_kernels(self.layout if self._leaders is None else self._leaders.layout, self.m, 0)
         self._masses = np.broadcast_to(np.asarray(body.masses, dtype=np.float64), self.n)
         self._damping = np.broadcast_to(np.asarray(body.damping, dtype=np.float64), self.n)
         self._neighbours = self.pairs(np.zeros((len(self.law.graphs), self.n, self.n), dtype=bool))
@@ -43,6 +46,17 @@ class DelayedLaw(TrueLaw):
         """Take the gains that are in force from the scenario's time ``t`` on, beside what is held between events."""
         super().take_parameters(t)
         self.slots = self.slots._replace(A=self.held.below(self.slots.A))
+        if self._leaders is not None:
+            self._leaders.take_parameters(t)
+
+    def renumbered(self, scenario: Scenario) -> Self | None:
+        """As `TrueLaw.renumbered`, with parameters of its own where leaders are known by messages."""
+        found = super().renumbered(scenario)
+        if found is None or self._leaders is None:
+            return found
+        found._leaders = leader_slots(scenario)
+        assert found._leaders is not None
+        return found if found._leaders.layout.same_kernels(self._leaders.layout) else None
 
     def put_held(self) -> None:
         """Write the numbers held between events where the kernels read them."""
@@ -88,7 +102,7 @@ class DelayedLaw(TrueLaw):
         """Where the pairs of each graph begin in `linked`, and where the last ones end."""
         return self._neighbours.offsets[: len(self.law.graphs) + 1]
 
-    def forces(self, t: float, own: Array, known: Array) -> Array:
+    def forces(self, t: float, own: Array, known: Array, leaders: Sequence[Array] = ()) -> Array:
         """Forces of all agents, shape (N, m); of agents of order 1 their velocities.
 
         Parameters
@@ -98,11 +112,17 @@ class DelayedLaw(TrueLaw):
         own, known
             What each agent knows of itself, shape (N, 2 m), and of its neighbours, in the order of `linked`, shape
             (pairs, 2 m).
+        leaders
+            Motion of each leader as every agent knows it, shape (3, m, N), where they know it by messages.
         """
+        slots = self.slots
+        if self._leaders is not None:
+            self._leaders.put(leaders)
+            slots = self._leaders.slots
         q, p, m = np.ascontiguousarray(own[:, : self.m]), np.ascontiguousarray(own[:, self.m :]), self.m
         rows = np.ascontiguousarray(known[:, None])
         u = np.zeros((self.n, m))
-        self._known.control(t, q, p, *self._neighbours, *self.slots, self.functionals, self._times, rows, u, self.rates)
+        self._known.control(t, q, p, *self._neighbours, *slots, self.functionals, self._times, rows, u, self.rates)
         return u
 
     def slope(self, t: float, y: Array, force: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from copy import copy
 from typing import Self
 
@@ -95,6 +96,16 @@ class Delays(ABC):
         senders, sensed
             The agent of each pair that knows, and the one that is known.
         """
+
+    def leaders(self, seconds: float) -> Sequence[Array]:
+        """Motion of each leader as every agent knows it by messages, shape (3, m, N); empty where known exactly.
+
+        Parameters
+        ----------
+        seconds
+            Now, since the start.
+        """
+        return ()
 
     @abstractmethod
     def all_states(self, seconds: float, true: Array) -> tuple[Array, Array]:

@@ -46,6 +46,7 @@ class DelayedEngine(Engine):
     runs_in_threads = True
     spaces = (Open, Periodic)
     worlds = (Delayed, Messages)
+    leader_messages = True
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Refuse what this engine does not know."""

@@ -161,7 +161,7 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
 
     def _force(self, seconds: float, y: Array) -> Array:
         known = self.delays.states(seconds, self._true(y), *self._law.linked)
-        return self._law.forces(self._base + seconds, *known)
+        return self._law.forces(self._base + seconds, *known, self.delays.leaders(seconds))
 
     def _slope(self, seconds: float, y: Array) -> Array:
         return self._law.slope(self._base + seconds, y, self._force(seconds, y))

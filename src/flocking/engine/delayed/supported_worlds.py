@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flocking.engine.imperfect.messages.leader_news import check_leader_messages
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.body_chains import has_energy_of_points
 from flocking.errors import UnsupportedLaw
@@ -26,7 +27,7 @@ def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> Non
     Raises
     ------
     InvalidInput
-        When the group is too large.
+        When the group is too large, or leaders are to send messages and the law has none.
     UnsupportedLaw
         When there is such a part; the message names it.
     """
@@ -46,6 +47,7 @@ def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> Non
         )
     points = PointMass() if body.order == 2 else SingleIntegrator()
     check_law(engine, scenario, plant, points, obstacles=True, views=isinstance(information, Messages))
+    check_leader_messages(engine, scenario)
 
 
 def _refused_body(body: Body) -> str:

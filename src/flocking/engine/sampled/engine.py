@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from flocking.engine.imperfect.messages.leader_news import check_leader_messages
 from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.protocol.body_chains import check_integrated, members_of, point_of, why_not_closed
 from flocking.engine.protocol.engine import Engine
@@ -15,7 +16,6 @@ from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.runs.run import Run
 from flocking.engine.sampled.integrated.session import IntegratedSession
-from flocking.engine.sampled.leader_news import check_leader_messages
 from flocking.engine.sampled.motion import SERIES_SHARE
 from flocking.engine.sampled.random_rounding import RandomRoundingSession
 from flocking.engine.sampled.safety import check_filter

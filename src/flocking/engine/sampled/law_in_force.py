@@ -9,14 +9,11 @@ import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.messages.knowledge import Known
+from flocking.engine.imperfect.messages.leader_slots import leader_slots
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.kernels.codegen import known_kernels
-from flocking.engine.kernels.law_kernels import Slots
-from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.pieces import free_pieces
-from flocking.model.known_leaders import PARTS, law_as_known
 from flocking.model.law import Scenario
-from flocking.model.world.information import Messages
 
 
 class SampledLaw(TrueLaw):
@@ -31,25 +28,19 @@ class SampledLaw(TrueLaw):
     """
 
     def __init__(self, scenario: Scenario, degree: int) -> None:
-        information = scenario.information
-        self._leader_layout: Layout | None = None
-        if isinstance(information, Messages) and information.leader:
-            n, m = scenario.start.q.shape
-            law = law_as_known(scenario.law, [np.zeros((len(PARTS), m, n))] * len(scenario.law.leaders))
-            self._leader_layout = Layout(law, scenario.energy, scenario.agents, scenario.space)
+        self._leaders = leader_slots(scenario)
         super().__init__(scenario)
-        self._known = known_kernels(self._leader_layout or self.layout, self.m, degree)
+        self._known = known_kernels(self.layout if self._leaders is None else self._leaders.layout, self.m, degree)
 
     def renumbered(self, scenario: Scenario) -> Self | None:
         """As `TrueLaw.renumbered`; None too where leaders are known by messages, whose slots are others."""
-        return None if self._leader_layout is not None else super().renumbered(scenario)
+        return None if self._leaders is not None else super().renumbered(scenario)
 
     def take_parameters(self, t: float) -> None:
         """Take the gains that are in force from the scenario's time ``t`` on."""
         super().take_parameters(t)
-        self._leader_slots = (
-            None if self._leader_layout is None else Slots(*self._leader_layout.values(self.scenario.agents, self.n, t))
-        )
+        if self._leaders is not None:
+            self._leaders.take_parameters(t)
 
     @property
     def known_address(self) -> int:
@@ -82,14 +73,10 @@ class SampledLaw(TrueLaw):
         motions
             Motion of each leader as the agents know it, shape (3, m, agents), where they know it by messages.
         """
-        slots = self.slots if self._leader_slots is None else self._leader_slots
-        if self._leader_layout is not None:
-            for k, motion in enumerate(motions):
-                for part, rows in zip(PARTS, motion, strict=True):
-                    for axis, values in enumerate(rows):
-                        slots.A[int(self._leader_layout.slot(f"leader{k}", f"{part}_{axis}")[1:]), known.agents] = (
-                            values
-                        )
+        slots = self.slots
+        if self._leaders is not None:
+            self._leaders.put(motions, known.agents)
+            slots = self._leaders.slots
         q, p = np.zeros((self.n, self.m)), np.zeros((self.n, self.m))
         q[known.agents] = known.own[:, : self.m]
         if self.order == 2:

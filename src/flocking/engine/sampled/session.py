@@ -20,6 +20,7 @@ from flocking.engine.imperfect.messages.interventions import (
     unpacked_changes,
 )
 from flocking.engine.imperfect.messages.knowledge import NEVER, Knowledge, Known
+from flocking.engine.imperfect.messages.leader_news import leader_news, with_leaders
 from flocking.engine.imperfect.powers import POWERS, integrate_powers
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
@@ -33,7 +34,6 @@ from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.blocks.block import EventBlocks, Settings
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.law_in_force import SampledLaw
-from flocking.engine.sampled.leader_news import leader_news, with_leaders
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.safety import ForceFilter, filter_counts
 from flocking.engine.sampled.snapshot import SampledMemory

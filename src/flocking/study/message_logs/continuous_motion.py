@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.runs.message_log import AT_START, OWN, MessageLog
+from flocking.engine.runs.message_log import AT_START, LEADER, OWN, MessageLog
 from flocking.engine.runs.run import Run
 from flocking.model.law import Scenario
 from flocking.model.world.information import Messages
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.arrivals import Arrivals, Sample
 from flocking.study.message_logs.integrated_motion import SAME_TIME, Forces, IntegratedForcedMotion
+from flocking.study.message_logs.leader_arrivals import leader_arrivals
 from flocking.study.message_logs.reference_law import ReferenceLaw
 
 EXPECTED = 100.0
@@ -30,10 +31,13 @@ class InUse(NamedTuple):
         Its own sample, where it knows itself by one.
     others
         Neighbours by the number of the graph: who, and the sample.
+    leaders
+        Number of the sample by which it knows leaders; None where it knows them exactly.
     """
 
     own: Sample | None
     others: dict[int, list[tuple[int, Sample]]]
+    leaders: int | None = None
 
 
 class ContinuousMotion(IntegratedForcedMotion):
@@ -50,6 +54,8 @@ class ContinuousMotion(IntegratedForcedMotion):
     ----------
     arrivals
         Samples and arrivals until the end of the run.
+    leaders
+        Those of leaders; None where these are known exactly.
     """
 
     def __init__(self, run: Run, scenario: Scenario, log: MessageLog, law: ReferenceLaw) -> None:
@@ -65,6 +71,7 @@ class ContinuousMotion(IntegratedForcedMotion):
         self.open_until: list[float] = []
         """Ends of stretches on which a sample in use may be rounded to another multiple, in seconds from the start."""
         self.arrivals = Arrivals(scenario, self, int(last * PER_SECOND))
+        self.leaders = leader_arrivals(scenario, int(last * PER_SECOND))
         super()._follow(run, scenario, log, latency)
         # Times of the log are whole nanoseconds: agents and their velocities move on in one of them.
         rate = float(np.abs(log.forces).max(initial=0.0) / self.masses.min())
@@ -77,8 +84,12 @@ class ContinuousMotion(IntegratedForcedMotion):
         instant, agent, count = log.ticks[row].tolist()
         first = int(log.firsts[row])
         own: Sample | None = None
+        leaders: int | None = None
         others: dict[int, list[tuple[int, Sample]]] = {}
         for graph, sender, k in log.uses[first : first + count].tolist():
+            if graph == LEADER:
+                leaders = k if self.leaders is not None and self.leaders.is_there(k, instant) else None
+                continue
             if k < AT_START or self.arrivals.taken(sender, k) > instant:
                 continue  # No such sample was there; it is named where entries are looked at.
             sample = self.arrivals.sample(sender, k, instant)
@@ -86,7 +97,7 @@ class ContinuousMotion(IntegratedForcedMotion):
                 own = sample
             else:
                 others.setdefault(graph, []).append((sender, sample))
-        self._uses[agent] = InUse(own, others)
+        self._uses[agent] = InUse(own, others, leaders)
 
     def _forces(self, end: float) -> Forces:
         uses = list(self._uses)
@@ -104,7 +115,10 @@ class ContinuousMotion(IntegratedForcedMotion):
             for agent, used in enumerate(uses):
                 own = (q[agent], p[agent]) if used.own is None else (used.own.q, used.own.p)
                 others = {graph: [(j, *self._moved(s, t)) for j, s in listed] for graph, listed in used.others.items()}
-                found[agent] = self._law.force(agent, own, others, self._base + now)
+                law = None
+                if self.leaders is not None and used.leaders is not None:
+                    law = self.leaders.law(used.leaders, t / NANOSECOND)
+                found[agent] = self._law.force(agent, own, others, self._base + now, law)
             return found
 
         return at

@@ -86,6 +86,11 @@ class ContinuousReplay(SecondComputation):
             if messages.self_known == "measured":
                 for instant in taken:
                     found[instant].add(sender)
+        if self.world.leaders is not None:
+            for receiver in range(n):
+                times = self.world.leaders.arrivals(receiver)
+                for instant in times[times < NEVER].tolist():
+                    found[instant].add(receiver)
         return {instant: agents for instant, agents in found.items() if instant < self._end}
 
     def _changes(self) -> Iterator[WrongEntry]:

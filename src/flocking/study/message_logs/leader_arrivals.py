@@ -34,6 +34,7 @@ class LeaderArrivals:
         )
         self._count = max(0, (last - self._phase) // self._period + 1)
         self._times: dict[int, NDArray[np.int64]] = {}
+        self._moving: dict[int, list[Array]] = {}
 
     def taken(self, k: int) -> int:
         """Nanosecond at which sample ``k`` was taken."""
@@ -41,10 +42,14 @@ class LeaderArrivals:
 
     def newest(self, receiver: int, instant: int) -> int:
         """Number of the newest sample that has arrived at a ``receiver`` by an ``instant``, in nanoseconds."""
-        there = np.flatnonzero(self._arrivals(receiver) <= instant)
+        there = np.flatnonzero(self.arrivals(receiver) <= instant)
         return int(there[-1]) if len(there) else AT_START
 
-    def _arrivals(self, receiver: int) -> NDArray[np.int64]:
+    def is_there(self, k: int, instant: int) -> bool:
+        """Whether leaders had taken a sample ``k`` by an ``instant``, in nanoseconds, or it is the start's."""
+        return AT_START <= k < self._count and self.taken(k) <= instant
+
+    def arrivals(self, receiver: int) -> NDArray[np.int64]:
         """When each sample reaches a receiver, in nanoseconds; at no time where it is lost."""
         if receiver not in self._times:
             world, k = self._messages, np.arange(self._count, dtype=np.int64)
@@ -58,7 +63,7 @@ class LeaderArrivals:
             self._times[receiver] = times
         return self._times[receiver]
 
-    def law(self, k: int, instant: int) -> Law:
+    def law(self, k: int, instant: float) -> Law:
         """The law with leaders as who has their sample ``k`` takes them to be at an ``instant``.
 
         Raises
@@ -71,8 +76,10 @@ class LeaderArrivals:
         taken, law = self.taken(k), self._scenario.law
         s = (instant - taken) * NANOSECOND if self._messages.predict else 0.0
         motions: list[Array] = []
-        for leader in law.leaders:
-            q, p, a = leader.at(self._scenario.start.t + taken * NANOSECOND)
+        if k not in self._moving:
+            t = self._scenario.start.t + taken * NANOSECOND
+            self._moving[k] = [np.array(leader.at(t)) for leader in law.leaders]
+        for q, p, a in self._moving[k]:
             motions.append(np.array([q + s * p + 0.5 * s * s * a, p + s * a, a]))
         return law_as_known(law, motions)
 

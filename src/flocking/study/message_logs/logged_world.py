@@ -86,10 +86,11 @@ class LoggedWorld:
         last = int(log.ticks[-1, 0]) if len(log.ticks) else 0
         self.arrivals: Arrivals | None = None
         if isinstance(self.motion, ContinuousMotion):
-            self.arrivals = self.motion.arrivals
-        elif self.messages is not None:
+            self.arrivals, self.leaders = self.motion.arrivals, self.motion.leaders
+        else:
+            self.leaders = leader_arrivals(scenario, last)
+        if self.arrivals is None and self.messages is not None:
             self.arrivals = Arrivals(scenario, self.motion, last)
-        self.leaders = leader_arrivals(scenario, last)
         self.graphs: list[Graph] = list(scenario.law.graphs)
         self.first_links: list[Links] = [
             g.links_in(self.space, scenario.start.q, scenario.agents.headings) for g in self.graphs

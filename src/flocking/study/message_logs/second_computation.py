@@ -76,7 +76,7 @@ class SecondComputation:
             return True
         arrivals, leaders = self.world.arrivals, self.world.leaders
         if key[0] == LEADER:
-            return leaders is not None and k >= 0 and leaders.taken(k) <= instant
+            return leaders is not None and leaders.is_there(k, instant)
         return arrivals is not None and k >= 0 and arrivals.taken(key[1], k) <= instant
 
     def _force(self, row: int, instant: int, agent: int, logged: Uses, *, open_: bool) -> Iterator[WrongEntry]:

@@ -6,6 +6,7 @@ import heapq
 import math
 from collections.abc import Callable
 from copy import copy
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from flocking.arrays import Array, Indices, Links
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import Form, Table
 from flocking.engine.delayed.breaking_points import BreakingPoints
+from flocking.engine.delayed.messages.leader_samples import LeaderSamples
 from flocking.engine.imperfect.checkpoint_form import MOST_COUNT, ROUNDED, must
 from flocking.engine.imperfect.messages.checkpoint_form import (
     check_newest,
@@ -28,6 +30,22 @@ BEFORE = -1
 """In place of the last instant: the one before the start."""
 
 
+class Heard(NamedTuple):
+    """What is known otherwise from an instant on.
+
+    Parameters
+    ----------
+    states
+        Entry (i, j) is whether agent i knows another state of agent j from now on, or none any more, or one again;
+        entry (i, i) whether it knows itself by another sample. Shape (N, N).
+    leaders
+        Who knows leaders by another sample, shape (N,).
+    """
+
+    states: Links
+    leaders: Links
+
+
 class MessageInstants(BreakingPoints):
     """Instants at which what agents know may change, and what they know.
 
@@ -35,6 +53,8 @@ class MessageInstants(BreakingPoints):
     ----------
     knowledge
         What they know.
+    leaders
+        Samples of leaders; None where these are known exactly.
 
     Attributes
     ----------
@@ -46,8 +66,8 @@ class MessageInstants(BreakingPoints):
 
     largest = 0.0
 
-    def __init__(self, knowledge: Knowledge) -> None:
-        self.knowledge = knowledge
+    def __init__(self, knowledge: Knowledge, leaders: LeaderSamples | None = None) -> None:
+        self.knowledge, self.leaders = knowledge, leaders
         self.heard = BEFORE
         self.there: Links = np.ones((knowledge.n, knowledge.n), dtype=bool)
         self._coming: list[tuple[int, int, int, int]] = []
@@ -64,6 +84,7 @@ class MessageInstants(BreakingPoints):
         """
         other = copy(self)
         other.knowledge, other._coming = knowledge, list(self._coming)
+        other.leaders = None if self.leaders is None else self.leaders.of(knowledge)
         return other
 
     def jump(self, seconds: float, agents: Indices, known_links: Links) -> None:
@@ -83,9 +104,10 @@ class MessageInstants(BreakingPoints):
         if self.heard == BEFORE:
             return 0
         coming = self._coming[0][0] if self._coming else NEVER
-        return min(int(self.knowledge.next_sample.min()), coming, self._ends)
+        led = NEVER if self.leaders is None else self.leaders.next
+        return min(int(self.knowledge.next_sample.min()), coming, led, self._ends)
 
-    def hear(self, instant: int, seen: Callable[[], tuple[Array, Array]]) -> Links:
+    def hear(self, instant: int, seen: Callable[[], tuple[Array, Array]]) -> Heard:
         """Take up an instant: samples are taken, then they arrive, then they expire.
 
         Parameters
@@ -97,9 +119,8 @@ class MessageInstants(BreakingPoints):
 
         Returns
         -------
-        array
-            Entry (i, j) is whether agent i knows another state of agent j from now on, or none any more, or one again;
-            entry (i, i) whether it knows itself by another sample. Shape (N, N).
+        Heard
+            What is known otherwise from now on.
         """
         knowledge = self.knowledge
         assert knowledge.messages is not None
@@ -113,6 +134,8 @@ class MessageInstants(BreakingPoints):
                 self._expect(sender, np.array([knowledge.taken[sender] - 1]))
             if knowledge.messages.self_known == "measured":
                 changed[measuring, measuring] = True
+            if self.leaders is not None:
+                self.leaders.measure(instant)
         receivers: set[int] = set()
         while self._coming and self._coming[0][0] <= instant:
             receivers.add(heapq.heappop(self._coming)[1])
@@ -128,7 +151,8 @@ class MessageInstants(BreakingPoints):
         changed |= there != self.there
         self.there, self.heard = there, instant
         self._ends = self._expiry()
-        return changed
+        nobody = np.zeros(knowledge.n, dtype=bool)
+        return Heard(changed, nobody if self.leaders is None else self.leaders.hear(instant))
 
     def _expect(self, sender: int, numbers: Instants) -> None:
         """Take up when samples of a ``sender`` arrive at all others."""
@@ -171,11 +195,14 @@ class MessageInstants(BreakingPoints):
 
     def arrays(self) -> Arrays:
         """What agents know, and the last instant; what is on its way follows from it."""
-        return {**knowledge_arrays(self.knowledge), "heard": np.array([self.heard], dtype=np.int64)}
+        led = {} if self.leaders is None else self.leaders.arrays()
+        return {**knowledge_arrays(self.knowledge), "heard": np.array([self.heard], dtype=np.int64), **led}
 
     def forms(self, n: int) -> dict[str, Form[object]]:
         """Samples of ``n`` agents, and the last instant."""
-        return {**knowledge_forms(self.knowledge)[0], "heard": Table("i8", (1,), least=BEFORE, most=MOST_COUNT)}
+        led = {} if self.leaders is None else self.leaders.forms()
+        heard: Form[object] = Table("i8", (1,), least=BEFORE, most=MOST_COUNT)
+        return {**knowledge_forms(self.knowledge)[0], "heard": heard, **led}
 
     def later_forms(self) -> dict[str, Form[object]]:
         """Errors of samples, which are there once one was taken."""
@@ -201,6 +228,9 @@ class MessageInstants(BreakingPoints):
         self.there = self._there(max(heard, 0))
         self._ends = self._expiry()
         others = np.where(np.eye(knowledge.n, dtype=bool), NEVER, knowledge.newest)
-        for sender, oldest in enumerate(others.min(axis=0).tolist()):
+        # Of a single agent nobody has a sample.
+        for sender, oldest in enumerate(np.minimum(others.min(axis=0), taken - 1).tolist()):
             self._expect(sender, np.arange(oldest + 1, taken[sender]))
+        if self.leaders is not None:
+            self.leaders.recall(arrays, heard)
         must(self.next >= end - slack, "heard", "be the last instant before the end of the last step")

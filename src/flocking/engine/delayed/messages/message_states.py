@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from typing import NamedTuple, Self
 
@@ -14,6 +14,7 @@ from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.history import History, position_series
 from flocking.engine.delayed.messages.instants import MessageInstants
+from flocking.engine.delayed.messages.leader_samples import LeaderSamples
 from flocking.engine.delayed.state_jumps import StateJumps
 from flocking.engine.imperfect.cone_switches import ConeView
 from flocking.engine.imperfect.link_rules import LinkRules
@@ -198,17 +199,22 @@ class MessageStates(Delays):
         The past, which is not read.
     views
         The fields of view and cones of graphs that have some, by number.
+    leaders
+        Samples of leaders; None where these are known exactly.
     """
 
     points: MessageInstants
 
-    def __init__(self, knowledge: Knowledge, history: History, views: Mapping[int, View | ConeView]) -> None:
+    def __init__(
+        self, knowledge: Knowledge, history: History, views: Mapping[int, View | ConeView],
+        leaders: LeaderSamples | None = None,
+    ) -> None:  # fmt: skip
         assert knowledge.messages is not None
         assert knowledge.schedule is not None
         self.knowledge, self.history, self.views = knowledge, history, views
         # Half a nanosecond more than the shortest period, so that rounding cuts no step of a whole one.
         self.least, self.largest = (float(knowledge.schedule.period.min()) + 0.5) * NANOSECOND, 0.0
-        self.points = MessageInstants(knowledge)
+        self.points = MessageInstants(knowledge, leaders)
         self.jumps = StateJumps(knowledge.n, lambda agents: np.zeros((knowledge.n, len(agents))))
         self._measured = knowledge.messages.self_known == "measured"
         self._rows = np.zeros((0, 2 * knowledge.m))
@@ -240,6 +246,8 @@ class MessageStates(Delays):
         numbers = knowledge.newest[senders, sensed]
         self._rows = knowledge.samples.of(sensed, numbers)
         self._begun = np.asarray(knowledge.begun(sensed, numbers) * NANOSECOND, dtype=np.float64)
+        if self.points.leaders is not None:
+            self.points.leaders.prepare()
         if self._measured:
             self._own = knowledge.samples.of(np.arange(knowledge.n), knowledge.taken - 1)
             if self.history.order == 1:
@@ -248,6 +256,11 @@ class MessageStates(Delays):
     def states(self, seconds: float, true: Array, senders: Indices, sensed: Indices) -> tuple[Array, Array]:
         """States of the samples that `prepare` has taken up for these pairs."""
         return self._own if self._measured else true, self._moved_on(seconds, self._rows, self._begun)
+
+    def leaders(self, seconds: float) -> Sequence[Array]:
+        """By the samples that `prepare` has taken up."""
+        leaders = self.points.leaders
+        return () if leaders is None else leaders.motions(seconds)
 
     def all_states(self, seconds: float, true: Array) -> tuple[Array, Array]:
         """States of the samples in use of all pairs."""

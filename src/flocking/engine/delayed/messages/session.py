@@ -11,6 +11,7 @@ from flocking.arrays import AnyArray, Array, Indices, Links
 from flocking.engine.archives.data_checks import Table
 from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.messages.instants import BEFORE
+from flocking.engine.delayed.messages.leader_samples import LeaderSamples
 from flocking.engine.delayed.messages.message_states import MessageStates
 from flocking.engine.delayed.replacement import Replacement
 from flocking.engine.delayed.session import DelayedSession
@@ -23,6 +24,7 @@ from flocking.engine.imperfect.messages.interventions import (
     unpacked_changes,
 )
 from flocking.engine.imperfect.messages.knowledge import Knowledge
+from flocking.engine.imperfect.messages.leader_news import with_leaders
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.message_log import CHANGED, GRAPHS_CHANGED
@@ -65,7 +67,9 @@ class MessagesSession(DelayedSession):
         # Agents of order 1 stand still before the start, whatever velocities it gives.
         sent = start.p if scenario.agents.order == 2 else np.zeros_like(start.p)
         self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
-        return MessageStates(self.knowledge, self.history, self._views)
+        led = isinstance(scenario.information, Messages) and scenario.information.leader
+        leaders = LeaderSamples(scenario.law.leaders, self.knowledge, start.t) if led else None
+        return MessageStates(self.knowledge, self.history, self._views, leaders)
 
     @property
     def _states(self) -> MessageStates:
@@ -92,8 +96,8 @@ class MessagesSession(DelayedSession):
         instant = points.next
         if instant * NANOSECOND > seconds:
             return
-        changed = points.hear(instant, lambda: self._seen(seconds))
-        agents = np.flatnonzero(changed.any(axis=1))
+        changed, leaders = points.hear(instant, lambda: self._seen(seconds))
+        agents = np.flatnonzero(changed.any(axis=1) | leaders)
         if not agents.size:
             return
         own = changed.diagonal()[:, None]
@@ -137,8 +141,9 @@ class MessagesSession(DelayedSession):
     def _uses(self, agents: Indices) -> list[AnyArray]:
         """Entries of the log of what ``agents`` use, shape (entries, 3) each."""
         senders, sensed = self._law.linked
-        offsets = self._law.offsets
-        return self.knowledge.used(agents, (senders, sensed, offsets))
+        offsets, leaders = self._law.offsets, self._states.points.leaders
+        used = self.knowledge.used(agents, (senders, sensed, offsets))
+        return with_leaders(used, None if leaders is None else leaders.newest[agents])
 
     # Changes, and saving.
 
@@ -150,7 +155,9 @@ class MessagesSession(DelayedSession):
         was taken later, of their own at once, or by their next sample with ``self_known="measured"``. A law over the
         same graphs keeps links and what agents know of them; under other graphs both are those of a start, of whom
         something is known. A state with links sets those of the law's graph, and between agents that it does not move
-        also what these know of them. An equal law changes nothing.
+        also what these know of them. An equal law changes nothing. Where leaders are known by messages, agents follow
+        those of another law, in the order of its terms, by the samples of those before until one arrives that was
+        taken later.
 
         Raises
         ------
@@ -158,13 +165,19 @@ class MessagesSession(DelayedSession):
             When law, state and agents disagree, or the new energy or a force is not finite; the session then goes on
             as it was.
         UnsupportedLaw
-            When this engine cannot run the law, or it has another number of graphs.
+            When this engine cannot run the law, or it has another number of graphs, or of leaders that send messages.
         """
         if law is not None and len(law.graphs) != len(self.scenario.law.graphs):
             raise UnsupportedLaw(
                 f"engine={self.engine!r} keeps the number of graphs of a law, {len(self.scenario.law.graphs)}, while "
                 f"messages are under way: the log names graphs by number, and the law has {len(law.graphs)}. Start "
                 "another run from run.state(-1)."
+            )
+        leaders = self._states.points.leaders
+        if law is not None and leaders is not None and len(law.leaders) != len(leaders.leaders):
+            raise UnsupportedLaw(
+                f"engine={self.engine!r} keeps the number of leaders of a law, {len(leaders.leaders)}, while their "
+                f"messages are under way, and the law has {len(law.leaders)}. Start another run from run.state(-1)."
             )
         try:
             super().replace(law=law, state=state)
@@ -179,6 +192,8 @@ class MessagesSession(DelayedSession):
     def _go_on_with(self, new: Replacement, seconds: float, before: Array) -> None:
         super()._go_on_with(new, seconds, before)
         self._states.views = self._views
+        if self._states.points.leaders is not None:
+            self._states.points.leaders.leaders = new.scenario.law.leaders
         # Nothing of the past is read, and a step before the last one could have a gap that no jump explains any more.
         self.history.drop(seconds)
         self._using[:], self._in_use = True, [None] * self.n

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from flocking.arrays import AnyArray, Array, Indices
+from flocking.engine.imperfect.messages.knowledge import NEVER
+from flocking.engine.imperfect.messages.samples import START
 from flocking.engine.runs.message_log import LEADER, LEADER_SENDER
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.known_leaders import moved_on
@@ -15,9 +17,6 @@ from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.world.information import Messages
 from flocking.model.world.random_numbers import NOT_AN_AGENT, Purpose, uniform
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants
-
-START = -1
-"""Number of the sample that everyone has at the start."""
 
 
 def check_leader_messages(engine: str, scenario: Scenario) -> None:
@@ -49,6 +48,27 @@ def check_leader_messages(engine: str, scenario: Scenario) -> None:
         )
 
 
+def arrivals_of_leaders(messages: Messages, receiver: Indices, k: Instants) -> Instants:
+    """When samples of leaders arrive, in nanoseconds; `NEVER` where they are lost.
+
+    Parameters
+    ----------
+    messages
+        How they are sent.
+    receiver, k
+        Who receives them, and their numbers, arrays of one shape.
+    """
+    sender = np.full(np.shape(k), NOT_AN_AGENT)
+    period, phase = (round(float(x) * PER_SECOND) for x in (messages.period, messages.phase))
+    arrives = phase + k * period + round(messages.delay * PER_SECOND)
+    if jitter := round(messages.jitter * PER_SECOND):
+        late = uniform(messages.seed, Purpose.JITTER, sender, receiver, k) * jitter
+        arrives = arrives + np.rint(late).astype(np.int64)
+    if messages.loss is None or messages.loss.ideal:
+        return arrives
+    return np.where(messages.loss.lost(messages.seed, sender, receiver, k), NEVER, arrives)
+
+
 class LeaderNews:
     """Samples of the leaders of a law, which are sent together.
 
@@ -67,7 +87,7 @@ class LeaderNews:
     def __init__(self, leaders: Sequence[Leader], messages: Messages, base: float) -> None:
         self._leaders, self._messages, self._base = leaders, messages, base
         self._period, self._phase = (round(float(x) * PER_SECOND) for x in (messages.period, messages.phase))
-        self._delay, self._jitter = (round(x * PER_SECOND) for x in (messages.delay, messages.jitter))
+        self._delay = round(messages.delay * PER_SECOND)
 
     def newest(self, time: int, agents: Indices) -> Instants:
         """Number of the newest sample that has arrived at each of ``agents``, -1 for the state at the start.
@@ -81,21 +101,10 @@ class LeaderNews:
         found = np.full(len(agents), max(last, START), dtype=np.int64)
         open_ = np.flatnonzero(found > START)
         while open_.size:
-            missing = ~self._arrived(agents[open_], found[open_], time)
+            missing = arrivals_of_leaders(self._messages, agents[open_], found[open_]) > time
             found[open_[missing]] -= 1
             open_ = open_[missing & (found[open_] > START)]
         return found
-
-    def _arrived(self, receiver: Indices, k: Instants, time: int) -> AnyArray:
-        messages, sender = self._messages, np.full(len(k), NOT_AN_AGENT)
-        arrives = self._phase + k * self._period + self._delay
-        if self._jitter:
-            late = uniform(messages.seed, Purpose.JITTER, sender, receiver, k) * self._jitter
-            arrives = arrives + np.rint(late).astype(np.int64)
-        there = arrives <= time
-        if messages.loss is not None and not messages.loss.ideal:
-            there &= ~messages.loss.lost(messages.seed, sender, receiver, k)
-        return np.asarray(there)
 
     def motions(self, time: int, numbers: Instants) -> list[Array]:
         """Motion of each leader as receivers take it to be at a ``time``, shape (3, m, receivers) each.
