@@ -20,6 +20,7 @@ ENGINES = ("exact", "sampled", "delayed", "discrete", "tiles", "lammps")
 
 HOMES = {
     "change what agents know of leaders by messages": "class LeaderNews",
+    "change how large groups know leaders by messages": "class KnownLeaders",
     "change which samples of leaders agents use under continuous control": "class LeaderSamples",
     "change how it is located when agents of similar headings come near under held control": "class ConeView",
     "change what a replaced law or state changes under delayed knowledge": "class Replacement",

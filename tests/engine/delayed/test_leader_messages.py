@@ -21,8 +21,9 @@ from tests.engine.imperfect.plain_leader import GAINS, LEADER, PlainLeaderMail
 class PlainLeader(PlainMessages):
     """The plain world of messages, to which a leader sends its motion."""
 
-    def __init__(self, scenario, slope, gain):
+    def __init__(self, scenario, slope, gain, gains):
         super().__init__(scenario, slope, gain)
+        self.gains = gains
         self.leader, self.taken_up = PlainLeaderMail(scenario), -1
 
     def force(self, t, y):
@@ -31,7 +32,7 @@ class PlainLeader(PlainMessages):
             q = np.array([x for x, _ in self.own])
             p = np.array([x for _, x in self.own]) if self.order == 2 else p
         x, v, a = np.array([self.leader.believed(i, t) for i in range(self.n)]).transpose(1, 0, 2)
-        c1, c2, g = GAINS
+        c1, c2, g = self.gains
         return super().force(t, y) - c1 * (q - x) - c2 * (p - v) + g * self.masses * a
 
     def instants(self, end):
@@ -54,9 +55,11 @@ def scenario(seed=0, **messages):
         "period": 0.1, "phase": 0.02 * (seed % 3), "loss": loss, "noise": None, "resolution": 0.0, "expires": None,
         "leader": True, **messages,
     }  # fmt: skip
-    law = fk.Law(LAW.graph, [*LAW.terms, fk.Track(LEADER, *GAINS)])
+    # Across images there is no pull towards a place.
+    gains = GAINS if made.space.is_open else (0.0, *GAINS[1:])
+    law = fk.Law(LAW.graph, [*LAW.terms, fk.Track(LEADER, *gains)])
     made = made.with_(law=law, information=dataclasses.replace(info, **given))
-    return made, PlainLeader(made, lambda r: STIFF * (r - 1), GAIN if made.agents.order == 2 else 0.0)
+    return made, PlainLeader(made, lambda r: STIFF * (r - 1), GAIN if made.agents.order == 2 else 0.0, gains)
 
 
 def check(seed):

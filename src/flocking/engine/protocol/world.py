@@ -45,8 +45,8 @@ def check_world(
         )
     if not leader_messages and isinstance(scenario.information, Messages) and scenario.information.leader:
         raise UnsupportedLaw(
-            f"engine={engine!r} knows leaders exactly: messages of the leader would be left out. engine='sampled' runs "
-            "them under held control, engine='delayed' under continuous control."
+            f"engine={engine!r} knows leaders exactly: messages of the leader would be left out. engine='sampled' and "
+            "engine='tiles' run them under held control, engine='delayed' under continuous control."
         )
 
 

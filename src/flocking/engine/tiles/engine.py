@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from flocking.engine.imperfect.messages.leader_news import check_leader_messages
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.tiles.held.news import check_messages
@@ -26,6 +27,7 @@ class TilesEngine(Engine):
     options = TilesOptions
     spaces = SPACES
     worlds = (Held, Messages)
+    leader_messages = True
     free_options = frozenset({"threads"})
     command_line_options = {"observe": True}  # noqa: RUF012  never changed
 
@@ -33,6 +35,7 @@ class TilesEngine(Engine):
         """Check that the scenario and the plant are supported."""
         check_supported(scenario)
         check_messages(scenario)
+        check_leader_messages(self.name, scenario)
         if plant is not None:
             if not scenario.control.ideal:
                 raise UnsupportedLaw("The tiled engine runs no plant under held control: its work counts as departed.")

@@ -9,6 +9,7 @@ from flocking.arrays import Array, Indices, Numbers, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.held.held_actuation import HeldActuation
 from flocking.engine.tiles.held.held_motion import HeldMotion, coast
+from flocking.engine.tiles.held.known_leaders import KnownLeaders, known_leaders
 from flocking.engine.tiles.held.lagged_motion import LaggedForces, coast_lagged
 from flocking.engine.tiles.held.listed_senders import take_senders, tiles_ahead
 from flocking.engine.tiles.held.messages import SampleStore
@@ -47,15 +48,20 @@ class HeldParticles(ParticleArrays):
     used, senders
         For each entry of the lists of a graph the sample used last, see `flocking.engine.tiles.kernels.heard_samples`,
         and the number of the agent that it stands for; no entries where nothing is drawn.
+    leaders
+        Leaders as agents know them by messages; None where they know them exactly.
     powers
         By tile, powers of the forces at rest at the beginning and at the end of the last step, shape (tiles, 2); no
         rows where they are not summed.
     """
 
+    leaders: KnownLeaders | None = None
+
     def __init__(
         self, scenario: Scenario, state: State, spec: KernelSpec, workers: Workers, memory_limit: float,
         skin: float | None = None,
     ) -> None:  # fmt: skip
+        self.leaders = known_leaders(scenario, spec)
         super().__init__(scenario, state, spec, workers, memory_limit, skin)
         self.force: Reals = np.zeros((self.m, self.size), self.dtype)
         self.acting: Numbers32 = np.zeros(self.size, np.int32)
@@ -64,7 +70,7 @@ class HeldParticles(ParticleArrays):
         assert isinstance(scenario.control, Held)
         self._periods = np.asarray(scenario.control.period, dtype=np.float64)
         self.motion = HeldMotion(scenario.agents, self.everyone, self.dtype)
-        self.control_spec = control_spec(spec, scenario.law.graphs)
+        self.control_spec = control_spec(spec if self.leaders is None else self.leaders.spec, scenario.law.graphs)
         self.store: SampleStore | None = None
         heard = None
         self._shared: tuple[int, ...] = ()
@@ -103,6 +109,16 @@ class HeldParticles(ParticleArrays):
             The start of all agents.
         """
         return HeldActuation(body, start, self.dtype, self.ids[: self.size], self.workers, self._periods)
+
+    def _set_parameters(self, scenario: Scenario, t: float) -> None:
+        super()._set_parameters(scenario, t)
+        if self.leaders is not None:
+            self.leaders.take_parameters(scenario, t, self.ids[: self.size], self.n)
+
+    def _reorder(self, order: Numbers32) -> None:
+        super()._reorder(order)
+        if self.leaders is not None:
+            self.leaders.parameters.reorder(order)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents with their forces, and rebuild all lists."""
@@ -206,6 +222,9 @@ class HeldParticles(ParticleArrays):
             # Where everybody acts, all entries have been looked at until now.
             self._tested = self.store.settled(now) if self.store.alike and self.all_act else 0
         parameters = self.parameters
+        if self.leaders is not None:
+            self.leaders.put(now, self.ids[: self.n])
+            parameters = self.leaders.parameters
         self.workers.each(
             self.control, self.tiles, float(t), self.acting, own, self.agents, self.n, *lists, parameters.P,
             parameters.A, self.ids, parameters.seeds, parameters.matrices, self.results.means, self.desired,

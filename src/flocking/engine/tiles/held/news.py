@@ -141,6 +141,11 @@ def check_messages(scenario: Scenario) -> None:
             messages.period, "Its kernels number samples by 30 bits.",
         )  # fmt: skip
     if loss is not None and not loss.ideal:
+        if messages.leader:
+            raise InvalidInput(
+                "Messages", "loss", "must be left out with leader=True in engine='tiles'", loss.summary,
+                "Samples are kept for a bounded time there, and leaders send none that expire: use engine='sampled'.",
+            )  # fmt: skip
         if not isinstance(loss, Bernoulli | GilbertElliott | DistanceLoss):
             raise InvalidInput("Messages", "loss", "must be one of this library in engine='tiles'", type(loss).__name__)
         if messages.expires is None:
