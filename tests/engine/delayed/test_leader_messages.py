@@ -81,7 +81,7 @@ def check(seed):
 
 
 def test_random_worlds():
-    for seed in range(3):
+    for seed in range(2):
         run = check(seed)
     made = run.scenario
     exact = fk.simulate(made.with_(information=dataclasses.replace(made.information, leader=False)), progress=False)
@@ -89,8 +89,8 @@ def test_random_worlds():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3, 43))
-def test_40_more_random_worlds(seed):
+@pytest.mark.parametrize("seed", range(2, 43))
+def test_41_more_random_worlds(seed):
     check(seed)
 
 
@@ -208,8 +208,10 @@ def present(patch):
 @pytest.mark.parametrize(
     ("mutant", "predict", "said"),
     [
-        (early, False, "knew leaders by their sample"), (found_again, False, "knew leaders by their sample"),
-        (held, True, "its force is logged"), (present, False, "its force is logged"),
+        (early, False, "knew leaders by their sample"),
+        pytest.param(found_again, False, "knew leaders by their sample", marks=pytest.mark.slow),
+        (held, True, "its force is logged"),
+        pytest.param(present, False, "its force is logged", marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_the_replay_catches(mutant, predict, said, monkeypatch):

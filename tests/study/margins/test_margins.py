@@ -13,7 +13,7 @@ from flocking.model.world.losses import Bernoulli
 from flocking.show.contents import contents
 from flocking.show.margin_pictures import margins_figure, place_of
 from flocking.study.certificates.beside.margin_lines import MarginLine, common_lines, margin_lines
-from flocking.study.claims.claim import Claim, Measure
+from flocking.study.claims.claim import Claim, Measure, below
 from flocking.study.claims.conclusions.limits import positions_agree, velocities_agree
 from flocking.study.evidence import NotResolvable
 from flocking.study.margins.brackets import Bracket, Count, between, bracket, islands, open_everywhere, open_from_ideal
@@ -65,6 +65,24 @@ def test_the_delay_of_delayed_consensus_is_bracketed():
     assert margin.bracket.width <= 0.1
     assert margins.varied[0].world == "everybody known 0.8 late"
     assert "loss is a property of messages" in margins.refused["loss"]
+
+
+def test_the_delay_of_a_leader_that_sends_messages_is_bracketed():
+    """p' = c (v - p), v the time of the newest sample: an agent lags by 1/c, the delay and up to a period."""
+
+    def lag(e):
+        return below(abs(float(e.run.p[-1, 0, 0]) - float(e.t[-1])), 0.5, "")
+
+    law = fk.Law(fk.Fixed(1, []), [fk.Track(fk.Path(["t", "0"]), 0.0, 10.0)])
+    told = fk.Messages(0.05, leader=True)
+    made = fk.Scenario(law, fk.State([[0.0, 0.0]]), t_end=1.5, frames=5, information=told)
+    near = Claim("near", "here", "The velocity lags by less than 0.5.", lag)
+    margins = found(made, "delay", claims=(near,), levels={"delay": [0.2, 0.8]})
+    margin = margins.margin("delay", "near")
+    assert margin.bracket.lower < 0.5 - 0.1
+    assert margin.bracket.upper > 0.5 - 0.1 - 0.05
+    assert margin.bracket.width <= 0.1
+    assert "leaders known by them too" in margins.varied[0].world
 
 
 @pytest.mark.parametrize(("samples", "bound"), [(1, 1.0), (2, 0.618034)])
