@@ -12,7 +12,7 @@ from flocking.study.claims.claim import Claim, Measure
 from flocking.study.margins.fingerprints import fingerprint
 from flocking.study.margins.margin_table import margins_from
 from flocking.study.margins.quantities import Quantity, quantity_named
-from flocking.study.sweeps.measures import code_of
+from flocking.study.sweeps.recorded_content import code_of
 
 LAW = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("r**2/2"))])
 SHORT = Claim("short", "here", "The run ends early.", lambda e: Measure(5.0 - float(e.t[-1])))

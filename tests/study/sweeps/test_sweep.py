@@ -193,7 +193,7 @@ def test_the_order_of_the_grid_is_kept_and_another_order_is_another_sweep(tmp_pa
 
 
 def test_a_changed_function_is_noticed_and_a_moved_one_is_not(tmp_path):
-    from flocking.study.sweeps.measures import code_of
+    from flocking.study.sweeps.recorded_content import code_of
 
     one, same, other = (eval(f"{' ' * k}lambda run: {value}") for k, value in ((0, 1.0), (0, 1.0), (0, 2.0)))
     assert code_of(one) == code_of(same) != code_of(other)

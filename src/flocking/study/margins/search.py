@@ -17,9 +17,10 @@ from flocking.study.claims.claim import Claim
 from flocking.study.confidence_intervals import check_level
 from flocking.study.margins.brackets import STEP_TO_IDEAL, Count, between, bracket, open_everywhere, open_from_ideal
 from flocking.study.margins.computed_runs import HYPOTHESIS, Conclusions
-from flocking.study.margins.fingerprints import digest_of, fingerprint, has_foreign_parts
+from flocking.study.margins.fingerprints import fingerprint, has_foreign_parts
 from flocking.study.margins.margin_table import Margins, Varied, counts_of
 from flocking.study.margins.quantities import Quantity, base_period, checked_levels, quantity_named
+from flocking.study.sweeps.recorded_content import digest_of
 
 ROUNDED = 1.0 - 1e-3
 """Factor for the rounding of levels, which are powers of STEP_TO_IDEAL apart."""

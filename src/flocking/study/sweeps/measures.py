@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from types import CodeType
 
 import numpy as np
 
@@ -18,6 +15,7 @@ from flocking.model.terms.body_terms import Track
 from flocking.study.claims.general_claims import SETTLED
 from flocking.study.evidence import Evidence, NotMeasurable
 from flocking.study.sweeps.plan import RESERVED
+from flocking.study.sweeps.recorded_content import code_of
 
 Measured = float | bool
 Measuring = Callable[[Evidence], object]
@@ -209,56 +207,17 @@ def plain_measure(name: str, value: object) -> Measured | int:
     return value
 
 
-def code_of(function: Callable[..., object]) -> str:
-    """Name of a function with a digest of its code, the same in every process, so that changes are detected."""
-    import hashlib
+def recorded_measure(name: str, function: Measuring, more: Mapping[str, tuple[str, Measuring]] | None = None) -> str:
+    """What the record of a sweep states of a measure: its name where it is the known one of that name, else its code.
 
-    inner = function.function if isinstance(function, OfRun) else function
-    inner = inspect.unwrap(inner)
-    name = getattr(inner, "__qualname__", type(inner).__qualname__)
-    if isinstance(inner, functools.partial):
-        return f"partial of {code_of(inner.func)} {_content(inner.args)} {_content(inner.keywords)}"
-    code = getattr(inner, "__code__", None)
-    if code is None:
-        call = inspect.getattr_static(type(inner), "__call__", None)
-        called = code_of(call) if inspect.isfunction(call) else ""
-        return " ".join(filter(None, (name, called, _content(inner))))
-    owner = getattr(inner, "__self__", None)
-    if owner is not None and not inspect.isclass(owner):
-        name = f"{name} of {_content(owner)}"
-    return f"{name} {hashlib.sha256(_code_text(code, inner).encode()).hexdigest()[:12]}"
-
-
-def _content(value: object) -> str:
-    """What a value holds: its repr, or where that contains addresses, which differ between processes, its parts."""
-    if inspect.isroutine(value) and hasattr(value, "__code__"):
-        return code_of(value)
-    if " at 0x" not in repr(value):
-        return repr(value)
-    if isinstance(value, tuple | list):
-        return repr([_content(entry) for entry in value])
-    entries = value if isinstance(value, dict) else getattr(value, "__dict__", {})
-    return f"{type(value).__qualname__} {[(name, _shallow(entry)) for name, entry in entries.items()]!r}"
-
-
-def _shallow(value: object) -> str:
-    """As `_content`, of a part, whose own parts are not looked at."""
-    if inspect.isroutine(value) and hasattr(value, "__code__"):
-        return code_of(value)
-    return type(value).__qualname__ if " at 0x" in repr(value) else repr(value)
-
-
-def _code_text(code: CodeType, function: Callable[..., object] | None = None) -> str:
-    constants = []
-    for c in code.co_consts:
-        # The order of a set of strings differs between processes.
-        content = sorted(map(repr, c)) if isinstance(c, frozenset) else c
-        constants.append(_code_text(c) if inspect.iscode(c) else repr(content))
-    captured = []
-    if function is not None:
-        captured = [repr(value) for value in (function.__defaults__ or ())]
-        for cell in function.__closure__ or ():
-            content = cell.cell_contents
-            # The default repr of an object contains its address, which differs between processes.
-            captured.append(type(content).__qualname__ if " at 0x" in repr(content) else repr(content))
-    return repr((code.co_code.hex(), code.co_names, code.co_varnames, constants, captured))
+    Parameters
+    ----------
+    name, function
+        The measure and its name in the results.
+    more
+        Further measures that may be named.
+    """
+    known = {**MEASURES, **(more or {})}
+    if name in known and known[name][1] is function:
+        return name
+    return code_of(function.function if isinstance(function, OfRun) else function)

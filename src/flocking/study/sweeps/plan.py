@@ -12,6 +12,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput, said
 from flocking.model.checks import integer
+from flocking.study.sweeps.recorded_content import content_of, digest_of, is_plain
 from flocking.study.sweeps.sampling import Sample
 
 MOST_RUNS = 100_000
@@ -229,7 +230,9 @@ def recorded(value: object) -> object:
         json.dumps(value)
     except (TypeError, ValueError):
         # Python prints no integer of thousands of decimal digits.
-        return {"repr": hex(value) if isinstance(value, int) else repr(value)}
+        shown = hex(value) if isinstance(value, int) else repr(value)
+        # The repr of a long array or of a scenario does not state all its numbers.
+        return {"repr": shown} if is_plain(value) else {"repr": shown, "digest": digest_of(content_of(value))[:12]}
     return value
 
 

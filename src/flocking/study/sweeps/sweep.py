@@ -14,8 +14,9 @@ from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.model.parts.seeds import SeedNumber, given_seed
 from flocking.study.claims.claim import Claim
-from flocking.study.sweeps.measures import Measuring, check_names, code_of, find_measures
+from flocking.study.sweeps.measures import Measuring, check_names, find_measures, recorded_measure
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
+from flocking.study.sweeps.recorded_content import code_of
 from flocking.study.sweeps.sampling import Sample
 from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_rows
 from flocking.study.sweeps.table import SweepTable
@@ -122,8 +123,7 @@ def sweep(
         "format": FORMAT,
         "plan": plan.as_data(),
         "make": dict(record) if record is not None else code_of(make),
-        "measures": {name: code_of(function) if name not in _known(more_measures) else name
-                     for name, function in found.items()},
+        "measures": {name: recorded_measure(name, function, more_measures) for name, function in found.items()},
         "audit": _audit_data(audit),
         "options": {name: str(value) for name, value in choices.items()},
         "provenance": versions(),
@@ -234,12 +234,6 @@ def _audit_data(audit: Auditing) -> object:
     if isinstance(audit, bool):
         return audit
     return code_of(audit) if callable(audit) else [claim.key for claim in audit]
-
-
-def _known(more: Mapping[str, object] | None) -> set[str]:
-    from flocking.study.sweeps.measures import MEASURES
-
-    return {*MEASURES, *(more or {})}
 
 
 def _check_call(make: Callable[..., object], plan: Plan) -> None:
