@@ -67,7 +67,7 @@ def margins(
     claims
         Claims whose conclusions are measured; those of the paper or of any law when absent.
     seeds
-        Number of seeds, from 0 on, or the seeds; those of starts and of what is random about messages.
+        Number of seeds, from 0 on, or the seeds; those of starts and of what is random about messages and bodies.
     levels
         Levels of the first grid by name of the quantity.
     period

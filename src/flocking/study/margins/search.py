@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from flocking.engine.driver.simulate import start
 from flocking.engine.interruption import interrupted
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.checks import integer, number
+from flocking.model.drawn_during_runs import with_seed_of_run
 from flocking.model.law import Scenario
 from flocking.model.world.control import CONTINUOUS
-from flocking.model.world.information import INSTANT, Messages
+from flocking.model.world.information import INSTANT
 from flocking.study.claims.claim import Claim
 from flocking.study.confidence_intervals import check_level
 from flocking.study.margins.brackets import STEP_TO_IDEAL, Count, between, bracket, open_everywhere, open_from_ideal
@@ -61,24 +62,14 @@ class Worlds:
     period: float
 
     def __call__(self, *, world: str, seed: int) -> Scenario:
-        """The scenario of a ``seed`` in a ``world``; the seed also draws losses, jitter and noise."""
+        """The scenario of a ``seed`` in a ``world``; the seed also draws losses, jitter, noise and gusts."""
         scenario = self.make(seed)
         if world == IDEAL:
             # Bodies in discrete time have no other control than one at ticks.
             control = scenario.control if scenario.agents.discrete else CONTINUOUS
-            return scenario.with_(information=INSTANT, control=control)
+            return with_seed_of_run(scenario.with_(information=INSTANT, control=control), seed)
         name, _, value = world.partition("=")
-        found = self.quantities[name].world(scenario, float(value), self.period)
-        known = found.information
-        if isinstance(known, Messages) and _draws(known):
-            found = found.with_(information=replace(known, seed=seed))
-        return found
-
-
-def _draws(known: Messages) -> bool:
-    """Whether anything about messages is random."""
-    noisy = known.noise is not None and not known.noise.ideal
-    return noisy or known.jitter > 0 or (known.loss is not None and not known.loss.ideal)
+        return with_seed_of_run(self.quantities[name].world(scenario, float(value), self.period), seed)
 
 
 def reason_of(error: Exception) -> str:
@@ -283,7 +274,7 @@ def find_margins(
     vary
         The quantities, or their names.
     seeds
-        Seeds of the starts and of what is random about messages; the same at every level.
+        Seeds of the starts and of what is random about messages and bodies; the same at every level.
     levels
         Levels of the first grid by name of the quantity; the quantity's own when absent.
     period
