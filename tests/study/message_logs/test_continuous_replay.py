@@ -11,7 +11,7 @@ from flocking.engine.delayed.delayed_law import DelayedLaw
 from flocking.engine.delayed.messages.instants import MessageInstants
 from flocking.engine.delayed.messages.message_states import MessageStates
 from flocking.engine.imperfect.messages.knowledge import NEVER, Knowledge
-from flocking.errors import UnsupportedLaw
+from flocking.errors import InvalidInput, UnsupportedLaw
 from tests.engine.delayed.test_messages import LAW, random_world
 
 LATE = 60_000_000
@@ -214,6 +214,16 @@ def test_a_motion_that_does_not_follow_from_the_log_is_named(whole):
     assert any("from where the logged forces lead" in w.what and w.agent == 1 for w in found.wrong)
 
 
+@pytest.mark.parametrize(("moved", "size"), [("p", 1e9), ("p", 1e300), ("q", 1e14)])
+def test_large_numbers_in_a_frame_do_not_widen_what_they_are_compared_within(whole, moved, size):
+    forged = {name: getattr(whole, name).copy() for name in ("q", "p")}
+    forged["q"][-1, 1] += 0.1
+    forged[moved][-1, 2, 1] = size
+    found = fk.replay(dataclasses.replace(whole, **forged))
+    assert not found.agrees
+    assert found.undecided <= 2
+
+
 def test_causes_of_departed_energy_are_refused_by_name(whole):
     with pytest.raises(UnsupportedLaw, match="at ticks alone, under held control"):
         fk.departed_causes(whole)
@@ -225,3 +235,12 @@ def test_links_by_what_agents_knew_are_those_of_the_log(whole):
     frame = 2
     there = session._states.points.there
     assert (whole.known_links_at(frame) == (session.known_links & there)).all()
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(("name", "said"), [("t", "times"), ("q", "positions"), ("p", "velocities")])
+def test_numbers_that_are_not_finite_are_refused_by_name(whole, name, said, number):
+    forged = getattr(whole, name).copy()
+    forged[-1, ...] = number
+    with pytest.raises(InvalidInput, match=f"run must have finite {said}"):
+        fk.replay(dataclasses.replace(whole, **{name: forged}))

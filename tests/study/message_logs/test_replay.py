@@ -284,3 +284,15 @@ def test_forces_that_cannot_be_computed_with_are_refused_or_agree_with_nothing(w
     except InvalidInput:
         agrees = False
     assert not agrees
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_refused_by_name(whole, number):
+    forces = whole.log.forces.copy()
+    forces[15, 0] = number
+    with pytest.raises(InvalidInput, match="run must have finite logged forces"):
+        fk.replay(dataclasses.replace(whole, log=dataclasses.replace(whole.log, forces=forces)))
+    q = whole.q.copy()
+    q[3, 2, 1] = number
+    with pytest.raises(InvalidInput, match="run must have finite positions"):
+        fk.replay(dataclasses.replace(whole, q=q))

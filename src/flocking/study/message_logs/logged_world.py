@@ -35,7 +35,7 @@ def logged(run: Run) -> tuple[Scenario, MessageLog]:
     Raises
     ------
     InvalidInput
-        When there is none.
+        When there is none, or it or the frames hold a number that is not finite.
     UnsupportedLaw
         When a safety filter changed the forces, or the session was changed while it went on.
     """
@@ -52,6 +52,13 @@ def logged(run: Run) -> tuple[Scenario, MessageLog]:
         raise UnsupportedLaw("replay computes the forces of the law again, not those that a SafetyFilter changed.")
     if run.fidelity.changed:
         raise UnsupportedLaw("replay computes again runs of one world and law; this one was changed while it went on.")
+    stated = {"times": run.t, "positions": run.q, "velocities": run.p, **run.columns, "logged forces": run.log.forces}
+    for name, numbers in stated.items():
+        if not np.isfinite(numbers).all():
+            wrong = np.asarray(numbers)[~np.isfinite(numbers)][0]
+            raise InvalidInput(
+                "replay", "run", f"must have finite {name}", float(wrong), "No run that was computed has others."
+            )
     return scenario, run.log
 
 

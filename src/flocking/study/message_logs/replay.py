@@ -35,7 +35,7 @@ def replay(run: Run) -> Replay:
     Raises
     ------
     InvalidInput
-        When it is no run, or one without a log.
+        When it is no run, one without a log, or one with numbers that are not finite.
     UnsupportedLaw
         When a safety filter changed the forces.
 

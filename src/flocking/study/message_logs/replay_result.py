@@ -43,7 +43,8 @@ class Replay:
     acts, entries
         How many acts and entries were computed again.
     undecided
-        Acts in which rounding leaves open what was to be used.
+        Acts in which rounding leaves open what was to be used; under continuous control also times at which what an
+        agent uses may have changed.
     wrong
         The first `MOST_ERRORS` things that are wrong, in order of time.
     """

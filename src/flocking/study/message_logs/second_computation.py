@@ -59,7 +59,8 @@ class SecondComputation:
             pairs = [("position", q, run.q[k])] + ([] if self.world.motion.order == 1 else [("velocity", p, run.p[k])])
             for name, again, stored in pairs:
                 off = np.abs(again - stored).max(axis=1)
-                bad = np.flatnonzero(~(off <= self.world.near * (1.0 + np.abs(stored).max())))
+                # By the size of what is computed here: a stored number must not widen what it is compared within.
+                bad = np.flatnonzero(~(off <= self.world.near * (1.0 + np.abs(again).max())))
                 if bad.size:
                     agent = int(bad[0])
                     yield WrongEntry(
