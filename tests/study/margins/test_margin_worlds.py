@@ -53,6 +53,18 @@ def test_a_run_that_stands_for_other_seeds_is_not_reused_once_these_differ(tmp_p
         table(longer_for_one, "period", levels={"period": [0.5]}, out=tmp_path)
 
 
+def test_a_seed_whose_ideal_run_is_that_of_another_seed_meets_the_hypothesis_as_that_one_does():
+    early = replace(SHORT, hypothesis=SHORT.conclusion)
+    margins = table(one_of_two, claims=(early,), levels={"loss": [0.3]}, seeds=4)
+    assert margins.ideal["short"].total == 1  # seeds 0 and 2 are one run, 1 and 3 do not meet the hypothesis
+    assert margins.margin("loss", "short").counts[0.3].total == 2
+
+
+def one_of_two(seed):
+    """A short scenario for even seeds, a long one for odd ones."""
+    return scenario(0, t_end=8.0 if seed % 2 else 2.0)
+
+
 def as_seed_0(make, seed):
     """The scenario of seed 0, whatever the seed."""
     return make(0)
