@@ -42,8 +42,8 @@ def ledger_residual(e: Evidence) -> Measure:
     """Residual of the energy ledger against what the tolerance allows; links and forces must be the declared ones."""
     if e.foreign_link or e.foreign_force:
         return Measure(-1.0, 0.0, e.foreign_link or e.foreign_force)
-    if e.ledger_doubt:
-        raise NotResolvable(e.ledger_doubt)
+    if e.foreign_motion or e.ledger_doubt:
+        raise NotResolvable(e.foreign_motion or e.ledger_doubt)
     return below(e.residual, e.ledger_bound, e.ledger_note)
 
 
