@@ -189,3 +189,13 @@ def test_levels_of_times_are_whole_nanoseconds():
     counts = found.margin("delay", "at-once").counts
     assert min(counts) >= 1e-9
     assert found.margin("delay", "at-once").bracket.lower is None
+
+
+@pytest.mark.parametrize("own", [fk.OrnsteinUhlenbeck(0.1, 0.2, time_constant=3.0), fk.WhiteNoise(0.1, 0.2)])
+def test_noise_of_ones_own_keeps_its_kind_and_what_is_not_varied(own):
+    given = scenario(0, control=fk.Held(0.5), information=fk.Messages(0.5, noise=own))
+    varied = {
+        name: quantity_named(name).world(given, 0.7, 0.5).information.noise for name in ("noise", "velocity-noise")
+    }
+    assert varied == {"noise": replace(own, position=0.7), "velocity-noise": replace(own, velocity=0.7)}
+    assert quantity_named("velocity-noise").world(scenario(0), 0.7, 0.5).information.noise == fk.WhiteNoise(0.0, 0.7)

@@ -15,7 +15,7 @@ from flocking.model.law import Scenario
 from flocking.model.world.control import Control, Held
 from flocking.model.world.information import Delayed, Messages
 from flocking.model.world.losses import Bernoulli
-from flocking.model.world.noises import WhiteNoise
+from flocking.model.world.noises import Noise, WhiteNoise
 from flocking.model.world.times import NANOSECOND
 
 ROUNDED = 1e-9
@@ -152,16 +152,17 @@ def _with_loss(scenario: Scenario, value: float, period: float) -> Scenario:
     return _with_messages(scenario, period, loss=Bernoulli(value, paired) if value else None)
 
 
+def _noise(scenario: Scenario, period: float, **changes: float) -> Noise:
+    """The scenario's own noise, or white one where it has none, with another standard deviation."""
+    return replace(messages(scenario, period).noise or WhiteNoise(), **changes)  # type: ignore[type-var]
+
+
 def _with_noise(scenario: Scenario, value: float, period: float) -> Scenario:
-    own = messages(scenario, period).noise
-    velocity = own.velocity if isinstance(own, WhiteNoise) else 0.0
-    return _with_messages(scenario, period, noise=WhiteNoise(value, velocity))
+    return _with_messages(scenario, period, noise=_noise(scenario, period, position=value))
 
 
 def _with_velocity_noise(scenario: Scenario, value: float, period: float) -> Scenario:
-    own = messages(scenario, period).noise
-    position = own.position if isinstance(own, WhiteNoise) else 0.0
-    return _with_messages(scenario, period, noise=WhiteNoise(position, value))
+    return _with_messages(scenario, period, noise=_noise(scenario, period, velocity=value))
 
 
 def _with_limit(scenario: Scenario, value: float, _: float) -> Scenario:
