@@ -132,7 +132,9 @@ def test_convergence_times_are_the_first_moment_after_which_it_stays_so():
     from flocking.study.sweeps.measures import convergence_time
 
     def found(*spread):
-        evidence = SimpleNamespace(spread_times=np.arange(len(spread)), velocity_spread=np.array(spread))
+        evidence = SimpleNamespace(
+            spread_times=np.arange(len(spread)), velocity_spread=np.array(spread), spread_rounding=0.0, spread_error=0.0
+        )
         return convergence_time(evidence)
 
     assert found(1.0, 0.5, 0.001, 0.001) == 2

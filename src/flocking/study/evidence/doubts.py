@@ -200,14 +200,15 @@ class DoubtEvidence(LinkEvidence):
 
     @cached_property
     def connection(self) -> tuple[float, bool]:
-        """First time at which the graph is certainly disconnected, and whether it may be at some other time.
+        """First time at which the graph is certainly disconnected, and whether it may be at some time before.
 
-        Pairs whose switch is in doubt, or within the error of its time, are tried as linked and as not linked.
+        Where it never is certainly disconnected the end of what is known counts as doubt too. Pairs whose switch is in
+        doubt, or within the error of its time, are tried as linked and as not linked.
         """
         links = np.array(self.frame_links[0])
         if not is_connected(links):
             return float(self.t[0]), False
-        certain, doubtful = np.inf, self.known_until < np.inf
+        certain, doubtful = np.inf, False
         for cluster in _clusters(self._spans()):
             begin, switches = cluster[0][0], [span[4] for span in cluster if span[4] >= 0]
             if begin >= self.known_until:
@@ -231,7 +232,40 @@ class DoubtEvidence(LinkEvidence):
                 certain = since
                 break
             doubtful = doubtful or (not alone and not is_connected(low))
-        return certain, doubtful
+        return certain, doubtful or (certain == np.inf and self.known_until < np.inf)
+
+    @cached_property
+    def falls_apart_at(self) -> float:
+        """First time at which the graph is seen disconnected, infinite when it never is, where errors change neither.
+
+        Where switches are not located it is a frame, and the graph fell apart before. Where the errors of the run are
+        not known it is a time of the motion as computed.
+
+        Raises
+        ------
+        NotResolvable
+            When the graph is connected at all frames and may not be between them, or switches in doubt decide it.
+        """
+        seen = self.first_disconnected
+        if not self.switches_known or self.run.accuracy is None or not self.law.graph.moves:
+            return seen
+        certain, doubtful = self.connection
+        if doubtful or (certain == np.inf) != (seen == np.inf):
+            raise NotResolvable(self.doubt_note() or self.loss_note)
+        return seen
+
+    @property
+    def is_connected_throughout(self) -> bool:
+        """Whether the graph is connected at all times; of the motion as computed where its errors are not known.
+
+        Raises
+        ------
+        NotResolvable
+            As `falls_apart_at` does, unless the graph is certainly disconnected at some time.
+        """
+        if self.switches_known and self.run.accuracy is not None and self.law.graph.moves:
+            return bool(self.connection[0] == np.inf and self.falls_apart_at == np.inf)
+        return bool(self.first_disconnected == np.inf)
 
     def _spans(self) -> list[Span]:
         """Intervals of time in which a link is in doubt, sorted."""

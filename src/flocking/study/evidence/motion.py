@@ -14,6 +14,9 @@ from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvide
 from flocking.study.evidence.repetitions import Repetitions, repetitions_of
 from flocking.study.potentials.equilibrium import Equilibrium
 
+ROUNDINGS = 2
+"""Operations on top of the N of a mean that round a difference from it, in units of the spacing of doubles at 1."""
+
 
 class MotionEvidence(RunEvidence):
     """Velocities, distances and forces."""
@@ -46,6 +49,24 @@ class MotionEvidence(RunEvidence):
             return np.asarray(self.run.observables["spread"])  # type: ignore[index]
         offsets = self.p - self.mean_velocity[:, None, :]
         return np.asarray(np.linalg.norm(offsets, axis=2).max(axis=1))
+
+    @cached_property
+    def spread_rounding(self) -> float:
+        """Most that rounding adds to `velocity_spread`; 0 where it is a recorded observable.
+
+        A sum of N products has a relative error of at most N + 1 units of rounding, the sum of the masses N, their
+        ratio and a difference one each, a unit being half the spacing of doubles at 1 (N. J. Higham, Accuracy and
+        Stability of Numerical Algorithms, 2002, section 3.1).
+        """
+        if self._observed_spread:
+            return 0.0
+        return (self.run.n + ROUNDINGS) * float(np.finfo(np.float64).eps) * float(self.speeds.max())
+
+    @cached_property
+    def spread_error(self) -> float:
+        """Estimated error of the differences of two velocities of the run; 0 where none is stated."""
+        known = 0.0 if self.run.accuracy is None else 2.0 * float(self.run.accuracy.frames[:, 1].max(initial=0.0))
+        return known + 2.0 * self.velocity_error * float(np.sqrt(self.run.scenario.start.q.shape[1]))
 
     @property
     def _observed_spread(self) -> bool:

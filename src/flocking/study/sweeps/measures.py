@@ -13,7 +13,7 @@ from flocking.errors import InvalidInput
 from flocking.model import observables
 from flocking.model.terms.body_terms import Track
 from flocking.study.claims.general_claims import SETTLED
-from flocking.study.evidence import Evidence, NotMeasurable
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 from flocking.study.sweeps.plan import RESERVED
 from flocking.study.sweeps.recorded_content import code_of
 
@@ -24,37 +24,54 @@ MOST_MEASURES = 1_000
 """Measures a sweep may take of each run."""
 
 
-def _settling(t: Array, sizes: Array) -> float:
-    """First time from which sizes stay within `SETTLED` of their largest; nan when they do not in the end."""
-    outside = np.flatnonzero(sizes > SETTLED * sizes.max(initial=0.0))
+def _settling(e: Evidence, t: Array, sizes: Array, what: str) -> float:
+    """First time from which sizes stay within `SETTLED` of their largest or of rounding; nan where the end is not.
+
+    Raises
+    ------
+    NotResolvable
+        When the largest of these differences of velocities is more than rounding and no more than their error.
+    """
+    largest = float(sizes.max(initial=0.0))
+    if e.spread_rounding < largest <= e.spread_error:
+        raise NotResolvable(f"{what} differ by {largest:.1e} at most, no more than their error, {e.spread_error:.1e}")
+    outside = np.flatnonzero(sizes > max(SETTLED * largest, e.spread_rounding))
     if len(outside) == 0:
         return float(t[0])
     return float(t[outside[-1] + 1]) if outside[-1] + 1 < len(t) else math.nan
 
 
 def convergence_time(e: Evidence) -> float:
-    """First frame from which on the velocity spread is a hundredth of its largest; nan when never."""
-    return _settling(e.spread_times, e.velocity_spread)
+    """First frame from which on the velocity spread is a hundredth of its largest, or rounding; nan when never.
+
+    Raises
+    ------
+    NotResolvable
+        When velocities differ by no more than their error, and by more than rounding.
+    """
+    return _settling(e, e.spread_times, e.velocity_spread, "velocities")
 
 
 def following_time(e: Evidence) -> float:
-    """First frame from which on every velocity is the leader's, to a hundredth of the largest difference."""
+    """First frame from which on every velocity is the leader's, to a hundredth of the largest difference or rounding.
+
+    Raises
+    ------
+    InvalidInput
+        When the law has no leader.
+    NotResolvable
+        When they differ by no more than the error of the run, and by more than rounding.
+    """
     track = next((term for term in e.law.body_terms if isinstance(term, Track)), None)
     if track is None:
         raise InvalidInput("sweep", "measures", "has 'following_time', which needs a law with a leader", e.law)
     goal = np.array([track.leader.at(float(t))[1] for t in e.t])
-    return _settling(e.t, np.linalg.norm(e.p - goal[:, None, :], axis=2).max(axis=1))
+    apart = np.linalg.norm(e.p - goal[:, None, :], axis=2).max(axis=1)
+    return _settling(e, e.t, apart, "velocities and the leader's")
 
 
 def _or_nan(value: float) -> float:
     return value if math.isfinite(value) else math.nan
-
-
-def _connected(e: Evidence) -> Measured:
-    """Whether the graph stayed connected; nan where that needs the switches between frames and these are unknown."""
-    if math.isfinite(e.seen_disconnected):
-        return False
-    return True if e.switches_known else math.nan
 
 
 def _closest(e: Evidence) -> float:
@@ -64,17 +81,33 @@ def _closest(e: Evidence) -> float:
         return math.nan
 
 
-def _from_switches(e: Evidence, value: Callable[[Evidence], Measured]) -> Measured:
-    return value(e) if e.switches_known else math.nan
+def _switches(e: Evidence, kind: str) -> float:
+    """Number of links that appeared or broke; of the motion as computed where its errors are not known."""
+    if e.run.accuracy is None or not e.law.graph.moves:
+        return e.links_created if kind == "appear" else e.links_lost
+    fewest, most = e.numbers(kind)
+    if fewest < most:
+        raise NotResolvable(e.doubt_note(kind) or e.loss_note)
+    return fewest
+
+
+def _last_switch(e: Evidence) -> float:
+    if e.run.accuracy is None or not e.law.graph.moves:
+        return e.last_switch
+    certain, possible = e.quiet_since
+    if certain < possible:
+        raise NotResolvable(e.doubt_note() or e.loss_note)
+    return e.last_switch
 
 
 MEASURES: dict[str, tuple[str, Measuring]] = {
     "flocks": ("flocks at the end", lambda e: e.flocks_at_end),
     "density": ("share of the agents in the largest flock at the end",
                 lambda e: e.certain_at_end(observables.density)),
-    "connected": ("whether the graph is connected throughout", _connected),
+    "connected": ("whether the graph is connected throughout", lambda e: e.is_connected_throughout),
     "connected_at_end": ("whether the graph is connected at the end", lambda e: e.flocks_at_end == 1),
-    "disconnected_at": ("time at which the graph first falls apart", lambda e: _or_nan(e.seen_disconnected)),
+    "disconnected_at": ("time at which the graph is first apart; a frame where switches are not located",
+                        lambda e: _or_nan(e.falls_apart_at)),
     "velocity_spread": ("largest difference from the mean velocity at the end", lambda e: float(e.velocity_spread[-1])),
     "speed_spread": ("largest speed minus the smallest at the end",
                      lambda e: observables.speed_spread(e.state(-1))),
@@ -90,11 +123,11 @@ MEASURES: dict[str, tuple[str, Measuring]] = {
     "following": ("whether the velocities are the leader's at the end", lambda e: not math.isnan(following_time(e))),
     "energy_start": ("energy at the start", lambda e: float(e.trace["energy"][0])),
     "energy": ("energy at the end", lambda e: float(e.trace["energy"][-1])),
-    "energy_most": ("largest energy of the run", lambda e: float(e.trace["energy"].max())),
+    "energy_most": ("largest energy at a recorded time", lambda e: float(e.trace["energy"].max())),
     "dissipated": ("energy dissipated", lambda e: float(e.trace["dissipated"][-1])),
-    "links_created": ("links that appeared", lambda e: _from_switches(e, lambda e: e.links_created)),
-    "links_lost": ("links that broke", lambda e: _from_switches(e, lambda e: e.links_lost)),
-    "last_switch": ("time of the last link switch", lambda e: _from_switches(e, lambda e: e.last_switch)),
+    "links_created": ("links that appeared", lambda e: _switches(e, "appear")),
+    "links_lost": ("links that broke", lambda e: _switches(e, "break")),
+    "last_switch": ("time of the last link switch", _last_switch),
     "ledger_closes": ("whether the energy ledger closes", lambda e: e.ledger_closes),
 }  # fmt: skip
 """What can be measured, by name: a description, and the function of the evidence of a run."""

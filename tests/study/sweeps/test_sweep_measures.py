@@ -1,0 +1,117 @@
+"""Measures of sweeps say no more than the run shows: rounding, errors of the run, and switches in doubt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.runs.run import DOUBT_FIELDS
+from flocking.study.evidence import Evidence, NotResolvable
+from flocking.study.sweeps.measures import MEASURES
+
+ROW = fk.Scenario(
+    fk.Law(fk.Proximity(1.5), [fk.Consensus(1.0)]), fk.State([[float(k), 0.0] for k in range(4)]), t_end=10.0, frames=11
+)
+"""Four agents in a row, 1 apart, each linked to the next."""
+
+BREAKS = (5.0, 2, 3, "break", 0, 0.1, False, 1e-9, 1e-9)
+"""A switch after which the last of them is alone."""
+
+DOUBTS = {
+    "the break may not be": (4.9, 10.0, 5.0, 2, 3, "switch", 0, "break", 0.0, 1e-6),
+    "another may break before": (1.9, 2.1, 2.0, 0, 1, "near miss", 0, "break", 1e-7, 1e-6),
+}
+
+
+def measured(e: Evidence, *names: str) -> list[object]:
+    """Values by name, None where they are not known."""
+    found: list[object] = []
+    for name in names:
+        try:
+            found.append(MEASURES[name][1](e))
+        except NotResolvable:
+            found.append(None)
+    return found
+
+
+@pytest.fixture(scope="module")
+def row() -> fk.Run:
+    return fk.simulate(ROW, progress=False)
+
+
+def doubted(run: fk.Run, *doubts: str, switches: tuple[tuple, ...] = (BREAKS,), until: float = np.inf) -> Evidence:
+    """The run with recorded switches, and some of them in doubt."""
+    assert run.accuracy is not None
+    rows = np.array([DOUBTS[name] for name in doubts], dtype=DOUBT_FIELDS)
+    accuracy = replace(run.accuracy, doubts=rows, known_until=until)
+    return Evidence(replace(run, switches=np.array(list(switches), dtype=run.switches.dtype), accuracy=accuracy))
+
+
+def test_switches_that_are_certain_are_measured(row: fk.Run) -> None:
+    names = ("connected", "disconnected_at", "links_lost", "links_created", "last_switch")
+    assert measured(doubted(row), *names) == [False, 5.0, 1, 0, 5.0]
+    kept = measured(doubted(row, switches=()), *names)
+    assert kept[0] is True
+    assert np.isnan(kept[1])
+    assert kept[2:] == [0, 0, 0.0]
+
+
+def test_a_graph_whose_break_is_in_doubt_is_not_said_to_fall_apart(row: fk.Run) -> None:
+    e = doubted(row, "the break may not be")
+    names = ("connected", "disconnected_at", "links_lost", "links_created", "last_switch")
+    assert measured(e, *names) == [None, None, None, 0, None]
+
+
+def test_a_graph_that_nearly_falls_apart_is_not_said_to_stay_connected(row: fk.Run) -> None:
+    e = doubted(row, "another may break before", switches=())
+    assert measured(e, "connected", "disconnected_at", "links_lost") == [None, None, None]
+
+
+def test_the_first_time_apart_is_open_where_there_may_be_one_before(row: fk.Run) -> None:
+    e = doubted(row, "another may break before")
+    assert measured(e, "connected", "disconnected_at", "links_lost") == [False, None, None]
+
+
+def test_what_comes_after_the_end_of_knowledge_is_open_and_what_comes_before_is_not(row: fk.Run) -> None:
+    names = ("connected", "disconnected_at", "links_lost")
+    assert measured(doubted(row, until=3.0), *names) == [None, None, None]
+    assert measured(doubted(row, until=7.0), *names) == [False, 5.0, None]
+
+
+def test_a_graph_seen_at_frames_alone_may_fall_apart_between_them(row: fk.Run) -> None:
+    unseen = Evidence(replace(row, fidelity=replace(row.fidelity, switches_located=False), accuracy=None))
+    assert measured(unseen, "connected", "disconnected_at", "links_lost", "last_switch") == [None] * 4
+
+
+@pytest.mark.parametrize("velocity", [[0.1, 0.7], [0.3, -0.9], [1 / 3, 1e3], [0.0, 0.0]])
+def test_velocities_that_agree_to_rounding_agree_from_the_start(velocity: list[float]) -> None:
+    """The mean of three equal numbers may differ from them by rounding, and falls to no share of that."""
+    law = fk.Law(fk.Proximity(3.0), [fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.3], [0.2, 1.1]], [velocity] * 3)
+    e = Evidence(fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=11), progress=False))
+    assert measured(e, "converged", "convergence_time") == [True, 0.0]
+
+
+def test_differences_within_the_error_of_a_run_are_open(row: fk.Run) -> None:
+    """The spread is 1e-10, by an error of 1e-9 of each velocity: neither agreement nor another motion is shown."""
+    assert row.accuracy is not None
+    p = np.zeros_like(row.p)
+    p[:, 0, 0] = 1e-10 * np.linspace(0.0, 1.0, len(p))
+    errors = np.full_like(row.accuracy.frames, 1e-9)
+    small = replace(row, p=p, accuracy=replace(row.accuracy, frames=errors))
+    assert measured(Evidence(small), "converged", "convergence_time") == [None, None]
+    clear = replace(small, p=1e3 * p)
+    assert measured(Evidence(clear), "converged") == [False]
+
+
+def test_a_leaders_velocity_is_followed_from_the_start_by_agents_that_have_it() -> None:
+    leader = fk.Track(fk.Velocity([0.1, 0.7]), velocity_gain=2.0)
+    law = fk.Law(fk.Proximity(3.0), [fk.Consensus(1.0), leader])
+    start = fk.State([[0.0, 0.0], [1.0, 0.3], [0.2, 1.1]], [[0.1, 0.7]] * 3)
+    run = fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=11), progress=False)
+    assert measured(Evidence(run), "following", "following_time") == [True, 0.0]
+    nearly = replace(run, p=np.nextafter(run.p, np.inf) + np.spacing(run.p), accuracy=None)
+    assert measured(Evidence(nearly), "following", "following_time") == [True, 0.0]
