@@ -273,3 +273,47 @@ def test_a_fault_that_does_not_vary_is_told_once_and_trying_ends(monkeypatch):
     # What there was no time to try is met when its run is made.
     assert refusal(late) is None
     assert "must be a number" in refusal(WRITTEN.replace("[0.5, 2.0]", '["x", 0.5]'))
+
+
+SEEDED = """
+seeds = [3, 4]
+measures = ["velocity_spread"]
+[scenario]
+t_end = 0.2
+frames = 2
+terms = [{kind = "consensus", gain = 1.0}]
+graph = {kind = "proximity", radius = 3.0}
+control = {kind = "held", period = 0.1}
+information = {kind = "messages", period = 0.1, loss = 0.3, seed = 5}
+agents = {kind = "disturbed", body = {kind = "point-mass"}, sigma = 0.1, period = 0.1}
+start = {q = [[0.0, 0.0], [1.0, 0.0]], p = [[0.0, 0.0], [0.0, 1.0]]}
+[grid]
+"terms[0].gain" = [0.5, 2.0]
+"""
+
+
+def test_a_seed_draws_whatever_is_random_in_the_scenario():
+    """Losses and gusts too: runs of different seeds are independent, as intervals suppose."""
+    file = parse_sweep(SEEDED, FAMILIES)
+    for seed in (3, 4):
+        made = file.make(**{"terms[0].gain": 2.0}, seed=seed)
+        assert (made.information.seed, made.agents.seed, made.seed) == (seed, seed, seed)
+    assert file.record["seeded"] == ["agents.seed", "information.seed"]
+
+
+def test_a_seed_that_is_varied_stays_what_the_axis_says():
+    text = WRITTEN.replace('"terms[0].gain" = [0.5, 2.0]', '"start.seed" = [11, 12]')
+    text = text.replace(
+        "speed = 1.0, seed = 0}", 'speed = 1.0, seed = 0}\ninformation = {kind = "messages", period = 0.1, loss = 0.3}'
+    )
+    file = parse_sweep(text, FAMILIES)
+    made = file.make(**{"start.seed": 12, "start.n": 3}, seed=7)
+    assert np.array_equal(made.start.q, fk.start.box(3, side=2.0, speed=1.0, seed=12).q)
+    assert made.information.seed == 7
+    assert file.record["seeded"] == ["information.seed"]
+
+
+def test_seeds_of_runs_are_refused_where_no_part_takes_them():
+    text = WRITTEN.replace('"terms[0].gain" = [0.5, 2.0]', '"start.seed" = [11, 12]')
+    with pytest.raises(SweepFileError, match=r"seeds: must be left out: every seed in \[scenario\] is varied"):
+        parse_sweep(text, FAMILIES)

@@ -153,10 +153,10 @@ def _drawn(scenario: str) -> bool:
     if path.suffix != ".toml" and not path.exists():
         return True
     from flocking.study.scenario_files.scenario_file import LARGEST_FILE
+    from flocking.study.scenario_files.scenario_reader import drawn_tables
     from flocking.study.scenario_files.text_files import read_text_file
-    from flocking.study.sweeps.parametrised_scenarios import FileScenario
 
-    return FileScenario(tomllib.loads(read_text_file("margins", path, LARGEST_FILE)), 0).drawn
+    return any(drawn_tables(tomllib.loads(read_text_file("margins", path, LARGEST_FILE))))
 
 
 def _levels(texts: list[str]) -> dict[str, list[float]] | None:

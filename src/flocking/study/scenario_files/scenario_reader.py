@@ -83,6 +83,37 @@ def drawn_tables(data: Mapping[str, object]) -> Iterator[dict[str, object]]:
                 yield table
 
 
+def seeded_tables(data: Mapping[str, object]) -> Iterator[tuple[str, dict[str, object]]]:
+    """Tables of parts with a seed, such as draws, messages and gusts, at any depth, each with its path in the file."""
+    for name, field in scenario_fields().items():
+        yield from _seeded(field.holds, data.get(name), name)
+    for section, group in sections().items():
+        named = data.get(section, {})
+        for name, table in named.items() if isinstance(named, dict) else ():
+            yield from _seeded_part(group, table, f"{section}.{name}")
+
+
+def _seeded(holds: Value | Nested, data: object, path: str) -> Iterator[tuple[str, dict[str, object]]]:
+    if isinstance(holds, Nested):
+        places = [(f"{path}[{k}]", table) for k, table in enumerate(data)] if isinstance(data, list) else [(path, data)]
+        for place, table in places:
+            yield from _seeded_part(GROUPS[holds.group], table, place)
+
+
+def _seeded_part(group: Group, table: object, path: str) -> Iterator[tuple[str, dict[str, object]]]:
+    if not isinstance(table, dict):
+        return
+    word = None if group.key is None else table.get(group.key, group.default)
+    kind = group.kinds[0] if group.key is None else group.kind_named(word) if isinstance(word, str) else None
+    if kind is None:
+        return
+    fields = flat_fields(kind)
+    if "seed" in fields:
+        yield path, table
+    for name, field in fields.items():
+        yield from _seeded(field.holds, table.get(name), f"{path}.{name}")
+
+
 def _format(value: object) -> int:
     if isinstance(value, bool) or value != 1:
         raise RefusedError("must be 1, the only format")

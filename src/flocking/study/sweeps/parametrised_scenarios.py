@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 from flocking.model.law import Scenario
@@ -130,27 +131,27 @@ class FileScenario:
     tables: Mapping[str, object]
     most_agents: int
 
-    @property
-    def drawn(self) -> bool:
-        """Whether anything in it is drawn at random, so that it depends on the seed."""
-        start, graph = self.tables.get("start"), self.tables.get("graph")
-        named = self.tables.get("graphs")
-        graphs = [graph, *(named.values() if isinstance(named, dict) else ())]
-        return (isinstance(start, dict) and "draw" in start) or any(
-            isinstance(x, dict) and x.get("kind") == "random_connected" for x in graphs
-        )
+    def seeded(self, varied: Collection[str] = ()) -> list[str]:
+        """Paths of the seeds that the seed of a run takes the place of, but for those that are ``varied``."""
+        from flocking.study.scenario_files.scenario_reader import seeded_tables
+
+        paths = [f"{path}.seed" for path, _ in seeded_tables(self.tables)]
+        return [path for path in paths if path not in varied]
 
     def __call__(self, *, seed: int, **values: object) -> Scenario:
-        """The scenario with values at their paths, its draws made with the seed."""
+        """The scenario with values at their paths, and the seed in every part that has one, unless it is varied."""
         import tomli_w
 
         from flocking.study.scenario_files.scenario_file import parse_scenario
+        from flocking.study.scenario_files.scenario_reader import seeded_tables
 
-        data: dict[str, object] = dict(self.tables)
+        data: dict[str, object] = copy.deepcopy(dict(self.tables))
         for path, value in values.items():
             changed = with_value(data, path_steps(path), value)
             if not isinstance(changed, dict):
                 raise RefusedError("must be the path of a value in [scenario]")
             data = changed
-        return parse_scenario(tomli_w.dumps(data), source="scenario", seed=seed if self.drawn else None,
-                              most_agents=self.most_agents)  # fmt: skip
+        seeded = [table for path, table in seeded_tables(data) if f"{path}.seed" not in values]
+        for table in [data, *seeded] if seeded else ():
+            table["seed"] = seed
+        return parse_scenario(tomli_w.dumps(data), source="scenario", most_agents=self.most_agents)

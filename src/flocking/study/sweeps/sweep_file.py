@@ -177,7 +177,9 @@ def parse_sweep(
     measures = reader.measures()
     if lines or plan is None or make is None:
         raise SweepFileError(source, list(dict.fromkeys(lines)))
-    record = {"scenario": found["scenario"], "options": found.get("options", {})}
+    record: dict[str, object] = {"scenario": found["scenario"], "options": found.get("options", {})}
+    if isinstance(make, FileScenario):
+        record["seeded"] = make.seeded(plan.names)
     return SweepFile(
         found.get("name", name), make, plan, measures, reader.more, found.get("audit", False),
         found.get("engine", "auto"), record,
@@ -297,8 +299,14 @@ class _Reader:
             if options:
                 self.report("options", "is for families of scenarios; write the values into [scenario]")
             made = FileScenario(self._scenario, self._most_agents)
-            if not made.drawn and self._found.get("seeds", 1) not in (1, [0]):
-                self.report("seeds", "must be left out: nothing in [scenario] is drawn at random")
+            varied = (*grid, *(sample.ranges if sample is not None else ()))
+            if not made.seeded(varied) and self._found.get("seeds", 1) not in (1, [0]):
+                why = (
+                    "every seed in [scenario] is varied"
+                    if made.seeded()
+                    else "nothing in [scenario] is drawn at random"
+                )
+                self.report("seeds", f"must be left out: {why}")
             self._try(made, grid, sample)
             return made
         return None
