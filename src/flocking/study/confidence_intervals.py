@@ -10,6 +10,8 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number
 
 SHARE, MEAN = "Clopper-Pearson", "wider of Student's t and Hall's transformed t"
+UNKNOWN = "unknown as either"
+"""Ends the method of the interval of a share where some of what was counted is unknown."""
 
 LEAST_VALUES = {0.8: 4, 0.9: 5, 0.95: 8, 0.98: 15, 0.99: 25, 0.995: 30, 0.998: 40, 0.999: 60}
 """Fewest values for which the interval of a mean misses at most 1.1 times as often as its level states.
@@ -58,7 +60,7 @@ def check_level(level: float) -> float:
     return checked
 
 
-def share_interval(successes: int, total: int, level: float = 0.95) -> Interval:
+def share_interval(successes: int, total: int, level: float = 0.95, *, unknown: int = 0) -> Interval:
     """Clopper and Pearson's exact interval of a share: its coverage is at least the level, whatever the share.
 
     C. J. Clopper, E. S. Pearson, Biometrika 26 (1934) 404.
@@ -69,6 +71,9 @@ def share_interval(successes: int, total: int, level: float = 0.95) -> Interval:
         Number of successes, out of how many.
     level
         Level of confidence.
+    unknown
+        How many of the total are neither known successes nor known failures. The interval then reaches from the lower
+        end were all of them failures to the upper end were all successes, and covers the share whatever they are.
 
     Raises
     ------
@@ -78,6 +83,10 @@ def share_interval(successes: int, total: int, level: float = 0.95) -> Interval:
     tail = (1 - check_level(level)) / 2
     if total == 0:
         return _none("nothing was counted")
+    if unknown:
+        low = share_interval(successes, total, level).low
+        high = share_interval(successes + unknown, total, level).high
+        return Interval(low, high, f"{SHARE}, {unknown} {UNKNOWN}")
     from scipy.special import betaincinv
 
     failures = total - successes

@@ -164,3 +164,35 @@ def test_a_summary_has_exact_intervals_of_shares_and_says_how_the_others_are_mad
     assert few.spread_interval.values.tolist() == ["none: 20 values, 60 needed"] * 2
     with pytest.raises(fk.InvalidInput, match="level"):
         table.summary(2.0)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.9])
+def test_a_share_is_covered_whatever_decides_which_runs_are_unknown(share):
+    """Where all that is true is unknown, as a graph seen at frames alone is never shown to stay connected."""
+    from scipy.stats import binom
+
+    total = 12
+    successes = np.arange(total + 1)
+    weights = binom.pmf(successes, total, share)
+    assert weights.sum() == pytest.approx(1.0)
+    all_true_hidden = [share_interval(0, total, unknown=int(k)) for k in successes]
+    all_false_hidden = [share_interval(int(k), total, unknown=total - int(k)) for k in successes]
+    for found in (all_true_hidden, all_false_hidden):
+        covered = sum(w for w, x in zip(weights, found, strict=True) if x.low <= share <= x.high)
+        assert covered >= 0.95
+
+
+def test_a_summary_has_no_share_of_the_known_where_others_are_unknown():
+    from tests.study.sweeps.sweep_cases import make
+
+    def apart(run):
+        """Seen to be false for even seeds, else unknown."""
+        return False if int(run.scenario.seed) % 2 == 0 else float("nan")
+
+    table = fk.sweep(make, seeds=range(10), workers=1, progress=False, measures={"apart": apart})
+    found = table.summary()
+    assert table.is_share("apart")
+    assert np.isnan(found["apart"])
+    assert (float(found.apart_low), float(found.apart_high)) == (0.0, share_interval(5, 10).high)
+    assert int(found.apart_count) == 5
+    assert str(found.apart_interval.values) == f"{SHARE}, 5 unknown as either"

@@ -183,3 +183,22 @@ def test_a_measure_has_no_name_of_a_parameter():
     measures = {"speed": lambda run: 1.0}
     with pytest.raises(InvalidInput, match="must not have the name of a parameter of the sweep; got 'speed'"):
         fk.sweep(make, grid={"speed": [0.5]}, measures=measures, workers=1, progress=False)
+
+
+def test_rows_name_the_versions_that_made_them(tmp_path, monkeypatch):
+    """A sweep that goes on with another version says so, and does not pass its rows off as those of one."""
+    from flocking.study.sweeps import sweep as module
+
+    older, newer = {"flocking": "1.0", "numpy": "1", "python": "3"}, {"flocking": "2.0", "numpy": "1", "python": "3"}
+    given = {"grid": {"speed": [1.0, 2.0]}, "out": tmp_path / "sweep", "workers": 1, "progress": False}
+    monkeypatch.setattr(module, "versions", lambda: older)
+    assert fk.sweep(make, **given).versions == (older,)
+    for chunk in (tmp_path / "sweep" / "rows").glob("*.json"):
+        body = json.loads(json.loads(chunk.read_text())["body"])
+        chunk.write_text(sealed({**body, "rows": [row for row in body["rows"] if row["index"] == 0]}))
+    monkeypatch.setattr(module, "versions", lambda: newer)
+    assert fk.read_sweep(tmp_path / "sweep").versions == (older,)
+    found = fk.sweep(make, **given)
+    assert (found.status, found.versions) == ("finished", (older, newer))
+    assert fk.read_sweep(tmp_path / "sweep").versions == (older, newer)
+    assert fk.sweep(make, **given).versions == (older, newer)

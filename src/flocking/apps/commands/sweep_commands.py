@@ -146,6 +146,7 @@ def _print(
     table: SweepTable, file: SweepFile, folder: Path, written: list[Path], level: float, seconds: float, as_json: bool
 ) -> None:
     from flocking.apps.tables import print_table, short
+    from flocking.study.confidence_intervals import UNKNOWN
 
     failures = table.failures
     rows = _summary_rows(table, level)
@@ -153,7 +154,7 @@ def _print(
         about = {
             "sweep": file.name, "runs": table.plan.size, "done": len(table), "failed": len(failures),
             "status": table.status, "out": str(folder), "files": [str(path) for path in written],
-            "summary": rows, "failures": failures[:MOST_FAILURES], "seconds": seconds,
+            "summary": rows, "versions": list(table.versions), "failures": failures[:MOST_FAILURES], "seconds": seconds,
         }  # fmt: skip
         print(json.dumps(about, indent=2, allow_nan=False, ensure_ascii=False, default=str))
         return
@@ -170,6 +171,12 @@ def _print(
         print(f"... and {len(rows) - LONGEST_SUMMARY} more points in {folder / 'summary.csv'}")
     for reason, measures in _reasons(rows, table.measures).items():
         print(f"no {100 * level:g} % interval of {', '.join(measures)}: {reason}")
+    for measure in table.measures:
+        if any(UNKNOWN in row[f"{measure}_interval"] for row in rows):
+            print(f"no mean of {measure} where it is unknown in some runs; intervals count these as either")
+    if len(table.versions) > 1:
+        named = "; ".join(", ".join(f"{k} {v}" for k, v in dict(made).items()) for made in table.versions)
+        print(f"runs were made by several versions: {named}")
     print(f"\n{len(table)} of {table.plan.size} runs, {len(failures)} failed, {seconds:.0f} s; results in {folder}")
     for failure in failures[:5]:
         print("  " + ", ".join(f"{name} = {value}" for name, value in failure.items()))

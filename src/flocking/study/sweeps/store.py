@@ -19,6 +19,8 @@ FORMAT = 1
 
 RECORD = "sweep.json"
 ROWS = "rows"
+VERSIONS = "versions"
+"""Name of the versions that made the rows of a chunk."""
 MOST_DIFFERENCES, LONGEST_SHOWN = 20, 100
 """Differences that a message lists, and characters of each value: a message fits on a screen."""
 LARGEST_FILE = 64 * 2**20
@@ -57,7 +59,7 @@ def open_store(folder: Path, record: Mapping[str, object]) -> Iterator[Store]:
         else:
             _compare(folder, read_record(folder), json.loads(json.dumps(record)))
             atomic_files.sweep(folder)
-        yield Store(folder)
+        yield Store(folder, record.get("provenance"))
 
 
 class Store:
@@ -67,10 +69,13 @@ class Store:
     ----------
     folder
         The folder, which `open_store` has prepared.
+    versions
+        Versions that make the rows which are appended.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, versions: object = None) -> None:
         self._rows = folder / ROWS
+        self._versions = versions
         self._folder = folder
         with atomic_files.storage_errors(folder, "write the sweep", full=atomic_files.SWEEP_STAYS):
             self._rows.mkdir(exist_ok=True)
@@ -86,9 +91,12 @@ class Store:
             When they cannot be written; earlier rows stay.
         """
         with atomic_files.storage_errors(self._folder, "write results of the sweep", full=atomic_files.SWEEP_STAYS):
-            atomic_files.put(self._rows / f"{self._next:08d}.json", _sealed({"rows": list(rows)}))
+            atomic_files.put(self._rows / f"{self._next:08d}.json", self._chunk(rows))
             atomic_files.settle({self._rows})
         self._next += 1
+
+    def _chunk(self, rows: Sequence[Row]) -> bytes:
+        return _sealed({"rows": list(rows), VERSIONS: self._versions})
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -130,6 +138,29 @@ def read_rows(folder: Path, size: int) -> dict[int, Row]:
             raise _damaged(path)
         for row in rows:
             found.setdefault(row["index"], row)
+    return found
+
+
+def read_versions(folder: Path, record: Mapping[str, object]) -> list[object]:
+    """Versions that made the committed rows, each once, in the order of their first rows.
+
+    Parameters
+    ----------
+    folder
+        Folder of the sweep.
+    record
+        Its record, which names the versions of rows that name none.
+
+    Raises
+    ------
+    StorageError
+        When a chunk is damaged.
+    """
+    found: list[object] = []
+    for path in _chunks(folder):
+        versions = _opened(path).get(VERSIONS) or record.get("provenance")
+        if versions not in found:
+            found.append(versions)
     return found
 
 

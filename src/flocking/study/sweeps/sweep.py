@@ -18,7 +18,7 @@ from flocking.study.sweeps.measures import Measuring, check_names, find_measures
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
 from flocking.study.sweeps.recorded_content import code_of
 from flocking.study.sweeps.sampling import Sample
-from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_rows
+from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_rows, read_versions
 from flocking.study.sweeps.table import SweepTable
 from flocking.study.sweeps.worker_pool import WorkerPool, pool
 from flocking.study.sweeps.worker_tasks import Row, Work
@@ -144,11 +144,13 @@ def _run(
     from flocking.study.sweeps.scheduler import Scheduler
 
     rows: dict[int, Row] = {}
+    made_by: list[object] = []
     status = "finished"
     with ExitStack() as stack:
         store = stack.enter_context(open_store(folder, about)) if folder is not None else None
         if folder is not None:
             rows.update(read_rows(folder, plan.size))
+            made_by = read_versions(folder, read_record(folder)) if rows else []
         missing = [k for k in range(plan.size) if k not in rows]
         if missing:
             bar = stack.enter_context(Progress(show, plan.size, len(rows)))
@@ -165,7 +167,14 @@ def _run(
             except KeyboardInterrupt:
                 answered()
                 status = "interrupted"
-    return SweepTable(plan, rows, tuple(work.measures), about, status)
+            if len(rows) > plan.size - len(missing) and about["provenance"] not in made_by:
+                made_by.append(about["provenance"])
+    return SweepTable(plan, rows, tuple(work.measures), _with_versions(about, made_by), status)
+
+
+def _with_versions(record: Mapping[str, object], made_by: Sequence[object]) -> dict[str, object]:
+    """The record of a sweep with the versions that made its rows, a list where there are several."""
+    return {**record, "provenance": made_by[0] if len(made_by) == 1 else list(made_by)} if made_by else dict(record)
 
 
 def read_sweep(folder: str | Path, *, most_runs: int = MOST_RUNS) -> SweepTable:
@@ -205,7 +214,7 @@ def read_sweep(folder: str | Path, *, most_runs: int = MOST_RUNS) -> SweepTable:
         raise StorageError(f"{folder}: the record of the sweep is invalid ({error}).") from None
     rows = read_rows(folder, plan.size)
     status = "finished" if len(rows) == plan.size else "interrupted"
-    return SweepTable(plan, rows, measures, record, status)
+    return SweepTable(plan, rows, measures, _with_versions(record, read_versions(folder, record)), status)
 
 
 def auditing(audit: Auditing) -> Callable[[Run], object] | None:

@@ -62,6 +62,12 @@ class SweepTable:
             f"<SweepTable {len(self.rows)} of {self.plan.size} runs, {self.status}{failed}: {', '.join(self.measures)}>"
         )
 
+    @property
+    def versions(self) -> tuple[object, ...]:
+        """Versions of this library, NumPy and Python that made the rows; several where a sweep went on with others."""
+        named = self.record.get("provenance", ())
+        return tuple(named) if isinstance(named, list | tuple) else (named,)
+
     def _repr_html_(self) -> str:
         """In a notebook: one line, and folded the rows."""
         from html import escape
@@ -147,9 +153,10 @@ class SweepTable:
         return found
 
     def is_share(self, measure: str) -> bool:
-        """Whether a measure is a truth value in every run, so that its mean is a share."""
+        """Whether a measure is a truth value in every run in which it exists, so that its mean is a share."""
         values = [row["values"][measure] for row in self.rows.values() if measure in row["values"]]
-        return bool(values) and all(isinstance(value, bool) for value in values)
+        exist = [value for value in values if value == value]
+        return bool(exist) and all(isinstance(value, bool) for value in exist)
 
     def values(self, measure: str) -> Array:
         """A measure of every run, shape (points, runs per point); nan where a run failed or is missing.
@@ -166,6 +173,13 @@ class SweepTable:
             if measure in row["values"]:
                 found[index] = float(row["values"][measure])
         return found.reshape(self.plan.points, self.plan.runs_per_point)
+
+    def _measured(self, measure: str) -> list[int]:
+        """How many runs of each point have a value of a measure, known or not."""
+        counts = [0] * self.plan.points
+        for index, row in self.rows.items():
+            counts[index // self.plan.runs_per_point] += measure in row["values"]
+        return counts
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
@@ -211,8 +225,9 @@ class SweepTable:
 
         The interval is Clopper and Pearson's for truth values, whose mean is a share, else that of `mean_interval`,
         which needs a number of values (8 at 95 %). ``NAME_interval`` is the method, or why there is no interval; its
-        ends are then nan. Values that are nan are left out; ``NAME_count`` counts the others. ``runs`` and ``failed``
-        count the runs.
+        ends are then nan. Numbers that are nan are left out; ``NAME_count`` counts the others. Where a truth value is
+        unknown (nan) in some runs, which may be those in which it is true, there is no mean, and the interval covers
+        the share whatever it is in them. ``runs`` and ``failed`` count the runs.
 
         Parameters
         ----------
@@ -233,14 +248,18 @@ class SweepTable:
         for measure in self.measures:
             share = self.is_share(measure)
             each = [values[~np.isnan(values)] for values in self.values(measure)]
+            made = self._measured(measure) if share else [len(column_values) for column_values in each]
             found = [
-                share_interval(int(column_values.sum()), len(column_values), level)
+                share_interval(int(column_values.sum()), total, level, unknown=total - len(column_values))
                 if share
                 else mean_interval(column_values, level)
-                for column_values in each
+                for column_values, total in zip(each, made, strict=True)
             ]
             columns: dict[str, Sequence[object]] = {
-                "": [float(column_values.mean()) if len(column_values) else np.nan for column_values in each],
+                "": [
+                    float(column_values.mean()) if len(column_values) and len(column_values) == total else np.nan
+                    for column_values, total in zip(each, made, strict=True)
+                ],
                 "_low": [interval.low for interval in found],
                 "_high": [interval.high for interval in found],
                 "_interval": [interval.method for interval in found],
