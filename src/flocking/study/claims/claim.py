@@ -292,7 +292,15 @@ class Claim:
             return Verdict.FAILS, ""
         if self.dynamic and e.ended_early:
             return Verdict.NOT_YET, "the run ended early"
+        if self.dynamic and (foreign := self._foreign(e)):
+            return Verdict.NOT_RESOLVED, foreign
         return Verdict.HOLDS, ""
+
+    def _foreign(self, e: Evidence) -> str:
+        """What contradicts, at a frame, the records on which the conclusion rests between frames."""
+        if self.about.subject is Subject.CLOSEST:
+            return e.foreign_approach
+        return e.foreign_switches if self.about.subject in (Subject.CONNECTIVITY, Subject.LINKS) else ""
 
     def _undecided_by_samples(self, e: Evidence, measured: Measure) -> str:
         """Why samples do not decide what was measured at them; empty where they do."""

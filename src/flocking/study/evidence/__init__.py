@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from flocking.study.evidence.approach import ApproachEvidence
 from flocking.study.evidence.basis import MOST_DENSE, NotMeasurable, NotResolvable
 from flocking.study.evidence.ledger import LEDGER_FACTOR, SLACK, LedgerEvidence
+from flocking.study.evidence.records import RecordEvidence
 
 
-class Evidence(LedgerEvidence, ApproachEvidence):
+class Evidence(LedgerEvidence, RecordEvidence):
     """Measured quantities of a run, each computed when first needed.
 
     Parameters
