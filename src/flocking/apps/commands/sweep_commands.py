@@ -175,7 +175,7 @@ def _print(
         if any(UNKNOWN in row[f"{measure}_interval"] for row in rows):
             print(f"no mean of {measure} where it is unknown in some runs; intervals count these as either")
     if len(table.versions) > 1:
-        named = "; ".join(", ".join(f"{k} {v}" for k, v in dict(made).items()) for made in table.versions)
+        named = "; ".join(", ".join(f"{k} {v}" for k, v in made.items()) for made in table.versions)
         print(f"runs were made by several versions: {named}")
     print(f"\n{len(table)} of {table.plan.size} runs, {len(failures)} failed, {seconds:.0f} s; results in {folder}")
     for failure in failures[:5]:

@@ -30,7 +30,7 @@ class RecordEvidence(ApproachEvidence):
     def _compared(self) -> list[int]:
         frames = len(self.run.t)
         count = max(2, min(frames, MOST_COMPARED // self.run.n))
-        return np.unique(np.linspace(0, frames - 1, count).round().astype(int)).tolist()
+        return [int(k) for k in np.unique(np.linspace(0, frames - 1, count).round())]
 
     @cached_property
     def foreign_approach(self) -> str:

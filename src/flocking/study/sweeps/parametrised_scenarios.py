@@ -138,6 +138,14 @@ class FileScenario:
         paths = [f"{path}.seed" for path, _ in seeded_tables(self.tables)]
         return [path for path in paths if path not in varied]
 
+    @property
+    def drawn(self) -> list[str]:
+        """Paths of the seeds of drawn starts and graphs."""
+        from flocking.study.scenario_files.scenario_reader import drawn_tables, seeded_tables
+
+        drawn = list(drawn_tables(self.tables))
+        return [f"{path}.seed" for path, table in seeded_tables(self.tables) if any(table is each for each in drawn)]
+
     def __call__(self, *, seed: int, **values: object) -> Scenario:
         """The scenario with values at their paths, and the seed in every part that has one, unless it is varied."""
         import tomli_w

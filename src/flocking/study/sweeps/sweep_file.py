@@ -178,8 +178,9 @@ def parse_sweep(
     if lines or plan is None or make is None:
         raise SweepFileError(source, list(dict.fromkeys(lines)))
     record: dict[str, object] = {"scenario": found["scenario"], "options": found.get("options", {})}
-    if isinstance(make, FileScenario):
-        record["seeded"] = make.seeded(plan.names)
+    if isinstance(make, FileScenario) and (seeded := make.seeded(plan.names)) != make.drawn:
+        # Not of draws alone, of which earlier versions made the same runs and stored no such record.
+        record["seeded"] = seeded
     return SweepFile(
         found.get("name", name), make, plan, measures, reader.more, found.get("audit", False),
         found.get("engine", "auto"), record,

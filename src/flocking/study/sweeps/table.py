@@ -63,10 +63,12 @@ class SweepTable:
         )
 
     @property
-    def versions(self) -> tuple[object, ...]:
+    def versions(self) -> tuple[dict[str, object], ...]:
         """Versions of this library, NumPy and Python that made the rows; several where a sweep went on with others."""
-        named = self.record.get("provenance", ())
-        return tuple(named) if isinstance(named, list | tuple) else (named,)
+        named = self.record.get("provenance")
+        return tuple(
+            dict(made) for made in (named if isinstance(named, list) else [named]) if isinstance(made, Mapping)
+        )
 
     def _repr_html_(self) -> str:
         """In a notebook: one line, and folded the rows."""
