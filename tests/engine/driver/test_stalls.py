@@ -24,7 +24,7 @@ def parting(**world: object) -> fk.Scenario:
 @pytest.mark.parametrize(
     "world",
     [
-        pytest.param({"agents": fk.Limited(fk.PointMass(), force=0.2)}, id="limited"),
+        pytest.param({"agents": fk.Lagged(fk.PointMass(), 0.1)}, id="lagged"),
         pytest.param({"information": fk.Delayed(0.2)}, id="delayed", marks=pytest.mark.slow),
     ],
 )

@@ -70,6 +70,30 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
     return _gap(dynamics, inside.t1, inside.coefficients[-1], ledger) > DIP_GAP
 
 
+def grown_tolerance(dynamics: Dynamics, tolerance: Array, y: Array, slope: Array) -> Array:
+    """A tolerance whose part of the ledger has grown with it.
+
+    What departs where limits act has no bound: near a barrier it exceeds every energy of the start, and the force times
+    the spacing of positions, to which no energy is known, exceeds every tolerance.
+
+    Parameters
+    ----------
+    dynamics
+        The law in force.
+    tolerance
+        Absolute error tolerance of each component.
+    y, slope
+        State vector and its rate of change.
+    """
+    found, ledger = tolerance.copy(), slice(dynamics.columns_size, dynamics.motion_size + LEDGER)
+    q, p, _ = dynamics.split(y)
+    fastest = float(np.abs(p).max(initial=0.0)) or np.inf
+    spaced = float(np.abs(slope[ledger]).max()) / fastest * float(np.spacing(np.abs(q).max(initial=0.0)))
+    grown = max(dynamics.scenario.tolerance * float(np.abs(y[ledger]).max()), spaced)
+    found[ledger] = np.maximum(found[ledger], grown)
+    return found
+
+
 def nearest_to_barrier(dynamics: Dynamics, links: LinkState, y: Array) -> tuple[int, int] | None:
     """The linked pair nearest to a break radius where its potential is infinite; None if none is at it.
 

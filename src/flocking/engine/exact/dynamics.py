@@ -400,16 +400,3 @@ class Dynamics:
         found = component_tolerances(state, self.order, self.columns, tolerance)
         ledger = np.full(self.departs + LEDGER, tolerance * max(1.0, abs(energy)))
         return np.concatenate([found, ledger, np.full(len(self._places), found[0])])
-
-    def grown(self, tolerance: Array, y: Array, slope: Array) -> Array:
-        """A ``tolerance`` of each component whose part of the ledger has grown with it, at a state vector ``y``.
-
-        What departs where limits act has no bound: near a barrier it exceeds every energy of the start, and the force
-        times the spacing of positions, to which no energy is known, exceeds every tolerance.
-        """
-        found, ledger = tolerance.copy(), slice(self.columns_size, self.motion_size + LEDGER)
-        q, p, _ = self.split(y)
-        fastest = float(np.abs(p).max(initial=0.0)) or np.inf
-        spaced = float(np.abs(slope[ledger]).max()) / fastest * float(np.spacing(np.abs(q).max(initial=0.0)))
-        found[ledger] = np.maximum(found[ledger], max(self.scenario.tolerance * float(np.abs(y[ledger]).max()), spaced))
-        return found

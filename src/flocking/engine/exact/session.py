@@ -13,7 +13,7 @@ from flocking.engine.adaptive_steps.adaptive_session import AdaptiveSession
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.adaptive_steps.step_lengths import StepLengths
 from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
-from flocking.engine.exact.barriers import LedgerState
+from flocking.engine.exact.barriers import LedgerState, grown_tolerance
 from flocking.engine.exact.blocks.arrays import STEP_JUMPED, STEP_LENGTH
 from flocking.engine.exact.blocks.block import StepBlock, take_block
 from flocking.engine.exact.checkpoint import pack_exact, restore_exact
@@ -204,7 +204,8 @@ class ExactSession(AdaptiveSession):
     def _take_step(self, tried: tuple[Segment, StepperMemory] | None) -> None:
         before, known = self._stepper.memory, self._error.difference
         if self._dynamics.held.limits:
-            self._stepper.tolerance = self._dynamics.grown(self._stepper.tolerance, before.y, before.slope)
+            stepper, dynamics = self._stepper, self._dynamics
+            stepper.tolerance = grown_tolerance(dynamics, stepper.tolerance, before.y, before.slope)
         try:
             ledger = LedgerState(self._tail, self.energy, self.kinetic) if self.plant is None else None
             bound = self._jumps.bound(self._segment.t1)
