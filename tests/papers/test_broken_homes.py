@@ -91,6 +91,7 @@ def test_a_fault_that_cannot_be_put_in_force_is_not_noticed(monkeypatch: pytest.
     assert "sign: of nothing [study.nets.matrices.degree_matrix:1]" in break_home(HOME).survivors
 
 
+@pytest.mark.slow
 def test_a_test_that_is_stopped_has_noticed_nothing_unless_it_never_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     (row,) = running.rows_at(HOME)
     sound = row.build(1.0)

@@ -156,6 +156,7 @@ def short(**messages):
     return scenario(1, **{**given, **messages})[0].with_(t_end=0.8)
 
 
+@pytest.mark.slow
 def test_cut_and_stored_runs_have_the_same_bits_and_are_replayed(tmp_path):
     made = short()
     whole = fk.simulate(made, save=tmp_path / "run", progress=False)

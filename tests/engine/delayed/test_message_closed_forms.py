@@ -68,6 +68,7 @@ def braked(T, predict, t_end, delay=0.0):
     return float(fk.simulate(made, progress=False).p[-1, 0, 0])
 
 
+@pytest.mark.slow
 def test_held_neighbours_brake_a_common_velocity_and_predicted_ones_do_not():
     """x'' = -a (x - X) + b (V - x') from (X, V) at every sample: a factor a period; to first order the rate a T/2."""
     a, b = 0.8, 0.6

@@ -115,7 +115,8 @@ def test_a_bearing_is_located_exactly_between_two_messages():
     assert [1e-9 * t for _, t in acts] == pytest.approx([5.0 - turn, 5.0 - rise, 5.0 + rise], abs=2e-9)
 
 
-@pytest.mark.parametrize("graph", [VIEWS, pytest.param(CONES, marks=pytest.mark.slow)], ids=["views", "cones"])
+@pytest.mark.slow
+@pytest.mark.parametrize("graph", [VIEWS, CONES], ids=["views", "cones"])
 def test_pieces_moments_and_stored_runs_give_the_same_bits(graph, tmp_path):
     whole = fk.simulate(scenario(graph), save=tmp_path / "run", progress=False)
     assert len(whole.switches) > 2

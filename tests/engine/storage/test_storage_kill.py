@@ -258,6 +258,7 @@ def held() -> Run:
     return fk.simulate(storage_victim.held(), progress=False)
 
 
+@pytest.mark.slow
 def test_killed_runs_of_held_control_go_on(start: Start, held: Run, tmp_path: Path) -> None:
     assert len(held.switches) > 20
     found = kill_while_a_session_runs(start, tmp_path, 2, 17, "sampled", held)
@@ -300,6 +301,7 @@ def told() -> Run:
     return fk.simulate(storage_victim.told(), progress=False, **{**storage_victim.TOLD, "threads": 1})
 
 
+@pytest.mark.slow
 def test_killed_runs_of_held_control_in_tiles_go_on(start: Start, told: Run, tmp_path: Path) -> None:
     """Samples on their way, forces that wait, headings and links by what agents know, bit for bit."""
     assert set(told.columns) == {"heading"}
@@ -318,6 +320,7 @@ def headings() -> Run:
     return fk.simulate(storage_victim.headings(), progress=False)
 
 
+@pytest.mark.slow
 def test_killed_runs_in_discrete_time_go_on(start: Start, headings: Run, tmp_path: Path) -> None:
     assert headings.fidelity.engine == "discrete"
     found = kill_while_a_session_runs(start, tmp_path, 2, 23, "discrete", headings)
@@ -335,6 +338,7 @@ def late() -> Run:
     return fk.simulate(storage_victim.late(), progress=False)
 
 
+@pytest.mark.slow
 def test_killed_runs_of_delayed_knowledge_go_on(start: Start, late: Run, tmp_path: Path) -> None:
     assert len(late.switches) > 10
     kill_while_a_session_runs(start, tmp_path, 1, 19, "delayed", late)
