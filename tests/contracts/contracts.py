@@ -12,7 +12,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.reference.control import Evaluation
-from flocking.model.terms.pair_terms import SYMMETRIES
+from flocking.model.symmetries import SYMMETRIES
 from tests.contracts.strategies import Case
 
 

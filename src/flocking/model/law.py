@@ -22,9 +22,11 @@ from flocking.model.parts import seeds, values
 from flocking.model.parts.description import Group, Nested, Unwritten, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.scenario_numbers import checked_end, checked_frames, checked_tolerance
+from flocking.model.scenario_world import ScenarioWorld
 from flocking.model.space import OPEN, Space
 from flocking.model.space_checks import check_space, check_steering
 from flocking.model.state import Agents, State
+from flocking.model.symmetries import SYMMETRIES
 from flocking.model.terms.balances import check_body_term, check_pair_term
 from flocking.model.terms.body_terms import BodyTerm, Compensate
 from flocking.model.terms.pair_terms import Gradient, PairTerm, Term
@@ -139,8 +141,6 @@ class Law(LawCell):
     @property
     def symmetries(self) -> frozenset[str]:
         """Symmetries that all terms and graphs keep."""
-        from flocking.model.terms.pair_terms import SYMMETRIES
-
         common = SYMMETRIES
         for term in self.terms:
             common &= term.symmetries
@@ -212,7 +212,7 @@ BODIES_PLACE = 3
 
 @register_part()
 @dataclass(frozen=True, eq=False, repr=False)
-class Scenario(ScenarioCell):
+class Scenario(ScenarioCell, ScenarioWorld):
     """Everything an engine needs: a law, a start, the agents, and how long to run.
 
     Parameters
@@ -339,11 +339,6 @@ class Scenario(ScenarioCell):
             return np.linspace(self.start.t, self.t_end, self.frames)
         return np.array(self.frames)
 
-    @property
-    def symmetries(self) -> frozenset[str]:
-        """Symmetries of the law that hold in the space of the scenario: where it repeats no rotation does."""
-        return self.law.symmetries if self.space.is_open else self.law.symmetries - {"rotation"}
-
     def with_numbers(self, law: Law, t_end: float) -> Scenario:
         """The same scenario, under a law over the same graphs, from an instant on: the start is not looked at.
 
@@ -367,12 +362,6 @@ class Scenario(ScenarioCell):
         object.__setattr__(found, "law", law)
         object.__setattr__(found, "t_end", t_end)
         return found
-
-    @property
-    def imperfections(self) -> str:
-        """What is not ideal about what agents are, what they know and when they act; empty in the ideal world."""
-        found = [part.summary for part in (self.agents, self.information, self.control) if not part.ideal]
-        return "; ".join(found)
 
     @property
     def bodies(self) -> Body:

@@ -15,6 +15,7 @@ from flocking.model.checks import Array, number
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
+from flocking.model.symmetries import SYMMETRIES
 
 
 class Space(ABC):
@@ -60,6 +61,11 @@ class Space(ABC):
         counts = [int(reach / length + 0.5) if np.isfinite(length) else 0 for length in lengths]
         cells = product(*(range(-count, count + 1) for count in counts))
         return np.array([[n * x if n else 0.0 for n, x in zip(cell, lengths, strict=True)] for cell in cells])
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """All, but for rotation where an axis repeats."""
+        return SYMMETRIES if self.is_open else SYMMETRIES - {"rotation"}
 
     @property
     def structure(self) -> tuple[object, ...]:

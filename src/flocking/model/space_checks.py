@@ -51,7 +51,7 @@ def check_space(space: Space, graphs: Iterable[Graph], terms: Iterable[BodyTerm]
                 "Scenario", "space", f"must be open for {name}: obstacles stand at fixed places and have no images",
                 owner, "Leave the obstacles out, or use Open().",
             )  # fmt: skip
-        if _sees_places(term, dimension):
+        if sees_places(term, dimension):
             raise InvalidInput(
                 "Scenario", "space", f"must be open for {name} with a force that depends on positions", owner,
                 "A pull towards a point has no meaning across images: set its position gain to 0, or use Open().",
@@ -114,7 +114,7 @@ def _check_graph(owner: str, graph: Graph, shortest: float) -> None:
         )  # fmt: skip
 
 
-def _sees_places(term: BodyTerm, dimension: int) -> bool:
+def sees_places(term: BodyTerm, dimension: int) -> bool:
     """Whether the force or the stored energy of a term depends on positions of agents."""
     import sympy
 

@@ -16,8 +16,9 @@ from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law
 from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
 from flocking.model.potentials.potential import Potential
+from flocking.model.symmetries import SYMMETRIES
 from flocking.model.terms.body_terms import Track
-from flocking.model.terms.pair_terms import SYMMETRIES, Consensus, Gradient
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from tests.papers.homes.group import PSI, STATE, N, P, R, W, near_pairs, slope, value
 
 

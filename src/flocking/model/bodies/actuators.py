@@ -70,6 +70,11 @@ class Lagged(WrappedBody):
         self.check_inner()
 
     @property
+    def own_lost(self) -> frozenset[str]:
+        """Momentum: the applied forces of a start need not cancel, nor those of agents that lag differently."""
+        return frozenset({"momentum"})
+
+    @property
     def own_columns(self) -> tuple[Column, ...]:
         """The applied force."""
         return (Column(APPLIED),)
@@ -169,6 +174,12 @@ class Limited(WrappedBody):
         """The limits that there are."""
         found = {"force": self.force, "speed": self.speed, "rate": self.rate}
         return {name: value for name, value in found.items() if value is not None}
+
+    @property
+    def own_lost(self) -> frozenset[str]:
+        """Momentum; Galilean shifts by a largest speed, and rotation by limits of single axes."""
+        found = {"galilean": self.speed is not None, "rotation": self.shape == "box"}
+        return frozenset({"momentum", *(name for name, lost in found.items() if lost)})
 
     @property
     def own_structure(self) -> tuple[object, ...]:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 MOTION = ("q", "p")
 """Columns that hold the point on which a law acts: its position, and its velocity where a body has one."""
 
+MOVES_ON = 2
+"""Order of bodies that keep a velocity without a force; those of order 1 rest then."""
+
 LIMIT_ROUNDS = 4
 """Rounds in which limits may change at one instant: one that acts may make another one begin or end."""
 
@@ -250,6 +253,19 @@ class Body(ABC):
     def inert(self) -> bool:
         """Whether rates are also the same for all observers who move uniformly."""
         return False
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Symmetries of `flocking.model.symmetries` that the motion of the bodies keeps: those that are known here.
+
+        Agents take their own numbers with them where they are renumbered.
+        """
+        found = {"locality"}
+        if np.isinf(self.drawn_until(0.0)):
+            found.add("relabelling")
+        if self.inert and self.order == MOVES_ON:
+            found.add("galilean")
+        return frozenset(found)
 
     def check_scenario(self, control: Control, q: Array, p: Array) -> None:
         """Check that agents can act when ``control`` states, and begin where and how they do; most can.

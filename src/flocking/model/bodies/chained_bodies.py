@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body, Column, Limit, MotionSymbols
 from flocking.model.checks import Array, check_each
+from flocking.model.symmetries import SYMMETRIES
 
 if TYPE_CHECKING:
     import sympy
@@ -224,6 +226,17 @@ class WrappedBody(Body):
     def homogeneous(self) -> bool:
         """That of the inner body."""
         return self.body.homogeneous
+
+    @property
+    def own_lost(self) -> frozenset[str]:
+        """Symmetries of the inner body that this one may break: all but locality and relabelling."""
+        return SYMMETRIES - {"locality", "relabelling"}
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Those of the inner body but for `own_lost`, and relabelling only where nothing is drawn in the chain."""
+        drawn = {"relabelling"} if self.drawn_until(0.0) < math.inf else set()
+        return self.body.symmetries - self.own_lost - drawn
 
     def check_count(self, n: int) -> None:
         """Check that values of each agent are given for ``n`` agents, here and in the inner body.

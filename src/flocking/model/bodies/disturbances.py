@@ -14,6 +14,7 @@ from flocking.model.bodies.chained_bodies import WrappedBody
 from flocking.model.checks import Array, number, scalar_or_each
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
+from flocking.model.symmetries import DRAWN
 from flocking.model.world.random_numbers import Purpose, normal_axes
 from flocking.model.world.times import PER_SECOND, nanoseconds
 
@@ -71,6 +72,11 @@ class Disturbed(WrappedBody):
         object.__setattr__(self, "sigma", scalar_or_each("Disturbed", "sigma", self.sigma, least=0.0))
         object.__setattr__(self, "period", number("Disturbed", "period", self.period, above=0.0))
         nanoseconds("Disturbed", "period", self.period, positive=True)
+
+    @property
+    def own_lost(self) -> frozenset[str]:
+        """Momentum, and what gusts break that are drawn for each agent and axis; none where there are none."""
+        return DRAWN | {"momentum"} if np.any(np.asarray(self.sigma)) else frozenset()
 
     @property
     def own_parameters(self) -> dict[str, float | Array]:

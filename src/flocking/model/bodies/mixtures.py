@@ -251,6 +251,11 @@ class Mixture(Body):
         """Whether all bodies are."""
         return all(body.inert for body in self.bodies)
 
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Those that all bodies keep."""
+        return frozenset.intersection(*(body.symmetries for body in self.bodies))
+
     def check_count(self, n: int) -> None:
         """Check that kinds, and values of each agent, are given for ``n`` agents.
 

@@ -34,6 +34,12 @@ class Points(Body):
         """True."""
         return True
 
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Those of any body, rotation, and momentum unless they are damped; of order 1 where all have one mass."""
+        damped, uneven = np.any(np.asarray(self.damping)), self.order == 1 and np.ptp(self.masses)
+        return super().symmetries | {"rotation"} | (set() if damped or uneven else {"momentum"})
+
 
 @register_part("point-mass")
 @dataclass(frozen=True, eq=False)

@@ -299,6 +299,11 @@ class Quadrotor(Body):
         """True."""
         return True
 
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Those of any body, and Galilean shifts unless agents are damped: no velocity enters thrust and attitude."""
+        return super().symmetries | (set() if np.any(np.asarray(self.damping)) else {"galilean"})
+
 
 def _zero() -> sympy.Expr:
     import sympy

@@ -173,3 +173,8 @@ class Unicycle(Body):
     def homogeneous(self) -> bool:
         """True."""
         return True
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Those of any body, rotation, and Galilean shifts unless damped: those of hand points, not of headings."""
+        return super().symmetries | {"rotation"} | (set() if np.any(np.asarray(self.damping)) else {"galilean"})

@@ -10,7 +10,8 @@ import numpy as np
 from flocking.model.checks import Array, number, scalar_or_each
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.parts.registration import register_part
-from flocking.model.terms.pair_terms import AVERAGE, SYMMETRIES, PairTerm, Value, check_graph
+from flocking.model.symmetries import SYMMETRIES
+from flocking.model.terms.pair_terms import AVERAGE, PairTerm, Value, check_graph
 from flocking.model.terms.symbols import PairSymbols
 
 if TYPE_CHECKING:

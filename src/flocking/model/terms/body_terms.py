@@ -11,7 +11,8 @@ import numpy as np
 from flocking.model.checks import Array, scalar_or_each
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
 from flocking.model.parts.registration import register_part
-from flocking.model.terms.pair_terms import SYMMETRIES, Term, Value
+from flocking.model.symmetries import SYMMETRIES
+from flocking.model.terms.pair_terms import Term, Value
 from flocking.model.terms.schedules import Schedule
 from flocking.model.terms.symbols import BodySymbols
 

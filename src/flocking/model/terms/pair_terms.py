@@ -18,6 +18,7 @@ from flocking.model.parts import values
 from flocking.model.parts.description import Group, Nested, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.potentials.potential import Potential
+from flocking.model.symmetries import SYMMETRIES
 from flocking.model.terms.schedules import Schedule
 from flocking.model.terms.symbols import PairSymbols
 
@@ -34,9 +35,6 @@ WEIGHTINGS, STORED = ("energy", "force"), ("integral", "potential")
 
 AVERAGE = "average"
 """The functional of terms that average over an agent and its neighbours: one over their number."""
-
-SYMMETRIES = frozenset({"momentum", "rotation", "relabelling", "galilean", "locality"})
-"""Symmetries a pair term may declare; each has a contract test."""
 
 
 class Term(ABC):
@@ -346,4 +344,4 @@ class Consensus(PairTerm):
         return sympy.Integer(0)
 
 
-__all__ = ["SYMMETRIES", "Consensus", "Gradient", "HashedWeights", "MatrixWeights", "PairTerm", "Term", "Value"]
+__all__ = ["Consensus", "Gradient", "HashedWeights", "MatrixWeights", "PairTerm", "Term", "Value"]

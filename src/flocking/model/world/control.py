@@ -10,7 +10,8 @@ import numpy as np
 from flocking.model.checks import Array, check_each, number, scalar_or_each
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
-from flocking.model.world.times import PeriodicTimes, nanoseconds, span
+from flocking.model.symmetries import SYMMETRIES
+from flocking.model.world.times import PeriodicTimes, nanoseconds, shared_times, span
 from flocking.model.world.world_part import IdealPart, WorldPart
 
 if TYPE_CHECKING:
@@ -82,6 +83,16 @@ class Held(Control):
     def ideal(self) -> bool:
         """False."""
         return False
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """All; momentum and relabelling only where agents act at the same times."""
+        return SYMMETRIES if self.schedule_of_all is not None else SYMMETRIES - {"momentum", "relabelling"}
+
+    @property
+    def schedule_of_all(self) -> tuple[int, int] | None:
+        """Period and phase in nanoseconds that all agents share; None where they differ."""
+        return shared_times(self.period, self.phase)
 
     @property
     def summary(self) -> str:

@@ -8,37 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, axes_of, check_each, integer, number, one_of, scalar_or_each, truth
+from flocking.model.checks import Array, axes_of, check_each, integer, number, one_of, scalar_or_each, truth
 from flocking.model.parts import values
-from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
+from flocking.model.symmetries import DRAWN, SYMMETRIES
+from flocking.model.world.control import Control, Held
+from flocking.model.world.knowledge import INSTANT, Information, Instant, delays_of_pairs
 from flocking.model.world.losses import Bernoulli, Loss, probability
 from flocking.model.world.noises import Noise, WhiteNoise
-from flocking.model.world.times import NANOSECOND, PeriodicTimes, nanoseconds, span
-from flocking.model.world.world_part import IdealPart, WorldPart
+from flocking.model.world.times import NANOSECOND, PeriodicTimes, nanoseconds, shared_times, span
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 SELF_KNOWN = ("true", "measured")
 """What an agent may know of itself: its true state, or its own newest sample."""
-
-
-class Information(WorldPart):
-    """What an agent knows of the others when it computes its force."""
-
-
-add_group(Group("information", Information, default="instant"))
-
-
-@register_part("instant")
-@dataclass(frozen=True)
-class Instant(IdealPart, Information):
-    """Every agent knows the present positions and velocities of its neighbours exactly."""
-
-
-INSTANT = Instant()
-"""What a scenario has that names no other."""
 
 
 @register_part("messages")
@@ -204,6 +188,67 @@ class Messages(Information):
             found.append("leaders known by them too")
         return ", ".join(found)
 
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Locality, and what the samples keep.
+
+        Momentum where all agents, themselves included, are known as they were at one moment; Galilean shifts there, and
+        where samples are moved on beside true own states, unless they are rounded; rotation where they have no errors;
+        relabelling where nothing is drawn and all send at the same times.
+        """
+        at_one_time = shared_times(self.period, self.phase) is not None
+        of_one_moment = at_one_time and self._all_arrive_at_once and self.self_known == "measured" and not self.predict
+        moved_on = self.predict and self.self_known == "true"
+        lost = set() if of_one_moment else {"momentum"}
+        if self._rounds or not (of_one_moment or moved_on):
+            lost.add("galilean")
+        if self._rounds:
+            lost.add("rotation")
+        if self.jitter or self._loses or not at_one_time:
+            lost.add("relabelling")
+        return SYMMETRIES - lost - (DRAWN if self._noisy else set())
+
+    @property
+    def _rounds(self) -> bool:
+        return self.resolution > 0.0 or self.velocity_resolution > 0.0
+
+    @property
+    def _loses(self) -> bool:
+        return self.loss is not None and not self.loss.ideal
+
+    @property
+    def _noisy(self) -> bool:
+        return self.noise is not None and not self.noise.ideal
+
+    @property
+    def _all_arrive_at_once(self) -> bool:
+        """Whether every sample is known to everybody when it is taken."""
+        return not (self.delay or self.jitter or self._loses)
+
+    def _taken_at_ticks(self, control: Control) -> bool:
+        """Whether every tick of held ``control`` is a time at which all take samples, known at once."""
+        taken = shared_times(self.period, self.phase)
+        ticks = shared_times(control.period, control.phase) if isinstance(control, Held) else None
+        if taken is None or ticks is None or not self._all_arrive_at_once:
+            return False
+        since = ticks[1] - taken[1]
+        return since >= 0 and since % taken[0] == 0 and ticks[0] % taken[0] == 0
+
+    def symmetries_under(self, control: Control) -> frozenset[str]:
+        """Also Galilean shifts with samples of the tick, unless rounded, and momentum where both ends know the same."""
+        kept = set(self.symmetries)
+        if self._taken_at_ticks(control):
+            if not self._rounds:
+                kept.add("galilean")
+            if self.self_known == "measured" or not (self._rounds or self._noisy):
+                kept.add("momentum")
+        return frozenset(kept)
+
+    def keeps_uniform_motion(self, control: Control, pursued: bool) -> bool:
+        """Of leaders that are ``pursued`` where they are known at the moment for which agents know themselves."""
+        at_one_moment = self.leader or self.self_known == "true" or self._taken_at_ticks(control)
+        return super().keeps_uniform_motion(control, pursued) and (at_one_moment or not pursued)
+
     def check_count(self, n: int) -> None:
         """Check that periods and phases given for each agent are ``n``.
 
@@ -274,7 +319,7 @@ class Delayed(Information):
     def __post_init__(self) -> None:
         object.__setattr__(self, "self_delayed", truth("Delayed", "self_delayed", self.self_delayed))
         one = axes_of(self.tau) == 0
-        tau = number("Delayed", "tau", self.tau, least=0.0) if one else _of_pairs(self.tau, self.self_delayed)
+        tau = number("Delayed", "tau", self.tau, least=0.0) if one else delays_of_pairs(self.tau, self.self_delayed)
         object.__setattr__(self, "tau", tau)
 
     def __eq__(self, other: object) -> bool:
@@ -306,6 +351,30 @@ class Delayed(Information):
         delays = np.ravel(self.tau)
         return float(min(delays[delays > 0.0], default=0.0))
 
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """All where all agents are known as they were at one moment.
+
+        Else momentum is lost, and so are Galilean shifts unless each agent knows itself as late as all others, and
+        relabelling where delays differ between pairs.
+        """
+        if self.ideal:
+            return SYMMETRIES
+        tau = np.asarray(self.tau)
+        lost: set[str] = set()
+        if not self.self_delayed or np.ptp(tau):
+            lost.add("momentum")
+        if not self.self_delayed or (self.of_pairs and np.ptp(tau, axis=1).any()):
+            lost.add("galilean")
+        if self.of_pairs:
+            own = np.eye(len(tau), dtype=bool)
+            lost |= {"relabelling"} if any(np.ptp(x) for x in (tau[own], tau[~own]) if x.size) else set()
+        return SYMMETRIES - lost
+
+    def keeps_uniform_motion(self, control: Control, pursued: bool) -> bool:
+        """Not where leaders are ``pursued``, who are known without delay by agents that know themselves late."""
+        return self.ideal or (super().keeps_uniform_motion(control, pursued) and not pursued)
+
     def check_count(self, n: int) -> None:
         """Check that a delay for every pair is given for ``n`` agents.
 
@@ -328,29 +397,4 @@ class Delayed(Information):
         return f"{'everybody' if self.self_delayed else 'neighbours'} known {span(shown)} late"
 
 
-def _of_pairs(tau: object, self_delayed: bool) -> Array:
-    """A delay for every ordered pair of agents, after its checks."""
-    if axes_of(tau) == 1:
-        raise InvalidInput(
-            "Delayed", "tau", "must be one number, or a row for every agent", "one list",
-            "A list could be of those who know or of those who are known: repeat it as rows or as columns of a "
-            "matrix, with zeros on the diagonal.",
-        )  # fmt: skip
-    delays = array("Delayed", "tau", tau, ndim=2)
-    if delays.shape[0] != delays.shape[1] or not len(delays):
-        raise InvalidInput("Delayed", "tau", "must be a square matrix", f"shape {delays.shape}")
-    if (delays < 0.0).any():
-        i, j = (int(k) for k in np.argwhere(delays < 0.0)[0])
-        raise InvalidInput("Delayed", "tau", "must not be negative", f"{delays[i, j]:g} for agents {i} and {j}")
-    own = delays.diagonal()
-    if not self_delayed and own.any():
-        raise InvalidInput(
-            "Delayed", "tau", "must be zero on the diagonal unless self_delayed", f"{own[own > 0.0][0]:g}",
-            "The diagonal has the delays of own states: set it to zero, or give self_delayed=True.",
-        )  # fmt: skip
-    if self_delayed and not own.any():
-        raise InvalidInput(
-            "Delayed", "tau", "must not be zero on the whole diagonal where self_delayed", "zeros",
-            "The diagonal has the delays of own states: fill it, or leave self_delayed out.",
-        )  # fmt: skip
-    return delays
+__all__ = ["INSTANT", "Delayed", "Information", "Instant", "Messages"]

@@ -153,6 +153,12 @@ class SafetyFilter(Held):
         return f"control held for {span(self.period)} behind a safety filter{self._delays_in_words}"
 
     @property
+    def symmetries(self) -> frozenset[str]:
+        """Relabelling as of held control, and Galilean shifts unless the filter looks at stopping paths."""
+        kept = {"relabelling"} if self.form == "stopping" else {"relabelling", "galilean"}
+        return super().symmetries & kept
+
+    @property
     def guarded_distance(self) -> float:
         """The distance that the conditions keep, a millionth larger than `distance`."""
         return self.distance * (1.0 + MARGIN)

@@ -12,6 +12,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, number
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
+from flocking.model.symmetries import DRAWN, SYMMETRIES
 from flocking.model.world.information import Information
 from flocking.model.world.random_numbers import Purpose, normal_pairs
 from flocking.model.world.times import nanoseconds
@@ -97,6 +98,12 @@ class Fixes(Information):
         if self.diffusion:
             found.append(f"velocities of fixes off with a variance of about {self.diffusion:g}")
         return ", ".join(found)
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """All but those that late fixes of others, or errors, break."""
+        late = {"momentum", "galilean"} if self.late else set()
+        return SYMMETRIES - late - (DRAWN if self.diffusion else set())
 
     @property
     def late(self) -> int:

@@ -63,6 +63,18 @@ def span(values: ArrayLike) -> str:
     return " to ".join(dict.fromkeys(f"{end:g}" for end in (float(found.min()), float(found.max()))))
 
 
+def shared_times(period: float | Array, phase: float | Array) -> tuple[int, int] | None:
+    """Period and phase in nanoseconds that all agents share; None where they differ.
+
+    Parameters
+    ----------
+    period, phase
+        In the unit of time, one for all agents or one for each.
+    """
+    found = [np.unique(np.rint(np.asarray(x, dtype=np.float64) / NANOSECOND)) for x in (period, phase)]
+    return None if max(len(x) for x in found) > 1 else (int(found[0][0]), int(found[1][0]))
+
+
 @dataclass(frozen=True, eq=False)
 class PeriodicTimes:
     """What agents do at the times ``phase + k period``, k = 0, 1, ...

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+from flocking.model.symmetries import SYMMETRIES
+
 
 class WorldPart(ABC):
     """What agents know, or when they act."""
@@ -17,6 +19,11 @@ class WorldPart(ABC):
     @abstractmethod
     def summary(self) -> str:
         """What is not ideal, in a few words; empty where everything is."""
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Symmetries of `flocking.model.symmetries` that it keeps: all if it is ideal, none where it states nothing."""
+        return SYMMETRIES if self.ideal else frozenset()
 
     def check_count(self, n: int) -> None:
         """Check that it fits ``n`` agents; most fit any number."""
