@@ -14,6 +14,7 @@ from flocking.papers.shi_2009.grounds import grounds
 from flocking.papers.shi_2009.system import SETTINGS, VELOCITY_GAIN, scenarios
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, below
+from flocking.study.claims.conclusions.frames import with_frame
 from flocking.study.claims.settling import limit_of_series
 from flocking.study.claims.subjects import Subject, about, about_of
 from flocking.study.evidence import Evidence, NotMeasurable
@@ -61,7 +62,7 @@ def _fades(e: Evidence, error: Array, goal: str) -> Measure:
         e, e.t, _over_period(e, error) / most, general.SETTLED,
         lambda ratio: f"|v_i - {goal}| is {ratio * most:.1e} over the last period",
     )  # fmt: skip
-    return _periodic(e, found)
+    return with_frame(e, _periodic(e, found))
 
 
 def centre_follows(law: int) -> Callable[[Evidence], Measure]:

@@ -10,6 +10,7 @@ import numpy as np
 from flocking.formula.safe_digits import compared_texts
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.study.claims.claim import Measure, below
+from flocking.study.claims.conclusions.frames import frame_note
 from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence, NotResolvable
 
@@ -134,12 +135,14 @@ def needs_ideal(e: Evidence) -> str:
 def needs_momentum(e: Evidence) -> str:
     """Why momentum is not conserved: a force from outside, or forces that are not equal and opposite."""
     if world := needs_ideal(e):
-        return world
+        return "; ".join(filter(None, (world, frame_note(e))))
     if e.law.body_terms:
         return "a body term acts from outside"
     if "momentum" not in e.law.symmetries:
         return "pair forces are not equal and opposite"
     agents = e.run.scenario.agents
+    if agents.order == 1 and np.ptp(agents.masses):
+        return "agents of order 1 have different masses"
     if agents.order == 2 and not is_point_mass(agents):
         return "agents are not point masses"
     return "agents are damped" if np.ndim(agents.damping) or agents.damping else ""

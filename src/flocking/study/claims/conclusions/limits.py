@@ -10,6 +10,7 @@ from flocking.model.checks import NO_LESS
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.terms.pair_terms import Gradient
 from flocking.study.claims.claim import Measure, above
+from flocking.study.claims.conclusions.frames import with_frame
 from flocking.study.claims.settling import (
     LAST,
     MOVED,
@@ -47,9 +48,10 @@ def velocities_agree(e: Evidence) -> Measure:
     """Velocity spread at the end against the largest of the run."""
     most = e.largest_spread
     ratios = e.velocity_spread / most if most > 0 else np.zeros_like(e.velocity_spread)
-    return limit_of_series(
+    found = limit_of_series(
         e, e.spread_times, ratios, SETTLED, lambda r: f"spread fell to {r:.1e} of its maximum", error=_velocity_share(e)
     )
+    return with_frame(e, found)
 
 
 @about(Subject.NET, while_connected=True)

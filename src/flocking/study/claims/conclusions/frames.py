@@ -1,0 +1,20 @@
+"""What claims state where the rest frame of the world is physical."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flocking.study.claims.claim import Measure
+from flocking.study.evidence import Evidence
+
+
+def frame_note(e: Evidence) -> str:
+    """That rest is physical in the world of a run, and why; empty where all uniform observers see the same motion."""
+    world = e.run.scenario.rest_frame
+    return f"the rest frame of the world is physical: {world}" if world else ""
+
+
+def with_frame(e: Evidence, measured: Measure) -> Measure:
+    """What was ``measured``, with `frame_note` at the end of its note."""
+    found = frame_note(e)
+    return replace(measured, note=f"{measured.note}; {found}") if found else measured
