@@ -30,6 +30,7 @@ from flocking.model.symmetries import SYMMETRIES
 from flocking.model.terms.balances import check_body_term, check_pair_term
 from flocking.model.terms.body_terms import BodyTerm, Compensate
 from flocking.model.terms.pair_terms import Gradient, PairTerm, Term
+from flocking.model.terms.poles_under_errors import warn_of_poles
 from flocking.model.terms.potential_reach import check_reach
 from flocking.model.terms.steering import Steering
 from flocking.model.typesetting.cells import LawCell, ScenarioCell
@@ -297,6 +298,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
             check_mutual(self.law.graph, self.start.links)
         self._check_coincidence()
         check_reach(self.law.pair_terms, self.law.graph)
+        warn_of_poles(self.unbounded_forces)
 
     def _with_all_columns(self) -> State:
         """The start with every further column of the bodies."""

@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Protocol
 
 from flocking.model.bodies.body import Body
+from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.space import Space
 from flocking.model.space_checks import sees_places
 from flocking.model.state import State
 from flocking.model.terms.body_terms import BodyTerm
+from flocking.model.terms.pair_terms import PairTerm
+from flocking.model.terms.poles_under_errors import unbounded_under
 from flocking.model.world.control import Control
 from flocking.model.world.information import Information
 
@@ -19,6 +22,14 @@ class LawInWorld(Protocol):
     @property
     def symmetries(self) -> frozenset[str]:
         """Those that all its parts keep."""
+
+    @property
+    def graph(self) -> Graph:
+        """Its graph."""
+
+    @property
+    def pair_terms(self) -> tuple[PairTerm, ...]:
+        """Its terms about two agents."""
 
     @property
     def body_terms(self) -> tuple[BodyTerm, ...]:
@@ -78,6 +89,11 @@ class ScenarioWorld:
         if "galilean" not in self.control.symmetries:
             found.append(self.control.summary)
         return "; ".join(found)
+
+    @property
+    def unbounded_forces(self: InWorld) -> str:
+        """Which potentials have poles that distances known with errors may come near to, in words; empty for none."""
+        return unbounded_under(self.information.errors_of_positions, self.law.pair_terms, self.law.graph)
 
     @property
     def imperfections(self: InWorld) -> str:

@@ -387,7 +387,7 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
     def _check_slope(self) -> None:
         """Refuse to go on where no step is short enough for the forces."""
         rates = self._accelerations(self._stepper.memory.slope)
-        check_forces(rates, self._base + self._stepper.memory.t, np.arange(self.n))
+        check_forces(rates, self._base + self._stepper.memory.t, np.arange(self.n), self.scenario)
 
     # What others ask.
 

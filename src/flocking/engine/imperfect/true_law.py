@@ -16,15 +16,18 @@ from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots, free_p
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import NotFinite
 from flocking.model.law import Law, Scenario
+from flocking.model.terms.poles_under_errors import FLOOR
 
 
-def check_forces(force: Array, time: float, agents: Indices) -> None:
+def check_forces(force: Array, time: float, agents: Indices, scenario: Scenario) -> None:
     """Refuse to go on under a ``force`` of ``agents``, shape (agents, m), that is infinite or NaN.
 
     Parameters
     ----------
     time
         The scenario's time.
+    scenario
+        The scenario, which may state why.
 
     Raises
     ------
@@ -32,7 +35,8 @@ def check_forces(force: Array, time: float, agents: Indices) -> None:
         When one is.
     """
     if (bad := np.flatnonzero(~np.isfinite(force).all(axis=1))).size:
-        raise NotFinite("A force is infinite or NaN.", time=time, agents=(int(agents[bad[0]]),))
+        cause = f": {why}. {FLOOR}" if (why := scenario.unbounded_forces) else "."
+        raise NotFinite(f"A force is infinite or NaN{cause}", time=time, agents=(int(agents[bad[0]]),))
 
 
 class TrueLaw:

@@ -194,7 +194,7 @@ class SampledSession(ImperfectSession):
             pairs = knowledge.pairs(known)
             leaders = None if self._leader_news is None else self._leader_news.newest(instant, acting)
             force = self._desired(instant, known, pairs, leaders)
-            check_forces(force, self._base + seconds, acting)
+            check_forces(force, self._base + seconds, acting, self.scenario)
             if self.filter is not None:
                 force = self.filter.filtered(instant, known, force)
             assert self.records.log is not None

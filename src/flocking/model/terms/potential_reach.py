@@ -12,7 +12,7 @@ from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.potentials.poles import acts_only_beyond, poles, sides, without_value
 from flocking.model.terms.pair_terms import Gradient, PairTerm
 
-CALLER = 5
+CALLER = 6
 """Stack level of warnings: the line that builds a scenario."""
 
 INSIDE = 1.0 - 1e-9

@@ -209,6 +209,13 @@ class Messages(Information):
         return SYMMETRIES - lost - (DRAWN if self._noisy else set())
 
     @property
+    def errors_of_positions(self) -> str:
+        """Noise and rounding of positions."""
+        noise = 0.0 if self.noise is None else self.noise.position
+        found = [f"noise of {noise:g} in positions"] if noise else []
+        return " and ".join(found + ([f"positions rounded to {self.resolution:g}"] if self.resolution else []))
+
+    @property
     def _rounds(self) -> bool:
         return self.resolution > 0.0 or self.velocity_resolution > 0.0
 

@@ -17,6 +17,11 @@ from flocking.model.world.world_part import IdealPart, WorldPart
 class Information(WorldPart):
     """What an agent knows of the others when it computes its force."""
 
+    @property
+    def errors_of_positions(self) -> str:
+        """What makes known positions differ from those that were measured, in a few words; empty where nothing does."""
+        return ""
+
     def symmetries_under(self, control: Control) -> frozenset[str]:
         """`symmetries`, and those that are kept because samples are taken whenever agents compute their force.
 

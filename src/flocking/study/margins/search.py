@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from flocking.engine.driver.simulate import start
 from flocking.engine.interruption import interrupted
-from flocking.errors import FlockingError, InvalidInput
+from flocking.errors import FlockingError, InvalidInput, SuspectInput
 from flocking.model.checks import integer, number
 from flocking.model.drawn_during_runs import with_seed_of_run
 from flocking.model.law import Scenario
@@ -69,7 +70,22 @@ class Worlds:
             control = scenario.control if scenario.agents.discrete else CONTINUOUS
             return with_seed_of_run(scenario.with_(information=INSTANT, control=control), seed)
         name, _, value = world.partition("=")
-        return with_seed_of_run(self.quantities[name].world(scenario, float(value), self.period), seed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SuspectInput)  # The table says it once, see `world_in_words`.
+            return with_seed_of_run(self.quantities[name].world(scenario, float(value), self.period), seed)
+
+
+def world_in_words(scenario: Scenario) -> str:
+    """What is not ideal about the world of a scenario, and what of its potentials has no bound there.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    unbounded = scenario.unbounded_forces
+    said = f"{unbounded}, and nothing bounds their forces: what was found rests on the distances that were drawn"
+    return f"{scenario.imperfections}; {said}" if unbounded else scenario.imperfections
 
 
 def reason_of(error: Exception) -> str:
@@ -337,7 +353,7 @@ def find_margins(
             for level in (grid[0], grid[-1]):
                 scenario = worlds(world=f"{name}={level!r}", seed=seeds[0])
                 start(scenario)
-            grids[name], words[name] = grid, scenario.imperfections
+            grids[name], words[name] = grid, world_in_words(scenario)
         except Exception as error:
             if isinstance(error, InvalidInput) and (levels or {}).get(name) is not None:
                 if error.owner == "margins":
