@@ -154,7 +154,7 @@ class SafetyFilter(Held):
 
     @property
     def symmetries(self) -> frozenset[str]:
-        """Relabelling as of held control, and Galilean shifts unless the filter looks at stopping paths."""
+        """Relabelling as of held control, and Galilean shifts unless its form is that of stopping paths."""
         kept = {"relabelling"} if self.form == "stopping" else {"relabelling", "galilean"}
         return super().symmetries & kept
 

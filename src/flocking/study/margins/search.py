@@ -71,7 +71,7 @@ class Worlds:
             return with_seed_of_run(scenario.with_(information=INSTANT, control=control), seed)
         name, _, value = world.partition("=")
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SuspectInput)  # The table says it once, see `world_in_words`.
+            warnings.simplefilter("ignore", SuspectInput)  # The table states it once, see `world_in_words`.
             return with_seed_of_run(self.quantities[name].world(scenario, float(value), self.period), seed)
 
 

@@ -9,7 +9,7 @@ from flocking.study.evidence import Evidence
 
 
 def frame_note(e: Evidence) -> str:
-    """That rest is physical in the world of a run, and why; empty where all uniform observers see the same motion."""
+    """That rest is physical in the world of a run, and why; empty where it is not."""
     world = e.run.scenario.rest_frame
     return f"the rest frame of the world is physical: {world}" if world else ""
 
