@@ -114,6 +114,7 @@ HOMES = {
     "change the messages between ranks in a step": "def refresh(",
     "change what ranks decide together": "class SharedParticles",
     "change how a file survives a kill": "os.replace(",
+    "change what of a killed process is removed": "def _is_abandoned(",
     "export runs to another format": "def export_run(",
     "change how often a running session is committed to disk": "COMMIT_SECONDS =",
     "change the progress lines": "LINE_SECONDS =",

@@ -1,5 +1,7 @@
 """What makes films quick leaves their pictures as they were."""
 
+import os
+
 import matplotlib
 import numpy as np
 import pytest
@@ -78,3 +80,13 @@ def test_time_above_a_film_is_that_of_its_picture(flying, tmp_path, monkeypatch)
     said.clear()
     fk.animate(flying, tmp_path / "film.gif", dpi=40, progress=False, title="mine")
     assert not said
+
+
+def test_what_a_kill_left_of_a_film_is_removed(flying, tmp_path):
+    left = [tmp_path / f"film.gif.{2**31}.partial{end}" for end in (".gif", "")]
+    others = [tmp_path / f"other.gif.{2**31}.partial.gif", tmp_path / f"film.gif.{2**31}.partial.mp4"]
+    for path in (*left, *others):
+        path.write_bytes(b"x")
+        os.utime(path, (0, 0))
+    fk.animate(flying, tmp_path / "film.gif", seconds=0.1, size=1, dpi=40, progress=False)
+    assert sorted(tmp_path.iterdir()) == sorted([*others, tmp_path / "film.gif"])

@@ -13,6 +13,7 @@ import numpy as np
 from flocking.arrays import Indices
 from flocking.engine.interruption import interrupted
 from flocking.engine.runs.run import Run
+from flocking.engine.storage.left_overs import partial_file, remove_files_left_over
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, number
 from flocking.show.film import Film, Pictures
@@ -113,7 +114,8 @@ def animate(
     except OSError as error:
         raise InvalidInput("animate", "path", f"must be writable ({error.strerror})", str(path)) from None
     # Writers determine the format by the suffix.
-    partial = target.with_name(f".{target.stem}.{os.getpid()}.partial{target.suffix}")
+    remove_files_left_over(target)
+    partial = partial_file(target, target.suffix)
     import matplotlib
 
     try:

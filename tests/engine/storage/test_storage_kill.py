@@ -19,7 +19,7 @@ import xarray
 
 import flocking as fk
 from flocking.engine.runs.run import Run
-from flocking.engine.storage.atomic_files import PARTIAL
+from flocking.engine.storage.left_overs import PARTIAL
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import read_run
 from flocking.errors import StorageError

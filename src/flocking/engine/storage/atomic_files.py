@@ -6,8 +6,6 @@ import asyncio
 import errno
 import io
 import os
-import shutil
-import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -17,16 +15,16 @@ from typing import Any, BinaryIO, Protocol, cast
 from flocking.engine.interruption import interrupted
 from flocking.engine.memory_shortage import starved
 from flocking.engine.storage.bounded_chunks import Bound, bounded_store
+from flocking.engine.storage.left_overs import (
+    PARTIAL,
+    partial_file,
+    partial_folder,
+    remove_files_left_over,
+    remove_folders_left_over,
+)
 from flocking.engine.storage.regular_files import NO_FILE, opened
 from flocking.errors import FlockingError, StorageError
 from flocking.formula.listed_files import files_below
-
-PARTIAL = ".partial"
-"""Suffix of a partly written file; a kill may leave one behind, and it is never read."""
-
-MAKING = 60.0
-"""Time in seconds without writes after which a partly written folder counts as abandoned."""
-
 
 MOST_OF_REASON = 300
 """Most characters of another library's reason: some quote the data that they cannot read."""
@@ -45,7 +43,7 @@ def put(path: Path, data: bytes | Callable[[BinaryIO], None], *, lasting: bool =
     synchronised to the disk before this returns, so that it survives a power failure.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"{path.name}.{os.getpid()}{PARTIAL}")
+    partial = partial_file(path)
     try:
         with open(partial, "wb") as file:
             summed = _Summed(file)
@@ -138,7 +136,7 @@ def atomic_store(folder: Path, bounds: Mapping[str, Bound] | None = None) -> Wri
 
 
 def write_file(path: Path, data: bytes, doing: str) -> Path:
-    """Write a single file atomically; missing parent folders are made.
+    """Write a single file atomically; missing parent folders are made, and partial files that a kill left are removed.
 
     Parameters
     ----------
@@ -151,6 +149,7 @@ def write_file(path: Path, data: bytes, doing: str) -> Path:
         If it cannot be written; the old file stays.
     """
     with storage_errors(path, doing, full=NOTHING_WRITTEN):
+        remove_files_left_over(path)
         write_through(path, data)
     return path
 
@@ -216,11 +215,6 @@ def _reason(error: OSError, full: str) -> str:
     return f"{error.strerror or error}."
 
 
-def partial_folder(folder: Path) -> Path:
-    """Temporary path of ``folder``, which is renamed when complete."""
-    return folder.with_name(f".{folder.name}.{os.getpid()}{PARTIAL}")
-
-
 @contextmanager
 def complete_folder(folder: Path) -> Iterator[Path]:
     """A new folder to write into; it appears as ``folder``, missing or empty before, when the block ends without error.
@@ -230,37 +224,12 @@ def complete_folder(folder: Path) -> Iterator[Path]:
     OSError
         If it cannot be made, or ``folder`` is not empty.
     """
-    fresh = partial_folder(folder)
-    remove_left_over(folder.parent)
-    try:
-        fresh.mkdir(parents=True)
+    remove_folders_left_over(folder.parent)
+    with partial_folder(folder) as fresh:
         yield fresh
         with suppress(FileNotFoundError):
             folder.rmdir()
         os.rename(fresh, folder)
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
-
-
-def remove_left_over(place: Path) -> None:
-    """Remove partly written folders of ended processes from ``place``, see `partial_folder`."""
-    for path in place.glob(f".*{PARTIAL}"):
-        owner = path.name.removesuffix(PARTIAL).rpartition(".")[2]
-        if owner.isdigit() and path.is_dir() and not path.is_symlink() and not _alive(int(owner)):
-            with suppress(OSError):
-                # A process on another machine that shares the disk may be writing it.
-                if time.time() - max(x.stat().st_mtime for x in (path, *path.iterdir())) > MAKING:
-                    shutil.rmtree(path, ignore_errors=True)
-
-
-def _alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except OSError:
-        return True
-    return True
 
 
 def _lock_of(folder: Path) -> BinaryIO:

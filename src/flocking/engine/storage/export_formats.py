@@ -16,6 +16,7 @@ from flocking.arrays import AnyArray
 from flocking.engine.runs.columns import LOG
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, put, storage_errors
+from flocking.engine.storage.left_overs import partial_file, remove_files_left_over
 from flocking.errors import InvalidInput, StorageError
 from flocking.model import observables
 from flocking.model.checks import Array
@@ -52,6 +53,7 @@ def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
     if form not in FORMATS:
         raise InvalidInput("export_run", "to", f"must be one of {', '.join(FORMATS)}", form)
     with storage_errors(path, f"write {form}", full=NOTHING_WRITTEN):
+        remove_files_left_over(path)
         FORMATS[form](run, path)
     return path
 
@@ -182,7 +184,7 @@ def _write_gsd(run: Run, path: Path) -> None:
     sides = [sides[0], sides[m - 1], 0.0] if m < 3 else sides
     masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), run.n)
     linked = run.links.shape[1:] == (run.n, run.n)
-    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    partial = partial_file(path)
     try:
         with gsd.hoomd.open(str(partial), "w") as file:
             for k in range(len(run.t)):

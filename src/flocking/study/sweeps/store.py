@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeGuard
 
 from flocking.engine.storage import atomic_files
+from flocking.engine.storage.left_overs import PARTIAL
 from flocking.errors import StorageError, said
 from flocking.study.sweeps.worker_tasks import LONGEST_MESSAGE, Row
 
@@ -44,7 +45,7 @@ def open_store(folder: Path, record: Mapping[str, object]) -> Iterator[Store]:
         folder.mkdir(parents=True, exist_ok=True)
         foreign = [p.name for p in folder.iterdir() if p.name not in (RECORD, ROWS, ".lock")]
     fresh = not (folder / RECORD).exists()
-    if fresh and [name for name in foreign if not name.endswith(atomic_files.PARTIAL)]:
+    if fresh and [name for name in foreign if not name.endswith(PARTIAL)]:
         raise StorageError(f"{folder}: holds other files already ({foreign[0]}). Choose an empty or new folder.")
     if (folder / ROWS).is_symlink():
         raise StorageError(f"{folder}: its {ROWS} is a link to elsewhere; nothing is written through it.")
