@@ -10,7 +10,7 @@ import pytest
 import flocking as fk
 from flocking.engine.driver.registry import chosen_engine, engine_named
 from flocking.engine.lammps.checks import check_supported
-from flocking.errors import FlockingError, UnsupportedLaw
+from flocking.errors import FlockingError, InvalidInput, UnsupportedLaw
 
 LAW = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
 
@@ -117,3 +117,35 @@ def test_an_engine_that_a_refusal_names_as_the_way_out_runs_the_scenario(engine:
             others = [x for part in re.findall(r"[Uu]se engine=([^,.]+)", said) for x in re.findall(r"'(\w+)'", part)]
             assert all(not refused_by(other, made) for other in others if other != "auto"), said
             assert "another engine" not in said.lower(), said
+
+
+@pytest.mark.parametrize(
+    ("word", "option", "engines"),
+    [
+        ("stepp", "step", ["tiles", "lammps"]),
+        ("thread", "threads", ["tiles", "discrete", "lammps"]),
+        ("kepp_frames", "keep_frames", ["tiles", "lammps"]),
+        ("keep_logs", "keep_log", ["lammps"]),
+    ],
+)
+def test_the_nearest_of_an_unknown_option_is_searched_in_all_engines(
+    word: str, option: str, engines: list[str]
+) -> None:
+    owners = " and ".join(f"engine='{name}'" for name in engines)
+    for run in (fk.simulate, fk.start):
+        with pytest.raises(InvalidInput) as caught:
+            run(scenario(), **{word: 1})  # type: ignore[operator]
+        said = str(caught.value)
+        assert said.startswith(f"start: {word} is not known to engine='exact'; got 1. Did you mean {option}, ")
+        assert said.endswith(f"an option of {owners}? Known: engine, fine, plant, progress, save.")
+    with pytest.raises(
+        InvalidInput, match=rf"to engine='{engines[0]}'; got 1\. Did you mean {option}\? Known: engine, "
+    ):
+        fk.simulate(scenario(), engine=engines[0], **{word: 1})  # type: ignore[arg-type]
+
+
+def test_nothing_is_suggested_where_nothing_is_near() -> None:
+    with pytest.raises(InvalidInput, match=r"got 1\. Did you mean progress\? Known: "):
+        fk.simulate(scenario(), progres=1)
+    with pytest.raises(InvalidInput, match=r"got 1\. Known: "):
+        fk.simulate(scenario(), zzz=1)

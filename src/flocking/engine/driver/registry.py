@@ -311,12 +311,21 @@ def options_of(engine: Engine, given: Mapping[str, object]) -> object:
     try:
         return engine.options_from(given)
     except UnknownOption as error:
-        having = [name for name in engine_names() if error.parameter in _option_names(name)]
-        if not having:
+        owners = _options_and_owners()
+        if error.parameter not in owners:
             own = {*engine.option_names, *ARGUMENTS}
-            raise unknown_option(error.parameter, error.value, own, engine.name) from None
-        owners = " and ".join(f"engine={name!r}" for name in having)
-        raise InvalidInput("start", error.parameter, f"is only an option of {owners}", error.value) from None
+            raise unknown_option(error.parameter, error.value, own, engine.name, owners) from None
+        rule = f"is only an option of {owners[error.parameter]}"
+        raise InvalidInput("start", error.parameter, rule, error.value) from None
+
+
+def _options_and_owners() -> dict[str, str]:
+    """Options of all engines, each with words for the engines that have it."""
+    having: dict[str, list[str]] = {}
+    for engine in engine_names():
+        for option in _option_names(engine):
+            having.setdefault(option, []).append(f"engine={engine!r}")
+    return {option: " and ".join(engines) for option, engines in having.items()}
 
 
 def _option_names(name: str) -> tuple[str, ...]:

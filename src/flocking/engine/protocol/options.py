@@ -30,10 +30,27 @@ def from_keywords(kind: type[Options], given: Mapping[str, object], engine: str)
     return kind(**given)
 
 
-def unknown_option(name: str, value: object, known: Iterable[str], engine: str) -> UnknownOption:
-    """The error for an option that ``engine`` lacks; it suggests the nearest of the ``known`` names."""
-    names = sorted(known)
+def unknown_option(
+    name: str, value: object, known: Iterable[str], engine: str, elsewhere: Mapping[str, str] | None = None
+) -> UnknownOption:
+    """The error for an option that ``engine`` lacks; it suggests the nearest name.
+
+    Parameters
+    ----------
+    name, value
+        The option as it was given.
+    known
+        Names that are known to the engine.
+    engine
+        Name of the engine.
+    elsewhere
+        Names of options of all engines, each with words for the engines that have it.
+    """
+    names, others = sorted(known), elsewhere or {}
     near = nearest(name, names)
+    for other in difflib.get_close_matches(name, sorted({*names, *others}), n=1):
+        if other not in names:
+            near = f"Did you mean {other}, an option of {others[other]}?"
     fix = f"{near} Known: {', '.join(names)}." if names else "It has no options."
     return UnknownOption("start", name, f"is not known to engine={engine!r}", value, fix.strip())
 
