@@ -1,6 +1,7 @@
 """Recordings of runs of agents: what was written is read, and other files are refused in a sentence."""
 
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import flocking as fk
 from flocking.errors import InvalidInput, StorageError
 from flocking.study.sample_files.reading import read_samples
 from tests.engine.nodes.worlds import scenario
+from tests.unpickling import Harm, watched
 
 pytestmark = pytest.mark.nodes
 
@@ -81,3 +83,21 @@ def test_cut_and_foreign_files_are_refused(tmp_path):
             read_samples(path)
     with pytest.raises(InvalidInput, match="are protobuf, not JSON"):
         read_samples(written(tmp_path / "y.mcap", [b"x"], "protobuf"))
+
+
+def test_nothing_in_a_recording_is_unpickled(tmp_path):
+    harm = tmp_path / "harm"
+    payload = pickle.dumps(Harm(harm))
+    place = written(tmp_path / "whole.mcap", [{"t": 0.5 * k, "q": [[float(k)]]} for k in range(6)])
+    whole = place.read_bytes()
+    (tmp_path / "pickle.mcap").write_bytes(payload)
+    (tmp_path / "before.mcap").write_bytes(payload + whole)
+    (tmp_path / "amid.mcap").write_bytes(whole[:40] + payload + whole[40:])
+    written(tmp_path / "message.mcap", [payload])
+    written(tmp_path / "encoding.mcap", [payload], "pickle")
+    with watched():
+        assert read_samples(place).q.tolist() == [[[float(k)]] for k in range(6)]
+        for name in ("pickle", "before", "amid", "message", "encoding"):
+            with pytest.raises(InvalidInput):
+                read_samples(tmp_path / f"{name}.mcap")
+    assert not harm.exists()

@@ -6,10 +6,8 @@ import base64
 import io
 import itertools
 import json
-import os
 import pickle
 import shutil
-import sys
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,52 +24,14 @@ from flocking.engine.storage.stored_runs import read_run, stored_facts, write_ru
 from flocking.errors import FlockingError, StorageError
 from tests.counting import count
 from tests.engine.storage.stored_runs import finished, scenario
-
-ENTRIES = {
-    "pickle": ("load", "loads", "Unpickler", "_Unpickler", "_load", "_loads"),
-    "_pickle": ("load", "loads", "Unpickler"),
-    "cloudpickle": ("load", "loads"),
-    "cloudpickle.cloudpickle": ("load", "loads"),
-    "joblib": ("load",),
-    "dill": ("load", "loads", "Unpickler"),
-}
-"""What turns bytes into any object."""
-
-
-class Harm:
-    """What does something to the file system when it is unpickled."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def __reduce__(self) -> Any:
-        return os.mkdir, (str(self.path),)
+from tests.unpickling import Harm, watched
 
 
 @pytest.fixture
-def calls(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
-    """Poison every pickle entry point; who called one."""
-    seen: list[str] = []
-
-    def poisoned(name: str, real: Any) -> Callable[..., Any]:
-        def called(*given: Any, **named: Any) -> Any:
-            caller = sys._getframe(1).f_globals.get("__name__", "")
-            if "multiprocessing" not in caller:
-                seen.append(f"{name} from {caller}")
-            return real(*given, **named)
-
-        return called
-
-    for module, names in ENTRIES.items():
-        if module not in sys.modules and module != "pickle":
-            continue
-        for name in names:
-            if hasattr(sys.modules[module], name):
-                monkeypatch.setattr(
-                    f"{module}.{name}", poisoned(f"{module}.{name}", getattr(sys.modules[module], name))
-                )
-    yield seen
-    assert not seen
+def calls() -> Iterator[list[str]]:
+    """Who unpickled anything."""
+    with watched() as seen:
+        yield seen
 
 
 @pytest.fixture(scope="module")
