@@ -118,6 +118,7 @@ def shi(key: str) -> None:
     seen = SimpleNamespace(
         t=t, p=np.stack([guide, guide + 1.0], axis=1), velocity_spread=np.ones(len(t)),
         law=SimpleNamespace(leaders=[leader]), oldest_knowledge=None, yet_to_meet="", path_about_mean=np.inf,
+        run=SimpleNamespace(scenario=SimpleNamespace(rest_frame="neighbours are late")),
     )  # fmt: skip
     for name in paper(key).scenarios():
         kind = name.removeprefix(key).removeprefix("-")
@@ -137,6 +138,7 @@ def shi(key: str) -> None:
             if about:
                 found = claim.conclusion(seen)  # type: ignore[arg-type]
                 assert found.note.startswith(f"|v_i - {about}| is")
+                assert found.note.endswith("; the rest frame of the world is physical: neighbours are late")
                 assert (found.margin > 0) == claim.key.startswith("no-")
                 assert ("agree" in claim.statement) == (claim.key == "no-flocking")
             if claim.key == "steady-error":
