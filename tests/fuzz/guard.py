@@ -28,8 +28,8 @@ ROOM = 2 * 2**30
 """Address space in bytes that a case may ask for beyond what the process has."""
 
 DEFAULT = {
-    "files": 60, "formulas": 80, "constructors": 150, "calls": 50, "commands": 25, "stored runs": 15,
-    "sweep files": 40, "stored sweeps": 60, "sampled audits": 10, "damaged audits": 8,
+    "files": 50, "formulas": 60, "constructors": 100, "calls": 30, "commands": 15, "stored runs": 8,
+    "sweep files": 30, "stored sweeps": 40, "sampled audits": 6, "damaged audits": 5,
 }  # fmt: skip
 """Cases of each kind in the default tests: fewer of the kinds whose cases compile a law."""
 

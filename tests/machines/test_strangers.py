@@ -10,6 +10,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -160,7 +161,7 @@ def test_nothing_can_be_written(machines: Machines, commons: Path, place: Path, 
 
 @HOW
 def test_an_old_locale(machines: Machines, commons: Path, tmp_path: Path, fresh: bool) -> None:
-    for words in short(commons, tmp_path, every=fresh):
+    for words in islice(short(commons, tmp_path, every=fresh), 0, None, 1 if fresh else 2):
         ended = machines.call(*words, environment=OLD, encoding="ascii", fresh=fresh)
         judge(ended, words, "commands in the locale C", encoding="ascii")
         assert ended.code != 2, ended.err
@@ -168,7 +169,7 @@ def test_an_old_locale(machines: Machines, commons: Path, tmp_path: Path, fresh:
 
 @HOW
 def test_a_narrow_terminal(machines: Machines, commons: Path, tmp_path: Path, fresh: bool) -> None:
-    for words in short(commons, tmp_path, every=fresh):
+    for words in islice(short(commons, tmp_path, every=fresh), 0 if fresh else 1, None, 1 if fresh else 2):
         ended = machines.call(*words, environment=NARROW, columns=40, fresh=fresh)
         judge(ended, words, "commands on a dumb terminal of 40 columns")
         assert ended.code != 2, ended.out

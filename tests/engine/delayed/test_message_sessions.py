@@ -25,7 +25,13 @@ def same_logs(a, b):
     return all(np.array_equal(getattr(a.log, x), getattr(b.log, x)) for x in ("ticks", "forces", "uses"))
 
 
-@pytest.mark.parametrize("bodies", [fk.PointMass(damping=0.1), fk.SingleIntegrator()], ids=["masses", "integrators"])
+@pytest.mark.parametrize(
+    "bodies",
+    [
+        pytest.param(fk.PointMass(damping=0.1), id="masses"),
+        pytest.param(fk.SingleIntegrator(), id="integrators", marks=pytest.mark.slow),
+    ],
+)
 def test_pieces_moments_and_stored_runs_give_the_same_bits(bodies, tmp_path):
     made = scenario(bodies=bodies)
     whole = fk.simulate(made, progress=False)

@@ -71,7 +71,9 @@ def test_obstacles_beside_late_neighbours():
     assert np.abs(run.residual).max() <= 1e-8 * run.turnover
 
 
-@pytest.mark.parametrize("body", [fk.PointMass(), fk.Limited(fk.PointMass(), force=1.0)])
+@pytest.mark.parametrize(
+    "body", [fk.PointMass(), pytest.param(fk.Limited(fk.PointMass(), force=1.0), marks=pytest.mark.slow)]
+)
 def test_pieces_moments_and_stored_runs_give_the_same_bits(body, tmp_path):
     made = scenario(fk.Hysteresis(2.0, 0.3), "1.5*(r - 1)**2/2", bodies=body, t_end=1.0)
     whole = fk.simulate(made, progress=False)

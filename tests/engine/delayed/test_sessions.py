@@ -106,6 +106,7 @@ def test_a_link_that_would_switch_without_end_is_named():
     assert error.value.run is not None
 
 
+@pytest.mark.slow
 def test_a_pole_that_is_met_ends_the_run_with_its_time():
     law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("-1/r"))])
     start = fk.State([[0.0, 0.0], [1.0, 0.0]])

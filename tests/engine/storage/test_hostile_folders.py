@@ -208,6 +208,7 @@ def test_a_checkpoint_is_no_larger_than_its_scenario_explains(folder: Path, size
     count("runs on disk: checkpoints without content")
 
 
+@pytest.mark.slow
 def test_folders_within_folders_are_listed(folder: Path) -> None:
     """Deeper than Python calls functions, and than a path may be long."""
     deep, here = 2500, os.getcwd()

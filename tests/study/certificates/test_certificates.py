@@ -251,6 +251,7 @@ def test_a_leader_whose_velocity_jumps_adds_energy(velocity, reason):
     assert reason in found.reason
 
 
+@pytest.mark.slow
 def test_limits_that_never_act_leave_every_guarantee():
     """Two agents on a spring: the force is largest at rest, 2, and so is the bound; speeds are at most sqrt(2)."""
     law = fk.Law(fk.Fixed.complete(2), [SPRING])

@@ -85,7 +85,8 @@ def test_two_kinds_of_weighting_together_are_refused() -> None:
     assert "one potential is weighted" in found["largest_energy"].reason
 
 
-@pytest.mark.parametrize("name", [pytest.param("space", marks=pytest.mark.slow), "pressed"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["space", "pressed"])
 def test_the_pursuit_of_the_goal_bounds_speeds(name: str) -> None:
     scenario = OLFATI.scenario(name=f"olfati-saber-2006-{name}").with_(t_end=5.0, frames=26)
     rows = {r.key: r for r in compare(fk.certify(scenario), fk.simulate(scenario, progress=False))}
