@@ -84,7 +84,8 @@ class ScenarioWorld:
         Where it is, a group that moves, with its leaders, does not move as one at rest does. Bodies are not looked at.
         """
         known, terms = self.information, [t for t in self.law.body_terms if t.leader is not None]
-        pursued = any(sees_places(term, self.start.dimension) for term in terms)
+        # Formulas are looked at only where something depends on it.
+        pursued = not known.ideal and any(sees_places(term, self.start.dimension) for term in terms)
         found = [] if known.keeps_uniform_motion(self.control, pursued) else [known.summary]
         if "galilean" not in self.control.symmetries:
             found.append(self.control.summary)

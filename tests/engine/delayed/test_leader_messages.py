@@ -13,7 +13,7 @@ from flocking.engine.protocol.session import Stored
 from flocking.errors import InvalidInput, UnsupportedLaw
 from tests.engine.delayed.plain_messages import PlainMessages
 from tests.engine.delayed.test_message_sessions import same_logs
-from tests.engine.delayed.test_messages import GAIN, LAW, STIFF, random_world
+from tests.engine.delayed.test_messages import GAIN, LAW, STIFF, agreeing, random_world
 from tests.engine.delayed.test_sessions import same
 from tests.engine.imperfect.plain_leader import GAINS, LEADER, PlainLeaderMail
 
@@ -64,15 +64,7 @@ def scenario(seed=0, **messages):
 
 def check(seed):
     made, plain = scenario(seed)
-    session = fk.start(made)
-    session.advance(made.t_end)
-    run = session.run()
-    q, p = plain.run(made.t_end)
-    assert run.fidelity.engine == "delayed"
-    assert np.abs(run.q[-1] - q).max() < 1e-8
-    if made.agents.order == 2:
-        assert np.abs(run.p[-1] - p).max() < 1e-8
-    assert (session.known_links[0] == plain.links).all()
+    _, run = agreeing(made, plain, 1e-8)
     for agent in range(run.n):
         rows = np.flatnonzero(run.log.ticks[:, 1] == agent)
         assert run.log.uses[run.log.firsts[rows[-1]]].tolist() == [-2, -1, plain.leader.told[agent][0]]

@@ -12,7 +12,7 @@ from flocking.engine.imperfect.cone_switches import ConeView
 from flocking.errors import InvalidInput, UnsupportedLaw
 from tests.engine.delayed.plain_views import PlainCones, PlainViews
 from tests.engine.delayed.test_message_sessions import same_logs
-from tests.engine.delayed.test_messages import GAIN, LAW, STIFF, random_world
+from tests.engine.delayed.test_messages import GAIN, LAW, STIFF, agreeing, random_world
 from tests.engine.delayed.test_sessions import same
 
 
@@ -50,15 +50,7 @@ def viewed(seed):
 def check(seed, replayed=False):
     """The engine and the second implementation agree; how often a known link switched between two instants."""
     made, plain = viewed(seed)
-    session = fk.start(made)
-    session.advance(made.t_end)
-    run = session.run()
-    q, p = plain.run(made.t_end)
-    assert run.fidelity.engine == "delayed"
-    assert np.abs(run.q[-1] - q).max() < 1e-8
-    if made.agents.order == 2:
-        assert np.abs(run.p[-1] - p).max() < 1e-8
-    assert (session.known_links[0] == plain.links).all()
+    session, run = agreeing(made, plain, 1e-8)
     assert (session.knowledge.newest == [[x[0] for x in row] for row in plain.known]).all()
     for k in range(len(run.t)):
         assert np.array_equal(run.links[k], made.law.graph.start_links(run.q[k], made.agents.headings))

@@ -42,18 +42,24 @@ def random_world(seed):
     return scenario, PlainMessages(scenario, lambda r: STIFF * (r - 1), GAIN if order == 2 else 0.0)
 
 
-def check(seed):
-    """The engine and the second implementation agree; how often a known link switched between two instants."""
-    scenario, plain = random_world(seed)
+def agreeing(scenario, plain, tolerance):
+    """The session at its end and its run, which agree with those of a second implementation."""
     session = fk.start(scenario)
     session.advance(scenario.t_end)
     run = session.run()
     q, p = plain.run(scenario.t_end)
     assert run.fidelity.engine == "delayed"
-    assert np.abs(run.q[-1] - q).max() < 1e-9
+    assert np.abs(run.q[-1] - q).max() < tolerance
     if scenario.agents.order == 2:
-        assert np.abs(run.p[-1] - p).max() < 1e-9
+        assert np.abs(run.p[-1] - p).max() < tolerance
     assert (session.known_links[0] == plain.links).all()
+    return session, run
+
+
+def check(seed):
+    """The engine and the second implementation agree; how often a known link switched between two instants."""
+    scenario, plain = random_world(seed)
+    session, run = agreeing(scenario, plain, 1e-9)
     assert (session.knowledge.newest == [[x[0] for x in row] for row in plain.known]).all()
     assert np.abs(run.residual).max() <= 1e-9 * max(1.0, run.turnover)
     return plain.switches

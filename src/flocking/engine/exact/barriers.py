@@ -95,7 +95,9 @@ def grown_tolerance(dynamics: Dynamics, tolerance: Array, y: Array, slope: Array
 
 
 def nearest_to_barrier(dynamics: Dynamics, links: LinkState, y: Array) -> tuple[int, int] | None:
-    """The linked pair nearest to a break radius where its potential is infinite; None if none is at it.
+    """The linked pair nearest to a break radius where its potential is infinite, of those that a limit acts on.
+
+    None if none of them is at it.
 
     Parameters
     ----------
@@ -106,15 +108,16 @@ def nearest_to_barrier(dynamics: Dynamics, links: LinkState, y: Array) -> tuple[
     y
         State vector.
     """
-    q, found = dynamics.split(y)[0], []
+    q, limited = dynamics.split(y)[0], np.asarray((dynamics.held.acting > 0.0).any(axis=0))
+    found: list[tuple[float, int, int]] = []
     for watch in links.watches:
-        if watch.kind == "link" and dynamics.barriers[watch.graph] and links.links[watch.graph].any():
-            i, j = np.nonzero(links.links[watch.graph])
+        if watch.kind == "link" and dynamics.barriers[watch.graph]:
+            i, j = np.nonzero(links.links[watch.graph] & (limited[:, None] | limited))
             apart = np.linalg.norm(dynamics.scenario.space.displacement(q[j] - q[i]), axis=1)
-            k = int(np.argmin(gap := 1.0 - apart / watch.leave[i]))
-            found.append((float(gap[k]), (int(i[k]), int(j[k]))))
-    nearest = min(found, default=(1.0, None))
-    return nearest[1] if nearest[0] < AT_BARRIER else None
+            gaps = 1.0 - apart / watch.leave[i]
+            found += zip(gaps.tolist(), i.tolist(), j.tolist(), strict=True)
+    gap, one, other = min(found, default=(1.0, 0, 0))
+    return (one, other) if gap < AT_BARRIER else None
 
 
 def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState) -> float:

@@ -5,22 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from flocking.model.bodies.body import Body
 from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.space import Space
-from flocking.model.state import State
+from flocking.model.scenario_world import InWorld, LawInWorld
 from flocking.model.terms.pair_terms import PairTerm, Term
-from flocking.model.world.control import Control
-from flocking.model.world.information import Information
 
 
-class StatedLaw(Protocol):
+class StatedLaw(LawInWorld, Protocol):
     """A law, see `flocking.model.law.Law`."""
-
-    @property
-    def graph(self) -> Graph:
-        """Its graph."""
 
     @property
     def terms(self) -> Sequence[Term]:
@@ -42,7 +34,7 @@ class StatedLaw(Protocol):
         """Position of the graph of a ``term``."""
 
 
-class StatedScenario(Protocol):
+class StatedScenario(InWorld, Protocol):
     """A scenario, see `flocking.model.law.Scenario`."""
 
     @property
@@ -50,28 +42,8 @@ class StatedScenario(Protocol):
         """Its law."""
 
     @property
-    def start(self) -> State:
-        """Its start."""
-
-    @property
     def t_end(self) -> float:
         """Its end."""
-
-    @property
-    def agents(self) -> Body:
-        """What agents are."""
-
-    @property
-    def space(self) -> Space:
-        """Their space."""
-
-    @property
-    def information(self) -> Information:
-        """What they know."""
-
-    @property
-    def control(self) -> Control:
-        """When they act."""
 
     @property
     def energy(self) -> Energy:

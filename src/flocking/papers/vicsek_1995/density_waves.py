@@ -75,11 +75,5 @@ def waves_of(q: Array, u: Array, side: float) -> tuple[tuple[int, int], float, f
     count = np.bincount(strip, minlength=STRIPS)
     sums = np.stack([np.bincount(strip, u[:, k], minlength=STRIPS) for k in range(2)], axis=1)
     local = np.linalg.norm(sums, axis=1) / np.maximum(count, 1)
-    return (
-        best,
-        strength_of(best),
-        abs(float(mean @ normal)) / max(order, 1e-300),
-        order,
-        count * STRIPS / len(q),
-        local,
-    )
+    across = abs(float(mean @ normal)) / max(order, 1e-300)
+    return best, strength_of(best), across, order, count * STRIPS / len(q), local

@@ -166,7 +166,7 @@ class Claim:
         Gives the reason why the claim does not apply to a run; empty when it applies.
     setting
         Gives the reason why a run is not of the agents, the space or the world that the theorem is about; empty
-        when it is. The hypothesis is then not met, and the conclusion is measured beside it.
+        when it is. Else the hypothesis is not met, and the conclusion, unless about energies, is measured beside it.
     expected
         The verdict that follows from the ground; see ``basis``.
     reason
@@ -256,7 +256,9 @@ class Claim:
         if reason := self.obstacle(evidence):
             return Result(self, Verdict.NOT_APPLICABLE, note=reason)
         if reason := self.setting(evidence):
-            return Result(self, Verdict.HYPOTHESIS_NOT_MET, -1.0, 0.0, reason, self._conclusion_alone(evidence))
+            # In most other settings energies are not those of the forces that act.
+            alone = None if self.about.subject is Subject.LEDGER else self.unconditional.examine(evidence)
+            return Result(self, Verdict.HYPOTHESIS_NOT_MET, -1.0, 0.0, reason, alone)
         hypothesis = self.hypothesis(evidence)
         if (doubt := self._undecided_by_samples(evidence, hypothesis)) or hypothesis.holds is not True:
             unknown = doubt or hypothesis.holds is None
@@ -272,11 +274,10 @@ class Claim:
         error = math.nan if measured.as_computed else measured.error
         return Result(self, verdict, measured.margin, error, _joined(measured.note, doubt))
 
-    def _conclusion_alone(self, evidence: Evidence) -> Result | None:
-        """What a run outside the setting of the theorem shows of the conclusion; None of energies, which differ."""
-        if self.about.subject is Subject.LEDGER:
-            return None
-        return replace(self, setting=_everywhere, hypothesis=granted).examine(evidence)
+    @property
+    def unconditional(self) -> Claim:
+        """The conclusion by itself: of any run, without the hypothesis."""
+        return replace(self, setting=_everywhere, hypothesis=granted)
 
     def _verdict(self, e: Evidence, measured: Measure, unsettled: str) -> tuple[Verdict, str]:
         """The verdict that a measured conclusion allows, and the doubt that remains."""

@@ -234,6 +234,11 @@ class DoubtEvidence(LinkEvidence):
             doubtful = doubtful or (not alone and not is_connected(low))
         return certain, doubtful or (certain == np.inf and self.known_until < np.inf)
 
+    @property
+    def _connection_has_errors(self) -> bool:
+        """Whether `connection` is there: links switch, at located times whose errors are known."""
+        return self.switches_known and self.run.accuracy is not None and self.law.graph.moves
+
     @cached_property
     def falls_apart_at(self) -> float:
         """First time at which the graph is seen disconnected, infinite when it never is, where errors change neither.
@@ -247,7 +252,7 @@ class DoubtEvidence(LinkEvidence):
             When the graph is connected at all frames and may not be between them, or switches in doubt decide it.
         """
         seen = self.first_disconnected
-        if not self.switches_known or self.run.accuracy is None or not self.law.graph.moves:
+        if not self._connection_has_errors:
             return seen
         certain, doubtful = self.connection
         if doubtful or (certain == np.inf) != (seen == np.inf):
@@ -263,7 +268,7 @@ class DoubtEvidence(LinkEvidence):
         NotResolvable
             As `falls_apart_at` does, unless the graph is certainly disconnected at some time.
         """
-        if self.switches_known and self.run.accuracy is not None and self.law.graph.moves:
+        if self._connection_has_errors:
             return bool(self.connection[0] == np.inf and self.falls_apart_at == np.inf)
         return bool(self.first_disconnected == np.inf)
 

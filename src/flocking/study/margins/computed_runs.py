@@ -9,7 +9,7 @@ import numpy as np
 
 from flocking.engine.runs.run import DOUBT_FIELDS, Accuracy, Run
 from flocking.study.claims.audit import Report
-from flocking.study.claims.claim import Basis, Claim, Verdict, granted
+from flocking.study.claims.claim import Basis, Claim, Verdict
 from flocking.study.claims.subjects import Subject
 from flocking.study.evidence import Evidence
 
@@ -35,10 +35,7 @@ def as_computed(run: Run) -> Run:
 
 def bare(claim: Claim) -> tuple[Claim, Claim]:
     """The conclusion of a claim without its hypothesis, and its hypothesis where the claim applies, as claims."""
-    plain = replace(
-        claim, basis=Basis.GENERAL, ground="", counterexample=None, expected=Verdict.HOLDS, hypothesis=granted,
-        setting=_nothing,
-    )  # fmt: skip
+    plain = replace(claim.unconditional, basis=Basis.GENERAL, ground="", counterexample=None, expected=Verdict.HOLDS)
     hypothesis = replace(plain, key=claim.key + HYPOTHESIS, conclusion=claim.hypothesis, dynamic=False)
     return replace(plain, obstacle=_nothing), hypothesis
 

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 import flocking as fk
 from flocking.apps.lab.experiment.experiment import Experiment
+from flocking.engine.exact.barriers import nearest_to_barrier
 from flocking.engine.exact.session import ExactSession
 from flocking.errors import LinkLost
 from flocking.model.serial import from_data, to_data
@@ -87,11 +88,18 @@ def test_a_bite_is_located():
 
 
 @pytest.mark.parametrize("speed", [4.0, 2.0])
-def test_a_barrier_that_limits_do_not_hold_is_reached_at_a_known_time(speed):
+def test_a_barrier_that_limits_do_not_hold_is_reached_at_a_known_time(speed, monkeypatch):
     """Held back by a constant force until then; the ledger, which grows without bound, does not stop the steps."""
     law = fk.Law(fk.Proximity(4.0), [fk.Gradient(fk.Potential("1000/(4 - r)"))])
     start = fk.State([[0.0, 0.0], [3.0, 0.0]], [[0.0, 0.0], [speed, 0.0]])
     session = fk.start(fk.Scenario(law, start, 0.5, bodies=fk.Limited(fk.PointMass(), force=2.0)))
+    take = ExactSession._take_step
+
+    def counted(self, tried):
+        assert self.steps < 3000, "steps shrink without end"
+        take(self, tried)
+
+    monkeypatch.setattr(ExactSession, "_take_step", counted)
     # The gap of 1 closes at the relative speed, which falls by 4 in a unit of time.
     if speed**2 < 8.0:
         session.advance(0.5)
@@ -102,7 +110,14 @@ def test_a_barrier_that_limits_do_not_hold_is_reached_at_a_known_time(speed):
         session.advance(0.5)
     assert tuple(reached.value.agents) == (0, 1)
     assert reached.value.time == pytest.approx((speed - np.sqrt(speed**2 - 8.0)) / 4.0, abs=1e-7)
-    assert session.steps < 3000
+
+
+@pytest.mark.parametrize(("force", "named"), [(1.0, (0, 1)), (1e30, None)])
+def test_limits_are_blamed_for_a_barrier_only_where_they_act(force, named):
+    law = fk.Law(fk.Proximity(4.0), [fk.Gradient(fk.Potential("1/(4 - r)"))])
+    start = fk.State([[0.0, 0.0], [4.0 - 1e-7, 0.0], [1.0, 9.0]], np.zeros((3, 2)))
+    session = fk.start(fk.Scenario(law, start, 0.5, bodies=fk.Limited(fk.PointMass(), force=force)), engine="exact")
+    assert nearest_to_barrier(session._dynamics, session._links, session._segment.coefficients[-1]) == named
 
 
 def test_no_agent_gets_faster_than_its_limit():
