@@ -22,6 +22,7 @@ from tests.counting import (  # noqa: F401 - pytest finds them here
     pytest_terminal_summary,
     pytest_testnodedown,
 )
+from tests.slow_cases import mark_slow_cases
 
 settings.register_profile(
     "project",
@@ -50,4 +51,17 @@ def pytest_collection() -> Generator[None, object, object]:
     finally:
         gc.collect()
         gc.freeze()
+        gc.set_threshold(GARBAGE, 10, 10)
         gc.enable()
+
+
+GARBAGE = 20_000
+"""Objects made between two searches for garbage, instead of 700: expressions of SymPy are many and live long."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Put tests into the slow tier before pytest selects."""
+    missing = mark_slow_cases(items)
+    if missing and not any("::" in argument for argument in config.args):
+        raise pytest.UsageError(f"tests/slow_cases.txt names tests that are not there: {sorted(missing)}")

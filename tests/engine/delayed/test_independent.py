@@ -42,10 +42,10 @@ def check(seed):
 
 
 def test_random_worlds():
-    assert sum(check(seed) for seed in range(12)) > 12
+    assert sum(check(seed) for seed in range(8)) > 8
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12, 112))
-def test_100_more_random_worlds(seed):
+@pytest.mark.parametrize("seed", range(8, 112))
+def test_104_more_random_worlds(seed):
     check(seed)

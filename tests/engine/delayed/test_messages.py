@@ -66,10 +66,10 @@ def check(seed):
 
 
 def test_random_worlds():
-    assert sum(check(seed) for seed in range(5)) > 5
+    assert sum(check(seed) for seed in range(3)) > 3
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(5, 85))
-def test_80_more_random_worlds(seed):
+@pytest.mark.parametrize("seed", range(3, 85))
+def test_82_more_random_worlds(seed):
     check(seed)
