@@ -85,8 +85,8 @@ def short(place: Path, writable: Path | None, *, every: bool) -> Iterator[tuple[
     yield ("export", place / "whole", "--to", "npz", "--out", (writable or place) / "run.npz")
     yield ("audit", place / "samples.csv", "--law", place / "ten.toml")
     yield ("audit", place / "logged", "--replay")
-    yield ("margins", place / "ten.toml", *MARGINS, *(() if writable is None else ("--out", writable / "margins")))
     if every:
+        yield ("margins", place / "ten.toml", *MARGINS, *(() if writable is None else ("--out", writable / "margins")))
         yield ("list", "--json")
         yield ("equations", "tanner-2003-fixed")
         yield ("certify", place / "ten.toml", "--hypotheses")

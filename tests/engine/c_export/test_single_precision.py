@@ -172,7 +172,14 @@ MUTANTS = {
 }
 
 
-@pytest.mark.parametrize(("name", "old", "new"), [(k, *x) for k, listed in MUTANTS.items() for x in listed])
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        pytest.param(name, *x, marks=pytest.mark.slow if k % 2 else ())
+        for name, listed in MUTANTS.items()
+        for k, x in enumerate(listed)
+    ],
+)
 def test_a_wrong_constant_or_a_relative_error_of_a_hundred_thousandth_breaks_the_bound(name, old, new, tmp_path):
     """What is run leaves the bound of what was written; where the wrong text is bounded, the law lies outside."""
     scenario = TORUS if name == "torus" else SCENARIOS[name](0)

@@ -81,7 +81,14 @@ def test_single_precision_stays_within_the_bounds_of_intervals(limit, tmp_path):
 GAINS = ("weight", "gain", "slope", "speed", "acceleration", "most")
 
 
-@pytest.mark.parametrize(("term", "name"), [(t, k) for t in TERMS for k in GAINS if hasattr(t, k)], ids=str)
+WRONG = [(t, k) for t in TERMS for k in GAINS if hasattr(t, k)]
+
+
+@pytest.mark.parametrize(
+    ("term", "name"),
+    [pytest.param(*x, marks=pytest.mark.slow if k % 2 else ()) for k, x in enumerate(WRONG)],
+    ids=[f"{t}-{k}" for t, k in WRONG],
+)
 def test_a_number_that_is_wrong_by_a_hundred_thousandth_leaves_the_bounds(term, name, tmp_path):
     """Of each term: the bounds are narrow enough to tell."""
     rng, scenario = np.random.default_rng(9), scenario_of([term])

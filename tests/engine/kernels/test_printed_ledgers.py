@@ -155,7 +155,9 @@ def printed(law, energy, order):
     return module.energies.py_func(T, Q, p, *rest), u, rates
 
 
-@pytest.mark.parametrize(("order", "compensate"), [(1, False), (2, False), (2, True)])
+@pytest.mark.parametrize(
+    ("order", "compensate"), [pytest.param(1, False, marks=pytest.mark.slow), (2, False), (2, True)]
+)
 @pytest.mark.parametrize("frame_name", FRAMES)
 @pytest.mark.parametrize("name", CASES)
 def test_printed_powers_are_those_of_the_terms(name, frame_name, order, compensate):
