@@ -2,20 +2,26 @@
 
 import asyncio
 import http.client
+import os
 import re
+import socket
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.apps.lab.access.peer_users import TABLES
 from flocking.apps.lab.panels.catalogue import catalogue
 from tests.apps.lab.foreign import HOSTS, ORIGINS, OWN, PORT, TOKENS, WAYS_OUT, handshake
 from tests.apps.lab.tabs import wait
 from tests.counting import count
 
 pytestmark = pytest.mark.server
+
+NOBODY = 65534
 
 
 def here(text, page):
@@ -236,3 +242,33 @@ def test_a_lab_ends_by_an_interrupt_that_was_raised_where_a_library_drops_it(mon
     running.join(60.0)
     assert found
     assert found[0].clock.closed
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_another_user_who_has_the_token_is_refused(page, closed, monkeypatch):
+    """Their sockets are made by this process, which acts for them for a moment: only root may."""
+    looked_at = []
+    judge = page.server.access.judge
+    monkeypatch.setattr(page.server.access, "judge", lambda *x: looked_at.append(x) or judge(*x))
+    if os.getuid() != 0 or not TABLES[0].exists():
+        count("lab: machines where no other user can be acted for")
+        return
+    os.seteuid(NOBODY)
+    try:
+        connection = socket.create_connection(("127.0.0.1", page.server.port))
+    finally:
+        os.seteuid(0)
+    own = here(OWN, page)
+    headers = "".join(f"{name}: {value}\r\n" for name, value in handshake(own, f"http://{own}"))
+    connection.sendall(f"GET {here('/secret/live', page)} HTTP/1.1\r\n{headers}\r\n".encode())
+    if closed:
+        connection.close()
+        time.sleep(0.3)
+    else:
+        connection.settimeout(30)
+        assert b" 403 " in connection.recv(4096)
+        connection.close()
+    assert looked_at == []
+    assert answer(page, here("/secret/", page), [("Host", own)])[0] == 200
+    assert len(looked_at) == 1
+    count("lab: requests of another user with the token to its server")

@@ -45,6 +45,7 @@ class Refusal:
 
 FOREIGN = Refusal(403, "The lab answers the page that it opened itself, on this machine, and no other.\n")
 NO_TOKEN = Refusal(403, "This address lacks the lab's token: open the address that was printed when the lab started.\n")
+OTHER_USER = Refusal(403, "The lab answers the user of this machine who started it, and no other.\n")
 TOO_MANY = Refusal(429, "Too many connections in a short time: try again in a few seconds.\n")
 
 

@@ -9,10 +9,12 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from flocking.apps.lab.access.peer_users import may_come_from_another_user
 from flocking.apps.lab.access.request_checks import (
     MESSAGES_A_SECOND,
     MOST_MESSAGES,
     MOST_TABS,
+    OTHER_USER,
     AccessCheck,
     RateLimit,
     Refusal,
@@ -147,7 +149,9 @@ class WebServer:
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """The answer to a request; None lets a checked handshake go on."""
-        found = self.access.judge(request.path, request.headers.raw_items())
+        found: Refusal | str = OTHER_USER
+        if not may_come_from_another_user(connection.remote_address[:2], (HOST, self.port)):
+            found = self.access.judge(request.path, request.headers.raw_items())
         if isinstance(found, Refusal):
             return self._respond(connection, found.status, Content("text/plain; charset=utf-8", found.words.encode()))
         if "upgrade" in request.headers:
