@@ -95,7 +95,7 @@ def test_a_body_of_ones_own_with_a_seed_is_taken_to_be_random():
 
 def test_margins_draw_gusts_with_the_seed_of_the_run_in_every_world():
     from flocking.study.margins.quantities import quantities
-    from flocking.study.margins.search import Worlds
+    from flocking.study.margins.worlds import Worlds
 
     worlds = Worlds(lambda seed: scenario(RANDOM["gusts"]), {"loss": quantities()["loss"]}, 0.1)
     assert seeds_in(scenario_to_text(worlds(world="ideal", seed=4))) == [4]

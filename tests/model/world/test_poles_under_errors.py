@@ -9,7 +9,7 @@ import pytest
 
 import flocking as fk
 from flocking.errors import NotFinite, SuspectInput
-from flocking.study.margins.search import world_in_words
+from flocking.study.margins.worlds import world_in_words
 
 START = fk.State([[0.0, 0.0], [1.5, 0.0], [0.7, 1.2]], np.zeros((3, 2)))
 SINGULAR = fk.Potential("1/r + 1/(3 - r)")

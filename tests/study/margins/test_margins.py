@@ -400,6 +400,24 @@ def test_a_conclusion_that_only_the_ideal_world_keeps_is_sought_three_times():
     assert table.cells[0][2:6] == ("ideal", "1/1", "one run", "0.00625")
 
 
+def test_what_the_base_world_breaks_is_not_blamed_on_the_quantity():
+    """Losses are varied in a world of ticks and messages: one claim fails there without a loss, one at losses alone."""
+    ticks = Claim("ticks", "here", "Nobody acts at ticks.", lambda e: Measure(
+        -1.0 if getattr(e.run.scenario.control, "period", 0.0) else 1.0))  # fmt: skip
+    heard = Claim("heard", "here", "Nothing is lost.", lambda e: Measure(
+        -1.0 if getattr(e.run.scenario.information, "loss", None) else 1.0))  # fmt: skip
+    table = found(consensus(t_end=1), "loss", (ticks, heard), levels={"loss": [0.4]}, seeds=1)
+    # Towards a base world that keeps a conclusion as far as towards the ideal one: 0.4 / 64, and no further.
+    assert (table.varied[0].levels[:2], table.varied[0].levels[-1]) == ((0.0, 0.00625), 0.4)
+    assert (table.margin("loss", "ticks").bracket.lower, table.margin("loss", "ticks").bracket.upper) == (None, 0.0)
+    assert (table.margin("loss", "heard").bracket.lower, table.margin("loss", "heard").bracket.upper) == (0.0, 0.00625)
+    assert table.cells[0][2:6] == ("ideal", "1/1", "one run", "0")
+    (note,) = [note for note in table.notes if "at 0 already" in note]
+    assert "refuted at 0 already, where nothing of it is varied: ticks." in note
+    assert "messages every 0.001; control held for 0.001" in note
+    assert margins_from(table.as_dict()) == table
+
+
 @pytest.mark.parametrize("levels", [[2.0], [0.0, 0.5, 1.5]])
 def test_levels_of_which_no_world_is_made_are_named(levels):
     """A probability of 2: the user gave a level, and no part of that name."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from flocking.apps.reproduction.report_tables import head_row, named_cells, table
-from flocking.papers.stored_margins import is_stored, stored_margins
+from flocking.papers.stored_margins import is_stored, reason_of_plan, stored_margins
 
 
 def margins_table(key: str) -> str:
@@ -20,7 +20,8 @@ def margins_table(key: str) -> str:
         return ""
     found = stored_margins(key)
     rows = [f"<tr>{named_cells(found.head, map(escape, cells))}</tr>" for cells in found.cells]
-    notes = "".join(f"<li>{escape(note)}</li>" for note in found.notes)
+    sentences = [*filter(None, [reason_of_plan(key)]), *found.notes]
+    notes = "".join(f"<li>{escape(note)}</li>" for note in sentences)
     versions = ", ".join(f"{name} {version}" for name, version in found.provenance.items())
     return (
         f'<p class="dim">Observed, not proven, and stored with the library; not computed by this reproduction: '

@@ -48,6 +48,9 @@ class Varied:
         By conclusion and level.
     falling
         Whether smaller levels are further from the ideal one.
+    base
+        What is not ideal about the world at level 0, where nothing of the quantity is varied yet; empty where no runs
+        were made there.
     """
 
     name: str
@@ -55,6 +58,7 @@ class Varied:
     world: str
     counts: Mapping[str, Mapping[float, Count]]
     falling: bool = False
+    base: str = ""
 
     @property
     def levels(self) -> tuple[float, ...]:
@@ -164,6 +168,13 @@ class Margins:
         found += [
             f"Runs that failed count as open; the first of {world}: {why}" for world, why in self.failures.items()
         ]
+        for one in self.varied:
+            refuted = [key for key in self.shown_ideally if one.counts.get(key, {}).get(0.0, Count()).failed]
+            if refuted and one.base:
+                found.append(
+                    f"{one.name}: refuted at 0 already, where nothing of it is varied: {', '.join(refuted)}. What "
+                    f"these do not stand is the world in which it is varied: {one.base}."
+                )
         for key, count in self.ideal.items():
             if not count.shown(self.share):
                 found.append(f"{key} has no margin: {_counted(count)} in the ideal world.")
@@ -225,6 +236,7 @@ class Margins:
             "quantities": [
                 {
                     "name": one.name, "meaning": one.meaning, "world": one.world, "falling": one.falling,
+                    "base": one.base,
                     "levels": list(one.levels),
                     "counts": {
                         key: [{"level": level, **self._count_data(counts[level])} for level in one.levels
@@ -296,7 +308,8 @@ def _read(data: Mapping[str, object]) -> Margins:
             key: {float(entry["level"]): count(entry) for entry in entries}
             for key, entries in one["counts"].items()  # type: ignore[attr-defined]
         }
-        varied.append(Varied(str(one["name"]), str(one["meaning"]), str(one["world"]), counts, bool(one["falling"])))
+        words = str(one["name"]), str(one["meaning"]), str(one["world"])
+        varied.append(Varied(*words, counts, bool(one["falling"]), str(one.get("base", ""))))
     refused: dict[str, dict[float, str]] = {}
     for entry in data.get("refused_levels", ()):  # type: ignore[attr-defined]
         refused.setdefault(str(entry["quantity"]), {})[float(entry["level"])] = str(entry["why"])

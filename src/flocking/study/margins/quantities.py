@@ -65,6 +65,9 @@ class Quantity:
         Whether smaller values are further from the ideal one, as for a limit.
     resolution
         Values are whole multiples of this, as times are of a nanosecond; 0 where they are not rounded.
+    unvaried
+        Value at which nothing but the base world is left, as a loss of 0; None where there is none, as for a period.
+        A conclusion that is refuted at the first level is looked at there before the quantity is given the blame.
     """
 
     name: str
@@ -73,6 +76,7 @@ class Quantity:
     levels: Callable[[Scenario, float], tuple[float, ...]]
     falling: bool = False
     resolution: float = 0.0
+    unvaried: float | None = None
 
     def resolved(self, level: float) -> float:
         """The value that is simulated for a ``level``."""
@@ -280,13 +284,15 @@ for _quantity in (
     Quantity("period", "time between two controls of an agent, and between two of its messages where there are any",
              _with_period, _periods, resolution=NANOSECOND),
     Quantity("latency", "time from a control until its force acts", _with_latency, _delays,
-             resolution=NANOSECOND),
-    Quantity("delay", "time from a sample until it arrives", _with_delay, _delays, resolution=NANOSECOND),
+             resolution=NANOSECOND, unvaried=0.0),
+    Quantity("delay", "time from a sample until it arrives", _with_delay, _delays, resolution=NANOSECOND,
+             unvaried=0.0),
     Quantity("loss", "probability that a message is lost, each independently; the last one that came is used",
-             _with_loss, lambda scenario, period: LOSSES),
-    Quantity("noise", "standard deviation of measured positions along each axis", _with_noise, _position_noises),
+             _with_loss, lambda scenario, period: LOSSES, unvaried=0.0),
+    Quantity("noise", "standard deviation of measured positions along each axis", _with_noise, _position_noises,
+             unvaried=0.0),
     Quantity("velocity-noise", "standard deviation of measured velocities along each axis", _with_velocity_noise,
-             _velocity_noises),
+             _velocity_noises, unvaried=0.0),
     Quantity("limit", "largest force of an agent; longer ones are scaled back", _with_limit, _limits, falling=True),
 ):  # fmt: skip
     register_quantity(_quantity)

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from flocking.engine.driver.simulate import start
 from flocking.engine.interruption import interrupted
-from flocking.errors import FlockingError, InvalidInput, SuspectInput
+from flocking.errors import FlockingError, InvalidInput
 from flocking.model.checks import integer, number
-from flocking.model.drawn_during_runs import with_seed_of_run
 from flocking.model.law import Scenario
-from flocking.model.world.control import CONTINUOUS
-from flocking.model.world.information import INSTANT
 from flocking.study.claims.claim import Claim
 from flocking.study.confidence_intervals import check_level
 from flocking.study.margins.brackets import STEP_TO_IDEAL, Count, between, bracket, open_everywhere, open_from_ideal
@@ -22,6 +17,7 @@ from flocking.study.margins.computed_runs import HYPOTHESIS, Conclusions
 from flocking.study.margins.fingerprints import fingerprint, has_foreign_parts
 from flocking.study.margins.margin_table import Margins, Varied, counts_of
 from flocking.study.margins.quantities import Quantity, base_period, checked_levels, quantity_named
+from flocking.study.margins.worlds import IDEAL, Worlds, world_in_words
 from flocking.study.sweeps.recorded_content import digest_of
 
 ROUNDED = 1.0 - 1e-3
@@ -38,54 +34,7 @@ STEPS_TO_IDEAL = 3
 last 64 times nearer: one that nothing but the ideal world keeps would be sought without end.
 """
 
-IDEAL = "ideal"
-"""Name of the ideal world."""
-
 Verdicts = dict[str, str]
-
-
-@dataclass(frozen=True)
-class Worlds:
-    """Scenarios in worlds by name, ``"ideal"`` or such as ``"loss=0.2"``.
-
-    Parameters
-    ----------
-    make
-        Makes the scenario of a seed.
-    quantities
-        The quantities by name.
-    period
-        Period of the base world.
-    """
-
-    make: Callable[[int], Scenario]
-    quantities: Mapping[str, Quantity]
-    period: float
-
-    def __call__(self, *, world: str, seed: int) -> Scenario:
-        """The scenario of a ``seed`` in a ``world``; the seed also draws losses, jitter, noise and gusts."""
-        scenario = self.make(seed)
-        if world == IDEAL:
-            # Bodies in discrete time have no other control than one at ticks.
-            control = scenario.control if scenario.agents.discrete else CONTINUOUS
-            return with_seed_of_run(scenario.with_(information=INSTANT, control=control), seed)
-        name, _, value = world.partition("=")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SuspectInput)  # The table states it once, see `world_in_words`.
-            return with_seed_of_run(self.quantities[name].world(scenario, float(value), self.period), seed)
-
-
-def world_in_words(scenario: Scenario) -> str:
-    """What is not ideal about the world of a scenario, and what of its potentials has no bound there.
-
-    Parameters
-    ----------
-    scenario
-        The scenario.
-    """
-    unbounded = scenario.unbounded_forces
-    said = f"{unbounded}, and nothing bounds their forces: what was found rests on the distances that were drawn"
-    return f"{scenario.imperfections}; {said}" if unbounded else scenario.imperfections
 
 
 def reason_of(error: Exception) -> str:
@@ -217,16 +166,30 @@ class Search:
                 # Runs between levels that leave it open would leave it open too.
                 if open_everywhere(counts) or open_from_ideal(counts, where):
                     continue
-                if where.lower is None and self._is_near(where.upper, quantity, name):
+                if not where.lower and self._is_near(where.upper, quantity, name):
                     continue
                 if where.width > self._width:
                     level = between(where, falling=quantity.falling)
+                    if where.lower is None and self._base_is_unknown(quantity, name):
+                        level = quantity.unvaried
                     level = None if level is None else quantity.resolved(level)
-                    if level and level not in self.levels[name] and level not in self.refused[name]:
+                    if level is not None and level not in self.levels[name] and level not in self.refused[name]:
                         new[level] = None
             if new:
                 requested[name] = sorted(new)
         return requested
+
+    def _base_is_unknown(self, quantity: Quantity, name: str) -> bool:
+        """Whether the base world, in which nothing of the quantity is varied, can be tried and was not."""
+        base = quantity.unvaried
+        return base is not None and base not in self.levels[name] and base not in self.refused[name]
+
+    def base_in_words(self, name: str) -> str:
+        """The base world of a quantity in words, where runs were made there; else empty."""
+        base = self._worlds.quantities[name].unvaried
+        if base is None or base not in self.levels[name]:
+            return ""
+        return world_in_words(self._worlds(world=f"{name}={base!r}", seed=self._seeds[0]))
 
     def _is_near(self, level: float | None, quantity: Quantity, name: str) -> bool:
         """Whether a level is as near to the ideal world as is looked."""
@@ -393,7 +356,8 @@ def find_margins(
     with pool(workers, cluster) as shared:
         search.run(grids)
     varied = tuple(
-        Varied(name, q.meaning, words[name], search.counts(name), q.falling) for name, q in worlds.quantities.items()
+        Varied(name, q.meaning, words[name], search.counts(name), q.falling, search.base_in_words(name))
+        for name, q in worlds.quantities.items()
     )
     statements = {claim.key: claim.statement for claim in claims if claim.key in search.ideal}
     return Margins(
