@@ -343,3 +343,34 @@ def test_a_hundred_agents_that_lose_messages_have_the_closed_bound():
         found = fk.certify(fk.Scenario(law, start, t_end=1.0, **world))["growth_in_world"]
         assert found.granted == falls
         assert falls or "does not fall" in found.reason
+
+
+PLACES, SPEEDS = np.random.default_rng(3).normal(size=(2, 4, 2))
+
+
+@pytest.mark.parametrize(
+    ("terms", "world", "key", "physical"),
+    [
+        ("both", {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=0.1)}, "growth_in_world", True),
+        ("both", {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=0.1)}, "period_in_world", True),
+        ("both", {"control": fk.Held(0.1), "information": fk.Messages(0.1)}, "growth_in_world", False),
+        ("both", {"information": fk.Delayed(0.1, self_delayed=True)}, "delay_in_world", False),
+        ("velocities", {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=0.1)}, "growth_in_world", False),
+        ("velocities", {"information": fk.Delayed(0.1)}, "delay_in_world", False),
+    ],
+)
+def test_a_guarantee_says_where_rest_is_physical(terms, world, key, physical):
+    """Two runs judge it: whether the group with 1 added to all velocities moves as it does at rest, beside that 1."""
+    pull = [fk.Gradient(fk.Potential("r**2/2"))] if terms == "both" else []
+    law = fk.Law(fk.Fixed.complete(4), [*pull, fk.Consensus(1.0)])
+
+    def made(extra):
+        return fk.Scenario(law, fk.State(PLACES, SPEEDS + extra), t_end=2.0, frames=3, **world)
+
+    still, moved = (fk.simulate(made(extra), progress=False).p[-1] for extra in (0.0, 1.0))
+    assert (np.abs(moved - still - 1.0).max() > 0.05) == physical
+    found = fk.certify(made(0.0))[key]
+    assert found.granted
+    assert ("The rest frame of the world is physical: messages every 0.1, 0.1 late." in found.statement) == physical
+    assert ("rest frame" in found.statement) == physical
+    assert "rest frame" not in fk.certify(made(0.0))["decay_rate"].statement

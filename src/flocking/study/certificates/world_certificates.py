@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from flocking.formula.intervals import Interval
@@ -14,6 +16,7 @@ from flocking.study.certificates.consensus_certificates import LinearConsensus
 from flocking.study.certificates.linear.directed_consensus import DirectedConsensus
 from flocking.study.certificates.sampled_consensus import SampledConsensus
 from flocking.study.certificates.sources import sources
+from flocking.study.claims.conclusions.frames import frame_words
 
 SUM_ERROR = 1e-13
 """Rounding of a sum of up to a million products relative to the sum of their absolute values: NumPy sums in pairs of
@@ -52,7 +55,20 @@ def world_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     """
     graph = scenario.law.graph
     system = DirectedConsensus(scenario) if type(graph) is Fixed and graph.directed else LinearConsensus(scenario)
-    return *_sampled(scenario, system), _delay(scenario, system)
+    found = *_sampled(scenario, system), _delay(scenario, system)
+    return tuple(_with_frame(scenario, system, each) for each in found)
+
+
+def _with_frame(scenario: Scenario, system: LinearConsensus, found: Certificate) -> Certificate:
+    """A granted guarantee of positions and velocities, with what makes the rest frame of the world physical.
+
+    Of positions of agents of order 1 there is no velocity, and velocities alone are agreed on in the same way by all
+    observers who move uniformly.
+    """
+    words = frame_words(scenario)
+    if not (words and found.granted) or system.is_first:
+        return found
+    return replace(found, statement=f"{found.statement} {words[0].upper()}{words[1:]}.")
 
 
 def _sampled(scenario: Scenario, system: LinearConsensus) -> tuple[Certificate, ...]:
