@@ -28,15 +28,17 @@ def random_lists(tiles: int, places: int) -> TileLists:
 def test_senders_are_the_agents_at_the_places_in_the_lists():
     lists = random_lists(20, 400)
     ids = np.random.default_rng(1).permutation(400).astype(np.int32)
-    found = np.full(lists.rows.size, 12345, np.uint32)
-    take_senders(0, 20, lists.rows.reshape(-1), lists.first, lists.count, ids, found)
-    found = found.reshape(-1, WIDTH)
+    found, used = np.full((2, lists.rows.size), 12345, np.uint32)
+    take_senders(0, 20, lists.rows.reshape(-1), lists.first, lists.count, ids, found, used)
+    found, used = found.reshape(-1, WIDTH), used.reshape(-1, WIDTH)
     named = np.zeros(len(found), dtype=bool)
     for tile in range(20):
         for row in range(lists.first[tile], lists.first[tile] + lists.count[tile]):
             named[row] = True
             assert found[row].tolist() == [ids[int(entry) % 2**31] for entry in lists.rows[row]]
     assert (found[~named] == 12345).all()
+    assert (used[named] == 0).all()
+    assert (used[~named] == 12345).all()
 
 
 def test_the_distance_is_that_of_the_last_neighbours_of_most_tiles():

@@ -67,8 +67,12 @@ def round_and_round(rng, n, m):
     return rng.random((n, m)) * 4.0 + 4.0 * rng.integers(-50, 50, (n, m))
 
 
+def end_to_end(rng, n, m):
+    return rng.random((n, m)) * 4.0
+
+
 PLACES = {"scattered": scattered, "far apart": far_apart, "crowded": crowded, "one row": one_row,
-          "round and round": round_and_round}  # fmt: skip
+          "round and round": round_and_round, "end to end": end_to_end}  # fmt: skip
 
 
 def listed(q, dtype, space, each, threads=1):
@@ -96,7 +100,7 @@ def listed(q, dtype, space, each, threads=1):
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("uneven", [False, True])
 def test_lists_hold_exactly_the_pairs_within_reach(place, m, dtype, uneven):
-    space = Periodic([4.0] * m) if place == "round and round" else OPEN
+    space = Periodic([4.0] * m) if place in ("round and round", "end to end") else OPEN
     for n in (5, 16, 37, 900 if place != "crowded" else 1300):
         rng = np.random.default_rng(n)
         each = rng.uniform(0.3, 1.0, 64) if uneven else None

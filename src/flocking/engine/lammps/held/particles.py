@@ -164,29 +164,24 @@ class HeldRankParticles(RankParticles, HeldParticles):
             found.append(link_table(lists, self.n, self.ids, width, self.workers))
         return found
 
-    @property
-    def _known_with_memory(self) -> list[int]:
-        """Graphs whose links by the information of agents are sent with the agents."""
-        return [k for k, kind in enumerate(self.control_spec.graphs) if kind.memory and not kind.fixed]
-
     def _list_moving(self, skin: float, tables: list[Numbers32]) -> tuple[int, int] | None:
         known = len(self._known_with_memory)
-        lost = super()._list_moving(skin, tables[: len(tables) - known])
-        self._list_known(skin + self.search.margin, tables[len(tables) - known :])
+        beyond = skin + self.search.margin
+        lost = super()._list_moving(beyond, tables[: len(tables) - known])
+        self._list_known(beyond, tables[len(tables) - known :])
         return lost
 
     def _list_known(self, beyond: float, tables: list[Numbers32]) -> None:
-        """Build the lists of the graphs whose links by the information of agents differ from the true ones."""
+        """Build the lists of the graphs whose links by the information of agents have memory."""
         radii, left = self.radii, iter(tables)
-        for number, kind in enumerate(self.control_spec.graphs):
-            if kind.fixed or not (kind.memory or self.store is not None):
-                continue
+        self.known = [None] * len(self.known)
+        for number in self._known_with_memory:
             cutoff, each_reach, inside = radii.searched(number, beyond)
-            table = next(left, None) if kind.memory else None
-            fresh = kind.memory and (self._nothing_known_yet or table is None)
+            table = next(left, None)
+            fresh = self._nothing_known_yet or table is None
             lists, _ = self.known_builders[number].build(
                 self.agents, cutoff, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
-                begin2=inside if fresh else None, remember=kind.memory, beside=self._beside,
+                begin2=inside if fresh else None, remember=True, beside=self._beside,
             )  # fmt: skip
             self.known[number] = lists
             if table is not None and not fresh:

@@ -222,7 +222,11 @@ def _check(data: object, scenario: Scenario, particles: HeldParticles) -> None:
     for k, (each, graph) in enumerate(zip(checked["known"], particles.control_spec.graphs, strict=True)):
         if each is not None:
             check_lists(each, n, particles.size, f"session: known[{k}]")
-        if (each is not None) != (built and not graph.fixed and (graph.memory or particles.store is not None)):
+        own = built and not graph.fixed
+        # Earlier versions kept lists of their own for all graphs under messages.
+        if (each is None and own and graph.memory) or (
+            each is not None and not (own and (graph.memory or particles.store is not None))
+        ):
             raise MalformedError("session: known must hold the lists of graphs with links of their own")
     for when, who, u in checked["waiting"]:
         if len(who) != len(u) or (np.diff(who) <= 0).any() or when < now:

@@ -44,7 +44,8 @@ class HeldParticles(ParticleArrays):
     actuation
         What stands between the forces that agents compute and those; None for nothing.
     known
-        Lists of each graph with the links by what agents know; None where those of the truth serve.
+        Lists of each graph with the links by what agents know, where these have memory; None where the lists of the
+        true state serve, whose links nobody reads who looks for samples.
     used, senders
         For each entry of the lists of a graph the sample used last, see `flocking.engine.tiles.kernels.heard_samples`,
         and the number of the agent that it stands for; no entries where nothing is drawn.
@@ -143,19 +144,23 @@ class HeldParticles(ParticleArrays):
         """Whether the lists hold everybody who may be known to be within a radius at the nanosecond ``now``."""
         return self.store is None or not self.moving or self.store.deviation(now) <= self.search.margin
 
+    @property
+    def _known_with_memory(self) -> list[int]:
+        """Graphs whose links by what agents know have memory, and lists of their own to hold it."""
+        return [k for k, kind in enumerate(self.control_spec.graphs) if kind.memory and not kind.fixed]
+
     def _build_known(self) -> None:
-        """Build the lists of the graphs whose links by what agents know are not those of the truth."""
+        """Build the lists of the graphs whose links by what agents know have memory."""
         sorter, radii = self.search.sorter, self.radii
         beyond = self.displacement.skin + self.search.margin
-        for number, kind in enumerate(self.control_spec.graphs):
-            if kind.fixed or not (kind.memory or self.store is not None):
-                continue
-            old = self.known[number]
+        before, self.known = self.known, [None] * len(self.known)
+        for number in self._known_with_memory:
+            old = before[number]
             cutoff, each_reach, inside = radii.searched(number, beyond)
             # The sort leaves the new place of each agent in its buffer.
             self.known[number], _ = self.known_builders[number].build(
                 self.agents, cutoff, each_reach, sorter.grid, sorter.start, old, sorter.order,
-                sorter.key_buffer, begin2=inside if kind.memory and old is None else None, remember=kind.memory,
+                sorter.key_buffer, begin2=inside if old is None else None, remember=True,
             )  # fmt: skip
         if self._first_known_links is not None:
             self._remember_first_links()
@@ -169,11 +174,11 @@ class HeldParticles(ParticleArrays):
                 if number in self._shared:
                     continue
                 lists = self._lists_of(number)
-                self.used[number] = np.zeros(lists.rows.size, np.uint32)
-                self.senders[number] = np.empty(lists.rows.size, np.uint32)
+                if self.used[number].size != lists.rows.size:
+                    self.used[number], self.senders[number] = np.zeros((2, lists.rows.size), np.uint32)
                 self.workers.each(
                     take_senders, self.tiles, lists.rows.reshape(-1), lists.first, lists.count, self.ids,
-                    self.senders[number],
+                    self.senders[number], self.used[number],
                 )  # fmt: skip
                 self._ahead = max(self._ahead, tiles_ahead(lists, self.n))
 

@@ -18,8 +18,8 @@ differ by less in length, and twice as far would do as well."""
 
 
 @native
-def take_senders(first_tile, last_tile, rows, first, count, ids, senders):  # type: ignore[no-untyped-def]
-    """Put the number of the agent that each entry of a list stands for beside the entry.
+def take_senders(first_tile, last_tile, rows, first, count, ids, senders, used):  # type: ignore[no-untyped-def]
+    """Put the number of the agent that each entry of a list stands for beside the entry, and no sample used of it.
 
     Parameters
     ----------
@@ -31,10 +31,14 @@ def take_senders(first_tile, last_tile, rows, first, count, ids, senders):  # ty
         Number of the agent at each place.
     senders
         Takes the numbers, in the order of ``rows``; what belongs to no row of a list is not set.
+    used
+        Takes 0 for each entry, in the same order.
     """
     for tile in range(first_tile, last_tile):
         for row in range(first[tile], first[tile] + count[tile]):
-            store(senders, row * 16, gather(ids, load(rows, row * 16) & np.uint32(NUMBER)))
+            found = gather(ids, load(rows, row * 16) & np.uint32(NUMBER))
+            store(senders, row * 16, found)
+            store(used, row * 16, found ^ found)
 
 
 def tiles_ahead(lists: TileLists, n: int) -> int:

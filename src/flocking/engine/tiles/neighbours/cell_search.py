@@ -16,7 +16,7 @@ from flocking.arrays import Array, Numbers, Numbers32, Reals
 from flocking.engine.tiles.neighbours.cell_list import cell_of
 from flocking.engine.tiles.neighbours.nearest_image import to_nearest
 from flocking.engine.tiles.simd.packing import pack, room_like
-from flocking.engine.tiles.simd.reductions import highest
+from flocking.engine.tiles.simd.reductions import bits_of, highest
 from flocking.engine.tiles.simd.row_transposition import LOADERS
 from flocking.engine.tiles.simd.vectors import WIDTH, load, narrow, numbers_from, select, spread, store
 from flocking.formula.native.functions import native
@@ -34,6 +34,9 @@ BEHIND = ROOM + WIDTH
 DOUBT = 1e-6
 """What a distance from a box may be too long by, relative to the coordinates' differences: some eight units of rounding
 in single precision, of a difference, of the image taken, and of half an extent. A candidate is kept in doubt."""
+OWN_IMAGE = 0.49
+"""Share of a length that repeats up to which a difference of coordinates is that to the nearest image: half of it less
+far more than rounding. `to_nearest` then gives the difference itself, bit for bit."""
 
 
 class Cells(NamedTuple):
@@ -188,7 +191,7 @@ def _search_tile(
             last += 1
         low_x, low_y, low_z, high_x, high_y, high_z, limit = _box(cells.agents, reach, base + lane, base + last)
         around = Box(low_x, low_y, low_z, high_x, high_y, high_z, limit)
-        filled = 0
+        filled, images = 0, np.int64(0)
         for line in range(9 if three else 3):
             row = (cy + line % 3 - 1 + shape[1]) % shape[1]
             if three:
@@ -213,11 +216,12 @@ def _search_tile(
                         behind = int(cells.start[row * shape[0] + b])
                     while at < behind:
                         if filled > ROOM - WIDTH:
-                            _test(cells, reach, candidates, filled, rows, base, lane, last, cursor, end, found)
-                            filled = 0
-                        filled += _keep(cells, around, candidates, filled, at, behind)
+                            _test(cells, reach, candidates, filled, rows, base, lane, last, cursor, end, found, images)
+                            filled, images = 0, np.int64(0)
+                        kept, some = _keep(cells, around, candidates, filled, at, behind)
+                        filled, images = filled + kept, images | some
                         at += WIDTH
-        _test(cells, reach, candidates, filled, rows, base, lane, last, cursor, end, found)
+        _test(cells, reach, candidates, filled, rows, base, lane, last, cursor, end, found, images)
         lane = last
 
 
@@ -245,28 +249,49 @@ def _box(agents: Reals, reach: Reach, first: int, behind: int):  # type: ignore[
     return low_x, low_y, low_z, high_x, high_y, high_z, limit
 
 
-def _gap(x: float, low: float, high: float, box: Reals, k: int, m: int) -> float:
-    """Lanes not above the distance along one axis from coordinates ``x`` to the agents between two others.
+def _far(under: float, over: float, box: Reals, k: int, m: int) -> bool:
+    """Lanes for which an image along one axis may be nearer than the agent itself to some agent of a box.
 
     Parameters
     ----------
+    under, over
+        Coordinates' distances below the box and above it, negative where they are not.
     box, k, m
-        As for `to_nearest`. Where space repeats nobody is nearer than the distance from one end less the extent.
+        As for `to_nearest`.
     """
-    under, over, none = low - x, x - high, narrow(spread(0.0), x)
-    if box.shape[0]:
-        one, two = to_nearest(under, box, k, m), to_nearest(over, box, k, m)
-        one, two = select(one < none, -one, one), select(two < none, -two, two)
-        away = select(one > two, one, two) - (high - low)
-        under, over = select(under < none, -under, under), select(over < none, -over, over)
-        away = away - narrow(spread(DOUBT), x) * (under + over)
-    else:
-        away = select(under > over, under, over)
+    return select(under < over, -under, -over) * box[1 + m + k] > narrow(spread(OWN_IMAGE), under)  # type: ignore[no-any-return]
+
+
+def _gap(under: float, over: float, box: Reals, k: int, m: int) -> float:
+    """Lanes not above the distance along one axis from agents, or the nearest of their images, to those of a box.
+
+    Parameters
+    ----------
+    under, over, box, k, m
+        As for `_far`. Nobody is nearer than the distance from one end of the box less its extent.
+    """
+    none = narrow(spread(0.0), under)
+    extent = -(under + over)
+    one, two = to_nearest(under, box, k, m), to_nearest(over, box, k, m)
+    one, two = select(one < none, -one, one), select(two < none, -two, two)
+    away = select(one > two, one, two) - extent
+    under, over = select(under < none, -under, under), select(over < none, -over, over)
+    away = away - narrow(spread(DOUBT), under) * (under + over)
     return select(away > none, away, none)  # type: ignore[no-any-return]
 
 
-def _keep(cells: Cells, around: Box, candidates: Candidates, filled: int, at: int, behind: int) -> int:
-    """Keep the candidates near a box among the agents from ``at`` on, at most 16, those before ``behind``; how many."""
+def _own_gap(under: float, over: float) -> float:
+    """Lanes of the distance along one axis from agents to a box; for the parameters see `_far`."""
+    none = narrow(spread(0.0), under)
+    away = select(under > over, under, over)
+    return select(away > none, away, none)  # type: ignore[no-any-return]
+
+
+def _keep(cells: Cells, around: Box, candidates: Candidates, filled: int, at: int, behind: int):  # type: ignore[no-untyped-def]
+    """Keep the candidates near a box among the agents from ``at`` on, at most 16, those before ``behind``.
+
+    How many, and whether an image of one may be nearer than itself to an agent of the box.
+    """
     agents, box = cells.agents, cells.box
     first = min(at, agents.shape[0] - WIDTH)
     who = numbers_from(first)
@@ -275,26 +300,39 @@ def _keep(cells: Cells, around: Box, candidates: Candidates, filled: int, at: in
     else:
         x, y, z, _ = load_four(agents, first)
     m = agents.shape[1] // 2
-    beyond_x = _gap(x, around.low_x, around.high_x, box, 0, m)
-    beyond_y = _gap(y, around.low_y, around.high_y, box, 1, m)
+    here = (who >= np.uint32(at)) & (who < np.uint32(behind))
+    under_x, over_x, under_y, over_y = around.low_x - x, x - around.high_x, around.low_y - y, y - around.high_y
+    under_z, over_z = around.low_z - z, z - around.high_z
+    images = np.int64(0)
+    if box.shape[0]:
+        images = bits_of(here & (_far(under_x, over_x, box, 0, m) | _far(under_y, over_y, box, 1, m)))
+        if agents.shape[1] == 6:
+            images = images | bits_of(here & _far(under_z, over_z, box, 2, m))
+    if images:
+        beyond_x, beyond_y = _gap(under_x, over_x, box, 0, m), _gap(under_y, over_y, box, 1, m)
+    else:
+        beyond_x, beyond_y = _own_gap(under_x, over_x), _own_gap(under_y, over_y)
     square = beyond_x * beyond_x + beyond_y * beyond_y
     if agents.shape[1] == 6:
-        beyond_z = _gap(z, around.low_z, around.high_z, box, 2, m)
+        beyond_z = _gap(under_z, over_z, box, 2, m) if images else _own_gap(under_z, over_z)
         square = square + beyond_z * beyond_z
     limit = narrow(spread(np.float64(around.limit) * (1.0 + DOUBT)), x)
-    near = (square < limit) & (who >= np.uint32(at)) & (who < np.uint32(behind))
+    near = (square < limit) & here
     pack(candidates.x, filled, x, near)
     pack(candidates.y, filled, y, near)
     if agents.shape[1] == 6:
         pack(candidates.z, filled, z, near)
-    return pack(candidates.who, filled, who, near)  # type: ignore[no-any-return]
+    return pack(candidates.who, filled, who, near), images
 
 
 def _test(
     cells: Cells, reach: Reach, candidates: Candidates, filled: int, rows: NDArray[np.uint32], base: int,
-    first: int, last: int, cursor: int, end: int, found: NDArray[np.uint32],
+    first: int, last: int, cursor: int, end: int, found: NDArray[np.uint32], images: int,
 ) -> None:  # fmt: skip
-    """List the candidates that are kept and within reach of the agents ``first`` to ``last - 1`` of a tile."""
+    """List the candidates that are kept and within reach of the agents ``first`` to ``last - 1`` of a tile.
+
+    Where no image is nearer than the agent itself, ``images`` is 0.
+    """
     agents, box = cells.agents, cells.box
     three = agents.shape[1] == 6
     m = agents.shape[1] // 2
@@ -305,12 +343,12 @@ def _test(
         count = np.int64(0)
         for k in range(0, filled, WIDTH):
             dx, dy = load(candidates.x, k) - own_x, load(candidates.y, k) - own_y
-            if box.shape[0]:
+            if images:
                 dx, dy = to_nearest(dx, box, 0, m), to_nearest(dy, box, 1, m)
             square = dx * dx + dy * dy
             if three:
                 dz = load(candidates.z, k) - own_z
-                if box.shape[0]:
+                if images:
                     dz = to_nearest(dz, box, 2, m)
                 square = square + dz * dz
             who = load(candidates.who, k)

@@ -16,10 +16,14 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.neighbours.cell_list import Grid
 from flocking.engine.tiles.neighbours.cell_search import TILES_IN_CHUNK, Cells, ListRoom, Reach, search
 from flocking.engine.tiles.neighbours.nearest_image import to_nearest
+from flocking.engine.tiles.simd.reductions import bits_of
+from flocking.engine.tiles.simd.vectors import load, select, store
 from flocking.formula.native.functions import native
 
 SPARE_ROWS = 1024
 """Rows by which reused memory may exceed twice the need; for small groups the excess is negligible."""
+ALMOST_FULL = 16
+"""A chunk is almost full if less than this part of its rows is free, half of the eighth that it got in excess."""
 WIDTH = 16
 """Agents in a tile."""
 LINKED = np.uint32(1 << 31)
@@ -83,24 +87,38 @@ def _carry_links(  # type: ignore[no-untyped-def]
     first_tile, last_tile, n, order, place, old_rows, old_first, old_count, rows, first, count, lost
 ):
     """Link the pairs that were linked before the sort; report a linked pair that is no longer listed."""
+    sought, begin, many_old = np.empty(WIDTH, np.uint32), np.empty(WIDTH, np.int64), np.empty(WIDTH, np.int64)
     for tile in range(first_tile, last_tile):
-        for lane in range(min(WIDTH, n - tile * WIDTH)):
-            i = tile * WIDTH + lane
-            before, there = order[i] // WIDTH, order[i] % WIDTH
-            for old in range(old_first[before], old_first[before] + old_count[before]):
-                entry = old_rows[old, there]
-                if entry <= NUMBER:
-                    continue
-                j = place[np.int64(entry & NUMBER)]
-                here = False
-                for row in range(first[tile], first[tile] + count[tile]):
-                    if np.int64(rows[row, lane] & NUMBER) == j:
-                        rows[row, lane] |= LINKED
-                        here = True
-                if not here:
-                    # Return the pair to the caller.
-                    lost[0] = i
-                    lost[1] = j
+        base = tile * WIDTH
+        many = min(WIDTH, n - base)
+        most = np.int64(0)
+        for lane in range(WIDTH):
+            many_old[lane] = 0
+        for lane in range(many):
+            before = order[base + lane] // WIDTH
+            begin[lane], many_old[lane] = old_first[before] * WIDTH + order[base + lane] % WIDTH, old_count[before]
+            most = max(most, many_old[lane])
+        # Agents of a tile come from several tiles: the k-th of the old neighbours of each is looked for at a time.
+        for old in range(most):
+            for lane in range(WIDTH):
+                sought[lane] = np.uint32(NUMBER)
+                if old < many_old[lane]:
+                    entry = old_rows[begin[lane] + old * WIDTH]
+                    if entry > NUMBER:
+                        sought[lane] = np.uint32(place[np.int64(entry & NUMBER)])
+            linked = load(sought, 0)
+            missing = linked != np.uint32(NUMBER)
+            for row in range(first[tile], first[tile] + count[tile]):
+                entries = load(rows[row], 0)
+                here = (entries & np.uint32(NUMBER)) == linked
+                store(rows[row], 0, select(here, entries | np.uint32(LINKED), entries))
+                missing = missing & ~here
+            if bits_of(missing):
+                for lane in range(many):
+                    if (bits_of(missing) >> lane) & 1:
+                        # Return the pair to the caller.
+                        lost[0] = base + lane
+                        lost[1] = np.int64(sought[lane])
 
 
 class TooManyNeighboursError(Exception):
@@ -180,7 +198,7 @@ class ListBuilder:
         if begin2 is not None:
             self.workers.each(_begin_links, self.tiles, agents, self.n, self.box, begin2, *here)
         elif remember and old is not None:
-            before = (old.rows, old.first, old.count)
+            before = (old.rows.reshape(-1), old.first, old.count)
             self.workers.each(_carry_links, self.tiles, self.n, order, place, *before, *here, lost)
             self.spare = old
         return lists, (int(lost[0]), int(lost[1])) if lost[0] >= 0 else None
@@ -206,7 +224,9 @@ class ListBuilder:
             self.workers.each_large(search, self.chunks, cells, distances, room)
             if (need <= self.capacity).all():
                 return lists
-            self.capacity = np.where(need > self.capacity, need + need // 8 + 8, self.capacity)
+            # Chunks that are almost full get room too: each of them would soon be a reason to search all again.
+            almost = self.capacity - self.capacity // ALMOST_FULL
+            self.capacity = np.where(need > almost, need + need // 8 + 8, self.capacity)
             self.spare = None
 
     def _reuse(self, total: int) -> TileLists:

@@ -46,7 +46,7 @@ class ListSearch:
     box
         Lengths of a periodic space in the precision of the agents, infinite along open axes.
     margin
-        What cells are wider by than the lists of the true state need.
+        What lists reach further by than the skin: the distance of what is known of agents from where they are.
     rebuilds
         Number of rebuilds so far.
     first_links

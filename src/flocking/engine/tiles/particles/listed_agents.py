@@ -166,12 +166,12 @@ class ListedAgents(AgentArrays):
         self.ids, self._room.spare_ids = self._room.spare_ids, self.ids
         self._reorder(order)
         self._fill_pads()
-        radii, skin = self.radii, self.displacement.skin
+        radii, beyond = self.radii, self.displacement.skin + self.search.margin
         for number, kind in enumerate(self.spec.graphs):
             if kind.fixed:
                 continue
             old = self.lists[number]
-            cutoff, each_reach, inside = radii.searched(number, skin)
+            cutoff, each_reach, inside = radii.searched(number, beyond)
             self.lists[number], lost = self.search.builders[number].build(
                 self.agents, cutoff, each_reach, sorter.grid, sorter.start, old, order,
                 old_place, begin2=inside if kind.memory and old is None else None, remember=kind.memory,
