@@ -330,3 +330,21 @@ def test_a_long_time_of_expiry_changes_nothing_that_is_likely():
         runs.append(fk.simulate(held, engine=engine, progress=False))
     assert np.abs(runs[0].q - runs[1].q).max() < 1e-9
     assert (runs[0].links == runs[1].links).all()
+
+
+def test_agents_that_act_at_every_step_have_narrower_lists_and_the_same_motion():
+    """Where every step draws for every pair the skin that is chosen is narrower; motion is that of a given one."""
+    law = fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), fk.Consensus(0.5)])
+    start = fk.start.hexagonal(600, spacing=2.0, noise=0.2, speed=1.0, seed=2)
+
+    def session(period, **options):
+        information = fk.Messages(period, loss=fk.Bernoulli(0.3), expires=5 * period, seed=9)
+        made = fk.Scenario(law, start, t_end=0.3, frames=2, control=fk.Held(period), information=information)
+        return ENGINE.open(made, TilesOptions(step=STEP, **options))
+
+    often, seldom = session(STEP), session(10 * STEP, ledger_at="ticks")
+    given = session(STEP, skin=0.9)
+    for each in (often, seldom, given):
+        each.advance(0.3)
+    assert often._particles.displacement.skin < 0.8 * seldom._particles.displacement.skin
+    assert np.abs(often.state.q - given.state.q).max() < 1e-11

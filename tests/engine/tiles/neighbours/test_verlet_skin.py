@@ -38,6 +38,16 @@ def test_fast_agents_get_wide_skins():
     assert chosen[0] < chosen[-1]
 
 
+def test_the_skin_is_narrower_the_more_a_step_does_with_the_lists():
+    """With k passes to a step the skin is that of steps of a k-th of the length, which are k times as many."""
+    agents, sorter = sorted_agents(2000, 2, 60.0)
+    chosen = [skins.best_skin(agents, sorter, 1.2, 1e-2, passes=passes) for passes in (1.0, 2.0, 5.0, 20.0)]
+    assert chosen == sorted(chosen, reverse=True)
+    assert chosen[-1] < chosen[0]
+    for passes, skin in zip((2.0, 5.0, 20.0), chosen[1:], strict=True):
+        assert skin == skins.best_skin(agents, sorter, 1.2, 1e-2 / passes)
+
+
 def test_a_lattice_gets_a_skin_up_to_its_next_shell():
     x, y = np.meshgrid(np.arange(60.0), np.arange(60.0))
     agents = np.stack([x.ravel(), y.ravel(), 0 * x.ravel(), 0 * x.ravel()], axis=1)

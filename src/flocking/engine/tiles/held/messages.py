@@ -135,6 +135,7 @@ class SampleStore:
         self.kind = MeasureKind(m, self.noise is not None, self.correlated, rounded, np.dtype(dtype).name)
         self._measure = measure_kernel(self.kind).measure
         self.exact = exact
+        self._marks: tuple[tuple[int, int], Numbers32] | None = None
         self.numbers = loss_numbers(self.loss)
         self._older = older_places(self.loss, self.jitter, least)
 
@@ -253,8 +254,9 @@ class SampleStore:
         if not due.any():
             return
         size, messages, here = self.size, self.messages, self.filled
-        marked = np.zeros(size, np.int32)
-        marked[here] = 1 if self.alike else due[ids[here]]
+        marked = self._all_due() if self.alike else np.zeros(size, np.int32)
+        if not self.alike:
+            marked[here] = due[ids[here]]
         numbers = (self._times.count_until(now) - 1).astype(np.int64)
         if self.alike:
             place = int(numbers[0]) % self.depth
@@ -290,6 +292,17 @@ class SampleStore:
         self.rows[places * size + where] = target[where]
         # Places of agents with other periods are written at other times: the largest deviations until now count.
         self.off[:] = np.maximum(self.off, largest)
+
+    def _all_due(self) -> Numbers32:
+        """Marks of all agents, shape (size,): kept, as writing them anew would take a while."""
+        here = self.filled
+        if isinstance(here, slice):
+            if self._marks is None or self._marks[0] != (self.size, here.stop):
+                marked: Numbers32 = np.zeros(self.size, np.int32)
+                marked[here] = 1
+                self._marks = ((self.size, here.stop), marked)
+            return self._marks[1]
+        return here.astype(np.int32)
 
     def _taken(self, taking: Taking) -> Array:
         """Take samples; the largest deviations of a position and a velocity, shape (2,)."""

@@ -87,7 +87,9 @@ def _lengths(agents: Reals, sorter: Sorter, limits: Array, space: Space = OPEN) 
     return rows / len(tiles)
 
 
-def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float, space: Space = OPEN) -> float:
+def best_skin(
+    agents: Reals, sorter: Sorter, cutoff: float, stride: float, space: Space = OPEN, passes: float = 1.0
+) -> float:
     """The skin with the lowest cost per step.
 
     Parameters
@@ -102,6 +104,8 @@ def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float, space
         Largest change of the distance of two agents in one step.
     space
         Their space.
+    passes
+        Cost of what a step does with the lists, in passes of a step under ideal control.
     """
     # The sample covers two cells in each direction, and all of an axis of at most five.
     m, grid = agents.shape[1] // 2, sorter.grid
@@ -110,5 +114,5 @@ def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float, space
     skins = np.array([s for s in SKIN_SHARES if cutoff * (1.0 + s) * inverse <= 2.0] or SKIN_SHARES[:1]) * cutoff
     rows = _lengths(agents, sorter, cutoff + skins, space)
     steps = np.maximum(1.0, skins / max(stride, LEAST_STRIDE * cutoff))
-    cost = PASS_COST + rows + (REBUILD_COST + REBUILD_ROW_COST * rows) / steps
+    cost = passes * (PASS_COST + rows) + (REBUILD_COST + REBUILD_ROW_COST * rows) / steps
     return float(skins[np.argmin(cost)])
