@@ -327,7 +327,7 @@ def _keep(cells: Cells, around: Box, candidates: Candidates, filled: int, at: in
 
 def _test(
     cells: Cells, reach: Reach, candidates: Candidates, filled: int, rows: NDArray[np.uint32], base: int,
-    first: int, last: int, cursor: int, end: int, found: NDArray[np.uint32], images: int,
+    first: int, last: int, cursor: int, end: int, found: NDArray[np.uint32], images: np.int64,
 ) -> None:  # fmt: skip
     """List the candidates that are kept and within reach of the agents ``first`` to ``last - 1`` of a tile.
 
