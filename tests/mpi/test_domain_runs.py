@@ -207,17 +207,16 @@ def test_fewer_agents_than_ranks(tmp_path):
         assert max(gaps) <= 1e-12, name
 
 
-def scenario(graph, *terms, agents=None, space=None):
-    made = fk.Scenario(fk.Law(graph, terms), start(2, 20), 0.1, agents or fk.Agents())
-    return made if space is None else made.with_(space=space)
+def scenario(graph, *terms, agents=None):
+    return fk.Scenario(fk.Law(graph, terms), start(2, 20), 0.1, agents or fk.Agents())
 
 
 def test_what_is_not_run_is_refused_by_name():
     pull = fk.Gradient(fk.Potential("(r - 7)**2"))
     with pytest.raises(UnsupportedLaw, match=r"tiled engine.*functional.*engine='exact'"):
         fk.start(scenario(fk.Proximity(8.4), fk.Consensus(1.0, functional=True)), "lammps")
-    with pytest.raises(UnsupportedLaw, match="Periodic"):
-        fk.start(scenario(fk.Proximity(8.4), pull, space=fk.Periodic([90.0, 90.0])), "lammps", forces="pair styles")
+    with pytest.raises(UnsupportedLaw, match=r"Hysteresis with a gap.*engine='tiles'"):
+        fk.start(scenario(fk.Hysteresis(8.4, 1.0), pull), "lammps", forces="pair styles")
 
 
 def test_every_scenario_of_a_paper_that_tiles_run_runs_here():

@@ -9,6 +9,7 @@ import numpy as np
 from flocking.engine.fixed_step.step_counts import steps_between
 from flocking.engine.lammps.bodies import AXES
 from flocking.engine.lammps.deck import make_deck
+from flocking.engine.lammps.images import LOOK_EVERY, MOST_IMAGES, images_of, periods_of
 from flocking.engine.lammps.steps import chosen_step
 from flocking.engine.storage.atomic_files import put, storage_errors
 from flocking.errors import InvalidInput, StorageError
@@ -51,7 +52,19 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
     step = chosen_step(scenario, scenario.start) if step is None else number("export_deck", "step", step, above=0.0)
     folder = Path(folder)
     h, each, count = _clock(scenario, step)
-    columns = [*AXES[: deck.dimension], *(f"v{AXES[k]}" for k in range(deck.dimension if deck.order == 2 else 0))]
+    space = scenario.space
+    most = int(np.abs(images_of(space, scenario.start.q)).max(initial=0))
+    if most > MOST_IMAGES:
+        raise InvalidInput(
+            "export_deck", "start", f"must be within {MOST_IMAGES} lengths of the box on axes that repeat", most,
+            "Start from an image: q % L.",
+        )  # fmt: skip
+    repeating = np.flatnonzero(periods_of(space, deck.dimension))
+    # Dumps name positions "xu" that are not moved into the box.
+    columns = [
+        *(f"{AXES[k]}u" if k in repeating else AXES[k] for k in range(deck.dimension)),
+        *(f"v{AXES[k]}" for k in range(deck.dimension if deck.order == 2 else 0)),
+    ]
     packages = "LEPTON and DPD-BASIC" if deck.order == 2 else "LEPTON, DPD-BASIC and BROWNIAN"
     lines = [
         f"# {scenario.name or 'flock'}: {scenario.start.n} agents until t = {scenario.t_end:g}, written by flocking.",
@@ -62,6 +75,7 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
         f"timestep {h!r}", f"thermo {each}", "thermo_style custom step time atoms ke pe",
         f"dump frames all custom {each} frames.lammpstrj id {' '.join(columns)}",
         "dump_modify frames sort id format float %.17g",
+        *_watched_images([AXES[k] for k in repeating]),
         f"restart {max(each, RESTART_STEPS)} restart.1 restart.2", f"run {count}",
     ]  # fmt: skip
     with storage_errors(
@@ -77,6 +91,20 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
         for name, text in files.items():
             put(folder / name, text.encode())
     return folder / "in.flocking"
+
+
+def _watched_images(axes: list[str]) -> list[str]:
+    """Commands that end a run before LAMMPS has no room for images along ``axes``."""
+    if not axes:
+        return []
+    lines = ["# LAMMPS counts images from -512 to 511 and then goes round: the run ends with an error before that."]
+    for a in axes:
+        lines += [
+            f"compute image_{a} all property/atom i{a}", f"compute most_{a} all reduce maxabs c_image_{a}",
+            f"variable most_{a} equal c_most_{a}",
+            f"fix images_{a} all halt {LOOK_EVERY} v_most_{a} > {MOST_IMAGES} error hard",
+        ]  # fmt: skip
+    return lines
 
 
 def _clock(scenario: Scenario, step: float) -> tuple[float, int, int]:

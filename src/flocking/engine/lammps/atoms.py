@@ -12,6 +12,7 @@ from flocking.arrays import Array, Forces, Numbers, Vector
 from flocking.engine.interruption import interrupted
 from flocking.engine.lammps import library
 from flocking.engine.lammps.deck import THICKNESS, Deck
+from flocking.engine.lammps.images import Images, images_of, turns_command
 from flocking.engine.lammps.ranks import Ranks
 from flocking.model.state import State
 
@@ -73,6 +74,7 @@ class Atoms:
         self._begun = False
         self._sides = np.zeros(deck.dimension)
         self._lammps = library.instance(ranks.comm, log, first_order=deck.order == 1)
+        self._images: Images | None = None
 
     def begin(self, step: float, state: State, steps: int = 0) -> None:
         """Initialize LAMMPS with the deck and the agents, and compute forces.
@@ -86,14 +88,20 @@ class Atoms:
         steps
             Number of steps before this state.
         """
+        space = self.deck.scenario.space
+        boxed = State(space.wrapped(state.q), state.p, state.t)
         with tempfile.TemporaryDirectory() if self.ranks.first else _Nowhere() as made:
             folder = Path(self.ranks.comm.bcast(made))
             if self.ranks.first:
-                (folder / "data").write_text(self.deck.data_text(state))
+                (folder / "data").write_text(self.deck.data_text(boxed))
                 for name, text in self.deck.tables().items():
                     (folder / name).write_text(text)
             self.ranks.comm.Barrier()
             self.command(*self.deck.world(), *self.deck.agents(str(folder / "data")))
+            if not space.is_open:
+                self.command(turns_command(self.deck.dimension))
+                self._images = Images(self._lammps, space, self.deck.dimension)
+                self._images.set(images_of(space, state.q)[self.ids])
             self.command(f"reset_timestep {steps} time {state.t - self.deck.scenario.start.t!r}")
             self.command(*_placed(self.deck.law(self.ranks.size), folder))
             self.fit_cells()
@@ -133,16 +141,30 @@ class Atoms:
         return np.array(self._lammps.numpy.extract_atom("id")[: self.count], dtype=np.int64) - 1
 
     def gathered(self, *names: str) -> Array | None:
-        """Vectors of all agents in the order of their numbers, on the first rank; shape (N, 3 * names)."""
-        count = self.count
-        parts = [self.ids[:, None].astype(np.float64)]
-        parts += [np.array(self._lammps.numpy.extract_atom(name)[:count]).reshape(count, 3) for name in names]
+        """Vectors of all agents in the order of their numbers, on the first rank; shape (N, 3 * names).
+
+        Parameters
+        ----------
+        names
+            Names in LAMMPS; positions ``"x"`` are those that the motion gives, not their images in the box.
+        """
+        parts = [self.ids[:, None].astype(np.float64), *(self._rows(name) for name in names)]
         rows = self.ranks.gathered(np.ascontiguousarray(np.concatenate(parts, axis=1)))
         if rows is None:
             return None
         found = np.full((self.deck.scenario.start.n, 3 * len(names)), np.nan)
         found[rows[:, 0].astype(np.int64)] = rows[:, 1:]
         return found
+
+    def _rows(self, name: str) -> Array:
+        """Vectors of the agents of this rank, shape (n, 3)."""
+        found = np.array(self._lammps.numpy.extract_atom(name)[: self.count]).reshape(self.count, 3)
+        return found if name != "x" or self._images is None else self._images.places(found)
+
+    def fold_images(self) -> None:
+        """Keep what LAMMPS has counted of images before it has no room for more. Not collective."""
+        if self._images is not None:
+            self._images.fold()
 
     def set_forces(self, forces: Forces) -> None:
         """Set the forces of all agents, shape (N, 3)."""

@@ -7,6 +7,7 @@ import numpy as np
 from flocking.engine.fixed_step.supported_bodies import refused_body
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.world import left_out
+from flocking.engine.tiles.kernels.spec import SPACES
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.law import Scenario
@@ -38,8 +39,8 @@ def check_supported(scenario: Scenario) -> None:
         raise _refusal(f"{name}={type(part).__name__}(...): it would be left out", "Use forces='kernels'.")
     if body := refused_body(agents):
         raise _refusal(body, "Use engine='exact'.")
-    if not scenario.space.is_open:
-        raise _refusal(f"{type(scenario.space).__name__} space, only open space", "Use engine='exact'.")
+    if not isinstance(scenario.space, SPACES):
+        raise _refusal(f"{type(scenario.space).__name__} space", "Use engine='exact'.")
     if dimension not in (2, 3):
         raise _refusal(f"{dimension} dimensions, only 2 or 3", "Use engine='exact'.")
     for graph in law.graphs:

@@ -11,8 +11,10 @@ from flocking.arrays import AnyArray, Array
 from flocking.engine.kernels.layout import MASS, Layout
 from flocking.engine.lammps.bodies import AXES, BodyDeck, body_deck
 from flocking.engine.lammps.checks import check_supported
-from flocking.engine.lammps.library import FIRST_ORDER
+from flocking.engine.lammps.images import images_of, periods_of
+from flocking.engine.lammps.library import FIRST_ORDER, LONGEST
 from flocking.engine.lammps.pairs import PairPart, pair_commands, pair_part, table_text
+from flocking.errors import InvalidInput
 from flocking.model.checks import number
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -60,6 +62,10 @@ class Deck:
         return self.scenario.start.dimension
 
     @property
+    def _periods(self) -> Array:
+        return periods_of(self.scenario.space, self.dimension)
+
+    @property
     def order(self) -> int:
         """Order of the agents, 1 or 2."""
         return self.scenario.agents.order
@@ -83,10 +89,13 @@ class Deck:
         return [f"fix nature all property/atom {columns}"]
 
     def world(self) -> list[str]:
-        """Commands before the agents: units, dimension, open boundaries."""
-        boundary = "boundary s s p" if self.dimension == 2 else "boundary s s s"
+        """Commands before the agents: units, dimension, boundaries."""
+        kinds = ["p" if period else "s" for period in self._periods] + ["p"] * (3 - self.dimension)
+        meaning = "s: open, the box follows the agents"
+        if self._periods.any():
+            meaning = "p: repeats after the length of the box" + (f"; {meaning}" if "s" in kinds else "")
         return [
-            "units lj", f"dimension {self.dimension}", f"{boundary}  # open: the box follows the agents",
+            "units lj", f"dimension {self.dimension}", f"boundary {' '.join(kinds)}  # {meaning}",
             "atom_style atomic", "newton on", "atom_modify map yes", "comm_style tiled",
             "comm_modify vel yes  # consensus needs the neighbours' velocities",
         ]  # fmt: skip
@@ -139,17 +148,26 @@ class Deck:
         ]
 
     def data_text(self, state: State) -> str:
-        """The data file of a state: agents, their velocities and per-agent values, with all digits."""
-        q, p = state.q, state.p
+        """The data file of a state: agents, their velocities and per-agent values, with all digits.
+
+        On axes that repeat it has their images in the box, and the whole lengths from there to the agents.
+        """
+        q, p, space = state.q, state.p, self.scenario.space
         n, m = q.shape
         low, high = _box(q)
+        low, high = (
+            np.where(self._periods > 0, side, open_side) for side, open_side in ((0.0, low), (self._periods, high))
+        )
         lines = [f"{self.scenario.name or 'flock'}: {n} agents", "", f"{n} atoms", "1 atom types", ""]
         lines += [f"{low[k]:.17g} {high[k]:.17g} {AXES[k]}lo {AXES[k]}hi" for k in range(m)]
         lines += [f"{-THICKNESS!r} {THICKNESS!r} zlo zhi"] if m == 2 else []
         mass = 1.0 if np.ndim(self.scenario.agents.masses) else float(self.scenario.agents.masses)
         lines += ["", "Masses", "", f"1 {mass!r}", "", "Atoms # atomic", ""]
         flat = np.zeros((n, 3 - m))
-        lines += _rows("%d 1 %.17g %.17g %.17g", q, flat)
+        if space.is_open:
+            lines += _rows("%d 1 %.17g %.17g %.17g", q, flat)
+        else:
+            lines += _rows("%d 1 %.17g %.17g %.17g %d %d %d", space.wrapped(q), flat, images_of(space, q), flat)
         lines += ["", "Velocities", "", *_rows("%d %.17g %.17g %.17g", p, flat)]
         if self.columns:
             values = self.A[[int(c[1:]) for c in self.columns]].T
@@ -207,5 +225,22 @@ def make_deck(scenario: Scenario, skin: float | None = None) -> Deck:
         pair_part(f, P, float(graph.break_radius)) for f, graph in zip(formulas.pairs, scenario.law.graphs, strict=True)
     ]
     reach = max(part.radius for part in parts)
-    width = SKIN_SHARE * reach if skin is None else number("engine='lammps'", "skin", skin, above=0.0)
-    return Deck(scenario, width, parts, body_deck(formulas, layout, P, scenario.agents), A)
+    return Deck(scenario, _skin(scenario, reach, skin), parts, body_deck(formulas, layout, P, scenario.agents), A)
+
+
+def _skin(scenario: Scenario, reach: float, given: float | None) -> float:
+    """The skin of neighbour lists, which with the largest radius stays below each length after which space repeats.
+
+    Lists have the images of agents, and forces act below the radius alone, which `check_space` holds below half a
+    length: so a skin beyond half a length adds no force.
+    """
+    room = LONGEST * min(scenario.space.lengths, default=np.inf) - reach
+    if given is None:
+        return min(SKIN_SHARE * reach, room)
+    width = number("engine='lammps'", "skin", given, above=0.0)
+    if width > room:
+        raise InvalidInput(
+            "engine='lammps'", "skin", f"must be at most {room:.6g}, so that with the radius {reach:g} it is below the "
+            "shortest length after which space repeats", width, "Leave it out.",
+        )  # fmt: skip
+    return width

@@ -28,13 +28,14 @@ class LawOnStates:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._layout = Layout(scenario.law, scenario.energy, scenario.agents)
+        self._layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space)
         self._slots = self._layout.values(scenario.agents, scenario.start.n, scenario.start.t)
         self._obstacle_distances = ObstacleDistances(scenario.law)
 
     def pairs(self, state: State) -> list[tuple[Indices, Indices]]:
         """Ordered pairs of agents linked under each graph of the law."""
-        return [near_pairs(state.q, float(g.break_radius)) for g in self._scenario.law.graphs]
+        scenario = self._scenario
+        return [near_pairs(state.q, float(g.break_radius), scenario.space) for g in scenario.law.graphs]
 
     def evaluated(
         self, state: State, pairs: Sequence[tuple[Indices, Indices]]

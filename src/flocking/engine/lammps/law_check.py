@@ -9,7 +9,7 @@ from flocking.engine.fixed_step.certain_pairs import ENTRY_BYTES, certain_pairs,
 from flocking.engine.fixed_step.declared_law import Declared, Group
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.lammps.deck import Deck
-from flocking.engine.lammps.neighbours import near_pairs
+from flocking.engine.lammps.neighbours import near_pairs, tree_of
 from flocking.engine.reference.control import frame_velocity
 from flocking.errors import LawNotObeyed, UnsupportedLaw
 from flocking.model.law import Scenario
@@ -46,7 +46,7 @@ def check_not_crowded(scenario: Scenario) -> None:
         # Lists hold each pair once. Where not even all pairs are too many, nobody need count them.
         if not np.isfinite(reach) or 0.5 * ENTRY_BYTES * n * (n - 1.0) <= limit:
             continue
-        needed = 0.5 * ENTRY_BYTES * certain_pairs(scenario.start.q, reach)
+        needed = 0.5 * ENTRY_BYTES * certain_pairs(scenario.space.wrapped(scenario.start.q), reach)
         if needed > limit:
             raise too_crowded(needed, limit, scenario.start.t, "Spread the agents or shorten the radius.")
 
@@ -59,11 +59,9 @@ def check_apart(scenario: Scenario) -> None:
     UnsupportedLaw
         If two agents that may be linked are at the same point.
     """
-    from scipy.spatial import cKDTree
-
     if not scenario.law.pair_terms:
         return
-    met = cKDTree(scenario.start.q).query_pairs(CLOSEST, output_type="ndarray")
+    met = tree_of(scenario.start.q, scenario.space).query_pairs(CLOSEST, output_type="ndarray")
     if len(met):
         i, j = (int(k) for k in met[0])
         raise UnsupportedLaw(
@@ -123,9 +121,9 @@ class LawCheck:
         pairs, tables = [], np.zeros(len(judged))
         for graph, error in zip(scenario.law.graphs, self._tables, strict=True):
             radius = float(np.max(graph.break_radius))
-            i, j = near_pairs(state.q, radius * (1.0 + EDGE))
+            i, j = near_pairs(state.q, radius * (1.0 + EDGE), scenario.space)
             i, j = i[number[i] >= 0], j[number[i] >= 0]
-            r = np.sqrt(((state.q[j] - state.q[i]) ** 2).sum(axis=1))
+            r = np.sqrt((scenario.space.displacement(state.q[j] - state.q[i]) ** 2).sum(axis=1))
             pairs.append((number[i], j, np.abs(r - radius) > EDGE * radius))
             tables += 2.0 * error * np.bincount(number[i], minlength=len(judged))
         declared = self._declared.state(group, judged, pairs)

@@ -91,7 +91,7 @@ class Ledger:
         i, j = pairs
         if not len(i):
             return
-        square = ((state.q[i] - state.q[j]) ** 2).sum(axis=1)
+        square = (self.scenario.space.displacement(state.q[i] - state.q[j]) ** 2).sum(axis=1)
         k = int(np.argmin(square))
         if float(np.sqrt(square[k])) < self._records.closest_linked.distance:
             pair = (int(min(i[k], j[k])), int(max(i[k], j[k])))

@@ -25,6 +25,9 @@ NEEDED = {"pair": ("lepton", "dpd/ext/tstat", "table"), "fix": ("property/atom",
 """Styles that the translation uses."""
 
 
+LONGEST = 1.0 - 1e-9
+"""Largest cutoff as a share of the shortest length after which space repeats: LAMMPS allows none above 1."""
+
 FIRST_ORDER = "brownian"
 """Fix that moves agents of order 1, from the package BROWNIAN; not needed for agents of order 2."""
 

@@ -2,37 +2,52 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from flocking.arrays import Array, Indices, Positions, Velocities
 from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs
 from flocking.model.law import Law
+from flocking.model.space import OPEN, Space
 
-
-def near_pairs(q: Array, radius: float) -> tuple[Indices, Indices]:
-    """Ordered pairs (i, j) of positions closer than a radius, each a row of indices."""
+if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-    found = cKDTree(q).query_pairs(radius, output_type="ndarray")
+IMAGE_ROUNDING = 1e-9
+"""Relative room of a search among images, whose coordinates are rounded; displacements then decide."""
+
+
+def tree_of(q: Array, space: Space = OPEN) -> cKDTree:
+    """A tree of positions, shape (N, m), which on axes that repeat are those of the images in the box."""
+    from scipy.spatial import cKDTree
+
+    sides = [length if np.isfinite(length) else 0.0 for length in space.lengths]
+    return cKDTree(space.wrapped(q), boxsize=sides or None)  # type: ignore[arg-type]  # its stub lacks the box
+
+
+def near_pairs(q: Array, radius: float, space: Space = OPEN) -> tuple[Indices, Indices]:
+    """Ordered pairs (i, j) of positions closer than a radius in a space, each a row of indices."""
+    found = tree_of(q, space).query_pairs(radius * (1.0 + IMAGE_ROUNDING), output_type="ndarray")
     # The tree includes pairs at exactly the radius.
-    found = found[((q[found[:, 0]] - q[found[:, 1]]) ** 2).sum(axis=1) < radius**2]
+    found = found[(space.displacement(q[found[:, 0]] - q[found[:, 1]]) ** 2).sum(axis=1) < radius**2]
     return np.concatenate([found[:, 0], found[:, 1]]), np.concatenate([found[:, 1], found[:, 0]])
 
 
-def sampled_pairs(law: Law, q: Positions, p: Velocities) -> list[SampledPairs | None]:
-    """All pairs, under each graph of a law, of sampled agents spread evenly over the group."""
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(q)
+def sampled_pairs(law: Law, q: Positions, p: Velocities, space: Space = OPEN) -> list[SampledPairs | None]:
+    """All pairs in a space, under each graph of a law, of sampled agents spread evenly over the group."""
+    tree = tree_of(q, space)
+    places = np.asarray(tree.data)
     # In the order of the tree's leaves, agents that are adjacent in memory are close in space.
     chosen = tree.indices[:: max(1, len(q) // SAMPLE)]
     found: list[SampledPairs | None] = []
     for graph in law.graphs:
-        near = tree.query_ball_point(q[chosen], float(graph.break_radius))
+        near = tree.query_ball_point(places[chosen], float(graph.break_radius) * (1.0 + IMAGE_ROUNDING))
         rows = [np.asarray(row, dtype=np.intp) for row in near]
         i = np.repeat(chosen, [row.size for row in rows])
         j = np.concatenate(rows)
-        distance, speed = (np.linalg.norm(x[j] - x[i], axis=1) for x in (q, p))
+        distance = np.linalg.norm(space.displacement(q[j] - q[i]), axis=1)
+        speed = np.linalg.norm(p[j] - p[i], axis=1)
         inside = (i != j) & (distance < float(graph.break_radius))
         found.append(SampledPairs(i[inside], distance[inside], speed[inside]))
     return found

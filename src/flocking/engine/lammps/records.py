@@ -44,7 +44,8 @@ class LammpsRecorder(Recorder):
         observed
             Observables of the frame, fields `OBSERVED_FIELDS`, or None.
         """
-        links = self.scenario.law.graph.initial(state.q) if self.with_links else None
+        scenario = self.scenario
+        links = scenario.law.graph.links_in(scenario.space, state.q) if self.with_links else None
         self.frame(state.t, state.q, state.p, links, observed=observed)
 
     def resume(self, run: Run, now: State | None) -> None:

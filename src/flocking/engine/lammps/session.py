@@ -17,6 +17,7 @@ from flocking.engine.fixed_step.step_counts import STEP_ROUNDING, is_reached, st
 from flocking.engine.lammps import library
 from flocking.engine.lammps.atoms import Atoms, LammpsError
 from flocking.engine.lammps.deck import Deck, make_deck
+from flocking.engine.lammps.images import MOST_IMAGES
 from flocking.engine.lammps.law_check import LawCheck, check_apart, check_not_crowded
 from flocking.engine.lammps.ledger import observed_state
 from flocking.engine.lammps.options import PAIR_STYLES, LammpsOptions
@@ -93,6 +94,7 @@ class LammpsSession(Session):
         self._step = 0.0
         self._at_row = True
         self._bout = 1
+        self._longest_bout = LONGEST_BOUT if scenario.space.is_open else MOST_IMAGES
         self._sound = scenario.start
         self._judged = 0
         with self.ranks.bound():
@@ -246,12 +248,13 @@ class LammpsSession(Session):
         rows = self.rows or count
         row_end = min(count, (index // rows + 1) * rows)
         steps_left = math.ceil((to - self.time) / h - STEP_ROUNDING)
-        todo = max(1, min(row_end - index, steps_left, self._bout))
+        todo = max(1, min(row_end - index, steps_left, self._bout, self._longest_bout))
         if h != self._step:
             self._step = h
             self._command(f"timestep {h!r}")
         # Without a setup: forces that depend on velocities remain those of half a step before.
         self._command(f"run {todo} pre no post no")
+        self.atoms.fold_images()
         # The cells are enlarged before a scattering flock has grown far beyond them.
         grown = self._fitted()
         self._bout = max(1, self._bout // 4) if grown > GROWTH else min(2 * self._bout, LONGEST_BOUT)
@@ -283,17 +286,19 @@ class LammpsSession(Session):
         moving = state.p if self.deck.order == 2 or forces is None else forces[:, : self.deck.dimension]
         pairs = records.ledger.pairs(state) if self.rows or self.options.observe or singular else []
         for some in pairs if singular else []:
-            check_strides(state, moving, some, self.step)
+            check_strides(state, moving, some, self.step, self.scenario.space)
         if singular:
             reach = singular_reach(self.scenario.law)
-            check_passing(state.q, self.step * moving, reach, self.step, time=self.time)
+            check_passing(state.q, self.step * moving, reach, self.step, time=self.time, space=self.scenario.space)
         if self.rows:
             records.ledger.add(state, pairs)
         if judged and forces is not None:
             self._judge = self._judge or LawCheck(self.scenario, self.deck)
             self._judge.look(state, forces[:, : self.deck.dimension], self._step, fatal=self.plant is None)
         if due:
-            records.state_frame(state, observed_state(state, pairs[0]) if self.options.observe else None)
+            records.state_frame(
+                state, observed_state(state, pairs[0], self.scenario.space) if self.options.observe else None
+            )
             if self.rows:
                 check_ledger_rows(records.ledger, self.step, self.rows, self._sound)
         self._sound = state

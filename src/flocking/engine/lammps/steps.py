@@ -14,6 +14,7 @@ from flocking.engine.lammps.gathered_states import velocities
 from flocking.engine.lammps.neighbours import sampled_pairs
 from flocking.errors import StepTooLarge
 from flocking.model.checks import NO_LESS
+from flocking.model.space import OPEN, Space
 
 if TYPE_CHECKING:
     from flocking.engine.lammps.ledger import Ledger
@@ -30,9 +31,9 @@ ROUNDING = 1e3 * float(np.finfo(np.float64).eps)
 def chosen_step(scenario: Scenario, state: State) -> float:
     """The largest step that resolves a state, as in the tiled engine."""
     if scenario.agents.order == 2:
-        return largest_step(scenario, sampled_pairs(scenario.law, state.q, state.p), "verlet")
+        return largest_step(scenario, sampled_pairs(scenario.law, state.q, state.p, scenario.space), "verlet")
     moving = velocities(scenario, state)
-    return largest_step(scenario, sampled_pairs(scenario.law, state.q, moving), "euler", moving)
+    return largest_step(scenario, sampled_pairs(scenario.law, state.q, moving, scenario.space), "euler", moving)
 
 
 def step_too_large(
@@ -54,7 +55,9 @@ def _resolves(scenario: Scenario, state: State) -> float:
     return min(chosen_step(scenario, scenario.start), chosen_step(scenario, state))
 
 
-def check_strides(state: State, moving: Array, pairs: tuple[Indices, Indices], step: float) -> None:
+def check_strides(
+    state: State, moving: Array, pairs: tuple[Indices, Indices], step: float, space: Space = OPEN
+) -> None:
     """Check that no linked pair approaches too far for its distance in one step.
 
     Parameters
@@ -63,6 +66,8 @@ def check_strides(state: State, moving: Array, pairs: tuple[Indices, Indices], s
         Velocities of the agents, shape (N, m).
     pairs
         Numbers of the two agents of each linked pair, shape (K,) each.
+    space
+        Their space.
 
     Raises
     ------
@@ -72,7 +77,8 @@ def check_strides(state: State, moving: Array, pairs: tuple[Indices, Indices], s
     i, j = pairs
     if not len(i):
         return
-    distance, speed = (np.linalg.norm(x[j] - x[i], axis=1) for x in (state.q, moving))
+    distance = np.linalg.norm(space.displacement(state.q[j] - state.q[i]), axis=1)
+    speed = np.linalg.norm(moving[j] - moving[i], axis=1)
     k = int(np.argmax(speed / np.maximum(distance, NO_LESS)))
     pair = (int(min(i[k], j[k])), int(max(i[k], j[k])))
     check_stride(step, float(distance[k]), step * float(speed[k]), time=state.t, agents=pair)

@@ -25,8 +25,6 @@ MARGIN = 1e-6
 """Margin of the first box around the agents, relative to the largest coordinate, above the rounding of coordinates."""
 BORDER = 1.001
 """Width of the border of a domain in cutoffs; the excess is above the rounding of coordinates."""
-LONGEST = 1.0 - 1e-9
-"""Largest cutoff as a share of the shortest length after which space repeats: LAMMPS allows none above 1."""
 
 NEEDED = {"fix": ("property/atom",)}
 """Styles of LAMMPS that the division of space uses."""
@@ -277,10 +275,10 @@ class Decomposition:
     @property
     def _all_near(self) -> bool:
         """Whether the cutoff is so long that all agents count as near."""
-        return self._cutoff >= LONGEST * min(self._space.lengths, default=np.inf)
+        return self._cutoff >= library.LONGEST * min(self._space.lengths, default=np.inf)
 
     def _set_cutoff(self, cutoff: float) -> None:
-        cutoff = min(cutoff, LONGEST * min(self._space.lengths, default=np.inf))
+        cutoff = min(cutoff, library.LONGEST * min(self._space.lengths, default=np.inf))
         if cutoff != self._cutoff:
             self._cutoff = cutoff
             self._command(f"comm_modify cutoff {cutoff!r}")
