@@ -142,7 +142,10 @@ class Chattering(SimulationError):
 
 
 class LinkLost(SimulationError):
-    """A link whose potential is infinite at the break radius was lost: the step was too large, or a limit acted."""
+    """A link whose potential is infinite at the break radius was lost, or comes nearer to it than positions resolve.
+
+    The step was too large, a limit acted, or bodies follow late.
+    """
 
 
 class StepTooLarge(SimulationError):

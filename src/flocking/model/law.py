@@ -165,6 +165,14 @@ class Law(LawCell):
             if isinstance(term, Gradient) and self.graph_number(term) in numbers
         )
 
+    def singular_at_contact(self, graph: Graph) -> bool:
+        """Whether a potential over ``graph`` is infinite at contact."""
+        return any(
+            not np.isfinite(term.potential.at_contact)
+            for term in self.pair_terms
+            if isinstance(term, Gradient) and self.graphs[self.graph_number(term)] is graph
+        )
+
     def check_count(self, n: int, dimension: int) -> None:
         """Check that the parts fit ``n`` agents in ``dimension`` dimensions.
 

@@ -32,6 +32,8 @@ def test_a_run_that_comes_to_a_pole_and_never_to_its_end_says_so_once(
     world: dict[str, object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stalls, "STALLED_STEPS", 50)
+    # Without this the exact engine ends the run of lagged bodies where positions do not resolve the force.
+    monkeypatch.setattr("flocking.engine.exact.session.check_resolved", lambda *_: None)
     slices, session = [], fk.start(parting(**world))
 
     def watch(session: object) -> None:

@@ -1,4 +1,4 @@
-"""Detects steps that crossed a barrier of a potential: the energy shows them."""
+"""Detects steps that crossed a barrier of a potential, by the energy, and pairs that rounding keeps before one."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.integration_method import RELATIVE
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.exact.crossings.guards import deepest_dip
 from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
+from flocking.engine.exact.failures import unresolved
 from flocking.model.checks import Array
 
 LEDGER_GAP = 1e5
@@ -26,6 +28,34 @@ keeps the energy to some digits.
 
 AT_BARRIER = 1e-6
 """Share of the break radius within which a link is at the barrier there when steps shrink to nothing."""
+
+
+MORE_STEPS = 100
+"""Number of steps of the present length from a pair to an infinity above which it does not get on. Steps that rounding
+does not shorten are a few hundredths of the way or longer."""
+
+UNRESOLVED = 0.1
+"""Error that the rounding of one position makes in a step, in tolerances, at which rounding decides its length."""
+
+
+@dataclass(frozen=True)
+class NearInfinity:
+    """A linked pair near a distance at which its potential is infinite.
+
+    Parameters
+    ----------
+    agents
+        The pair.
+    at_break
+        Whether that is the break radius; otherwise it is contact.
+    gap, share
+        How far the pair is from there, and that as a share of the break radius.
+    """
+
+    agents: tuple[int, int]
+    at_break: bool
+    gap: float
+    share: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +148,82 @@ def nearest_to_barrier(dynamics: Dynamics, links: LinkState, y: Array) -> tuple[
             found += zip(gaps.tolist(), i.tolist(), j.tolist(), strict=True)
     gap, one, other = min(found, default=(1.0, 0, 0))
     return (one, other) if gap < AT_BARRIER else None
+
+
+def nearest_infinity(dynamics: Dynamics, links: LinkState, q: Array) -> NearInfinity | None:
+    """The linked pair that is nearest, for its break radius, to a distance at which its potential is infinite.
+
+    None if no potential is infinite anywhere. A radius without end counts as the longest distance of a linked pair.
+
+    Parameters
+    ----------
+    dynamics, links
+        The law in force and the links.
+    q
+        Positions, shape (N, m).
+    """
+    found: list[tuple[float, NearInfinity]] = []
+    for number, graph in enumerate(dynamics.layout.law.graphs):
+        ends = dynamics.barriers[number], dynamics.contacts[number]
+        if not any(ends):
+            continue
+        i, j = np.nonzero(links.links[number])
+        apart = np.linalg.norm(dynamics.scenario.space.displacement(q[j] - q[i]), axis=1)
+        radius = np.broadcast_to(np.asarray(graph.break_radius, dtype=np.float64), dynamics.n)[i]
+        radius = np.where(np.isfinite(radius), radius, apart.max(initial=0.0))
+        for at_break, gaps in ((True, radius - apart), (False, apart)):
+            if ends[0 if at_break else 1] and len(gaps):
+                k = int(np.argmin(gaps / radius))
+                near = NearInfinity((int(i[k]), int(j[k])), at_break, float(gaps[k]), float(gaps[k] / radius[k]))
+                found.append((near.share, near))
+    return min(found, key=lambda x: x[0])[1] if found else None
+
+
+def check_resolved(dynamics: Dynamics, links: LinkState, segment: Segment, tolerance: Array) -> None:
+    """Check that a step does not leave a linked pair so near to an infinite potential that no force there is known.
+
+    Where bodies follow the law late, an approach to an infinite potential may go on for ever smaller distances: forces
+    grow faster than positions resolve them, and steps shrink until the rounding of one position makes an error of the
+    tolerance. Such a pair is within `AT_BARRIER`, needs `MORE_STEPS` of this length or more to get there, and moving
+    one of its agents by one spacing of numbers changes the state at the end of such a step by a part of the tolerance.
+
+    Parameters
+    ----------
+    dynamics, links
+        The law in force and the links.
+    segment
+        The step.
+    tolerance
+        Absolute error tolerance of each component.
+
+    Raises
+    ------
+    LinkLost
+        If there is one, at its break radius.
+    OutOfPrecision
+        If there is one, at contact.
+    """
+    if not dynamics.departs:
+        return
+    y, length = segment.coefficients[-1], segment.t1 - segment.t0
+    q = dynamics.split(y)[0]
+    near = nearest_infinity(dynamics, links, q)
+    if near is None or near.share >= AT_BARRIER or not length > 0.0:
+        return
+    slope, size = dynamics.slope(segment.t1, y), dynamics.n * dynamics.m
+    one, other = near.agents
+    rates = [slope[k * size : (k + 1) * size].reshape(dynamics.n, dynamics.m) for k in range(dynamics.order)]
+    changes = [float(np.linalg.norm(rate[other] - rate[one])) for rate in rates]
+    # Within such a time the distance changes by the gap, at the present velocity or acceleration.
+    time = min((near.gap / x) ** (1.0 / k) if x > 0.0 else np.inf for k, x in enumerate(changes, start=1))
+    if length * MORE_STEPS > time:
+        return
+    moved = y.copy()
+    farther = max(near.agents, key=lambda k: float(np.abs(q[k]).max()))
+    moved[farther * dynamics.m : (farther + 1) * dynamics.m] += np.spacing(np.abs(q[farther]).max())
+    error = length * np.abs(dynamics.slope(segment.t1, moved) - slope) / (tolerance + RELATIVE * np.abs(y))
+    if not error.max() < UNRESOLVED:
+        raise unresolved(segment.t1 + dynamics.base, near.agents, near.gap, at_break=near.at_break)
 
 
 def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState) -> float:

@@ -243,6 +243,7 @@ class Dynamics:
         law = self.layout.law
         self.barriers = [law.has_barrier(g) for g in law.graphs]
         self.singular = law.singular_at_zero()
+        self.contacts = [law.singular_at_contact(g) for g in law.graphs]
 
     def keep_pairs(self) -> None:
         """Keep links and pieces, with the spans of the pieces found by `divide`."""

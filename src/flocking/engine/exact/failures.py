@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flocking.errors import Chattering, LinkLost, NotFinite
+from flocking.errors import Chattering, LinkLost, NotFinite, OutOfPrecision, SimulationError
 
 
 def link_lost(time: float, agents: tuple[int, ...]) -> LinkLost:
@@ -19,6 +19,26 @@ def held_back(time: float, agents: tuple[int, ...]) -> LinkLost:
     return LinkLost(
         "A link reaches the break radius, where its potential is infinite: limits of the bodies keep the force that "
         "would hold it from acting. Raise the limits, or start with less energy.",
+        time=time, agents=agents,
+    )  # fmt: skip
+
+
+def unresolved(time: float, agents: tuple[int, ...], gap: float, *, at_break: bool) -> SimulationError:
+    """The error for linked ``agents`` that come nearer to an infinite potential than positions resolve forces.
+
+    Parameters
+    ----------
+    gap
+        How far they are from there.
+    at_break
+        Whether that is the break radius, which ends links; otherwise it is contact.
+    """
+    kind, place = (LinkLost, "the break radius") if at_break else (OutOfPrecision, "contact")
+    return kind(
+        f"A linked pair is {gap:.2g} from {place}, where its potential is infinite: what its bodies do beside the law, "
+        "as a lag or a limit, keeps the force that holds it from acting in time. So near to it positions do not "
+        "resolve forces to the tolerance, and the run cannot go on. Shorten the lag, raise the limits, or start with "
+        "less energy.",
         time=time, agents=agents,
     )  # fmt: skip
 

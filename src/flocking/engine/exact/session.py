@@ -13,7 +13,7 @@ from flocking.engine.adaptive_steps.adaptive_session import AdaptiveSession
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.adaptive_steps.step_lengths import StepLengths
 from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
-from flocking.engine.exact.barriers import LedgerState, grown_tolerance
+from flocking.engine.exact.barriers import LedgerState, check_resolved, grown_tolerance
 from flocking.engine.exact.blocks.arrays import STEP_JUMPED, STEP_LENGTH
 from flocking.engine.exact.blocks.block import StepBlock, take_block
 from flocking.engine.exact.checkpoint import pack_exact, restore_exact
@@ -149,6 +149,7 @@ class ExactSession(AdaptiveSession):
                 block = self._take_block(own, stop)
                 if block is None or block.segment is None:
                     self._take_step(None if block is None else block.tried)
+                check_resolved(self._dynamics, self._links, self._segment, self._stepper.tolerance)
                 if self._segment.t1 < own and time.monotonic() >= stop:
                     self.time = max(self.time, self._origin.latest(self._segment.t1))
                     self._record_frames(self._own_now)

@@ -121,7 +121,9 @@ class Limited(WrappedBody):
     speed
         Largest speed; positive. None: no limit. An agent that starts faster does not get faster.
     rate
-        Largest rate of the applied force of a `Lagged` body; positive. None: no limit.
+        Largest rate of the applied force of a `Lagged` body, for those of order 1 of the velocity that it applies;
+        positive. None: no limit. Bodies without a lag have none: what the law desires acts at once, and jumps where
+        links change.
     shape
         ``"ball"`` limits the length of the force, ``"box"`` its component along each axis.
 
@@ -164,9 +166,10 @@ class Limited(WrappedBody):
                 "It exerts no force; give speed.",
             )  # fmt: skip
         if self.rate is not None and APPLIED not in {c.name for c in self.body.columns}:
+            what = "force" if self.order == 2 else "velocity"
             raise InvalidInput(
                 "Limited", "rate", "must be given for a lagged body alone", type(self.body).__name__,
-                "A force that jumps has no rate: use Limited(Lagged(...), rate=...).",
+                f"A {what} that jumps has no rate: use Limited(Lagged(...), rate=...).",
             )  # fmt: skip
 
     @property

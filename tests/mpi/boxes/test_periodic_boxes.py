@@ -137,7 +137,7 @@ def test_two_ranks_give_what_one_gives(tmp_path):
     out = tmp_path / "run.npz"
     text = (
         "import numpy as np, flocking as fk\n"
-        "from tests.mpi.test_periodic_boxes import PAIR_STYLES, boxed\n"
+        "from tests.mpi.boxes.test_periodic_boxes import PAIR_STYLES, boxed\n"
         "made = boxed([7.0, None, 5.0], t_end=1.0, speed=3.0, drift=9.0)\n"
         "run = fk.simulate(made, **PAIR_STYLES, step=0.005, progress=False)\n"
         f"run is None or len(run.t) and np.savez({str(out)!r}, q=run.q, p=run.p, energy=run.trace['energy'])\n"
