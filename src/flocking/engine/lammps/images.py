@@ -22,13 +22,29 @@ LOOK_EVERY = 100
 
 
 def periods_of(space: Space, dimension: int) -> Array:
-    """Length after which each axis repeats, shape (m,); 0 where it does not."""
+    """Length after which each axis repeats, shape (m,); 0 where it does not.
+
+    Parameters
+    ----------
+    space
+        The space.
+    dimension
+        Number of axes m.
+    """
     lengths = np.array(space.lengths or (np.inf,) * dimension, dtype=np.float64)
     return np.where(np.isfinite(lengths), lengths, 0.0)
 
 
 def images_of(space: Space, q: Array) -> Numbers:
-    """Whole lengths from the images in the box to positions, shape (N, m); 0 on axes that do not repeat."""
+    """Whole lengths from the images in the box to positions, shape (N, m); 0 on axes that do not repeat.
+
+    Parameters
+    ----------
+    space
+        The space.
+    q
+        Positions, shape (N, m).
+    """
     periods = periods_of(space, q.shape[1])
     return np.rint((q - space.wrapped(q)) / np.where(periods > 0, periods, 1.0)).astype(np.int64)
 
@@ -60,7 +76,13 @@ class Images:
         self._shifts, self._mask, self._zero = [bits * k for k in range(3)], (1 << bits) - 1, 1 << (bits - 1)
 
     def set(self, turns: Numbers) -> None:
-        """Give the agents of this rank their whole lengths, shape (n, m)."""
+        """Give the agents of this rank their whole lengths.
+
+        Parameters
+        ----------
+        turns
+            The lengths, shape (n, m).
+        """
         self._turns[:] = turns
         self._flags[:] = self._no_images
 

@@ -19,7 +19,15 @@ IMAGE_ROUNDING = 1e-9
 
 
 def tree_of(q: Array, space: Space = OPEN) -> cKDTree:
-    """A tree of positions, shape (N, m), which on axes that repeat are those of the images in the box."""
+    """A tree of positions, which on axes that repeat are those of the images in the box.
+
+    Parameters
+    ----------
+    q
+        Positions, shape (N, m).
+    space
+        Their space.
+    """
     from scipy.spatial import cKDTree
 
     sides = [length if np.isfinite(length) else 0.0 for length in space.lengths]
