@@ -11,6 +11,7 @@ from flocking.engine.nodes.kills_and_cuts import Cut, Kill, Restart, fault_of
 from flocking.engine.nodes.nodes import Sample
 from flocking.engine.nodes.processes import LocalAgents
 from flocking.engine.nodes.requests import packed, row_of, sample_of, unpacked
+from flocking.engine.nodes.session import NodeSession
 from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
 from tests.engine.nodes.worlds import AROUND, CLOSE, LAW, SLOW, same, scenario
 
@@ -37,6 +38,18 @@ def test_python_agents_give_the_bits_of_the_engine(name):
     assert len(expected.switches) > 1
     assert same(run, expected)
     assert (run.trace["departed"] == expected.trace["departed"]).all()
+
+
+def test_agents_of_different_latencies_give_the_bits_of_the_engine():
+    found = scenario(latency=[0.0, 0.01, 0.12, 0.05, 0.03])
+    expected = fk.simulate(found, progress=False)
+    assert same(local(found), expected)
+    assert not same(expected, fk.simulate(scenario(latency=0.05), progress=False))
+
+
+def test_in_real_time_an_agent_must_answer_within_the_shortest_latency():
+    session = NodeSession(scenario(latency=[0.04, 0.01, 0.12, 0.05, 0.03]), None, real_time=0.5)
+    assert session._patience == pytest.approx(0.02, abs=1e-12)
 
 
 def test_a_wrong_message_changes_the_run(monkeypatch):
@@ -205,6 +218,8 @@ def test_what_agents_cannot_run_is_refused_by_name(parts, said):
 def test_real_time_needs_a_latency_and_faults_an_agent():
     with pytest.raises(InvalidInput, match="real_time must be absent for control without latency"):
         local(scenario(latency=0.0), real_time=1.0)
+    with pytest.raises(InvalidInput, match="real_time must be absent for control without latency"):
+        local(scenario(latency=[0.01, 0.02, 0.0, 0.01, 0.01]), real_time=1.0)
     with pytest.raises(InvalidInput, match="real_time must be a positive"):
         local(scenario(), real_time=-1.0)
     with pytest.raises(InvalidInput, match="Kill: agent must be below the number of agents, 5"):

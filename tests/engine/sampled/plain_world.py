@@ -26,7 +26,7 @@ class PlainWorld:
         self.mass = np.broadcast_to(scenario.agents.masses, self.n).tolist()
         self.most = np.broadcast_to(getattr(scenario.agents, "force", math.inf), self.n).tolist()
         each = lambda x: [round(float(v) * NS) for v in np.broadcast_to(x, self.n)]  # noqa: E731
-        self.period, self.phase, self.latency = each(held.period), each(held.phase), round(held.latency * NS)
+        self.period, self.phase, self.latency = each(held.period), each(held.phase), each(held.latency)
         self.sampling, self.offset = each(info.period), each(info.phase)
         self.delay, self.jitter = round(info.delay * NS), round(info.jitter * NS)
         self.u = [[0.0] * self.m for _ in range(self.n)]
@@ -80,7 +80,7 @@ class PlainWorld:
             wanted = [(i, self.act(i, t)) for i in acting]
             for i, u in wanted:
                 self.tick[i] += 1
-                self.pending.append((t + self.latency, i, u))
+                self.pending.append((t + self.latency[i], i, u))
             for time, i, u in list(self.pending):
                 if time == t:
                     # What was computed is held, and then limited.

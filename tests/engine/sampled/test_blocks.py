@@ -46,10 +46,13 @@ def same_bits(scenario, monkeypatch, steps=()):
 
 
 @pytest.mark.parametrize("seed", [*range(4), *(pytest.param(k, marks=pytest.mark.slow) for k in range(4, 8))])
-@pytest.mark.parametrize("kind", ["plain", "limited", "periodic"])
+@pytest.mark.parametrize("kind", ["plain", "limited", "periodic", "late"])
 def test_random_worlds_have_the_same_bits(monkeypatch, seed, kind):
     made, _ = random_world(
-        500 + seed, fk.Periodic([6.0, 6.0]) if kind == "periodic" else None, limited=kind == "limited"
+        500 + seed,
+        fk.Periodic([6.0, 6.0]) if kind == "periodic" else None,
+        limited=kind == "limited",
+        late=kind == "late",
     )
     run, events = same_bits(made, monkeypatch, np.linspace(0.1, 1.9, 7))
     assert events >= len(np.unique(run.log.ticks[:, 0])) > 10

@@ -7,8 +7,8 @@ import flocking as fk
 from tests.engine.sampled.plain_world import PlainWorld
 
 
-def random_world(seed, space=None, *, limited=False):
-    """A scenario with random imperfections, and its second implementation."""
+def random_world(seed, space=None, *, limited=False, late=False):
+    """A scenario with random imperfections, and its second implementation; ``late`` gives each agent its latency."""
     rng = np.random.default_rng(seed)
     n, radius, gap = int(rng.integers(3, 8)), 2.0, 0.3
     stiff = 1.5
@@ -33,6 +33,10 @@ def random_world(seed, space=None, *, limited=False):
         maybe(step, rng.uniform(0.03, 0.12, n)), phase=maybe(0.0, rng.uniform(0, 0.05, n)),
         latency=maybe(0.0, float(rng.choice([0.03, 0.13]))),
     )  # fmt: skip
+    if late:
+        # Several agents have none, and forces of different ticks begin together.
+        latency = step * rng.integers(0, 4, n) if rng.random() < 0.6 else rng.uniform(0.0, 0.2, n)
+        control = fk.Held(control.period, phase=control.phase, latency=latency)
     scenario = fk.Scenario(
         law, start, t_end=2.0, frames=5, information=information, control=control,
         agents=fk.Agents(masses=maybe(1.0, rng.uniform(0.5, 2.0, n))), space=space or fk.Open(),
@@ -42,9 +46,9 @@ def random_world(seed, space=None, *, limited=False):
     return scenario, PlainWorld(scenario, lambda r: stiff * (r - 1), 0.8, radius - gap, radius)
 
 
-def check(seed, space=None, *, limited=False):
+def check(seed, space=None, *, limited=False, late=False):
     """The engine and the second implementation agree; the run, and that implementation."""
-    scenario, plain = random_world(seed, space, limited=limited)
+    scenario, plain = random_world(seed, space, limited=limited, late=late)
     session = fk.start(scenario)
     session.advance(scenario.t_end)
     plain.run(scenario.t_end)
@@ -61,6 +65,13 @@ def check(seed, space=None, *, limited=False):
 @pytest.mark.parametrize("seed", range(12))
 def test_random_worlds(seed):
     check(seed)
+
+
+@pytest.mark.parametrize(
+    "seed", [*range(300, 306), *(pytest.param(k, marks=pytest.mark.slow) for k in range(306, 346))]
+)
+def test_random_worlds_in_which_each_agent_has_its_latency(seed):
+    check(seed, limited=seed % 2 == 1, late=True)
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,7 @@ WORLDS = {
     "rows late": ({"information": fk.Delayed(np.outer([0.1, 0.2, 0.1, 0.1], np.ones(N)), self_delayed=True)}, (M, P)),
     "held": ({"control": HELD}, ""),
     "held, late": ({"control": fk.Held(0.1, latency=0.05)}, ""),
+    "held, latencies differ": ({"control": fk.Held(0.1, latency=[0.0, 0.03, 0.0, 0.0])}, (M, P)),
     "held, phases differ": ({"control": fk.Held(0.1, phase=[0.0, 0.03, 0.0, 0.0])}, (M, P)),
     "held, periods differ": ({"control": fk.Held(EACH)}, (M, P)),
     "samples at every tick": (SAMPLED, ""),

@@ -62,7 +62,7 @@ BODIES = {
         bodies=fk.Limited(fk.PointMass(np.linspace(1, 2, N), 0.3), force=40.0, speed=38.0 + 0.02 * EACH),
     ),
     "lagged, each by itself": lambda: _made(
-        control=fk.Held(PERIODS, phase=PHASES, latency=0.12), frames=8,
+        control=fk.Held(PERIODS, phase=PHASES, latency=STEP * (EACH % 12)), frames=8,
         bodies=fk.Lagged(fk.PointMass(np.linspace(1, 2, N), 0.3), 0.05 + 0.001 * EACH),
     ),
     "lagged in wind, in space, messages lost": lambda: _made(

@@ -59,7 +59,7 @@ def _steps(rng, n, low, high):
 
 
 def _control(rng, n):
-    return fk.Held(_steps(rng, n, 2, 6), phase=_steps(rng, n, 0, 3), latency=STEP * int(rng.integers(0, 9)))
+    return fk.Held(_steps(rng, n, 2, 6), phase=_steps(rng, n, 0, 3), latency=_steps(rng, n, 0, 9))
 
 
 def _body(rng, n, dimension, second):

@@ -44,7 +44,7 @@ def test_the_share_of_two_agents_that_begin_to_brake_late():
     for _ in range(60):
         gap, speeds = rng.uniform(1.0, 4.0), rng.uniform(0.0, 1.5, 2)
         force, masses = rng.uniform(0.3, 3.0, 2), rng.uniform(0.5, 2.0, 2)
-        phase, latency = np.round(rng.uniform(0.0, 2.0, 2), 3), round(rng.uniform(0.0, 0.5), 3)
+        phase, latency = np.round(rng.uniform(0.0, 2.0, 2), 3), np.round(rng.uniform(0.0, 0.5, 2), 3)
         made = scenario(
             [[0.0, 0.0], [0.6 * gap, 0.8 * gap]], speeds[:, None] * [[0.6, 0.8], [-0.6, -0.8]], force, masses,
             control=fk.Held(rng.uniform(0.01, 0.5, 2), phase=phase, latency=latency),
@@ -83,7 +83,7 @@ def test_control_that_begins_too_late_is_no_braking():
     """Two agents that meet at 1 while their first force acts at 2 or 3."""
     made = scenario([[0.0, 0.0], [1.0, 0.0]], [[0.5, 0.0], [-0.5, 0.0]], 1.0)
     assert fk.certify(made)["braking_suffices"].granted
-    for late in ({"latency": 2.0}, {"phase": 3.0}, {"phase": [0.0, 2.0], "latency": 1.0}):
+    for late in ({"latency": 2.0}, {"phase": 3.0}, {"phase": [0.0, 2.0], "latency": 1.0}, {"latency": [3.0, 2.0]}):
         found = fk.certify(made.with_(control=fk.Held(0.1, **late)))["braking_suffices"]
         assert not found.granted
         assert "before" in found.reason

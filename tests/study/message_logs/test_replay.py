@@ -147,7 +147,7 @@ def without_latency(patch):
 
     def at_once(self, scenario):
         init(self, scenario)
-        self._latency = 0
+        self._latency = np.zeros_like(self._latency)
 
     patch.setattr(SampledSession, "__init__", at_once)
 

@@ -88,9 +88,9 @@ def check_nodes(scenario: Scenario, *, real_time: float | None, exported: bool) 
     if real_time is not None:
         if not (np.isfinite(real_time) and real_time > 0.0):
             raise InvalidInput("nodes", "real_time", "must be a positive number of seconds in a second", real_time)
-        if not scenario.control.latency > 0.0:
+        if not np.all(np.asarray(scenario.control.latency) > 0.0):
             raise InvalidInput(
-                "nodes", "real_time", "must be absent for control without latency", real_time,
+                "nodes", "real_time", "must be absent for control without latency, of all or of one agent", real_time,
                 "In real time the latency is the time in which an agent must answer: "
                 "control=Held(period=0.05, latency=0.02).",
             )  # fmt: skip
@@ -111,7 +111,8 @@ class NodeSession(SampledSession):
     faults
         What happens to them.
     real_time
-        Seconds of the scenario in a second; None for lock-step, in which the world waits for every agent.
+        Seconds of the scenario in a second; None for lock-step, in which the world waits for every agent. All must then
+        answer within the shortest latency of one of them.
     patience
         Seconds in which an agent must answer in lock-step.
     recording
@@ -208,7 +209,7 @@ class NodeSession(SampledSession):
     def _patience(self) -> float:
         if self._speed is None:
             return self.patience
-        return self._latency * NANOSECOND / self._speed
+        return int(self._latency.min()) * NANOSECOND / self._speed
 
     # What agents send.
 

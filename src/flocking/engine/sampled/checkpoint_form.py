@@ -105,9 +105,10 @@ def check_sampled(
     earliest, latest = (now - slack) * PER_SECOND - 2.0, (now + slack) * PER_SECOND + 2.0
     control = scenario.control
     assert isinstance(control, Held)
-    ticks, latency = control.schedule(n), control.latency_in_nanoseconds
+    ticks, latency = control.schedule(n), control.latencies(n)
     for name, schedule, late in (
-        ("ticked", ticks, 0), ("applied", ticks, latency), ("taken", fresh.knowledge.schedule, 0),
+        ("ticked", ticks, np.zeros_like(latency)), ("applied", ticks, latency),
+        ("taken", fresh.knowledge.schedule, np.zeros_like(latency)),
     ):  # fmt: skip
         counts = np.zeros(n) if schedule is None else arrays[name]
         least, most = (
@@ -166,7 +167,7 @@ def _forms(n: int, m: int, graphs: int, fresh: SampledMemory, motion: Mapping[st
     }, noise)  # fmt: skip
 
 
-def _check_waiting(arrays: Arrays, ticks: PeriodicTimes, latency: int) -> None:
+def _check_waiting(arrays: Arrays, ticks: PeriodicTimes, latency: Instants) -> None:
     """What waits are the forces of the ticks that have been and do not act yet."""
     ticked, applied = arrays["ticked"], arrays["applied"]
     number = ticked - applied
@@ -174,7 +175,7 @@ def _check_waiting(arrays: Arrays, ticks: PeriodicTimes, latency: int) -> None:
     must((number >= 0).all() and lengths == {int(number.sum())}, "waiting_time", "be one for each force that waits")
     agents = np.repeat(np.arange(len(number)), number)
     k = applied[agents] + np.arange(len(agents)) - np.repeat(np.cumsum(number) - number, number)
-    times = ticks.at(agents, k) + latency
+    times = ticks.at(agents, k) + latency[agents]
     order = np.lexsort((agents, times))
     must((arrays["waiting_time"] == times[order]).all(), "waiting_time", "be a latency after the ticks")
     must((arrays["waiting_agent"] == agents[order]).all(), "waiting_agent", "be whose ticks they are")

@@ -28,6 +28,7 @@ from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.imperfect.true_law import check_forces
 from flocking.engine.protocol.body_chains import of_points, point_of
 from flocking.engine.protocol.session import Packed, Stored
+from flocking.engine.protocol.waiting_forces import Waiting, put
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.sampled.actuation import Actuation
@@ -84,10 +85,10 @@ class SampledSession(ImperfectSession):
         assert isinstance(scenario.control, Held)
         start = scenario.start
         self._ticks: PeriodicTimes = scenario.control.schedule(self.n)
-        self._latency = scenario.control.latency_in_nanoseconds
+        self._latency = scenario.control.latencies(self.n)
         self.ticked = np.zeros(self.n, dtype=np.int64)
         self.applied = np.zeros(self.n, dtype=np.int64)
-        self.waiting: list[tuple[int, Indices, Array]] = []
+        self.waiting: Waiting = []
         self.desired = np.zeros((self.n, self.m))
         """The forces that agents computed last and that have begun to act, shape (N, m)."""
         periods = np.asarray(self._ticks.period * NANOSECOND, dtype=np.float64)
@@ -201,7 +202,9 @@ class SampledSession(ImperfectSession):
             self.records.log.act(instant, acting, force, with_leaders(knowledge.used(acting, pairs), leaders))
             self.ticked[acting] += 1
             self.steps += 1
-            self.waiting.append((instant + self._latency, acting, force))
+            late = self._latency[acting]
+            for latency in np.unique(late).tolist():
+                put(self.waiting, instant + latency, acting[late == latency], force[late == latency])
         renewed = motion.renewed(instant)
         begun = []
         while self.waiting and self.waiting[0][0] == instant:
@@ -212,8 +215,8 @@ class SampledSession(ImperfectSession):
         self._account(seconds)
         motion.exert(instant, renewed)
         changed[renewed] = True
-        for agents, force in begun:
-            self.desired[agents] = force
+        for agents, computed in begun:
+            self.desired[agents] = computed
             self.applied[agents] += 1
             changed[agents] = True
             if not gusty:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flocking.arrays import Array, Indices
+from flocking.arrays import Array
 from flocking.engine.imperfect.memory import ImperfectMemory
 from flocking.engine.imperfect.messages.knowledge import Knowledge
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
+from flocking.engine.protocol.waiting_forces import Waiting
 from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.safety import FilterMemory
@@ -27,7 +28,7 @@ class SampledMemory:
     ticked, applied
         How often each agent has acted, and how often its force has changed, shape (N,).
     waiting
-        Forces that do not act yet: when they will, in nanoseconds, whose they are, and the forces.
+        Forces that do not act yet.
     desired
         The forces that agents computed last and that have begun to act, shape (N, m).
     actuation
@@ -43,7 +44,7 @@ class SampledMemory:
     knowledge: Knowledge
     ticked: Instants
     applied: Instants
-    waiting: list[tuple[int, Indices, Array]]
+    waiting: Waiting
     desired: Array
     actuation: Actuation
     obstacle_ranges: ObstacleRanges

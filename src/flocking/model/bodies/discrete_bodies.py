@@ -131,9 +131,9 @@ class DiscreteBody(Body):
                 "Held", "period", f"must be the same for all agents, and their phase, with update={self.update!r}",
                 "different ones", "Agents that act one after another do so at one tick.",
             )  # fmt: skip
-        if control.latency_in_nanoseconds:
+        if control.latencies(len(q)).any():
             raise InvalidInput(
-                "Held", "latency", f"must be 0 for {owner} agents", control.latency,
+                "Held", "latency", f"must be 0 for {owner} agents", float(np.max(control.latency)),
                 "With update='backward' a velocity that is set at a tick is taken at the next one.",
             )  # fmt: skip
 

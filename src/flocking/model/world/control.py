@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.model.checks import Array, check_each, number, scalar_or_each
+from flocking.model.checks import Array, check_each, scalar_or_each
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.symmetries import SYMMETRIES
-from flocking.model.world.times import PeriodicTimes, nanoseconds, shared_times, span
+from flocking.model.world.times import Instants, PeriodicTimes, nanoseconds, shared_times, span
 from flocking.model.world.world_part import IdealPart, WorldPart
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Held(Control):
     phase
         Time of the first tick after the start, one for all or one for each; not negative.
     latency
-        Time from a tick until its force acts, for all agents; not negative.
+        Time from a tick until its force acts, one for all or one for each; not negative.
 
     Raises
     ------
@@ -61,23 +61,25 @@ class Held(Control):
     >>> import flocking as fk
     >>> fk.Held(0.1, latency=0.02).summary
     'control held for 0.1, acting 0.02 later'
+    >>> fk.Held(0.1, latency=[0.0, 0.03]).summary
+    'control held for 0.1, acting 0 to 0.03 later'
     """
 
     period: float | Array
     phase: float | Array = 0.0
-    latency: float = 0.0
+    latency: float | Array = 0.0
 
     if TYPE_CHECKING:  # Lists are accepted.
 
-        def __init__(self, period: ArrayLike, phase: ArrayLike = 0.0, latency: float = 0.0) -> None: ...
+        def __init__(self, period: ArrayLike, phase: ArrayLike = 0.0, latency: ArrayLike = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         nanoseconds("Held", "period", self.period, positive=True)
         nanoseconds("Held", "phase", self.phase)
+        nanoseconds("Held", "latency", self.latency)
         object.__setattr__(self, "period", scalar_or_each("Held", "period", self.period, above=0.0))
         object.__setattr__(self, "phase", scalar_or_each("Held", "phase", self.phase, least=0.0))
-        object.__setattr__(self, "latency", number("Held", "latency", self.latency, least=0.0))
-        nanoseconds("Held", "latency", self.latency)
+        object.__setattr__(self, "latency", scalar_or_each("Held", "latency", self.latency, least=0.0))
 
     @property
     def ideal(self) -> bool:
@@ -86,13 +88,9 @@ class Held(Control):
 
     @property
     def symmetries(self) -> frozenset[str]:
-        """All; momentum and relabelling only where agents act at the same times."""
-        return SYMMETRIES if self.schedule_of_all is not None else SYMMETRIES - {"momentum", "relabelling"}
-
-    @property
-    def schedule_of_all(self) -> tuple[int, int] | None:
-        """Period and phase in nanoseconds that all agents share; None where they differ."""
-        return shared_times(self.period, self.phase)
+        """All; momentum and relabelling only where agents act at the same times, and their forces begin together."""
+        together = shared_times(self.period, self.phase, self.latency) is not None
+        return SYMMETRIES if together else SYMMETRIES - {"momentum", "relabelling"}
 
     @property
     def summary(self) -> str:
@@ -102,17 +100,17 @@ class Held(Control):
     @property
     def _delays_in_words(self) -> str:
         found = f", first at {span(self.phase)}" if np.any(self.phase) else ""
-        return f"{found}, acting {self.latency:g} later" if self.latency else found
+        return f"{found}, acting {span(self.latency)} later" if np.any(self.latency) else found
 
     def check_count(self, n: int) -> None:
-        """Check that periods and phases given for each agent are ``n``.
+        """Check that periods, phases and latencies given for each agent are ``n``.
 
         Raises
         ------
         InvalidInput
             When they are another number.
         """
-        for name, value in (("period", self.period), ("phase", self.phase)):
+        for name, value in (("period", self.period), ("phase", self.phase), ("latency", self.latency)):
             check_each("Held", name, value, n)
 
     def schedule(self, n: int) -> PeriodicTimes:
@@ -122,7 +120,6 @@ class Held(Control):
             np.broadcast_to(nanoseconds("Held", "phase", self.phase), n).copy(),
         )
 
-    @property
-    def latency_in_nanoseconds(self) -> int:
-        """`latency`, rounded to a whole number of nanoseconds."""
-        return int(nanoseconds("Held", "latency", self.latency))
+    def latencies(self, n: int) -> Instants:
+        """Times from a tick until its force acts, of ``n`` agents, in whole nanoseconds, shape (n,)."""
+        return np.broadcast_to(nanoseconds("Held", "latency", self.latency), n).copy()

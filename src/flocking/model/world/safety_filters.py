@@ -99,7 +99,8 @@ class SafetyFilter(Held):
     if TYPE_CHECKING:  # Lists are accepted.
 
         def __init__(
-            self, period: float | ArrayLike, phase: float | ArrayLike = 0.0, latency: float = 0.0, *,
+            self, period: float | ArrayLike, phase: float | ArrayLike = 0.0,
+            latency: float | ArrayLike = 0.0, *,
             distance: float, acceleration: float | ArrayLike, form: str = "sampled", gain: float = 1.0,
             obstacles: Sequence[Obstacle] = (), clearance: float | None = None,
         ) -> None: ...  # fmt: skip

@@ -63,16 +63,16 @@ def span(values: ArrayLike) -> str:
     return " to ".join(dict.fromkeys(f"{end:g}" for end in (float(found.min()), float(found.max()))))
 
 
-def shared_times(period: float | Array, phase: float | Array) -> tuple[int, int] | None:
-    """Period and phase in nanoseconds that all agents share; None where they differ.
+def shared_times(*times: float | Array) -> tuple[int, ...] | None:
+    """Times in nanoseconds that all agents share, such as a period and a phase; None where they differ.
 
     Parameters
     ----------
-    period, phase
-        In the unit of time, one for all agents or one for each.
+    times
+        In the unit of time, each one for all agents or one for each.
     """
-    found = [np.unique(np.rint(np.asarray(x, dtype=np.float64) / NANOSECOND)) for x in (period, phase)]
-    return None if max(len(x) for x in found) > 1 else (int(found[0][0]), int(found[1][0]))
+    found = [np.unique(np.rint(np.asarray(x, dtype=np.float64) / NANOSECOND)) for x in times]
+    return None if max(len(x) for x in found) > 1 else tuple(int(x[0]) for x in found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +107,8 @@ class PeriodicTimes:
         """Whether every agent does it at ``time``, shape (N,)."""
         return np.asarray((time >= self.phase) & ((time - self.phase) % self.period == 0))
 
-    def count_until(self, time: int) -> Instants:
-        """How often every agent has done it until ``time``, that time included, shape (N,)."""
+    def count_until(self, time: int | Instants) -> Instants:
+        """How often every agent has done it until ``time``, one or one for each, that time included, shape (N,)."""
         found: Instants = np.asarray(
             np.where(time < self.phase, 0, (time - self.phase) // self.period + 1), dtype=np.int64
         )

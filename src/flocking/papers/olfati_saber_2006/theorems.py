@@ -170,7 +170,7 @@ def centre_as_predicted(e: Evidence) -> Measure:
 def moved_as_held(e: Evidence) -> Measure:
     """Largest difference of frames from the motion under the law's force at the frame before, held for the period."""
     control_, body = e.run.scenario.control, e.run.scenario.agents
-    if not isinstance(control_, Held) or np.ndim(control_.period) or np.any(control_.phase) or control_.latency:
+    if not isinstance(control_, Held) or np.ndim(control_.period) or np.any(control_.phase) or np.any(control_.latency):
         raise NotMeasurable("control is not held for one time from the start on")
     if type(e.law.graph) is not Smooth or not is_point_mass(body):
         raise NotMeasurable("the net is not one of distances alone, or agents are no point masses")

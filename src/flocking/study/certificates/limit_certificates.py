@@ -124,7 +124,7 @@ def _first_forces(control: Control, n: int) -> Instants:
     """Times at which each agent's first force acts, whole nanoseconds from the start, shape (N,)."""
     if not isinstance(control, Held):
         return np.zeros(n, dtype=np.int64)
-    return control.schedule(n).phase + control.latency_in_nanoseconds
+    return control.schedule(n).phase + control.latencies(n)
 
 
 def _in_seconds(times: Instants) -> Interval:

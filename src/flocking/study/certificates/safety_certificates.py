@@ -78,7 +78,7 @@ def safety_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
 
     def clock() -> Hypothesis:
         together = not np.ptp(np.asarray(filter_.period)) and not np.any(np.asarray(filter_.phase))
-        holds = together and not filter_.latency
+        holds = together and not np.any(filter_.latency)
         return Hypothesis("all act together from the start on, without latency", bool(holds), filter_.summary)
 
     def able() -> Hypothesis:

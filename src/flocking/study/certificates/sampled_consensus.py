@@ -84,7 +84,7 @@ class SampledConsensus:
         if type(control) is not Held:
             return Hypothesis(statement, False, control.summary or "control is continuous")
         ticks = control.schedule(self.n)
-        if np.ptp(ticks.period) or np.any(ticks.phase) or control.latency:
+        if np.ptp(ticks.period) or np.any(ticks.phase) or np.any(control.latency):
             return Hypothesis(statement, False, "periods differ, or there is a phase or a latency")
         return Hypothesis(statement, True, f"every {self.period:g}")
 

@@ -65,7 +65,7 @@ class ContinuousMotion(IntegratedForcedMotion):
         self._largest_force = 0.0
         super().__init__(run, scenario, log)
 
-    def _follow(self, run: Run, scenario: Scenario, log: MessageLog, latency: int) -> None:
+    def _follow(self, run: Run, scenario: Scenario, log: MessageLog, latency: list[int]) -> None:
         end = float(run.t[-1]) - self._base if len(run.t) else 0.0
         last = min(max(end, *(log.ticks[-1:, 0] * NANOSECOND).tolist(), 0.0), scenario.t_end - self._base)
         self.error = EXPECTED * scenario.tolerance

@@ -65,7 +65,7 @@ class ForcedMotion:
         self.order = bodies.order
         self.masses = np.broadcast_to(np.asarray(bodies.masses, dtype=np.float64), self.n)
         self.damping = np.broadcast_to(np.asarray(bodies.damping, dtype=np.float64), self.n)
-        latency = scenario.control.latency_in_nanoseconds
+        latency = scenario.control.latencies(self.n).tolist()
         self.begins: list[list[int]] = [[0] for _ in range(self.n)]
         """Nanoseconds at which each agent's forces begin to act."""
         self.rows: list[list[int]] = [[-1] for _ in range(self.n)]
@@ -85,7 +85,7 @@ class ForcedMotion:
             for i, (q, p) in enumerate(zip(start.q, start.p, strict=True))
         ]
         changes: list[tuple[int, int, int]] = [
-            (instant + latency, agent, row) for row, (instant, agent, _) in enumerate(log.ticks.tolist())
+            (instant + latency[agent], agent, row) for row, (instant, agent, _) in enumerate(log.ticks.tolist())
         ]
         last = scenario.t_end - start.t
         for period in {round(x.period * PER_SECOND) for x in parts if isinstance(x, Disturbed)}:

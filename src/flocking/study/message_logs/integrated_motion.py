@@ -95,14 +95,15 @@ class IntegratedForcedMotion:
         self._now = self._forces(0.0)
         """Forces that act now."""
         control = scenario.control
-        self._follow(run, scenario, log, control.latency_in_nanoseconds if isinstance(control, Held) else 0)
+        latency = control.latencies(self.n).tolist() if isinstance(control, Held) else [0] * self.n
+        self._follow(run, scenario, log, latency)
 
-    def _follow(self, run: Run, scenario: Scenario, log: MessageLog, latency: int) -> None:
+    def _follow(self, run: Run, scenario: Scenario, log: MessageLog, latency: list[int]) -> None:
         """Integrate the whole run."""
         frames = [float(t) - self._base for t in run.t]
         changes: dict[float, list[int]] = {}
-        for row, (instant, _, _) in enumerate(log.ticks.tolist()):
-            changes.setdefault((instant + latency) * NANOSECOND, []).append(row)
+        for row, (instant, agent, _) in enumerate(log.ticks.tolist()):
+            changes.setdefault((instant + latency[agent]) * NANOSECOND, []).append(row)
         last = max([*frames, *((instant * NANOSECOND) for instant, _, _ in log.ticks.tolist()), 0.0])
         # A log that somebody else wrote may name times long after the run.
         last = min(last, scenario.t_end - self._base)

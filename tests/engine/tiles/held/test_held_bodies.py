@@ -45,7 +45,7 @@ WORLDS = {
     "all at once": {"control": fk.Held(0.1)},
     "late, told": {"control": fk.Held(0.1, phase=0.05, latency=0.02), "information": fk.Messages(0.1, **TOLD)},
     "each by itself": {
-        "control": fk.Held(np.where(EACH % 2, 0.1, 0.2), phase=np.where(EACH % 3, 0.0, 0.02), latency=0.3)
+        "control": fk.Held(np.where(EACH % 2, 0.1, 0.2), phase=np.where(EACH % 3, 0.0, 0.02), latency=0.1 * (EACH % 4))
     },
 }
 

@@ -28,6 +28,7 @@ CONTROLS = {
     "all at once": fk.Held(0.1),
     "late": fk.Held(0.1, phase=0.05, latency=0.02),
     "each by itself": fk.Held(np.where(EACH % 2, 0.1, 0.2), phase=np.where(EACH % 3, 0.0, 0.02), latency=0.3),
+    "each late by itself": fk.Held(0.1, latency=0.1 * (EACH % 4) + 0.02 * (EACH % 5 == 1)),
 }
 BODIES = {
     "masses": fk.PointMass(),
@@ -127,6 +128,8 @@ def test_pieces_threads_and_resuming_give_the_same_bits(control):
     if np.ndim(control.period):
         each = np.arange(2200)
         control = fk.Held(np.where(each % 2, 0.1, 0.2), phase=np.where(each % 3, 0.0, 0.02), latency=0.3)
+    elif np.ndim(control.latency):
+        control = fk.Held(0.1, latency=0.1 * (np.arange(2200) % 4))
     held = fk.Scenario(law, start, t_end=0.7, frames=4, control=control)
     whole = fk.simulate(held, engine="tiles", step=0.01, threads=1, progress=False)
     session = ENGINE.open(held, TilesOptions(step=0.01, threads=2))
@@ -142,6 +145,7 @@ def test_pieces_threads_and_resuming_give_the_same_bits(control):
 
 @pytest.mark.parametrize(("control", "named"), [
     (fk.Held(0.1), "period"), (fk.Held(0.12, phase=0.1), "phase"), (fk.Held(0.12, latency=0.1), "latency"),
+    (fk.Held(0.12, latency=np.where(EACH == 7, 0.1, 0.06)), "latency"),
 ])  # fmt: skip
 def test_times_off_the_steps_are_refused_with_the_nearest(control, named):
     with pytest.raises(InvalidInput, match=rf"Held.*{named}.*whole number of steps.*nearest is 0[.](08|12)"):

@@ -26,7 +26,7 @@ from flocking.engine.lammps.domains.checkpoint import LinkRows
 from flocking.engine.protocol.session import Packed
 from flocking.engine.tiles.checkpoint import flattened, restored
 from flocking.engine.tiles.checkpoint_form import check_records
-from flocking.engine.tiles.held.checkpoint import ANY, MOST_STEPS, NUMBERS
+from flocking.engine.tiles.held.checkpoint import ANY, MOST_STEPS, NUMBERS, check_ascending
 from flocking.engine.tiles.held.held_ledger import POWERS, LedgerFields
 from flocking.engine.tiles.held.memory import HeldMemory
 from flocking.engine.tiles.kernels.tile_sums import SUMS
@@ -137,4 +137,5 @@ def unpacked(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario, 
         raise MalformedError("session: steps must end within a step of the time")
     if any(when < now for when in checked["waiting"]):
         raise MalformedError("session: waiting forces must act later")
+    check_ascending(checked["waiting"])
     return checked

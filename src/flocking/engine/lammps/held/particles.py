@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import AnyArray, Array, Indices, Numbers32, Reals
+from flocking.arrays import AnyArray, Array, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.lammps.domains.link_tables import link_table, mark_links, most_links
 from flocking.engine.lammps.domains.messages import fetched
@@ -12,6 +12,7 @@ from flocking.engine.lammps.domains.particles import RankParticles
 from flocking.engine.lammps.held.actuation import RankActuation
 from flocking.engine.lammps.held.samples import RankSampleStore
 from flocking.engine.lammps.ranks import Ranks
+from flocking.engine.protocol.waiting_forces import Waiting
 from flocking.engine.tiles.held.held_particles import SPARE, HeldParticles
 from flocking.engine.tiles.held.messages import SampleStore
 from flocking.engine.tiles.kernels.spec import KernelSpec
@@ -20,9 +21,6 @@ from flocking.engine.tiles.neighbours.neighbour_lists import NOBODY
 from flocking.model.bodies.body import Body
 from flocking.model.law import Scenario
 from flocking.model.state import State
-
-Waiting = list[tuple[int, Indices, Reals]]
-"""Forces that act later: when, in nanoseconds, whose, and what, shape (agents, m)."""
 
 
 class HeldRankParticles(RankParticles, HeldParticles):

@@ -39,7 +39,7 @@ class Schedules(NamedTuple):
     period, phase
         Of the acts, shape (N,).
     latency
-        From an act until its force acts.
+        From an act until its force acts, shape (N,).
     sampling, offset
         Period and phase of the samples, shape (N,); without messages they are not read.
     messages
@@ -48,7 +48,7 @@ class Schedules(NamedTuple):
 
     period: Instants
     phase: Instants
-    latency: int
+    latency: Instants
     sampling: Instants
     offset: Instants
     messages: bool

@@ -100,7 +100,7 @@ class Settings(NamedTuple):
     scenario, law
         The scenario, and its law.
     ticks, latency
-        When agents act, and for how many nanoseconds their forces wait.
+        When agents act, and for how many nanoseconds their forces wait, shape (N,).
     rules
         When true links switch.
     rule
@@ -110,7 +110,7 @@ class Settings(NamedTuple):
     scenario: Scenario
     law: SampledLaw
     ticks: PeriodicTimes
-    latency: int
+    latency: Instants
     rules: LinkRules
     rule: Rule
 
@@ -224,7 +224,7 @@ class EventBlocks:
 
     def _acts(self, memory: SampledMemory, settings: Settings) -> Acts:
         n, m = memory.desired.shape
-        rounds = 2 + settings.latency // int(settings.ticks.period.min())
+        rounds = 2 + int((settings.latency // settings.ticks.period).max())
         room = min(n * rounds, max(self._room, 2 * n))
         room = max(room, n + sum(len(agents) for _, agents, _ in memory.waiting))
         when, who = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64)

@@ -40,7 +40,7 @@ from flocking.engine.sampled.blocks.ledger import (
     switch,
     watch,
 )
-from flocking.engine.sampled.blocks.pieces import NEVER, exert, hold, lengths, move, next_change, renew
+from flocking.engine.sampled.blocks.pieces import NEVER, exert, hold, lengths, move, next_change, renew, wait
 from flocking.formula.native.functions import native_announced, native_apart
 from flocking.model.world.times import NANOSECOND
 
@@ -85,9 +85,7 @@ def act(
     for i in range(n):
         if work.acting[i]:
             acts.ticked[i] += 1
-            acts.when[waiting], acts.who[waiting] = instant + schedules.latency, i
-            for k in range(work.u.shape[1]):
-                acts.what[waiting, k] = work.u[i, k]
+            wait(acts, waiting, instant + schedules.latency[i], i, work.u)
             waiting += 1
     truth.counts[WAITING] = waiting
     return True

@@ -179,8 +179,33 @@ def lengths(schedules: Schedules, motion: Movement, acts: Acts, instant: int, le
         The times.
     """
     for i in range(length.shape[0]):
-        applies = schedules.phase[i] + acts.applied[i] * schedules.period[i] + schedules.latency
+        applies = schedules.phase[i] + acts.applied[i] * schedules.period[i] + schedules.latency[i]
         length[i] = (min(applies, end_of(motion, i)) - instant) * NANOSECOND
+
+
+def wait(acts: Acts, count: int, when: int, agent: int, force: Array) -> None:
+    """Put the force of an ``agent`` among those that wait, in the order of times and agents; for native functions.
+
+    Parameters
+    ----------
+    acts
+        The forces; there is room for one more.
+    count
+        How many wait.
+    when
+        When it will act, in nanoseconds.
+    force
+        Forces of all agents, shape (N, m).
+    """
+    row, m = count, force.shape[1]
+    while row > 0 and (acts.when[row - 1] > when or (acts.when[row - 1] == when and acts.who[row - 1] > agent)):
+        acts.when[row], acts.who[row] = acts.when[row - 1], acts.who[row - 1]
+        for k in range(m):
+            acts.what[row, k] = acts.what[row - 1, k]
+        row -= 1
+    acts.when[row], acts.who[row] = when, agent
+    for k in range(m):
+        acts.what[row, k] = force[agent, k]
 
 
 def hold(motion: Movement, acts: Acts, work: Work, instant: int, count: int) -> int:

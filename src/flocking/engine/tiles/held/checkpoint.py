@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import pairwise
 from typing import TypedDict, cast
 
 import numpy as np
@@ -231,3 +233,16 @@ def _check(data: object, scenario: Scenario, particles: HeldParticles) -> None:
     for when, who, u in checked["waiting"]:
         if len(who) != len(u) or (np.diff(who) <= 0).any() or when < now:
             raise MalformedError("session: waiting must hold forces of agents in order that act later")
+    check_ascending([when for when, _, _ in checked["waiting"]])
+
+
+def check_ascending(times: Sequence[int]) -> None:
+    """Check the times at which forces that wait will act.
+
+    Raises
+    ------
+    MalformedError
+        When they do not ascend: what is not first would never act.
+    """
+    if any(late <= early for early, late in pairwise(times)):
+        raise MalformedError("session: waiting must hold forces in the order of their times")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flocking.arrays import Indices, Reals
+from flocking.engine.protocol.waiting_forces import Waiting
 from flocking.engine.tiles.held.held_ledger import HeldLedger
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.options import TilesOptions
@@ -40,7 +40,7 @@ class HeldMemory:
     ledger
         Sums and integrals of the energy.
     waiting
-        Forces that act later: when, in nanoseconds, whose, and what, shape (agents, m).
+        Forces that act later.
     """
 
     options: TilesOptions
@@ -54,4 +54,4 @@ class HeldMemory:
     farthest: float = 0.0
     ledger_ends: float = np.inf
     ledger: HeldLedger = field(default_factory=HeldLedger)
-    waiting: list[tuple[int, Indices, Reals]] = field(default_factory=list)
+    waiting: Waiting = field(default_factory=list)

@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from flocking.arrays import Links
+from flocking.arrays import Links, Numbers32
 from flocking.engine import interruption
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.protocol.body_chains import of_points, point_of
 from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
+from flocking.engine.protocol.waiting_forces import put
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.held.checkpoint import pack_held, packed_options, recall_held
@@ -96,7 +97,8 @@ class HeldTilesSession(HeldTruth):
         assert isinstance(control, Held)
         ticks = control.schedule(scenario.start.n)
         self._ticks = ticks.of_one if ticks.alike else ticks
-        self._latency = control.latency_in_nanoseconds
+        latencies = control.latencies(scenario.start.n)
+        self._latency = latencies if np.ptp(latencies) else latencies[:1]
 
     def _new_particles(self, scenario: Scenario, state: State) -> HeldParticles:
         return HeldParticles(
@@ -223,10 +225,9 @@ class HeldTilesSession(HeldTruth):
         self._change_gains(t, now * NANOSECOND)
         particles.measure(now)
         tick = self._due()
-        if tick.any():
-            self._tick(t, tick)
-        changed = bool(tick.any() and not self._latency)
-        begun = particles.acting if changed else np.zeros_like(particles.acting)
+        begun = self._tick(t, tick) if tick.any() else np.zeros_like(particles.acting)
+        # Not whether one of the agents here is among them: what follows may be for all ranks.
+        changed = bool((tick & (self._latency == 0)).any())
         while self._memory.waiting and self._memory.waiting[0][0] == now:
             _, agents, force = self._memory.waiting.pop(0)
             places = particles.places_of(agents)
@@ -242,22 +243,37 @@ class HeldTilesSession(HeldTruth):
         if begins and self.options.ledger and not self._sums_powers:
             self._memory.ledger.act(powers_of(self.scenario, particles, t, step=self.step))
 
-    def _tick(self, t: float, tick: Links) -> None:
-        """Let agents marked in ``tick``, shape (N,) or (1,), compute their controls, which act after the latency."""
+    def _tick(self, t: float, tick: Links) -> Numbers32:
+        """Let agents marked in ``tick``, shape (N,) or (1,), compute their controls, which act after the latency.
+
+        Returns
+        -------
+        array
+            1 at the places of those whose forces act at once, shape (size,).
+        """
         particles, now = self._particles, self._now
         self._guarded(lambda: particles.require_lists(self.step))
         if not particles.known_in_reach(now):
             self._guarded(lambda: particles.rebuild(self.step))
         particles.acting[: particles.n] = 1 if len(tick) == 1 else tick[particles.ids[: particles.n]]
         particles.all_act = len(tick) == 1
-        before = particles.desired.copy() if self._latency else None
+        if not self._latency.any():
+            particles.act(t, now)
+            return particles.acting.copy()
+        before, begun = particles.desired.copy(), np.zeros_like(particles.acting)
         particles.act(t, now)
-        if before is not None:
-            agents = particles.numbers_of(tick)
-            self._memory.waiting.append(
-                (now + self._latency, agents, particles.desired[:, particles.places_of(agents)].T.copy())
-            )
-            particles.desired[:] = before
+        agents, n = particles.numbers_of(tick), self.scenario.start.n
+        late = np.broadcast_to(self._latency, n)
+        # Of all agents: ranks that have none of some latency wait for them as well.
+        for latency in np.unique(late[np.broadcast_to(tick, n)]).tolist():
+            mine = agents[late[agents] == latency]
+            places = particles.places_of(mine)
+            if latency:
+                put(self._memory.waiting, now + latency, mine, particles.desired[:, places].T.copy())
+                particles.desired[:, places] = before[:, places]
+            else:
+                begun[places] = 1
+        return begun
 
     def _change_gains(self, t: float, seconds: float) -> None:
         """Take scheduled gains; what they change of the energy is a jump of the ledger."""

@@ -46,7 +46,7 @@ def grid_times(scenario: Scenario) -> list[GridTime]:
             schedule = part.schedule(n)
             found += [GridTime(owner, name, np.unique(getattr(schedule, name))) for name in ("period", "phase")]
     found += [GridTime("Disturbed", "period", np.array([period])) for period in gust_periods(scenario.agents)]
-    return [*found, GridTime("Held", "latency", np.array([control.latency_in_nanoseconds]))]
+    return [*found, GridTime("Held", "latency", np.unique(control.latencies(n)))]
 
 
 def held_step(scenario: Scenario, requested: float | None, resolves: float) -> int:

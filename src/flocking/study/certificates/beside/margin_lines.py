@@ -142,7 +142,7 @@ def _acts_together(control: Control, n: int) -> bool:
     """Whether all of n agents act at the same times and without latency, which certificates of a period assume."""
     if control.ideal:  # margins hold it with neither phase nor latency
         return True
-    return type(control) is Held and not control.latency and not np.ptp(control.schedule(n).phase)
+    return type(control) is Held and not np.any(control.latency) and not np.ptp(control.schedule(n).phase)
 
 
 def _limit_lines(found: Certificates) -> tuple[MarginLine, ...]:
