@@ -170,17 +170,17 @@ def test_cut_and_stored_runs_have_the_same_bits_and_are_replayed(tmp_path):
 
 def early(patch):
     """A sample of the leader is used before it arrives."""
-    arrivals = leader_samples.arrivals_of_leaders
-    patch.setattr(leader_samples, "arrivals_of_leaders", lambda *given: arrivals(*given) - 15_000_000)
+    arrivals = leader_samples.arrivals_as_sent
+    patch.setattr(leader_samples, "arrivals_as_sent", lambda *given: arrivals(*given) - 15_000_000)
 
 
 def found_again(patch):
     """A sample of the leader that was lost is used."""
-    arrivals = leader_samples.arrivals_of_leaders
+    arrivals = leader_samples.arrivals_as_sent
     patch.setattr(
         leader_samples,
-        "arrivals_of_leaders",
-        lambda sent, *given: arrivals(dataclasses.replace(sent, loss=None), *given),
+        "arrivals_as_sent",
+        lambda sent, *given: arrivals([dataclasses.replace(x, loss=None) for x in sent], *given),
     )
 
 

@@ -33,6 +33,7 @@ class PlainLeaderMail:
 
     def __init__(self, scenario):
         self.info, n = scenario.information, scenario.start.n
+        self.moved = moved
         period, phase, jitter, delay = (
             round(x * NS) for x in (self.info.period, self.info.phase, self.info.jitter, self.info.delay)
         )
@@ -55,7 +56,7 @@ class PlainLeaderMail:
     def believed(self, i, seconds):
         """Position, velocity and acceleration of the leader as agent i takes them to be."""
         taken = self.told[i][1] / NS
-        x, v, a = moved(taken)
+        x, v, a = self.moved(taken)
         if self.info.predict:
             s = seconds - taken
             x = [b + s * c + s * s * d / 2 for b, c, d in zip(x, v, a, strict=True)]

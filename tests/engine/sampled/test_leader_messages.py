@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.c_export.exported_law import exported_law
 from flocking.engine.driver.nodes import simulate_nodes
 from flocking.engine.imperfect.messages.leader_news import LeaderNews
+from flocking.engine.protocol.session import Stored
+from flocking.engine.sampled.session import SampledSession
 from flocking.errors import InvalidInput, UnsupportedLaw
-from tests.engine.imperfect.plain_leader import GAINS, LEADER, PlainLeaderMail
+from tests.engine.imperfect.plain_leader import GAINS, LEADER, PlainLeaderMail, moved
 from tests.engine.sampled.plain_world import NS, PlainWorld
 from tests.engine.sampled.test_independent import random_world
 from tests.engine.sampled.test_sessions import same
@@ -23,14 +26,14 @@ class PlainLeader(PlainWorld):
 
     def __init__(self, scenario, slope, gain, enter, leave):
         super().__init__(scenario, slope, gain, enter, leave)
-        self.leader = PlainLeaderMail(scenario)
+        self.leader, self.gains = PlainLeaderMail(scenario), GAINS
 
     def act(self, i, t):
         u = super().act(i, t)
         q, p = (self.q[i], self.p[i]) if self.info.self_known == "true" else self.own[i]
         self.leader.hear(i, t)
         x, v, a = self.leader.believed(i, t / NS)
-        c1, c2, g = GAINS
+        c1, c2, g = self.gains
         return [
             w - c1 * (q[k] - x[k]) - c2 * (p[k] - v[k]) + g * self.mass[i] * a[k] for k, w in enumerate(u)
         ]  # fmt: skip
@@ -148,9 +151,122 @@ def test_others_refuse_by_name():
     ball = fk.Avoid([fk.Ball([9.0, 9.0], 0.5)], range=1.0, gamma_agents=False)
     with pytest.raises(UnsupportedLaw, match="beside obstacles"):
         fk.start(made.with_(law=fk.Law(made.law.graph, [*made.law.terms, ball])), "sampled")
+
+
+# Changes while a run goes on.
+
+AT = (0.6137, 1.2711)
+"""When something is changed: at no tick, and with samples under way."""
+OTHER = fk.Velocity([0.3, -0.2], start=[1.0, 0.0])
+
+
+def elsewhere(t):
+    """The motion of `OTHER`, by hand."""
+    return (1.0 + 0.3 * t, -0.2 * t), (0.3, -0.2), (0.0, 0.0)
+
+
+def law_of(made, leader, gains, pull=0.8):
+    """The law of a world with another leader, other gains and another weight of velocities."""
+    return fk.Law(made.law.graph, [made.law.terms[0], fk.Consensus(pull), fk.Track(leader, *gains)])
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(s, marks=pytest.mark.slow) for s in range(3, 30))])
+def test_changed_laws_leaders_and_messages_are_those_of_plain_queues(seed):
+    """Another leader is known by samples that were taken later; samples arrive as they were sent."""
+    made = scenario(seed, delay=0.12, jitter=0.06)
+    later = dataclasses.replace(made.information, delay=0.03, jitter=0.0, loss=fk.Bernoulli(0.3))
+    session, gains = fk.start(made), (0.4, 1.1, 0.2)
+    plain = PlainLeader(made, lambda r: 1.5 * (r - 1), 0.8, 1.7, 2.0)
+    for t in AT:
+        session.advance(t)
+        plain.run(t)
+        if t == AT[0]:
+            session.replace(law=law_of(made, OTHER, gains, 0.5))
+            plain.gains, plain.gain = gains, 0.5
+            plain.leader.moved = lambda s: moved(s) if s < AT[0] else elsewhere(s)
+        else:
+            session.replace_information(later)
+            plain.info, plain.delay, plain.jitter = later, round(later.delay * NS), 0
+            other = PlainLeaderMail(made.with_(information=later))
+            for i, mail in enumerate(other.mail):
+                sent = [x for x in plain.leader.mail[i] if x[2] < AT[1] * NS]
+                plain.leader.mail[i] = sent + [x for x in mail if x[2] > AT[1] * NS]
+        session = session.moment()()
+    session.advance(made.t_end)
+    plain.run(made.t_end)
+    run = session.run()
+    assert np.abs(run.q[-1] - plain.q).max() < 1e-9
+    assert (session.known_links[0] == plain.links).all()
+    for agent in range(run.n):
+        rows = np.flatnonzero(run.log.ticks[:, 1] == agent)
+        assert run.log.uses[run.log.firsts[rows[-1]]].tolist() == [-2, -1, plain.leader.told[agent][0]]
+    assert run.fidelity.changed
+    with pytest.raises(UnsupportedLaw, match="was changed while it went on"):
+        fk.replay(run)
+
+
+@pytest.mark.parametrize("change", ["law", "information"])
+def test_what_changes_nothing_changes_no_bit_of_the_motion(change):
+    made = scenario(3, delay=0.05)
+    ideal = fk.simulate(made, progress=False)
     session = fk.start(made)
-    session.advance(0.1)
-    with pytest.raises(UnsupportedLaw, match="replaces neither law nor state"):
-        session.replace(law=fk.Law(made.law.graph, made.law.terms[:-1]))
-    with pytest.raises(UnsupportedLaw, match="does not replace `information`"):
-        session.replace_information(made.information)
+    session.advance(0.71)
+    equal = law_of(made, fk.Path(["cos(w*t)", "0.5 - 0.3*t"], start=[0.2, 1.0], w=1.7), GAINS)
+    if change == "law":
+        session.replace(law=equal)
+    else:
+        session.replace_information(dataclasses.replace(made.information))
+    again = session.moment()()
+    again.advance(made.t_end)
+    run = again.run()
+    assert (run.q == ideal.q).all()
+    assert (run.p == ideal.p).all()
+    assert (run.links == ideal.links).all()
+    assert (run.log.forces == ideal.log.forces).all()
+    assert (run.log.uses == ideal.log.uses).all()
+
+
+def test_a_run_that_was_changed_at_once_is_that_of_another_start():
+    """Before the first sample and the first tick: only the state told at the start is that of the first leader."""
+    made = scenario(4, phase=0.02, delay=0.0).with_(control=fk.Held(0.05, phase=0.03))
+    made = made.with_(information=dataclasses.replace(made.information, loss=None, jitter=0.0))
+    session = fk.start(made.with_(law=law_of(made, LEADER, (0.1, 0.1, 0.1))))
+    session.advance(0.011)
+    session.replace(law=law_of(made, OTHER, GAINS))
+    session.advance(made.t_end)
+    expected = fk.simulate(made.with_(law=law_of(made, OTHER, GAINS)), progress=False)
+    assert np.abs(session.run().q - expected.q).max() < 1e-13
+
+
+def test_laws_without_these_leaders_are_refused_by_name_and_the_run_goes_on():
+    made = scenario(2)
+    ideal, session = fk.simulate(made, progress=False), fk.start(made)
+    session.advance(0.5)
+    two = fk.Law(made.law.graph, [*made.law.terms, fk.Track(OTHER, 0.1, 0.1)])
+    ball = fk.Avoid([fk.Ball([9.0, 9.0], 0.5)], range=1.0, gamma_agents=False)
+    for law, error, words in (
+        (two, UnsupportedLaw, "keeps the number of leaders of a law, 1,.*the law has 2"),
+        (fk.Law(made.law.graph, made.law.terms[:-1]), InvalidInput, "must be left out where no term"),
+        (fk.Law(made.law.graph, [*made.law.terms, ball]), UnsupportedLaw, "beside obstacles"),
+    ):
+        with pytest.raises(error, match=words):
+            session.replace(law=law)
+    session.advance(made.t_end)
+    assert same(session.run(), ideal)
+
+
+@pytest.mark.parametrize(
+    "led", [[[10**6, []]], [[3, []], [2, []]], [[-1, []]], [["a", []]], [[0, [5]]], {"a": 1}, [[0, [{"kind": "held"}]]]]
+)
+def test_crafted_leaders_that_were_replaced_are_refused(led):
+    made = scenario(2)
+    session = fk.start(made)
+    session.advance(0.5)
+    session.replace(law=law_of(made, OTHER, GAINS))
+    session.advance(0.7)
+    numbers, arrays = session.pack()
+    assert len(numbers["led"]) == 1
+    stored = Stored(session.scenario, None, session.records.counts, lambda: session.run("unfinished"))
+    SampledSession.unpack((dict(numbers), dict(arrays)), stored, {})
+    with pytest.raises(MalformedError, match="led must hold"):
+        SampledSession.unpack(({**numbers, "led": led}, dict(arrays)), stored, {})

@@ -20,7 +20,7 @@ from flocking.engine.imperfect.messages.interventions import (
     unpacked_changes,
 )
 from flocking.engine.imperfect.messages.knowledge import NEVER, Knowledge, Known
-from flocking.engine.imperfect.messages.leader_news import leader_news, with_leaders
+from flocking.engine.imperfect.messages.leader_news import check_new_leaders, leader_news, with_leaders
 from flocking.engine.imperfect.powers import POWERS, integrate_powers
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
@@ -98,7 +98,8 @@ class SampledSession(ImperfectSession):
         self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
         self._sampled_law = SampledLaw(of_points(scenario), self.knowledge.degree)
         self.obstacle_ranges = ObstacleRanges(scenario.law, start.q, start.t)
-        self._leader_news = leader_news(scenario)
+        self.interventions = Interventions()
+        self._leader_news = leader_news(scenario, self.interventions.leaders)
         control = scenario.control
         self.filter: ForceFilter | None = None
         if isinstance(control, SafetyFilter):
@@ -107,7 +108,6 @@ class SampledSession(ImperfectSession):
         self._instant, self._meets = 0, False
         self._ticking = self._sampling = self._next_tick()
         """When each agent acts and measures next, as `_next_change` found it."""
-        self.interventions = Interventions()
         self._blocks = EventBlocks()
 
     def _new_motion(self, scenario: Scenario, periods: Array) -> tuple[Actuation, Motion]:
@@ -328,28 +328,32 @@ class SampledSession(ImperfectSession):
 
     def replace_information(self, information: Information) -> None:
         """Send messages in another way from now on: samples on their way arrive, or not, as before."""
-        if self._leader_news is not None:
-            return super().replace_information(information)
         scenario = check_information(self.engine, self.scenario, information)
         assert isinstance(information, Messages)
         self.scenario = scenario
         self.knowledge.change(information)
+        if self._leader_news is not None:
+            self._leader_news.follow(self.knowledge)
         self.interventions.times.append(self.time)
-        return None
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
         """Let another law of the same graphs act from now on: agents compute their next forces by it.
+
+        Where leaders are known by messages, agents follow those of the new law, in the order of its terms, by the
+        samples of those before until one arrives that was taken later.
 
         Raises
         ------
         InvalidInput
             When the law does not fit the scenario, or has no finite energy now; the session is then unchanged.
         UnsupportedLaw
-            When its graphs are others, when a safety filter acts, and for another state.
+            When its graphs are others, or the number of leaders that send messages, when a safety filter acts, and for
+            another state.
         """
-        if state is not None or law is None or self.filter is not None or self._leader_news is not None:
+        if state is not None or law is None or self.filter is not None:
             return super().replace(law=law, state=state)
         scenario = check_law_change(self.scenario, law)
+        check_new_leaders(self.engine, scenario, self._leader_news)
         check_law(self.engine, scenario, None, point_of(scenario.agents), obstacles=True, views=True)
         points = of_points(scenario)
         new = self._sampled_law.renumbered(points) or SampledLaw(points, self.knowledge.degree)
@@ -365,6 +369,8 @@ class SampledSession(ImperfectSession):
         ends, before, met = self.obstacle_ranges.ends, self.energy, self.obstacle_ranges.pairs
         self._sampled_law, self.obstacle_ranges = new, ranges
         self.scenario = scenario
+        if self._leader_news is not None:
+            self._leader_news.replace(law.leaders, int(self.knowledge.taken[0]))
         self._schedule = sorted({s for term in law.body_terms for s in term.switch_times(self._base, math.inf)})
         self.gains_changed = sum(self._since_start(t) <= seconds for t in self._schedule)
         if met or self.obstacle_ranges.pairs:
@@ -408,4 +414,6 @@ class SampledSession(ImperfectSession):
         """Go on from a ``memory``, with the records that were ``stored``."""
         self.ticked, self.applied, self.desired = memory.ticked, memory.applied, memory.desired
         self.obstacle_ranges = memory.obstacle_ranges
+        if self._leader_news is not None:
+            self._leader_news.follow(self.knowledge)
         self.recall(memory.truth, stored)

@@ -14,7 +14,7 @@ from flocking.engine.archives.data_checks import Form, Table
 from flocking.engine.imperfect.checkpoint_form import MOST_COUNT, must
 from flocking.engine.imperfect.messages.checkpoint_form import vectors
 from flocking.engine.imperfect.messages.knowledge import NEVER, Knowledge
-from flocking.engine.imperfect.messages.leader_news import arrivals_of_leaders
+from flocking.engine.imperfect.messages.leader_news import arrivals_as_sent
 from flocking.engine.imperfect.messages.samples import START
 from flocking.model.known_leaders import PARTS, moved_on
 from flocking.model.leaders_and_obstacles.leaders import Leader
@@ -99,14 +99,7 @@ class LeaderSamples:
 
     def _arrivals(self, receiver: Indices, k: Instants) -> Instants:
         """When samples arrive, in nanoseconds, by the settings under which each was sent; `NEVER` where lost."""
-        knowledge = self._knowledge
-        found, which = np.empty(len(k), dtype=np.int64), np.zeros(len(k), dtype=np.int64)
-        for since in knowledge.since:
-            which += k >= since[0]
-        for number, messages in enumerate(knowledge.settings):
-            rows = which == number
-            found[rows] = arrivals_of_leaders(messages, receiver[rows], k[rows])
-        return found
+        return arrivals_as_sent(self._knowledge.settings, [int(x[0]) for x in self._knowledge.since], receiver, k)
 
     def hear(self, instant: int) -> Links:
         """Take up what arrives at an ``instant``, in nanoseconds; who uses another sample from now on, shape (N,)."""

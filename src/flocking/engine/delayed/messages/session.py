@@ -24,7 +24,7 @@ from flocking.engine.imperfect.messages.interventions import (
     unpacked_changes,
 )
 from flocking.engine.imperfect.messages.knowledge import Knowledge
-from flocking.engine.imperfect.messages.leader_news import with_leaders
+from flocking.engine.imperfect.messages.leader_news import check_number_of_leaders, with_leaders
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.message_log import CHANGED, GRAPHS_CHANGED
@@ -174,11 +174,8 @@ class MessagesSession(DelayedSession):
                 "another run from run.state(-1)."
             )
         leaders = self._states.points.leaders
-        if law is not None and leaders is not None and len(law.leaders) != len(leaders.leaders):
-            raise UnsupportedLaw(
-                f"engine={self.engine!r} keeps the number of leaders of a law, {len(leaders.leaders)}, while their "
-                f"messages are under way, and the law has {len(law.leaders)}. Start another run from run.state(-1)."
-            )
+        if law is not None and leaders is not None:
+            check_number_of_leaders(self.engine, len(leaders.leaders), law)
         try:
             super().replace(law=law, state=state)
         finally:

@@ -10,9 +10,11 @@ import numpy as np
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.imperfect.messages.knowledge import Knowledge
+from flocking.engine.imperfect.messages.leader_news import Replaced
 from flocking.engine.protocol.session import Packed
 from flocking.errors import FlockingError, InvalidInput, UnsupportedLaw
 from flocking.model.law import Law, Scenario
+from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.serial import from_data, to_data
 from flocking.model.world.information import Information, Messages
 
@@ -31,9 +33,12 @@ class Interventions:
     ----------
     times
         When, in the scenario's time.
+    leaders
+        Leaders known by messages that others have replaced, in order.
     """
 
     times: list[float] = field(default_factory=list)
+    leaders: list[Replaced] = field(default_factory=list)
 
 
 def check_information(
@@ -118,6 +123,8 @@ def packed_changes(found: Interventions, knowledge: Knowledge) -> Packed:
         return {}, {}
     sent = [to_data(each) for each in knowledge.settings[:-1]]
     data: dict[str, object] = {"changed": list(found.times), "sent": sent}
+    if found.leaders:
+        data["led"] = [[each.until, [to_data(leader) for leader in each.leaders]] for each in found.leaders]
     arrays: Arrays = {"since": np.array(knowledge.since, dtype=np.int64).reshape(-1, knowledge.n)}
     return data, arrays
 
@@ -140,7 +147,7 @@ def unpacked_changes(packed: Packed, found: Interventions, knowledge: Knowledge)
     data, arrays = packed
     if "changed" not in data:
         return packed
-    rest = {name: value for name, value in data.items() if name not in ("changed", "sent")}
+    rest = {name: value for name, value in data.items() if name not in ("changed", "sent", "led")}
     times, sent, since = data["changed"], data.get("sent"), arrays.get("since")
     left = {name: value for name, value in arrays.items() if name != "since"}
     if not (isinstance(times, list) and isinstance(sent, list) and len(times) + len(sent) <= MOST_CHANGES):
@@ -151,13 +158,48 @@ def unpacked_changes(packed: Packed, found: Interventions, knowledge: Knowledge)
         raise MalformedError("since must have a row for every change of messages")
     taken = arrays.get("taken")
     rows = np.concatenate([np.zeros((1, knowledge.n), dtype=np.int64), since])
-    fits = isinstance(taken, np.ndarray) and taken.shape == (knowledge.n,) and (since <= taken).all()
-    if not (fits and (np.diff(rows, axis=0) >= 0).all() and (np.diff(rows, axis=0) > 0).any(axis=1).all()):
+    if not isinstance(taken, np.ndarray) or taken.shape != (knowledge.n,):
+        raise MalformedError("taken must be a number of samples for each agent")
+    if not (
+        (since <= taken).all() and (np.diff(rows, axis=0) >= 0).all() and (np.diff(rows, axis=0) > 0).any(axis=1).all()
+    ):
         raise MalformedError("since must ascend to the samples that were taken")
     messages = [_messages(each, knowledge) for each in sent]
     knowledge.recall(messages, list(since))
     found.times = times
+    found.leaders[:] = _leaders(data.get("led", []), int(taken.min()), knowledge.m)
     return rest, left
+
+
+def _leaders(data: object, taken: int, dimension: int) -> list[Replaced]:
+    """Leaders that others have replaced.
+
+    Parameters
+    ----------
+    data
+        What was read.
+    taken
+        How many samples were taken.
+    dimension
+        Number of axes.
+    """
+    if not isinstance(data, list) or len(data) > MOST_CHANGES:
+        raise MalformedError("led must hold leaders that were replaced")
+    found: list[Replaced] = []
+    for each in data:
+        fits = isinstance(each, list) and len(each) == 2 and type(each[0]) is int and isinstance(each[1], list)
+        if not fits or not (found[-1].until if found else 0) <= each[0] <= taken:
+            raise MalformedError("led must hold leaders, each until a sample that was taken")
+        try:
+            leaders = tuple(from_data(one) for one in each[1])
+        except FlockingError as error:
+            raise MalformedError(f"led must hold leaders ({error})") from None
+        if not all(isinstance(leader, Leader) and leader.dimension == dimension for leader in leaders):
+            raise MalformedError("led must hold leaders of the dimension of the scenario")
+        if found and len(leaders) != len(found[-1].leaders):
+            raise MalformedError("led must hold as many leaders each time")
+        found.append(Replaced(each[0], leaders))
+    return found
 
 
 def _messages(data: Mapping[str, object] | object, knowledge: Knowledge) -> Messages:
