@@ -114,6 +114,10 @@ def _why_not_closed(chain: list[WrappedBody], inner: Body) -> str:
 def check_integrated(engine: str, body: Body) -> None:
     """Refuse bodies that cannot be integrated while a force is held.
 
+    A largest speed of bodies whose motion has no closed form is that of their equations, which take from the
+    acceleration at every moment what would make them faster. Bodies in closed form have their held force scaled back
+    to it instead: in a mixture with others both would be in one run.
+
     Parameters
     ----------
     engine
@@ -133,14 +137,11 @@ def check_integrated(engine: str, body: Body) -> None:
                 "engine='discrete'."
             )
         speeds = [x for x in chain if isinstance(x, Limited) and x.speed is not None]
-        if speeds and body.order > 1:
-            why = _why_not_closed(chain, inner)
-            if not why or (type(inner) is not Unicycle and inner.structure != PointMass().structure):
-                why = (
-                    "scales held forces back to a largest speed, for which motions must be in closed form, which those "
-                    f"of {type(body).__name__} agents are not. Leave the speed out."
-                )
-            raise UnsupportedLaw(f"engine={engine!r} {why}")
+        if speeds and body.order > 1 and not _why_not_closed(chain, inner):
+            raise UnsupportedLaw(
+                f"engine={engine!r} scales held forces back to a largest speed where bodies move in closed form, which "
+                f"not all bodies of this {type(chain_of(body)[1]).__name__} do. Leave the speed out."
+            )
 
 
 def has_energy_of_points(body: Body) -> bool:

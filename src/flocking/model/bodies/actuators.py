@@ -107,8 +107,8 @@ class Limited(WrappedBody):
     A desired force above ``force`` is scaled back to it, as a vector or along each axis by itself. At the largest speed
     what would make a body of order 2 faster is taken from its acceleration, the component along its velocity; one of
     order 1 moves with its velocity scaled back. At the largest ``rate`` the rate of a lagged force is scaled back.
-    Under held control the velocity in which a force would end is scaled back to the largest speed, and the force that
-    leads there acts; for short periods both are the same.
+    Under held control of points and unicycles without lag or gusts the velocity in which a force would end is scaled
+    back to the largest speed, and the force that leads there acts; for short periods both are the same.
     Times at which a limit begins or ceases to act are located, and integration steps end there. One that would act for
     less than an eighth of a step may be missed: the force then exceeds the limit for that long.
 

@@ -167,6 +167,6 @@ def test_a_native_loop_that_reads_another_velocity_is_caught(tmp_path, monkeypat
         (fk.Limited(fk.Lagged(fk.PointMass(), 0.1), speed=2.0), "a limit of what a lagged body exerts would act"),
     ],
 )
-def test_what_would_exceed_a_speed_between_two_ticks_is_refused(bodies, words):
+def test_what_would_exceed_a_speed_between_two_ticks_is_refused_by_tiles(bodies, words):
     with pytest.raises(UnsupportedLaw, match=words):
-        fk.start(scenario(bodies), "sampled")
+        fk.start(scenario(bodies), "tiles")
