@@ -143,9 +143,6 @@ def test_others_refuse_by_name():
         simulate_nodes(made, processes=False)
     with pytest.raises(UnsupportedLaw, match="does not receive their messages"):
         exported_law(made)
-    run = fk.simulate(made.with_(t_end=0.3), progress=False)
-    with pytest.raises(UnsupportedLaw, match="does not split what their messages cause"):
-        fk.departed_causes(run)
     with pytest.raises(InvalidInput, match="must be left out where no term"):
         fk.start(made.with_(law=fk.Law(made.law.graph, made.law.terms[:-1])))
     ball = fk.Avoid([fk.Ball([9.0, 9.0], 0.5)], range=1.0, gamma_agents=False)

@@ -11,7 +11,7 @@ from flocking.engine.delayed.delayed_law import DelayedLaw
 from flocking.engine.delayed.messages.instants import MessageInstants
 from flocking.engine.delayed.messages.message_states import MessageStates
 from flocking.engine.imperfect.messages.knowledge import NEVER, Knowledge
-from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.errors import InvalidInput
 from tests.engine.delayed.test_messages import LAW, random_world
 
 LATE = 60_000_000
@@ -222,11 +222,6 @@ def test_large_numbers_in_a_frame_do_not_widen_what_they_are_compared_within(who
     found = fk.replay(dataclasses.replace(whole, **forged))
     assert not found.agrees
     assert found.undecided <= 2
-
-
-def test_causes_of_departed_energy_are_refused_by_name(whole):
-    with pytest.raises(UnsupportedLaw, match="at ticks alone, under held control"):
-        fk.departed_causes(whole)
 
 
 def test_links_by_what_agents_knew_are_those_of_the_log(whole):

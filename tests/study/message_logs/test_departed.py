@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.errors import UnsupportedLaw
+from flocking.errors import InvalidInput
+from flocking.model.world.random_numbers import NOT_AN_AGENT
 from flocking.study.message_logs.departed import CAUSES
 from tests.study.message_logs.test_replay import ran, world
+
+BODIES = {"limits", "lag", "disturbance", "body"}
 
 PAIR = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Consensus(1.0)])
 
@@ -26,7 +29,8 @@ def test_the_causes_add_up_to_what_departed():
     assert np.abs(sum(found.causes.values()) - found.total).max() < 1e-12 * np.abs(run.trace["departed"]).max()
     for name in ("delay", "loss", "noise", "links", "hold"):
         assert np.abs(found.causes[name]).max() > 1e-3
-    assert not found.causes["limits"].any()
+    assert not any(found.causes[name].any() for name in BODIES)
+    assert np.abs(found.remainder).max() < 1e-12 * np.abs(run.trace["departed"]).max()
 
 
 @pytest.mark.parametrize(
@@ -44,7 +48,7 @@ def test_what_is_not_in_the_world_has_exactly_no_share(information, none):
     """Samples fall on the ticks: without delay they are the present, and loss alone makes them old."""
     found = fk.departed_causes(ran(pair(information=information)))
     shares = {name for name, values in found.causes.items() if not values.any()}
-    assert shares == none | {"limits"}
+    assert shares == none | BODIES
 
 
 def test_the_share_of_noise_is_the_work_of_its_errors():
@@ -94,8 +98,115 @@ def test_it_is_drawn(tmp_path):
     assert "limits" not in drawn
 
 
-def test_agents_of_order_1_are_refused():
-    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("r**2/2"))])
-    made = fk.Scenario(law, fk.State([[0.0], [1.0]]), t_end=0.3, agents=fk.SingleIntegrator(), control=fk.Held(0.1))
-    with pytest.raises(UnsupportedLaw, match="order 1"):
-        fk.departed_causes(ran(made))
+def test_pictures_of_runs_without_causes_say_why():
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [2.0, 0.0]])
+    run = fk.simulate(pair().with_(start=start), engine="tiles", progress=False)
+    with pytest.raises(InvalidInput, match="departed_causes: run must have a log of what agents used") as refused:
+        fk.departed_causes(run)
+    (axes,) = fk.plot(run, "departed").axes
+    title = axes.get_title(loc="left").replace("\n", " ")
+    assert title.startswith("no causes: departed_causes: run must have a log")
+    assert title.removeprefix("no causes: ") == str(refused.value)
+    assert len(axes.lines) == 2
+
+
+PULL = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("r**2/2"))])
+
+
+def attracted(**parts):
+    """Two agents of order 1 on a line at distance 1 that attract each other: H is half the squared distance."""
+    given = {"agents": fk.SingleIntegrator(), "control": fk.Held(0.1), "information": fk.Instant()}
+    return fk.Scenario(PULL, fk.State([[0.0], [1.0]]), t_end=0.4, frames=3, **{**given, **parts})
+
+
+def test_of_order_1_differences_work_by_the_gradient_of_the_energy():
+    """The distance x moves at the rate -x_k - x_j, with the sample j that is 1 or 2 ticks old; wanted is -2 x."""
+    found = fk.departed_causes(ran(attracted(information=fk.Messages(0.1, delay=0.15))))
+    x, delay, hold, past = 1.0, 0.0, 0.0, [1.0]
+    for k in range(4):
+        known = past[max(k - 2, 0)]
+        end = x + 0.1 * (-x - known)
+        mean = 0.5 * (x + end)
+        delay += 0.1 * mean * ((-x - known) + 2.0 * x)
+        hold += 0.1 * (-2.0 * x * mean + 2.0 * (x * x + x * end + end * end) / 3.0)
+        x = end
+        past.append(x)
+    assert found.causes["delay"][-1] == pytest.approx(delay, abs=1e-13)
+    assert found.causes["hold"][-1] == pytest.approx(hold, abs=1e-13)
+    assert min(abs(delay), abs(hold)) > 1e-3
+    assert not any(values.any() for name, values in found.causes.items() if name not in ("delay", "hold"))
+
+
+def test_of_order_1_the_share_of_noise_is_the_work_of_its_errors():
+    noise = fk.WhiteNoise(0.3)
+    run = ran(attracted(information=fk.Messages(0.1, noise=noise, seed=4)))
+    x, work = np.array([0.0, 1.0]), 0.0
+    for k in range(4):
+        errors = 0.3 * noise.normals(4, np.array([0, 1]), np.array([k, k]), 1)[0][:, 0]
+        force = x[::-1] + errors[::-1] - x
+        gradient = (x - x[::-1]) + 0.05 * (force - force[::-1])
+        work += 0.1 * float(errors[::-1] @ gradient)
+        x = x + 0.1 * force
+    assert fk.departed_causes(run).causes["noise"][-1] == pytest.approx(work, abs=1e-13)
+    assert abs(work) > 1e-3
+
+
+def led(loss=None, **parts):
+    """One agent of mass 1 that follows the velocity, sin(3 t), of a leader whose messages it holds."""
+    leader = fk.Path(["sin(3*t)"])
+    law = fk.Law(fk.Fixed(1, []), [fk.Track(leader, 0.0, 1.0)])
+    given = {"information": fk.Messages(0.1, leader=True, delay=0.05, loss=loss, seed=3), "energy": fk.Energy("lab")}
+    return fk.Scenario(law, fk.State([[0.0]], [[1.0]]), t_end=1.0, frames=3, **{**given, **parts})
+
+
+def last_sample(k, lost=()):
+    """Number of the newest sample with a delay of half a period that an agent has at tick k; -1 for the start's."""
+    return next((j for j in range(k - 1, -1, -1) if j not in lost), -1)
+
+
+@pytest.mark.parametrize("loss", [None, 0.5])
+def test_late_and_lost_messages_of_leaders_have_their_shares(loss):
+    run = ran(led(loss, control=fk.Held(0.1)))
+    lost = set()
+    if loss is not None:
+        k = np.arange(11)
+        drawn = run.scenario.information.loss.lost(3, np.full(11, NOT_AN_AGENT), np.zeros(11, dtype=int), k)
+        lost = set(k[drawn].tolist())
+        assert 2 <= len(lost) <= 9
+    velocity = lambda k: np.sin(0.3 * max(k, 0))  # noqa: E731
+    p, delay, missed = 1.0, 0.0, 0.0
+    for k in range(10):
+        used, newest = last_sample(k, lost), last_sample(k)
+        way = 0.1 * p + 0.005 * (force := velocity(used) - p)
+        missed += (velocity(used) - velocity(newest)) * way
+        delay += (velocity(newest) - velocity(k)) * way
+        p += 0.1 * force
+    found = fk.departed_causes(run)
+    assert found.causes["delay"][-1] == pytest.approx(delay, abs=1e-12)
+    assert found.causes["loss"][-1] == pytest.approx(missed, abs=1e-12)
+    assert abs(delay) > 1e-2
+    assert found.causes["loss"].any() == (loss is not None)
+    assert not any(values.any() for name, values in found.causes.items() if name not in ("delay", "loss", "hold"))
+
+
+def test_messages_of_leaders_on_the_ticks_are_not_late():
+    found = fk.departed_causes(ran(led(control=fk.Held(0.1), information=fk.Messages(0.1, leader=True))))
+    assert {name for name, values in found.causes.items() if values.any()} == {"hold"}
+
+
+def test_agents_that_meet_obstacles_keep_their_links():
+    """Of agents that know the truth no share is due to links, whichever obstacles they meet."""
+    avoid = fk.Avoid([fk.Ball([9.0, 9.0], 0.1), fk.Ball([2.0, 0.0], 0.5)], range=1.0, gamma_agents=False)
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Consensus(1.0), avoid])
+    start = fk.State([[0.0, 0.0], [0.0, 2.0]], [[2.0, 0.1], [0.0, 0.0]])
+    run = ran(fk.Scenario(law, start, t_end=1.0, frames=3, control=fk.Held(0.1)))
+    assert (run.switches["kind"] == "obstacle").any()
+    assert not fk.departed_causes(run).causes["links"].any()
+
+
+def test_runs_without_a_ledger_are_refused_by_name():
+    law = fk.Law(fk.Proximity(2.0), [fk.VelocityAverage(1.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.1], [0.1, 0.0]])
+    made = fk.Scenario(law, start, t_end=0.3, frames=2, agents=fk.Heading(0.1), control=fk.Held(0.1))
+    with pytest.raises(InvalidInput, match="departed_causes: run must have an energy ledger"):
+        fk.departed_causes(fk.simulate(made, progress=False))

@@ -35,7 +35,6 @@ class DelayedLaw(TrueLaw):
         self._leaders = leader_slots(scenario)
         super().__init__(scenario)
         self._known = known_kernels(self.layout if self._leaders is None else self._leaders.layout, self.m, 0)
-        self._masses = np.broadcast_to(np.asarray(body.masses, dtype=np.float64), self.n)
         self._damping = np.broadcast_to(np.asarray(body.damping, dtype=np.float64), self.n)
         self._neighbours = self.pairs(np.zeros((len(self.law.graphs), self.n, self.n), dtype=bool))
         self._times = np.zeros(0)
@@ -193,17 +192,8 @@ class DelayedLaw(TrueLaw):
         self.kernels.control(t, q, seen, pairs, self.slots, self.functionals, u, rates)
         lost, supplied = float(rates[1]), float(rates[2])
         if self.order == 2:
-            return np.array([(force * p).sum(), lost, supplied, ((force - u) * (p - self._frame(t, p))).sum()])
+            return np.array([(force * p).sum(), lost, supplied, ((force - u) * (p - self.frame(t, p))).sum()])
         # Beside the law's own flow, -lost + supplied, storage changes at the rate of the velocity that acts.
         departed = lost - supplied - float((u * force).sum())
         self.kernels.module.flow(t, q, seen, *pairs, *self.slots, self.functionals, force, rates)
         return np.array([(force * force).sum(), lost, supplied, departed + float(rates[2])])
-
-    def _frame(self, t: float, p: Array) -> Array:
-        """Velocity of the frame of the energy, shape (m,)."""
-        energy = self.scenario.energy
-        if energy.leader is not None:
-            return np.asarray(energy.leader.at(t)[1])
-        if energy.frame == "lab":
-            return np.zeros(self.m)
-        return np.asarray(self._masses @ p / self._masses.sum())

@@ -60,7 +60,7 @@ MOST_HALVINGS = 30
 """Halvings of an interval in which powers change too fast; what is left is added to the stated error."""
 
 Powers = Callable[[Array], Array]
-"""Powers at times, shape (nodes,), as an array of shape (nodes, 4)."""
+"""Powers at times, shape (nodes,), as an array of shape (nodes, powers); those of the ledger are 4."""
 
 MOST_PIECES = 500
 """Pieces of an interval: what the last of them are off by is added to the stated error."""
@@ -165,14 +165,19 @@ def node_powers(law: LawInForce, start: float, S: Array, forces: Array, times: A
 
 
 def integrated(
-    powers: Powers, length: float, tolerance: float, largest: float, rule: Rule = SEVEN
+    powers: Powers,
+    length: float,
+    tolerance: float,
+    largest: float,
+    rule: Rule = SEVEN,
+    count: int = len(POWERS),
 ) -> tuple[Array, Array, float]:
     """Integrals of powers from 0 to ``length``, what each may be off by, and the largest power met so far.
 
     Parameters
     ----------
     powers
-        The powers at times, shape (nodes,), as an array of shape (nodes, 4).
+        The powers at times, shape (nodes,), as an array of shape (nodes, count).
     length
         Where the interval ends.
     tolerance
@@ -181,8 +186,10 @@ def integrated(
         The largest power met before: where all that is left of the powers is rounding, no halving helps.
     rule
         The rule: its points on each piece of the interval.
+    count
+        How many powers there are; those of the ledger, `POWERS`, are 4.
     """
-    total, error = np.zeros(len(POWERS)), np.zeros(len(POWERS))
+    total, error = np.zeros(count), np.zeros(count)
     open_, pieces = [(0.0, length, MOST_HALVINGS)], 0
     while open_:
         begin, end, halvings = open_.pop()

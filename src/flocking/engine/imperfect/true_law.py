@@ -59,6 +59,7 @@ class TrueLaw:
         self.functionals = np.ones((len(self.law.graphs), self.n))
         self.barriers = [self.law.has_barrier(graph) for graph in self.law.graphs]
         self.rates = np.empty(3)
+        self._masses = np.broadcast_to(np.asarray(scenario.agents.masses, dtype=np.float64), self.n)
 
     def renumbered(self, scenario: Scenario) -> Self | None:
         """The same kernels for a scenario whose law has other numbers; None if more changed.
@@ -113,6 +114,51 @@ class TrueLaw:
         stored, bodies, kinetic = self.kernels.energies(t, q, p, pairs, self.slots, self.functionals)
         apart = 0.5 * (self.n * (self.n - 1) - linked) * self.scenario.energy.unlinked
         return stored + bodies + kinetic + apart, kinetic
+
+    def frame(self, t: float, p: Array) -> Array:
+        """Velocity of the frame of the energy, shape (m,).
+
+        Parameters
+        ----------
+        t, p
+            The scenario's time, and the true velocities, shape (N, m).
+        """
+        energy = self.scenario.energy
+        if energy.leader is not None:
+            return np.asarray(energy.leader.at(t)[1])
+        if energy.frame == "lab":
+            return np.zeros(self.m)
+        return np.asarray(self._masses @ p / self._masses.sum())
+
+    def powers_of(self, t: float, q: Array, p: Array, differences: Array, pairs: Pairs) -> Array:
+        """Powers of differences of forces in the ledger, shape (differences,); exactly zero of one that is zero.
+
+        Of agents of order 2 the sum of d_i . (p_i - frame), of order 1, whose forces are velocities, that of
+        d_i . dH/dq_i.
+
+        Parameters
+        ----------
+        t, q, p
+            The scenario's time, and the true positions and velocities, shape (N, m).
+        differences
+            The differences d, shape (differences, N, m).
+        pairs
+            Pairs linked in truth.
+        """
+        if self.order == 2:
+            found: Array = (differences * (p - self.frame(t, p))).sum(axis=(1, 2))
+            return found
+        u, none, rates = np.zeros((self.n, self.m)), np.zeros((self.n, self.m)), self.rates
+        self.kernels.control(t, q, none, pairs, self.slots, self.functionals, u, rates)
+
+        def flow(velocity: Array) -> float:
+            self.kernels.module.flow(t, q, none, *pairs, *self.slots, self.functionals, velocity, rates)
+            return float(rates[2])
+
+        # Beside -u . d, the rate of a gradient flow, storage changes at a rate that is linear in the velocity.
+        at_rest = flow(none)
+        rows = np.ascontiguousarray(differences)
+        return np.array([flow(d) - at_rest - float((u * d).sum()) if d.any() else 0.0 for d in rows])
 
     def in_force(self, pairs: Pairs) -> LawInForce:
         """The law as native functions take it.

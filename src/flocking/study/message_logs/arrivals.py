@@ -76,7 +76,8 @@ class Arrivals:
         self._samples: list[list[Sample]] = [[] for _ in range(self.n)]
         self._errors: list[Array] = []
         self._arrivals: dict[tuple[int, int], NDArray[np.int64]] = {}
-        self._late: dict[tuple[int, int], NDArray[np.int64]] = {}
+        self.late: dict[tuple[int, int], NDArray[np.int64]] = {}
+        """When messages would arrive if none were lost, once `arrivals` has been asked for."""
 
     def taken(self, agent: int, k: int) -> int:
         """Nanosecond at which sample ``k`` of an ``agent`` was taken."""
@@ -140,7 +141,7 @@ class Arrivals:
         i, j = np.full(len(k), receiver), np.full(len(k), sender)
         if self.jitter:
             times = times + np.rint(uniform(world.seed, Purpose.JITTER, j, i, k) * self.jitter).astype(np.int64)
-        self._late[receiver, sender] = times
+        self.late[receiver, sender] = times
         if world.loss is not None and not world.loss.ideal:
             distance = None
             if world.loss.reads_distance:
@@ -166,6 +167,6 @@ class Arrivals:
         """
         times = self.arrivals(receiver, sender)
         if lossless:
-            times = self._late[receiver, sender]
+            times = self.late[receiver, sender]
         there = np.flatnonzero(times <= instant)
         return int(there[-1]) if len(there) else AT_START

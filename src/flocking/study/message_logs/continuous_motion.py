@@ -84,7 +84,11 @@ class ContinuousMotion(IntegratedForcedMotion):
         return [at - self._base for at in self._law.switches]
 
     def _take(self, log: MessageLog, row: int) -> None:
-        instant, agent, count = log.ticks[row].tolist()
+        self._uses[int(log.ticks[row, 1])] = self.in_use(log, row)
+
+    def in_use(self, log: MessageLog, row: int) -> InUse:
+        """What an agent uses from act ``row`` of a log on."""
+        instant, _, count = log.ticks[row].tolist()
         first = int(log.firsts[row])
         own: Sample | None = None
         leaders: int | None = None
@@ -100,7 +104,7 @@ class ContinuousMotion(IntegratedForcedMotion):
                 own = sample
             else:
                 others.setdefault(graph, []).append((sender, sample))
-        self._uses[agent] = InUse(own, others, leaders)
+        return InUse(own, others, leaders)
 
     def _forces(self, end: float) -> Forces:
         uses = list(self._uses)

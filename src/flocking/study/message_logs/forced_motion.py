@@ -75,8 +75,6 @@ class ForcedMotion:
         self._chains = [_chain_of(bodies, agent) for agent in range(self.n)]
         """What stands between the desired force of each agent and its motion, the outermost first."""
         parts = {id(x): x for chain in self._chains for x in chain}.values()
-        self.follows_desired = not any(isinstance(x, Lagged | Disturbed) for x in parts)
-        """Whether forces act at once, and nothing else does."""
         self._forces = [none] * self.n
         """The force that each agent computed last and that has begun to act."""
         self._lagged = any(isinstance(x, Lagged) for x in parts)
@@ -160,12 +158,6 @@ class ForcedMotion:
         length = math.hypot(*force)
         return force if length <= limit else force / length * limit
 
-    def exerted(self, row: int, agent: int) -> Array | None:
-        """What an ``agent`` exerts of the force of act ``row`` of the log, shape (m,); None where that never acts."""
-        if row not in self.rows[agent]:
-            return None
-        return self._pieces[agent][self.rows[agent].index(row)].force
-
     def piece(self, agent: int, instant: float) -> int:
         """Which piece of an agent's motion it is on until an ``instant``, that nanosecond included."""
         return max(bisect_left(self.begins[agent], instant) - 1, 0)
@@ -182,6 +174,21 @@ class ForcedMotion:
         """
         q, p, _ = self._moved(agent, seconds, instant)
         return q, p
+
+    def acting(self, seconds: float) -> tuple[Array, Array]:
+        """The force that acts on each agent, its velocity where it is of order 1, and the lagged force, shape (N, m).
+
+        Parameters
+        ----------
+        seconds
+            Time since the start.
+        """
+        found, lags = np.empty((self.n, self.m)), np.empty((self.n, self.m))
+        for agent in range(self.n):
+            piece = self._pieces[agent][self.piece(agent, seconds / NANOSECOND)]
+            lags[agent] = self._moved(agent, seconds, None)[2]
+            found[agent] = lags[agent] + piece.beside if self._lagged else piece.force
+        return found, lags
 
     def _moved(self, agent: int, seconds: float, instant: float | None) -> tuple[Array, Array, Array]:
         """Position, velocity and lagged force of an agent."""

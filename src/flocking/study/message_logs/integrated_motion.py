@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from flocking.arrays import Array, Links
 from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.runs.run import Run
+from flocking.model.bodies.actuators import APPLIED
 from flocking.model.bodies.body import Body, MotionSymbols
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
@@ -67,9 +68,6 @@ class IntegratedForcedMotion:
     log
         The forces, and when they were computed.
     """
-
-    follows_desired = False
-    """Forces act through bodies."""
 
     def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
         bodies, start = scenario.agents, scenario.start
@@ -248,12 +246,41 @@ class IntegratedForcedMotion:
         if not self.stretches or seconds <= 0.0:
             return self._at_start
         if self._last[0] != seconds:
-            k = bisect_left(self._ends, seconds - SAME_TIME * (1.0 + seconds))
-            stretch = self.stretches[min(k, len(self._ends) - 1)]
-            y = stretch.at(min(seconds, stretch.end))
+            stretch, y = self._vector(seconds)
             moving = y[self.m : 2 * self.m] if self.order == 2 else stretch.slope(seconds, y)[: self.m]
             self._last = seconds, (y[: self.m].T, moving.T)
         return self._last[1]
+
+    def acting(self, seconds: float) -> tuple[Array, Array]:
+        """The force on points that would move as the agents do, the velocity at order 1, and the lagged force.
+
+        Parameters
+        ----------
+        seconds
+            Time since the start.
+
+        Returns
+        -------
+        tuple
+            Shape (N, m) each; zeros for the latter where nothing lags.
+        """
+        stretch, y = self._vector(seconds)
+        rate, m = stretch.slope(seconds, y), self.m
+        found = rate[:m].T
+        if self.order == 2:
+            found = self.masses[:, None] * rate[m : 2 * m].T + self.damping[:, None] * y[m : 2 * m].T
+        first, lags = 0, np.zeros((self.n, m))
+        for name, width in self._widths.items():
+            if name == APPLIED:
+                lags = y[first : first + width].T
+            first += width
+        return found, lags
+
+    def _vector(self, seconds: float) -> tuple[Stretch, Array]:
+        """The stretch of the motion in which a time is, and the state vector then."""
+        k = bisect_left(self._ends, seconds - SAME_TIME * (1.0 + seconds))
+        stretch = self.stretches[min(k, len(self._ends) - 1)]
+        return stretch, stretch.at(min(seconds, stretch.end))
 
     def state(self, agent: int, seconds: float, instant: float | None = None) -> tuple[Array, Array]:
         """Position and velocity of an agent before forces change at that time; of order 1 the velocity it moves with.

@@ -34,15 +34,24 @@ class LeaderArrivals:
         )
         self._count = max(0, (last - self._phase) // self._period + 1)
         self._times: dict[int, NDArray[np.int64]] = {}
+        self.late: dict[int, NDArray[np.int64]] = {}
+        """When each sample would reach a receiver if none were lost, once `arrivals` has been asked for."""
         self._moving: dict[int, list[Array]] = {}
 
     def taken(self, k: int) -> int:
         """Nanosecond at which sample ``k`` was taken."""
         return 0 if k == AT_START else self._phase + k * self._period
 
-    def newest(self, receiver: int, instant: int) -> int:
-        """Number of the newest sample that has arrived at a ``receiver`` by an ``instant``, in nanoseconds."""
-        there = np.flatnonzero(self.arrivals(receiver) <= instant)
+    def newest(self, receiver: int, instant: int, *, lossless: bool = False) -> int:
+        """Number of the newest sample that has arrived at a ``receiver`` by an ``instant``, in nanoseconds.
+
+        Parameters
+        ----------
+        lossless
+            As if nothing were ever lost.
+        """
+        times = self.arrivals(receiver)
+        there = np.flatnonzero((self.late[receiver] if lossless else times) <= instant)
         return int(there[-1]) if len(there) else AT_START
 
     def is_there(self, k: int, instant: int) -> bool:
@@ -58,6 +67,7 @@ class LeaderArrivals:
             if world.jitter:
                 late = uniform(world.seed, Purpose.JITTER, *words) * round(world.jitter * PER_SECOND)
                 times = times + np.rint(late).astype(np.int64)
+            self.late[receiver] = times
             if world.loss is not None and not world.loss.ideal:
                 times = np.where(world.loss.lost(world.seed, *words), np.iinfo(np.int64).max, times)
             self._times[receiver] = times
@@ -73,15 +83,25 @@ class LeaderArrivals:
         """
         if not AT_START <= k < self._count:
             raise InvalidInput("run", "log", "must name samples that leaders sent", k, "The log was changed.")
-        taken, law = self.taken(k), self._scenario.law
-        s = (instant - taken) * NANOSECOND if self._messages.predict else 0.0
-        motions: list[Array] = []
+        motions = self.motions(k, instant)
+        return law_as_known(self._scenario.law, motions)
+
+    def true_law(self, instant: float) -> Law:
+        """The law with leaders as they are at an ``instant``, computed as `law` is."""
+        return law_as_known(self._scenario.law, self.true_motions(instant))
+
+    def true_motions(self, instant: float) -> list[Array]:
+        """Position, velocity and acceleration of each leader at an ``instant``, in nanoseconds, shape (3, m) each."""
+        t = self._scenario.start.t + instant * NANOSECOND
+        return [np.array(leader.at(t)) for leader in self._scenario.law.leaders]
+
+    def motions(self, k: int, instant: float) -> list[Array]:
+        """What who has sample ``k`` takes leaders to do at an ``instant``: `true_motions` held or moved on."""
+        taken = self.taken(k)
         if k not in self._moving:
-            t = self._scenario.start.t + taken * NANOSECOND
-            self._moving[k] = [np.array(leader.at(t)) for leader in law.leaders]
-        for q, p, a in self._moving[k]:
-            motions.append(np.array([q + s * p + 0.5 * s * s * a, p + s * a, a]))
-        return law_as_known(law, motions)
+            self._moving[k] = self.true_motions(taken)
+        s = (instant - taken) * NANOSECOND if self._messages.predict else 0.0
+        return [np.array([q + s * p + 0.5 * s * s * a, p + s * a, a]) for q, p, a in self._moving[k]]
 
 
 def leader_arrivals(scenario: Scenario, last: int) -> LeaderArrivals | None:

@@ -29,8 +29,15 @@ NEAR = 1e-9
 which stored positions may differ from those of the second computation, relative to 1 and to their size."""
 
 
-def logged(run: Run) -> tuple[Scenario, MessageLog]:
+def logged(run: Run, asked: str = "replay") -> tuple[Scenario, MessageLog]:
     """The scenario and the log of a run.
+
+    Parameters
+    ----------
+    run
+        The run.
+    asked
+        Name of the function that a user called, for messages.
 
     Raises
     ------
@@ -40,24 +47,26 @@ def logged(run: Run) -> tuple[Scenario, MessageLog]:
         When a safety filter changed the forces, or the session was changed while it went on.
     """
     if not isinstance(run, Run):
-        raise InvalidInput("replay", "run", "must be a Run", run, "Read it with fk.read_run(folder).")
+        raise InvalidInput(asked, "run", "must be a Run", run, "Read it with fk.read_run(folder).")
     scenario = run.scenario
     if run.log is None or not isinstance(scenario.control, Held | Continuous):
         raise InvalidInput(
-            "replay", "run", "must have a log of what agents used", f"one of the engine {run.fidelity.engine!r}",
+            asked, "run", "must have a log of what agents used", f"one of the engine {run.fidelity.engine!r}",
             "The engine 'sampled' keeps one, and 'delayed' where there are messages; runs stored by earlier versions "
             "have none.",
         )  # fmt: skip
     if isinstance(scenario.control, SafetyFilter):
-        raise UnsupportedLaw("replay computes the forces of the law again, not those that a SafetyFilter changed.")
+        raise UnsupportedLaw(f"{asked} computes the forces of the law again, not those that a SafetyFilter changed.")
     if run.fidelity.changed:
-        raise UnsupportedLaw("replay computes again runs of one world and law; this one was changed while it went on.")
+        raise UnsupportedLaw(
+            f"{asked} computes again runs of one world and law; this one was changed while it went on."
+        )
     stated = {"times": run.t, "positions": run.q, "velocities": run.p, **run.columns, "logged forces": run.log.forces}
     for name, numbers in stated.items():
         if not np.isfinite(numbers).all():
             wrong = np.asarray(numbers)[~np.isfinite(numbers)][0]
             raise InvalidInput(
-                "replay", "run", f"must have finite {name}", float(wrong), "No run that was computed has others."
+                asked, "run", f"must have finite {name}", float(wrong), "No run that was computed has others."
             )
     return scenario, run.log
 
