@@ -233,15 +233,18 @@ def test_changed_runs_of_late_knowledge_are_refused_by_name():
         fk.departed_causes(session.run())
 
 
+@pytest.mark.parametrize("frame", ["leader", "centre of mass"])
 @pytest.mark.parametrize(
     "information", [fk.Delayed(0.2), fk.Messages(0.2), fk.Messages(0.2, leader=True, delay=0.05, predict=True)]
 )
-def test_of_order_1_energy_that_leaders_change_is_no_share(information):
+def test_of_order_1_energy_that_leaders_change_is_no_share(information, frame):
     """The energy of a position gain changes with the leader alone, too: that is supplied and departs from nothing."""
     leader = fk.Path(["sin(3*t)", "1"])
     law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("r**4/4")), fk.Track(leader, 2.0, 0.0)])
+    energy = fk.Energy(frame, leader if frame == "leader" else None)
     start = fk.State([[0.0, 0.0], [1.0, 0.3], [0.2, 0.9]])
-    made = fk.Scenario(law, start, t_end=1.0, frames=3, bodies=fk.SingleIntegrator(), information=information)
+    bodies = fk.SingleIntegrator()
+    made = fk.Scenario(law, start, t_end=1.0, frames=3, bodies=bodies, information=information, energy=energy)
     found = fk.departed_causes(fk.simulate(made, progress=False))
     assert np.abs(found.remainder).max() < 1e-8
     assert abs(found.total[-1]) > 1e-2
