@@ -48,6 +48,8 @@ HOMES = {
     "change how bodies without a closed form move between ticks": "class IntegratedMotion(",
     "change how bodies without a closed form are integrated again": "class IntegratedForcedMotion",
     "change what departed energy is split into": "CAUSES =",
+    "change how differences of forces are integrated along a motion": "class Works",
+    "change how bodies with ideal knowledge are integrated again": "class IdealMotion",
     "change how imperfect knowledge is switched off at the acts of a log": "def act_differences(",
     "change how imperfect knowledge is switched off under continuous control": "class KnowledgeDifferences",
     "change what each part of a body does to forces": "class BodyShares",

@@ -40,8 +40,8 @@ NOTE = 90
 def departed(run: Run, *, axes: Axes | None = None) -> Axes:
     """Energy that departed from the declared law in an ideal world, by its causes.
 
-    Where `flocking.departed_causes` refuses a run its title says why, and the total is shown alone. Causes that are not
-    in the world are left out.
+    Where `flocking.departed_causes` refuses a run its title gives the reason, and the total is shown alone. Causes that
+    are not in the world are left out.
 
     Parameters
     ----------

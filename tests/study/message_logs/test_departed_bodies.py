@@ -98,12 +98,14 @@ CHAINS = {
 }
 
 
-@pytest.mark.parametrize("world", ["held", "messages", "delayed"])
-@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(x, marks=pytest.mark.slow) if x == "lag of a noisy limited command" else x for x in CHAINS]
+)
 def test_parts_of_a_chain_share_what_leaves_them_minus_what_comes_to_them(name, world):
     """Sums by the trapezoidal rule over a fine grid, on which gusts and ticks are; no message arrives until the end."""
     body, count = CHAINS[name], 400
-    late = fk.Delayed(1.0) if world == "delayed" else fk.Messages(1.0, phase=0.99)
+    late = {"delayed": fk.Delayed(1.0), "exact": fk.Instant()}.get(world, fk.Messages(1.0, phase=0.99))
     start = fk.State([[0.0, 0.0], [1.0, 0.5]], [[1.0, 0.5], [0.0, -1.0]])
     if world == "delayed":
         start = fk.State(start.q, np.zeros((2, 2)))
@@ -119,7 +121,8 @@ def test_parts_of_a_chain_share_what_leaves_them_minus_what_comes_to_them(name, 
     for k in range(count):
         for end in (k, k + 1):
             at = states[25 * (k // 25) if world == "held" else end]
-            desired = 4.0 * (start.q[::-1] - at.q) + start.p[::-1] - at.p
+            known = at if world == "exact" else start
+            desired = 4.0 * (known.q[::-1] - at.q) + known.p[::-1] - at.p
             now, chain = desired, body
             shares = {"delay": desired - (4.0 * (at.q[::-1] - at.q) + at.p[::-1] - at.p)}
             while not isinstance(chain, fk.PointMass):
@@ -173,11 +176,27 @@ def test_a_quadrotor_has_a_share_of_its_own_beside_gusts():
     found = fk.departed_causes(fk.simulate(made, progress=False))
     assert not others(found, "body", "disturbance", "hold")
     assert found.causes["body"].any()
-    with pytest.raises(UnsupportedLaw, match="no forces that tell disturbance from body"):
-        fk.departed_causes(fk.simulate(made.with_(control=fk.Continuous()), progress=False))
 
 
-def test_what_the_shares_of_two_parts_cannot_be_told_is_refused_by_name():
-    made = free(CHAINS["limit behind a lag"], "exact")
-    with pytest.raises(UnsupportedLaw, match="no forces that tell limits from lag"):
-        fk.departed_causes(made)
+def test_where_switches_are_not_located_two_parts_are_not_separated():
+    start = fk.State([[0.0, 0.0], [3.0, 0.0]], [[1.0, 0.5], [0.0, -1.0]])
+    made = fk.Scenario(FREE, start, t_end=0.1, frames=2, bodies=CHAINS["limit behind a lag"])
+    with pytest.raises(UnsupportedLaw, match="separates limits from lag by forces computed again"):
+        fk.departed_causes(fk.simulate(made, engine="tiles", progress=False))
+
+
+def test_parts_of_bodies_are_separated_in_an_ideal_world_with_links_obstacles_and_leaders():
+    """What is computed again adds up to the column of the exact engine, which does not depend on it."""
+    leader = fk.Path(["sin(3*t)", "0"])
+    avoid = fk.Avoid([fk.Ball([1.0, -1.0], 0.3)], range=1.0, gamma_agents=False, repulsion_gain=0.5)
+    gain = fk.Schedule([0.4], [1.0, 2.0])
+    law = fk.Law(fk.Proximity(1.5), [fk.Gradient(fk.Potential("2*(r - 1)**2")), fk.Track(leader, 0.0, gain), avoid])
+    start = fk.State([[0.0, 0.0], [1.2, 0.3], [2.8, 1.4]], [[1.5, 0.0], [-0.5, 0.4], [-1.6, -0.6]])
+    body = CHAINS["limited lag in wind"]
+    made = fk.Scenario(law, start, t_end=1.0, frames=4, bodies=body, energy=fk.Energy("leader", leader))
+    run = fk.simulate(made, progress=False)
+    assert {"appear", "obstacle"} <= set(run.switches["kind"].tolist())
+    found = fk.departed_causes(run)
+    assert np.abs(found.remainder).max() < 1e-7
+    assert not others(found, "limits", "lag", "disturbance")
+    assert min(np.abs(found.causes[name]).max() for name in ("limits", "lag", "disturbance")) > 1e-2

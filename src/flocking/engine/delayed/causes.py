@@ -32,7 +32,7 @@ class DelayedCauses(DelayedSession):
     Raises
     ------
     UnsupportedLaw
-        When parts of the bodies cannot be told from each other.
+        When parts of the bodies cannot be separated.
     """
 
     def __init__(self, scenario: Scenario) -> None:

@@ -128,8 +128,8 @@ def _rest_of(chain: Sequence[Body], inner: Body) -> str:
         return "limits" if speeds else ""
     if speeds or (len(strange) > 1) or (strange[0] is not inner and strange[0] is not chain[-1]):
         raise UnsupportedLaw(
-            f"departed_causes knows what a {type(strange[0]).__name__} body does by the motion alone, and beside it "
-            "cannot tell what another part of the chain does that is known by the motion alone."
+            f"departed_causes takes what a {type(strange[0]).__name__} body does from the motion alone, and cannot "
+            "separate it from another part of the chain that is known by the motion alone."
         )
     return "body"
 

@@ -77,10 +77,10 @@ class _Act:
         world, leaders = self._world, self._world.leaders
         used = [(g, j, k) for g, j, k in entries if g >= 0]
         own_number = next((k for g, _, k in entries if g == OWN), PRESENT)
-        told = next((k for g, _, k in entries if g == LEADER), None)
+        led_by = next((k for g, _, k in entries if g == LEADER), None)
         measured, here = world.sample(agent, own_number, instant), world.sample(agent, PRESENT, instant)
         own = measured.exact_q, measured.exact_p
-        law = None if leaders is None or told is None else leaders.law(told, instant)
+        law = None if leaders is None or led_by is None else leaders.law(led_by, instant)
         found = np.zeros((len(KNOWLEDGE), world.m))
 
         def force(own: tuple[Array, Array], states: Neighbours, law: Law | None) -> Array:
@@ -98,8 +98,8 @@ class _Act:
         newest = used
         if self._lossy and world.arrivals is not None:
             newest = [(g, j, world.arrivals.newest(agent, j, instant, lossless=True)) for g, j, _ in used]
-            last = told if leaders is None else leaders.newest(agent, instant, lossless=True)
-            if newest != used or last != told:
+            last = led_by if leaders is None else leaders.newest(agent, instant, lossless=True)
+            if newest != used or last != led_by:
                 if leaders is not None and last is not None:
                     law = leaders.law(last, instant)
                 now = force(own, self._exact(newest, instant), law)

@@ -46,11 +46,14 @@ class Stretch(NamedTuple):
         The state vector at a time within it, shape (numbers, N).
     slope
         Its rate of change at a time and a state vector.
+    forces
+        The forces at a time and a state vector.
     """
 
     end: float
     at: Callable[[float], Array]
     slope: Callable[[float, Array], Array]
+    forces: Forces
 
 
 class IntegratedForcedMotion:
@@ -198,12 +201,12 @@ class IntegratedForcedMotion:
                 )  # fmt: skip
             if found.status < 0:
                 y = np.full(shape, np.nan)
-                self._add(Stretch(end, lambda _, y=y: y, slope))  # type: ignore[misc]
+                self._add(Stretch(end, lambda _, y=y: y, slope, self._now))  # type: ignore[misc]
                 return y
             self._steps += len(found.t)
             y = found.y[:, -1].reshape(shape)
             assert found.sol is not None
-            self._add(Stretch(float(found.t[-1]), partial(_read, found.sol, shape), slope))
+            self._add(Stretch(float(found.t[-1]), partial(_read, found.sol, shape), slope, self._now))
             begin = float(found.t[-1]) if found.status == 1 else end
             if found.status == 1:
                 assert found.t_events is not None

@@ -134,7 +134,7 @@ class KnowledgeDifferences:
         samples = [by_pair[i][g, j] for g, i, j in pairs]
         own = [used.own for used in uses]
         size, alone = (len(pairs), 2 * m), (world.n, 2 * m)
-        self._told = _Known(samples, exact=False, shape=size), _Known(own, exact=False, shape=alone)
+        self._stated = _Known(samples, exact=False, shape=size), _Known(own, exact=False, shape=alone)
         self._exact = _Known(samples, exact=True, shape=size), _Known(own, exact=True, shape=alone)
         self._leaders = [used.leaders for used in uses], [used.leaders for used in uses]
         self._newest = self._exact
@@ -162,10 +162,10 @@ class KnowledgeDifferences:
         world, t, (q, p) = self._world, self._world.base + seconds, self._motion.states(seconds)
         true = np.concatenate([q, p], axis=1)
         found = np.zeros((len(KNOWLEDGE), world.n, world.m))
-        told, newest = (self._motions(numbers, seconds) for numbers in self._leaders)
-        before = first = self._forces(t, true, self._told, told)
+        stated, newest = (self._motions(numbers, seconds) for numbers in self._leaders)
+        before = first = self._forces(t, true, self._stated, stated)
         if self._noisy:
-            now = self._forces(t, true, self._exact, told)
+            now = self._forces(t, true, self._exact, stated)
             found[0], before = before - now, now
         if self._lossy and not self._same_samples:
             now = self._forces(t, true, self._newest, newest)

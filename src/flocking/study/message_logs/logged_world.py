@@ -29,6 +29,25 @@ NEAR = 1e-9
 which stored positions may differ from those of the second computation, relative to 1 and to their size."""
 
 
+def check_run(run: object, asked: str) -> None:
+    """Check that what is to be computed again is a run.
+
+    Parameters
+    ----------
+    run
+        What was given.
+    asked
+        Name of the function that a user called, for messages.
+
+    Raises
+    ------
+    InvalidInput
+        When it is none.
+    """
+    if not isinstance(run, Run):
+        raise InvalidInput(asked, "run", "must be a Run", run, "Read it with fk.read_run(folder).")
+
+
 def logged(run: Run, asked: str = "replay") -> tuple[Scenario, MessageLog]:
     """The scenario and the log of a run.
 
@@ -46,8 +65,7 @@ def logged(run: Run, asked: str = "replay") -> tuple[Scenario, MessageLog]:
     UnsupportedLaw
         When a safety filter changed the forces, or the session was changed while it went on.
     """
-    if not isinstance(run, Run):
-        raise InvalidInput(asked, "run", "must be a Run", run, "Read it with fk.read_run(folder).")
+    check_run(run, asked)
     scenario = run.scenario
     if run.log is None or not isinstance(scenario.control, Held | Continuous):
         raise InvalidInput(
