@@ -146,6 +146,20 @@ def test_parts_of_a_chain_share_what_leaves_them_minus_what_comes_to_them(name, 
     assert found.causes["hold"].any() == (world == "held")
 
 
+@pytest.mark.parametrize("world", WORLDS)
+def test_shares_of_a_run_that_is_cut_are_those_of_the_whole_run(world):
+    """The cut is between two frames: what comes after the last one counts as well."""
+    whole = free(CHAINS["limit behind a lag"], world, law=LINKED)
+    cut = whole.until(0.83)
+    assert cut.t[-1] == 0.5
+    before, found = fk.departed_causes(whole), fk.departed_causes(cut)
+    count = len(found.t)
+    assert found.t[-1] > 0.7
+    for name, values in found.causes.items():
+        assert np.abs(values - before.causes[name][:count]).max() < 1e-12, name
+    assert abs(found.causes["lag"][-1] - found.causes["lag"][count // 2]) > 1e-2
+
+
 @pytest.mark.parametrize("world", ["held", "messages", "delayed"])
 def test_a_largest_speed_takes_its_share_from_forces_of_order_1(world):
     """Two agents far apart that move towards each other at the largest speed: x' = -2, and the law wants -2 x."""

@@ -13,7 +13,7 @@ from flocking.model.law import Scenario
 from flocking.model.world.information import Messages
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.arrivals import Arrivals, Sample
-from flocking.study.message_logs.integrated_motion import SAME_TIME, Forces, IntegratedForcedMotion
+from flocking.study.message_logs.integrated_motion import SAME_TIME, Forces, IntegratedForcedMotion, end_of_ledger
 from flocking.study.message_logs.leader_arrivals import leader_arrivals
 from flocking.study.message_logs.reference_law import ReferenceLaw
 
@@ -66,7 +66,7 @@ class ContinuousMotion(IntegratedForcedMotion):
         super().__init__(run, scenario, log)
 
     def _follow(self, run: Run, scenario: Scenario, log: MessageLog, latency: list[int]) -> None:
-        end = float(run.t[-1]) - self._base if len(run.t) else 0.0
+        end = max(float(run.t[-1]) - self._base if len(run.t) else 0.0, end_of_ledger(run))
         last = min(max(end, *(log.ticks[-1:, 0] * NANOSECOND).tolist(), 0.0), scenario.t_end - self._base)
         self.error = EXPECTED * scenario.tolerance
         self.open_until: list[float] = []

@@ -80,7 +80,7 @@ def departed_causes(run: Run) -> Departed:
     ------
     InvalidInput
         When the run has no ledger, or agents use messages or held forces and it has no log of it; when the shares do
-        not add up to what departed, since run and scenario do not belong together.
+        not add up to what departed, since run and scenario do not belong together or the motion amplifies rounding.
     UnsupportedLaw
         When a safety filter changed the forces, the run was changed while it went on, the kinetic energy of bodies is
         not that of points, or two parts of the bodies cannot be separated.
@@ -89,7 +89,7 @@ def departed_causes(run: Run) -> Departed:
     if not len(run.trace):
         raise InvalidInput(
             ASKED, "run", "must have an energy ledger", f"one of the engine {run.fidelity.engine!r} without",
-            "Energy that departed is a column of it; runs in discrete time have none.",
+            "What departed is a column of it; runs in discrete time have none, nor do some of large groups.",
         )  # fmt: skip
     scenario = run.scenario
     with Reading(), np.errstate(over="ignore", invalid="ignore"):
@@ -117,7 +117,7 @@ def _found(run: Run, shares: dict[str, Array]) -> Departed:
         raise InvalidInput(
             ASKED, "run", "must have a ledger that follows from its scenario",
             f"shares that differ from what departed by {gap:.3g}, of up to {size:.3g}",
-            "The run was changed, or its motion amplifies rounding, so that another machine computes another one.",
+            "The run was changed, or its motion amplifies rounding, as where agents come near a pole of a potential.",
         )  # fmt: skip
     return found
 

@@ -105,7 +105,7 @@ class IntegratedForcedMotion:
         changes: dict[float, list[int]] = {}
         for row, (instant, agent, _) in enumerate(log.ticks.tolist()):
             changes.setdefault((instant + latency[agent]) * NANOSECOND, []).append(row)
-        last = max([*frames, *((instant * NANOSECOND) for instant, _, _ in log.ticks.tolist()), 0.0])
+        last = max([*frames, *((instant * NANOSECOND) for instant, _, _ in log.ticks.tolist()), end_of_ledger(run)])
         # A log that somebody else wrote may name times long after the run.
         last = min(last, scenario.t_end - self._base)
         ends = *changes, *frames, *self._jumps()
@@ -295,6 +295,18 @@ class IntegratedForcedMotion:
         """
         q, p = self.states(seconds, instant)
         return q[agent], p[agent]
+
+
+def end_of_ledger(run: Run) -> float:
+    """When the last row of the ledger of a run is, in seconds from the start; 0 where there is none.
+
+    Parameters
+    ----------
+    run
+        The run, which may go on beyond its last frame where it was stopped or cut.
+    """
+    end = float(run.trace["time"][-1]) - run.scenario.start.t if len(run.trace) else 0.0
+    return max(end, 0.0) if np.isfinite(end) else 0.0
 
 
 def _read(solution: Callable[[float], Array], shape: tuple[int, int], t: float) -> Array:
