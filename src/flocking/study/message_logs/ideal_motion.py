@@ -65,6 +65,12 @@ class IdealMotion(IntegratedForcedMotion):
             self._met = self._met[1:]
 
     def desired(self, seconds: float) -> Array:
-        """Forces of the law at a time since the start, shape (N, m)."""
+        """Forces of the law, shape (N, m).
+
+        Parameters
+        ----------
+        seconds
+            Time since the start.
+        """
         stretch, y = self._vector(seconds)
         return stretch.forces(seconds, y)
