@@ -1,5 +1,7 @@
 """What departed energy is due to: sums, exact zeros, closed forms and an independent quadrature."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -202,6 +204,15 @@ def test_agents_that_meet_obstacles_keep_their_links():
     run = ran(fk.Scenario(law, start, t_end=1.0, frames=3, control=fk.Held(0.1)))
     assert (run.switches["kind"] == "obstacle").any()
     assert not fk.departed_causes(run).causes["links"].any()
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_ledgers_that_hold_no_numbers_are_refused(number):
+    run = ran(pair())
+    trace = run.trace.copy()
+    trace["departed"][-1] = number
+    with pytest.raises(InvalidInput, match="must have a ledger that follows from its scenario"):
+        fk.departed_causes(dataclasses.replace(run, trace=trace))
 
 
 def test_runs_without_a_ledger_are_refused_by_name():

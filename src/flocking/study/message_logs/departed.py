@@ -113,7 +113,7 @@ def _found(run: Run, shares: dict[str, Array]) -> Departed:
     found = Departed(trace["time"].copy(), trace["departed"].copy(), causes)
     gap = float(np.abs(found.remainder).max())
     size = max(float(np.abs(x).max()) for x in (found.total, *causes.values()))
-    if gap > WRONG * size:
+    if not gap <= WRONG * size < np.inf:
         raise InvalidInput(
             ASKED, "run", "must have a ledger that follows from its scenario",
             f"shares that differ from what departed by {gap:.3g}, of up to {size:.3g}",
