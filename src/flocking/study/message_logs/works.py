@@ -58,11 +58,11 @@ class Works:
         """
         log = world.log
         assert isinstance(world.scenario.control, Held)
-        latency = world.scenario.control.latency_in_nanoseconds
+        latencies = world.scenario.control.latencies(world.n).tolist()
         known = act_differences(self._run, world)
         acts: list[tuple[list[float], list[int]]] = [([], []) for _ in range(world.n)]
         for row, (instant, agent, _) in enumerate(log.ticks.tolist()):
-            acts[agent][0].append((instant + latency) * NANOSECOND)
+            acts[agent][0].append((instant + latencies[agent]) * NANOSECOND)
             acts[agent][1].append(row)
         constant = self._law.order == 2 and self._bodies.constant
         works = np.zeros((len(self._run.trace), len(self._names)))
