@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from flocking.show.plot import plot as plot
     from flocking.show.sweep_pictures import plot_sweep as plot_sweep
     from flocking.study.certificates.certify import certify as certify
-    from flocking.study.message_logs.departed import departed_causes as departed_causes
+    from flocking.study.departed_energy.departed import departed_causes as departed_causes
     from flocking.study.message_logs.replay import replay as replay
     from flocking.study.nets.winding import winding as winding
     from flocking.study.potentials.state_energy import agent_energies as agent_energies
@@ -70,7 +70,7 @@ _HOMES = {
     "check_potential": "papers.potential_definitions",
     "Controller": "engine.reference.controller",
     "control": "engine.reference.control", "control_of": "engine.reference.control",
-    "departed_causes": "study.message_logs.departed",
+    "departed_causes": "study.departed_energy.departed",
     "evaluate": "engine.reference.control", "export_c": "engine.driver.law_export",
     "export_run": "engine.storage.export_formats",
     "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "margins": "papers.margins",

@@ -21,7 +21,7 @@ from flocking.show.style import (
     in_style,
     theme,
 )  # fmt: skip
-from flocking.study.message_logs.departed import departed_causes
+from flocking.study.departed_energy.departed import departed_causes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

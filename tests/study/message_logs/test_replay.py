@@ -14,7 +14,7 @@ from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.session import SampledSession
 from flocking.engine.storage.record_checks import _check_log
 from flocking.errors import InvalidInput, UnsupportedLaw
-from flocking.study.message_logs.departed import departed_causes
+from flocking.study.departed_energy.departed import departed_causes
 from tests.engine.sampled.test_independent import random_world
 
 LATE = 60_000_000

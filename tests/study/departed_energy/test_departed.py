@@ -8,7 +8,7 @@ import pytest
 import flocking as fk
 from flocking.errors import InvalidInput
 from flocking.model.world.random_numbers import NOT_AN_AGENT
-from flocking.study.message_logs.departed import CAUSES
+from flocking.study.departed_energy.departed import CAUSES
 from tests.study.message_logs.test_replay import ran, world
 
 BODIES = {"limits", "lag", "disturbance", "body"}

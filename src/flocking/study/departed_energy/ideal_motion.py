@@ -11,8 +11,8 @@ from flocking.engine.protocol.body_chains import of_points
 from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.runs.run import Run
 from flocking.model.world.times import NANOSECOND
+from flocking.study.departed_energy.true_links import TrueLinks
 from flocking.study.message_logs.integrated_motion import Forces, IntegratedForcedMotion
-from flocking.study.message_logs.true_links import TrueLinks
 
 
 class IdealMotion(IntegratedForcedMotion):

@@ -14,10 +14,10 @@ from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.formula.compiled import Reading
 from flocking.model.world.control import Continuous
 from flocking.model.world.information import Delayed
+from flocking.study.departed_energy.ideal_motion import IdealMotion
+from flocking.study.departed_energy.works import Works
 from flocking.study.message_logs.continuous_motion import ContinuousMotion
-from flocking.study.message_logs.ideal_motion import IdealMotion
 from flocking.study.message_logs.logged_world import LoggedWorld, check_run, logged
-from flocking.study.message_logs.works import Works
 
 CAUSES = ("delay", "loss", "noise", "links", "hold", *PARTS)
 """What departed energy is split into."""

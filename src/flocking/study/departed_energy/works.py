@@ -16,13 +16,13 @@ from flocking.engine.protocol.body_chains import of_points
 from flocking.engine.runs.run import Run
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND
-from flocking.study.message_logs.act_differences import KNOWLEDGE, act_differences
+from flocking.study.departed_energy.act_differences import KNOWLEDGE, act_differences
+from flocking.study.departed_energy.ideal_motion import IdealMotion
+from flocking.study.departed_energy.knowledge_differences import KnowledgeDifferences
+from flocking.study.departed_energy.true_links import TrueLinks
 from flocking.study.message_logs.forced_motion import ForcedMotion
-from flocking.study.message_logs.ideal_motion import IdealMotion
 from flocking.study.message_logs.integrated_motion import IntegratedForcedMotion
-from flocking.study.message_logs.knowledge_differences import KnowledgeDifferences
 from flocking.study.message_logs.logged_world import LoggedWorld
-from flocking.study.message_logs.true_links import TrueLinks
 
 Sources = Callable[[float], Array]
 """Differences of forces at a time since the start, shape (names, N, m)."""

@@ -10,8 +10,8 @@ from flocking.engine.runs.run import Run
 from flocking.model.law import Law
 from flocking.model.world.information import Messages
 from flocking.model.world.times import NANOSECOND
+from flocking.study.departed_energy.true_links import TrueLinks
 from flocking.study.message_logs.logged_world import LoggedWorld
-from flocking.study.message_logs.true_links import TrueLinks
 
 KNOWLEDGE = ("noise", "loss", "delay", "links")
 """What may be wrong with what an agent knows, in the order in which it is switched off."""

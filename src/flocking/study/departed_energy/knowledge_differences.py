@@ -11,7 +11,7 @@ from flocking.arrays import Array, Links
 from flocking.engine.delayed.delayed_law import DelayedLaw
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.model.world.times import NANOSECOND, PER_SECOND
-from flocking.study.message_logs.act_differences import KNOWLEDGE, imperfect
+from flocking.study.departed_energy.act_differences import KNOWLEDGE, imperfect
 from flocking.study.message_logs.arrivals import NEVER, Arrivals, Sample
 from flocking.study.message_logs.continuous_motion import ContinuousMotion, InUse
 from flocking.study.message_logs.logged_world import LoggedWorld

@@ -1,0 +1,1 @@
+"""Causes of departed energy: what each imperfection of knowledge, control and bodies did to it."""
