@@ -20,6 +20,7 @@ ENGINES = ("exact", "sampled", "delayed", "discrete", "tiles", "lammps")
 
 HOMES = {
     "change what agents know of leaders by messages": "class LeaderNews",
+    "change how large groups log what they used": "class UsedSamples",
     "change how large groups know leaders by messages": "class KnownLeaders",
     "change which samples of leaders agents use under continuous control": "class LeaderSamples",
     "change how it is located when agents of similar headings come near under held control": "class ConeView",
@@ -136,6 +137,7 @@ HOMES = {
     "change what is logged when agents act": "class MessageLog",
     "change how the log of messages is computed again": "def _expected(",
     "change how the log of messages under continuous control is computed again": "class ContinuousReplay(",
+    "change how known links of delayed knowledge are computed again": "class DelayedReplay",
     "add a quantity whose margin is sought": "class Quantity:",
     "change what stored tables of margins are computed from": "PLANS",
     "change what may be changed while held control runs": "def check_information",

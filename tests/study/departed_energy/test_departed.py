@@ -102,7 +102,7 @@ def test_it_is_drawn(tmp_path):
 
 def test_pictures_of_runs_without_causes_say_why():
     start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [2.0, 0.0]])
-    run = fk.simulate(pair().with_(start=start), engine="tiles", progress=False)
+    run = fk.simulate(pair().with_(start=start), engine="tiles", log=False, progress=False)
     with pytest.raises(InvalidInput, match="departed_causes: run must have a log of what agents used") as refused:
         fk.departed_causes(run)
     (axes,) = fk.plot(run, "departed").axes

@@ -11,18 +11,21 @@ import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.archives.data_checks import Table
 from flocking.engine.delayed.checkpoint import DelayedMemory, packed_memory, unpacked_memory
 from flocking.engine.delayed.replacement import Replacement, replacement, same_law
 from flocking.engine.delayed.stepping import DelayedSteps
+from flocking.engine.imperfect.checkpoint_form import must
 from flocking.engine.imperfect.link_rules import link_rules
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.view_switches import views_of
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Fidelity
-from flocking.engine.runs.message_log import CHANGED
+from flocking.engine.runs.message_log import CHANGED, DELAYED, GRAPHS_CHANGED, NO_LOG
 from flocking.errors import InvalidInput, SimulationError
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
+from flocking.model.world.times import PER_SECOND
 
 CLOCK = 4.0 * float(np.finfo(np.float64).eps)
 """Rounding of a time since the start, as a share of the scenario's times of which it is the difference: two of these,
@@ -46,12 +49,39 @@ class DelayedSession(DelayedSteps):
     ----------
     replaced_at
         When the law or the state was replaced, in the scenario's time.
+    graphs_changed
+        When graphs were replaced last, in the scenario's time; None where they were not.
     """
+
+    keeps_log = True
 
     def __init__(self, scenario: Scenario, longest_step: float = 1.0) -> None:
         self.options = DelayedOptions()
         self.replaced_at: list[float] = []
         super().__init__(scenario, longest_step)
+
+    def _prepare(self, scenario: Scenario, longest_step: float) -> None:
+        super()._prepare(scenario, longest_step)
+        self.graphs_changed: float | None = None
+        self._logged_links: Links | None = None
+        """Links by what agents know as they are logged; None where those from now on are logged anyway."""
+
+    # The log.
+
+    def _note(self, seconds: float) -> None:
+        """Log whom agents use from now on, where these are others than before."""
+        log, known, before = self.records.log, self.known_links, self._logged_links
+        if log is None:
+            return
+        changed = self._everybody if before is None else np.flatnonzero((known != before).any(axis=(0, 2)))
+        if not changed.size:
+            return
+        self._logged_links = known.copy()
+        receivers, senders = self._law.linked
+        graphs = np.repeat(np.arange(len(known)), np.diff(self._law.offsets))
+        rows = np.stack([graphs, senders, np.full(len(senders), DELAYED)], axis=1)
+        force = self._force(seconds, np.array(self._segment.coefficients[-1]))
+        log.act(int(seconds * PER_SECOND), changed, force[changed], [rows[receivers == agent] for agent in changed])
 
     # Replacement.
 
@@ -136,6 +166,9 @@ class DelayedSession(DelayedSteps):
         self.history.end_at(seconds)
         self.delays.jumps.add(seconds, moved)
         self.delays.begin_step(seconds)
+        self._logged_links = None
+        if not new.keeps_graphs:
+            self.graphs_changed = self.time
         if not new.keeps_links:
             self._renew_links(new, seconds, y, moved)
         q = y[: self.n * self.m].reshape(self.n, self.m)
@@ -184,8 +217,11 @@ class DelayedSession(DelayedSteps):
 
     @property
     def about(self) -> dict[str, object]:
-        """Provenance of the records, with the times of replacements."""
-        return super().about | ({CHANGED: list(self.replaced_at)} if self.replaced_at else {})
+        """Provenance of the records, with the times of replacements, and why there is no log where there is none."""
+        changed = {CHANGED: list(self.replaced_at)} if self.replaced_at else {}
+        graphs = {} if self.graphs_changed is None else {GRAPHS_CHANGED: self.graphs_changed}
+        none = {} if self.records.log is not None else {NO_LOG: "an earlier version, which kept none, began it"}
+        return super().about | changed | graphs | none
 
     @property
     def fidelity(self) -> Fidelity:
@@ -203,14 +239,32 @@ class DelayedSession(DelayedSteps):
         )  # fmt: skip
 
     def _recall_changes(self, packed: Packed) -> Packed:
-        """Take from what was packed how the session was changed, and return the rest; nothing where it cannot be."""
-        return packed
+        """Take from what was packed how the session was changed, and return the rest."""
+        numbers, arrays = packed
+        if "graphs_changed" in arrays:
+            Table("f8", (1,)).check(arrays["graphs_changed"], "graphs_changed")
+            self.graphs_changed = float(arrays["graphs_changed"][0])
+            times = arrays.get("replaced_at", np.zeros(0))
+            must(bool((times == self.graphs_changed).any()), "graphs_changed", "be when a law was replaced")
+        return numbers, {name: array for name, array in arrays.items() if name != "graphs_changed"}
+
+    def _recall_log(self, stored: Stored) -> None:
+        """Go on with the log of a stored run, or without where it has none though steps were made."""
+        begun = bool(stored.counts.get("tick"))
+        if self.steps and not begun:
+            self.records.log = None
+        # No step has been made since a replacement: what is used from then on has not been logged.
+        if begun and self._segment.t1 > self._segment.t0:
+            self._logged_links = self.known_links.copy()
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
         memory = self._memory
         memory.truth.numbers |= {"step": self._stepper.memory.step, "short_steps": float(self._short_steps)}
-        return packed_memory(memory)
+        numbers, arrays = packed_memory(memory)
+        if self.graphs_changed is not None:
+            arrays = {**arrays, "graphs_changed": np.array([self.graphs_changed])}
+        return numbers, arrays
 
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> DelayedSession:
@@ -226,6 +280,7 @@ class DelayedSession(DelayedSteps):
         session._short_steps, session._segment = int(memory.truth.numbers["short_steps"]), memory.segment
         session.delays.begin_step(session._segment.t0)
         session.recall(memory.truth, stored)
+        session._recall_log(stored)
         session.meetings = memory.meetings
         session._relink_known()
         session._law.held.draw(session._segment.t0)

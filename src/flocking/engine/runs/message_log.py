@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
@@ -18,6 +19,9 @@ CHANGED = "changed at"
 """Name in the provenance of a run of the times at which its law or world was changed while it went on: its log then
 follows from several declarations."""
 
+NO_LOG = "no log because"
+"""Name in the provenance of a run of why it has no log of what agents used, where its engine could have kept one."""
+
 GRAPHS_CHANGED = "graphs changed at"
 """Name in the provenance of a run of the last time at which the graphs of its law were replaced while messages went on:
 the law that the run states has other ones than entries of the log before."""
@@ -27,6 +31,9 @@ AT_START = -1
 
 PRESENT = -2
 """In place of a sample's number: the sender's true state at that instant."""
+
+DELAYED = -3
+"""In place of a sample's number: the sender's state as it was the declared delay before."""
 
 OWN = -1
 """In place of a graph's number: the agent's own sample, where it knows itself by one."""
@@ -44,6 +51,22 @@ USE_PARTS = ("graph", "sender", "sample")
 """Numbers of an entry: under which graph the sample was used, whose it is, and its number."""
 
 
+def keeping_logs(provenance: Mapping[str, object]) -> str:
+    """Which runs have a log, in words, for messages of errors on one that has none.
+
+    Parameters
+    ----------
+    provenance
+        That of the run.
+    """
+    why = provenance.get(NO_LOG)
+    none = f"This run keeps none: {why}. " if isinstance(why, str) and why else ""
+    return (
+        f"{none}The engines 'sampled' and 'tiles' keep one under held control, and 'delayed' keeps one; runs stored by "
+        "earlier versions may have none."
+    )
+
+
 def nanosecond_of(seconds: float) -> float:
     """The nanosecond of a time in seconds since the start, with half a nanosecond for its rounding."""
     return seconds * PER_SECOND + 0.5
@@ -53,7 +76,8 @@ def nanosecond_of(seconds: float) -> float:
 class MessageLog:
     """What was used at every tick of a control that is held, in order of the ticks.
 
-    Under continuous control, with messages, what is used from each change on: an act of an agent holds until its next.
+    Under continuous control, with messages or delayed knowledge, what is used from each change on: an act of an agent
+    holds until its next.
 
     Parameters
     ----------
@@ -63,8 +87,9 @@ class MessageLog:
         The force that the agent computed, shape (K, m).
     uses
         Entries of the acts one after another: graph, sender and number of the sample, shape (U, 3). The number is -1
-        for the state that everyone has at the start and -2 for the true present one; the graph is -1 where an agent
-        knows itself by its own sample, and -2, with the sender -1, where it knows leaders by theirs.
+        for the state that everyone has at the start, -2 for the true present one, and -3 for that a delay ago; the
+        graph is -1 where an agent knows itself by its own sample, and -2, with the sender -1, where it knows leaders by
+        theirs.
 
     Raises
     ------
@@ -152,6 +177,11 @@ class Rows:
     def __len__(self) -> int:
         return self._count
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the rows."""
+        return self._count * int(self._blocks[0].shape[1]) * self._blocks[0].itemsize
+
     def __copy__(self) -> Self:
         other = type(self).__new__(type(self))
         other._blocks, other._count = copy.copy(self._blocks), self._count
@@ -202,11 +232,31 @@ class LogRecorder:
         uses
             Entries of each, shape (entries, 3).
         """
-        counts = [len(x) for x in uses]
-        self.ticks.extend(np.stack([np.full(len(agents), instant), agents, counts], axis=1))
-        self.forces.extend(forces)
+        self.acts(instant, agents, forces, np.array([len(x) for x in uses], dtype=np.int64))
         for block in uses:
             self.uses.extend(block)
+
+    def acts(self, instant: int, agents: Indices, forces: Array, counts: Indices, uses: AnyArray | None = None) -> None:
+        """As `act`, with the entries of all agents in one array, which may follow later.
+
+        Parameters
+        ----------
+        instant, agents, forces
+            As for `act`.
+        counts
+            How many entries each agent has, shape (agents,).
+        uses
+            Entries of one agent after another, shape (entries, 3).
+        """
+        self.ticks.extend(np.stack([np.full(len(agents), instant), agents, counts], axis=1))
+        self.forces.extend(forces)
+        if uses is not None:
+            self.uses.extend(uses)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the rows in memory."""
+        return self.ticks.nbytes + self.forces.nbytes + self.uses.nbytes
 
     def part(self, ticks: int, uses: int) -> MessageLog:
         """The log from some number of acts and of entries on.

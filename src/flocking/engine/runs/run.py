@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Array, Reals, Records
 from flocking.engine.runs.fidelity import UNSTATED, Fidelity
-from flocking.engine.runs.message_log import GRAPHS_CHANGED, MessageLog, nanosecond_of
+from flocking.engine.runs.message_log import GRAPHS_CHANGED, MessageLog, keeping_logs, nanosecond_of
 from flocking.errors import InvalidInput
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Scenario
 from flocking.model.state import State
+from flocking.model.world.information import Delayed
 from flocking.model.world.times import PER_SECOND
 
 SWITCH_FIELDS = np.dtype(
@@ -241,7 +242,7 @@ class Run:
         Further columns of the agents at the frames by name, shape (F, N, width) each, see
         `flocking.model.bodies.body.Body.columns`.
     log
-        What agents used when they acted, where control is held.
+        What agents used when they acted, or from when on; None where agents know the present at every moment.
     """
 
     scenario: Scenario
@@ -357,7 +358,7 @@ class Run:
             raise InvalidInput(
                 "Run", "known_links_at", "needs a log of what agents used",
                 f"a run of the engine {self.fidelity.engine!r}",
-                "The engine 'sampled' keeps one, and 'delayed' where there are messages.",
+                keeping_logs(self.provenance),
             )  # fmt: skip
         scenario, start = self.scenario, self.scenario.start
         later = self.provenance.get(GRAPHS_CHANGED)
@@ -370,7 +371,9 @@ class Run:
         if start.links is not None:
             first[0] = start.links
         # Half a nanosecond off a whole one, where acts are: the time of a frame is rounded.
-        return self.log.known_links((float(self.t[frame]) - start.t) * PER_SECOND - 0.5, first)
+        instant = (float(self.t[frame]) - start.t) * PER_SECOND - 0.5
+        # What is delayed is known at the start, too: nobody acts at instants.
+        return self.log.known_links(max(instant, 0.5) if isinstance(scenario.information, Delayed) else instant, first)
 
     @property
     def residual(self) -> Array:

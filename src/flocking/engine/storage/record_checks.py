@@ -10,10 +10,11 @@ import numpy as np
 from flocking.arrays import AnyArray
 from flocking.engine.archives.data_checks import MalformedError, Table
 from flocking.engine.runs.columns import COLUMN, KINDS, SWITCHES, component_names
-from flocking.engine.runs.message_log import LEADER, LEADER_SENDER, PRESENT, TICK_PARTS, MessageLog
+from flocking.engine.runs.message_log import DELAYED, LEADER, LEADER_SENDER, PRESENT, TICK_PARTS, MessageLog
 from flocking.errors import StorageError
 from flocking.model.law import Scenario
 from flocking.model.terms.avoidance import ObstacleTerm
+from flocking.model.world.information import Delayed
 from flocking.model.world.times import PER_SECOND
 
 MOST_SAMPLES = 2**56
@@ -82,13 +83,14 @@ def _check_log(scenario: Scenario, tables: dict[str, AnyArray]) -> None:
     """Check that a log names agents, graphs and samples that there may be."""
     n, graphs = scenario.start.n, len(scenario.law.graphs)
     ticks, uses = tables["tick"], tables["use"]
+    oldest = DELAYED if isinstance(scenario.information, Delayed) else PRESENT
     Table("f8", (len(ticks), scenario.start.dimension)).check(tables["tick_force"], "tick_force")
     Table("i8", (None, len(TICK_PARTS)), least=0).check(ticks, "tick")
     # A log that names a later time, or more entries than there are, would ask the second computation for their samples.
     end = math.ceil((scenario.t_end - scenario.start.t) * PER_SECOND)
     for column, most in ((0, end), (1, n - 1), (2, len(uses))):
         Table("i8", (None,), least=0, most=most).check(ticks[:, column].copy(), "tick")
-    for column, least, most in ((0, LEADER, graphs - 1), (1, LEADER_SENDER, n - 1), (2, PRESENT, MOST_SAMPLES)):
+    for column, least, most in ((0, LEADER, graphs - 1), (1, LEADER_SENDER, n - 1), (2, oldest, MOST_SAMPLES)):
         Table("i8", (None,), least=least, most=most).check(uses[:, column].copy(), "use")
     if ((uses[:, 0] == LEADER) != (uses[:, 1] == LEADER_SENDER)).any():
         raise MalformedError("use must name the sender -1 for samples of leaders alone")

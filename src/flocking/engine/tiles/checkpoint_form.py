@@ -80,6 +80,7 @@ class OptionFields(TypedDict, total=False):
     skin: float | None
     memory_limit: float | None
     ledger_at: str
+    log: bool | None
 
 
 _OPTIONS = Names(
@@ -88,6 +89,7 @@ _OPTIONS = Names(
         "step": Maybe(Real()), "scheme": Maybe(Text()), "precision": Text(), "threads": Maybe(Integer()),
         "ledger": Flag(), "observe": Flag(), "keep_frames": Flag(), "skin": Maybe(Real()),
         "memory_limit": Maybe(Real(finite=False)), "ledger_at": Text(),
+        "log": Maybe(Flag()),
     },
 )  # fmt: skip
 

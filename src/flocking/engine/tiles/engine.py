@@ -13,7 +13,7 @@ from flocking.engine.tiles.kernels.spec import SPACES, check_supported
 from flocking.engine.tiles.options import TilesOptions
 from flocking.engine.tiles.planted_law import check_planted
 from flocking.engine.tiles.session import TilesSession
-from flocking.errors import UnsupportedLaw
+from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
@@ -48,6 +48,11 @@ class TilesEngine(Engine):
             self.check(scenario, plant)
         if isinstance(scenario.control, Held):
             return HeldTilesSession(scenario, options)
+        if options.log:
+            raise InvalidInput(
+                "TilesOptions", "log", "must be left out under continuous control", True,
+                "Agents use the present state at every moment: there is nothing to log.",
+            )  # fmt: skip
         return TilesSession(scenario, options, plant=plant)
 
     def open_unrecorded(self, scenario: Scenario) -> Session:

@@ -36,6 +36,12 @@ class TilesOptions:
         Number of threads; all processors by default. Results do not depend on it.
     ledger
         Whether the energy ledger is computed at every step and used to check the step.
+    log
+        Under held control: whether what agents use when they act is logged, with the links that they know, as the
+        engine ``sampled`` does: `flocking.replay` computes it again. By default where ``precision`` is ``"float64"``,
+        there are at most 2,000 agents, and the log takes no more than 256 MiB by the neighbours at the start; the
+        provenance of other runs states why they keep none. True asks for a log of any size that fits into memory,
+        8 GiB, or is written to disk while the run goes on.
     ledger_at
         Under held control: ``"steps"``, or ``"ticks"``, where the ledger is computed only when somebody acts. Then it
         costs little, and its residual states how much powers change between two ticks.
@@ -64,6 +70,7 @@ class TilesOptions:
     skin: float | None = None
     memory_limit: float | None = None
     ledger_at: str = "steps"
+    log: bool | None = None
 
     def __post_init__(self) -> None:
         names = tuple(dict.fromkeys(name for some in INTEGRATORS.values() for name in some))
@@ -78,6 +85,8 @@ class TilesOptions:
             check_threads("TilesOptions", self.threads)
         if self.ledger_at not in LEDGER_TIMES:
             raise InvalidInput("TilesOptions", "ledger_at", f"must be one of {', '.join(LEDGER_TIMES)}", self.ledger_at)
+        if self.log is not None and not isinstance(self.log, bool):
+            raise InvalidInput("TilesOptions", "log", "must be True or False, or left out", self.log)
         for name in ("ledger", "observe", "keep_frames"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidInput("TilesOptions", name, "must be True or False", getattr(self, name))

@@ -36,13 +36,17 @@ class TilesRecorder(Recorder):
         Whether positions and velocities are stored.
     observe
         Whether observables are stored.
+    with_log
+        Whether there is a log of what agents used when they acted.
     """
 
     open_rows = 1
     """A second row at the same time replaces the last row of the ledger."""
 
-    def __init__(self, scenario: Scenario, precision: str, *, keep_frames: bool, observe: bool = False) -> None:
-        super().__init__(scenario, precision=precision, keep_frames=keep_frames, observe=observe)
+    def __init__(
+        self, scenario: Scenario, precision: str, *, keep_frames: bool, observe: bool = False, with_log: bool = False
+    ) -> None:  # fmt: skip
+        super().__init__(scenario, precision=precision, keep_frames=keep_frames, observe=observe, with_log=with_log)
         self.first: tuple[float, ...] | None = None
         self.apart = 0.0
 

@@ -10,7 +10,7 @@ from flocking.engine.runs.run import Run
 from flocking.model.law import Law
 from flocking.model.world.information import Messages
 from flocking.model.world.times import NANOSECOND
-from flocking.study.departed_energy.true_links import TrueLinks
+from flocking.study.departed_energy.true_links import SteppedLinks, TrueLinks, true_links
 from flocking.study.message_logs.logged_world import LoggedWorld
 
 KNOWLEDGE = ("noise", "loss", "delay", "links")
@@ -41,7 +41,7 @@ def act_differences(run: Run, world: LoggedWorld) -> Array:
     """
     log = world.log
     found = np.zeros((len(KNOWLEDGE), len(log.ticks), world.m))
-    links, act = TrueLinks(run), _Act(world)
+    links, act = true_links(run, world.motion), _Act(world)
     for row, (instant, agent, count) in enumerate(log.ticks.tolist()):
         first = int(log.firsts[row])
         entries = log.uses[first : first + count].tolist()
@@ -62,7 +62,7 @@ class _Act:
         self._world, self._messages = world, world.messages
         self._noisy, self._lossy = imperfect(world.messages)
 
-    def differences(self, instant: int, agent: int, entries: list[list[int]], links: TrueLinks) -> Array:
+    def differences(self, instant: int, agent: int, entries: list[list[int]], links: TrueLinks | SteppedLinks) -> Array:
         """Differences of its force, shape (4, m).
 
         Parameters

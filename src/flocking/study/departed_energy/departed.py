@@ -93,7 +93,7 @@ def departed_causes(run: Run) -> Departed:
         )  # fmt: skip
     scenario = run.scenario
     with Reading(), np.errstate(over="ignore", invalid="ignore"):
-        if run.log is None and isinstance(scenario.control, Continuous):
+        if isinstance(scenario.control, Continuous):
             if scenario.information.ideal:
                 return _found(run, _by_bodies_alone(run))
             if isinstance(scenario.information, Delayed):

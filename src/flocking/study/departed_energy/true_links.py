@@ -6,10 +6,36 @@ import numpy as np
 
 from flocking.arrays import Links
 from flocking.engine.runs.run import Run
-from flocking.model.world.times import NANOSECOND
+from flocking.model.world.times import NANOSECOND, PER_SECOND
+from flocking.study.message_logs.forced_motion import ForcedMotion
+from flocking.study.message_logs.integrated_motion import IntegratedForcedMotion
 
 LINK_SWITCHES = ("appear", "break")
 """Kinds of switches that make or break a link of two agents; others are of kinks and of obstacles."""
+
+
+def links_of_the_start(run: Run) -> list[Links]:
+    """Link matrix of each graph at the start of a run, shape (N, N) each."""
+    scenario = run.scenario
+    start = scenario.start
+    found = [g.links_in(scenario.space, start.q, scenario.agents.headings) for g in scenario.law.graphs]
+    if start.links is not None:
+        found[0] = np.array(start.links)
+    return found
+
+
+def true_links(run: Run, motion: ForcedMotion | IntegratedForcedMotion) -> TrueLinks | SteppedLinks:
+    """True links of a run whose motion is computed again, as its engine follows them.
+
+    Parameters
+    ----------
+    run
+        The run.
+    motion
+        Its motion, computed again.
+    """
+    step = run.fidelity.fixed_step
+    return TrueLinks(run) if step is None else SteppedLinks(run, motion, step)
 
 
 class TrueLinks:
@@ -22,13 +48,10 @@ class TrueLinks:
     """
 
     def __init__(self, run: Run) -> None:
-        scenario = run.scenario
-        start, graphs = scenario.start, scenario.law.graphs
+        self._links = links_of_the_start(run)
+        start, graphs = run.scenario.start, run.scenario.law.graphs
         self._switches = run.switches[np.isin(run.switches["kind"], LINK_SWITCHES)]
         self._base = start.t
-        self._links: list[Links] = [g.links_in(scenario.space, start.q, scenario.agents.headings) for g in graphs]
-        if start.links is not None:
-            self._links[0] = np.array(start.links)
         self._both = [not graph.directed for graph in graphs]
         self._next = 0
 
@@ -48,3 +71,61 @@ class TrueLinks:
                 self._links[graph][j, i] = kind == "appear"
             self._next += 1
         return self._links
+
+
+class SteppedLinks:
+    """True links at rising times of a run of fixed steps, which records no switches.
+
+    Links of a graph with one radius are those of the distances at the time; with two of them, they are followed from
+    step to step.
+
+    Parameters
+    ----------
+    run
+        The run.
+    motion
+        Its motion, computed again.
+    step
+        Length of its steps, in seconds.
+    """
+
+    def __init__(self, run: Run, motion: ForcedMotion | IntegratedForcedMotion, step: float) -> None:
+        self._motion, self._space = motion, run.scenario.space
+        self._step = max(1, round(step * PER_SECOND))
+        self._links = links_of_the_start(run)
+        self._radii = [
+            [
+                np.broadcast_to(np.asarray(r, dtype=np.float64), run.scenario.start.n)[:, None]
+                for r in (g.appear_radius, g.break_radius)
+            ]
+            if g.moves
+            else None
+            for g in run.scenario.law.graphs
+        ]
+        self._memory = any(radii is not None and bool((radii[0] != radii[1]).any()) for radii in self._radii)
+        self._next = 0
+
+    def at(self, seconds: float) -> list[Links]:
+        """Link matrix of each graph at a time since the start, shape (N, N) each; they change with later calls.
+
+        Parameters
+        ----------
+        seconds
+            The time, not before that of the last call.
+        """
+        if not self._memory:
+            self._follow(seconds)
+            return self._links
+        while self._next <= round(seconds * PER_SECOND):
+            self._follow(self._next * NANOSECOND)
+            self._next += self._step
+        return self._links
+
+    def _follow(self, seconds: float) -> None:
+        q = self._motion.states(seconds)[0]
+        distance = np.linalg.norm(self._space.displacement(q[None] - q[:, None]), axis=-1)
+        for number, radii in enumerate(self._radii):
+            if radii is not None:
+                appear, leave = radii
+                self._links[number] = distance < np.where(self._links[number], leave, appear)
+                np.fill_diagonal(self._links[number], False)

@@ -19,7 +19,7 @@ from flocking.model.world.times import NANOSECOND
 from flocking.study.departed_energy.act_differences import KNOWLEDGE, act_differences
 from flocking.study.departed_energy.ideal_motion import IdealMotion
 from flocking.study.departed_energy.knowledge_differences import KnowledgeDifferences
-from flocking.study.departed_energy.true_links import TrueLinks
+from flocking.study.departed_energy.true_links import true_links
 from flocking.study.message_logs.forced_motion import ForcedMotion
 from flocking.study.message_logs.integrated_motion import IntegratedForcedMotion
 from flocking.study.message_logs.logged_world import LoggedWorld
@@ -44,7 +44,7 @@ class Works:
     def __init__(self, run: Run, motion: ForcedMotion | IntegratedForcedMotion, bodies: BodyShares) -> None:
         self._run, self._motion, self._bodies = run, motion, bodies
         self._scenario, self._base = run.scenario, run.scenario.start.t
-        self._law, self._links = TrueLaw(of_points(run.scenario)), TrueLinks(run)
+        self._law, self._links = TrueLaw(of_points(run.scenario)), true_links(run, motion)
         self._names = KNOWLEDGE + bodies.names
         self._largest = 0.0
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.protocol.body_chains import why_not_closed
-from flocking.engine.runs.message_log import MessageLog
+from flocking.engine.runs.message_log import MessageLog, keeping_logs
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.distance_graphs import Graph
@@ -70,8 +70,7 @@ def logged(run: Run, asked: str = "replay") -> tuple[Scenario, MessageLog]:
     if run.log is None or not isinstance(scenario.control, Held | Continuous):
         raise InvalidInput(
             asked, "run", "must have a log of what agents used", f"one of the engine {run.fidelity.engine!r}",
-            "The engine 'sampled' keeps one, and 'delayed' where there are messages; runs stored by earlier versions "
-            "have none.",
+            keeping_logs(run.provenance),
         )  # fmt: skip
     if isinstance(scenario.control, SafetyFilter):
         raise UnsupportedLaw(f"{asked} computes the forces of the law again, not those that a SafetyFilter changed.")

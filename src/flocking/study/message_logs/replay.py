@@ -7,7 +7,9 @@ import numpy as np
 from flocking.engine.runs.run import Run
 from flocking.formula.compiled import Reading
 from flocking.model.world.control import Held
+from flocking.model.world.information import Delayed
 from flocking.study.message_logs.continuous_replay import ContinuousReplay
+from flocking.study.message_logs.delayed_replay import DelayedReplay
 from flocking.study.message_logs.held_replay import HeldReplay
 from flocking.study.message_logs.logged_world import logged
 from flocking.study.message_logs.replay_result import Replay
@@ -19,13 +21,16 @@ def replay(run: Run) -> Replay:
     The energy ledger proves that a run moves as recorded, not that agents used what they could know. Here the motion
     is computed from the logged forces, samples, arrivals, expiries and links from the declared world, and forces from
     the entries of the log, by plain code that shares with the engine the declared parts and their random numbers alone.
-    Under continuous control the motion is integrated under the law on what is in use by the log.
+    Under continuous control with messages the motion is integrated under the law on what is in use by the log. With
+    delayed knowledge it is taken from the frames, to the error of interpolation between them: links at frames, where
+    links switch, and the forces then are computed again from what each agent knew, the motion is not. What that error
+    leaves open is counted; more frames leave less open.
 
     Parameters
     ----------
     run
-        A run with held control, or with messages under continuous control, whole or up to some time; stored ones have
-        the log.
+        A run with held control, or with messages or delayed knowledge under continuous control, whole or up to some
+        time; stored ones have the log.
 
     Returns
     -------
@@ -49,7 +54,11 @@ def replay(run: Run) -> Replay:
     True
     """
     scenario, log = logged(run)
-    kind = HeldReplay if isinstance(scenario.control, Held) else ContinuousReplay
+    kind: type[HeldReplay | ContinuousReplay | DelayedReplay] = ContinuousReplay
+    if isinstance(scenario.information, Delayed):
+        kind = DelayedReplay
+    elif isinstance(scenario.control, Held):
+        kind = HeldReplay
     # Forces of a log may be too large to compute with; what they lead to then agrees with nothing.
     with Reading(), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         return kind(run, scenario, log).result()

@@ -45,14 +45,19 @@ class Replay:
     undecided
         Acts in which rounding leaves open what was to be used; under continuous control also times at which what an
         agent uses may have changed.
+        With delayed knowledge acts, and agents at frames, for which the error of interpolation between frames leaves
+        open what was known.
     wrong
         The first `MOST_ERRORS` things that are wrong, in order of time.
+    open_by
+        What leaves open those that are undecided: ``"rounding"``, or ``"interpolation"``, rounding included.
     """
 
     acts: int
     entries: int
     undecided: int
     wrong: tuple[WrongEntry, ...]
+    open_by: str = "rounding"
 
     @property
     def agrees(self) -> bool:
@@ -68,7 +73,7 @@ class Replay:
 
     def __str__(self) -> str:
         size = f"{self.acts} acts with {self.entries} entries computed again"
-        open_ = f", {self.undecided} left open by rounding" if self.undecided else ""
+        open_ = f", {self.undecided} left open by {self.open_by}" if self.undecided else ""
         if self.agrees:
             return f"{size}{open_}: all as declared"
         return "\n".join([f"{size}{open_}: not as declared", *map(str, self.wrong)])

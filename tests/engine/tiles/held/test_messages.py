@@ -115,6 +115,8 @@ def check(seed, space=None):
     assert np.abs(run.q - exact.q).max() < 1e-9
     assert np.abs(run.p - exact.p).max() < 1e-9
     assert np.abs(run.q[-1] - plain.q).max() < 1e-9
+    assert (run.log.ticks == exact.log.ticks).all()
+    assert (run.log.uses == exact.log.uses).all()
     used, links = used_by(session, run.n)
     assert (links == other.known_links[0]).all()
     assert (links == np.array(plain.links)).all()
@@ -223,6 +225,8 @@ def test_a_sample_that_had_expired_before_anybody_looked_leaves_the_state_of_its
     run = fk.simulate(made, engine="tiles", step=STEP, ledger=False, progress=False)
     exact = fk.simulate(made, engine="sampled", progress=False)
     assert np.abs(run.q - exact.q).max() < 1e-9
+    assert (run.log.ticks == exact.log.ticks).all()
+    assert (run.log.uses == exact.log.uses).all()
     heard = exact.log.uses[:, 2] > 0
     assert heard.sum() > 900
     acts_without = (exact.log.ticks[:, 2] == 0).mean()
@@ -316,6 +320,7 @@ def test_agents_of_every_tile_hear_for_themselves_where_all_are_linked(late):
     world = {"control": fk.Held(0.05), "information": fk.Messages(0.05, delay=0.013, seed=5, **late)}
     made = fk.Scenario(law, start, t_end=0.8, frames=3, **world)
     run, other = (fk.simulate(made, engine=engine, progress=False) for engine in ("tiles", "sampled"))
+    assert (run.log.uses == other.log.uses).all()
     assert max(np.abs(run.q - other.q).max(), np.abs(run.p - other.p).max()) < 1e-9
 
 

@@ -56,7 +56,15 @@ def sockets(lines: Iterable[str]) -> Iterator[Socket]:
 
 
 def written(host: str, port: int) -> str:
-    """An address of IPv4 and a port as the kernel writes them: the address in the order of this machine's bytes."""
+    """An address and a port as the kernel writes them.
+
+    Parameters
+    ----------
+    host
+        Address of IPv4; the kernel writes it in the order of this machine's bytes.
+    port
+        Number of the port.
+    """
     return f"{int.from_bytes(socket.inet_aton(host), sys.byteorder):08X}:{port:04X}"
 
 

@@ -8,14 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from flocking.arrays import AnyArray, Array, Indices, Links
-from flocking.engine.archives.data_checks import Table
 from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.messages.instants import BEFORE
 from flocking.engine.delayed.messages.leader_samples import LeaderSamples
 from flocking.engine.delayed.messages.message_states import MessageStates
 from flocking.engine.delayed.replacement import Replacement
 from flocking.engine.delayed.session import DelayedSession
-from flocking.engine.imperfect.checkpoint_form import must
 from flocking.engine.imperfect.messages.interventions import (
     KEPT,
     Interventions,
@@ -27,7 +25,7 @@ from flocking.engine.imperfect.messages.knowledge import Knowledge
 from flocking.engine.imperfect.messages.leader_news import check_number_of_leaders, with_leaders
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Fidelity
-from flocking.engine.runs.message_log import CHANGED, GRAPHS_CHANGED
+from flocking.engine.runs.message_log import CHANGED
 from flocking.errors import UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -50,8 +48,6 @@ class MessagesSession(DelayedSession):
         Longest step as a share of the shortest period of the messages, see `DelayedSession`.
     """
 
-    keeps_log = True
-
     def _prepare(self, scenario: Scenario, longest_step: float) -> None:
         super()._prepare(scenario, longest_step)
         self._in_use: list[AnyArray | None] = [None] * self.n
@@ -59,8 +55,6 @@ class MessagesSession(DelayedSession):
         self._using = np.ones(self.n, dtype=bool)
         """Who may use something else than the log states."""
         self.interventions = Interventions()
-        self.graphs_changed: float | None = None
-        """When graphs were replaced last, in the scenario's time; None where they were not."""
 
     def _new_delays(self, scenario: Scenario) -> Delays:
         start = scenario.start
@@ -194,8 +188,6 @@ class MessagesSession(DelayedSession):
         # Nothing of the past is read, and a step before the last one could have a gap that no jump explains any more.
         self.history.drop(seconds)
         self._using[:], self._in_use = True, [None] * self.n
-        if not new.keeps_graphs:
-            self.graphs_changed = self.time
 
     def _renew_links(self, new: Replacement, seconds: float, y: Array, moved: Links) -> None:
         super()._renew_links(new, seconds, y, moved)
@@ -213,8 +205,7 @@ class MessagesSession(DelayedSession):
     def about(self) -> dict[str, object]:
         """Provenance of the records, and when the session was changed."""
         changed = sorted({*self.interventions.times, *self.replaced_at})
-        graphs = {} if self.graphs_changed is None else {GRAPHS_CHANGED: self.graphs_changed}
-        return super().about | ({CHANGED: changed} if changed else {}) | graphs
+        return super().about | ({CHANGED: changed} if changed else {})
 
     @property
     def fidelity(self) -> Fidelity:
@@ -225,18 +216,13 @@ class MessagesSession(DelayedSession):
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
         (numbers, arrays), (more, rows) = super().pack(), packed_changes(self.interventions, self.knowledge)
-        if self.graphs_changed is not None:
-            rows = {**rows, "graphs_changed": np.array([self.graphs_changed])}
         return numbers | more, arrays | rows
 
     def _recall_changes(self, packed: Packed) -> Packed:
-        numbers, arrays = unpacked_changes(packed, self.interventions, self.knowledge)
-        if "graphs_changed" in arrays:
-            Table("f8", (1,)).check(arrays["graphs_changed"], "graphs_changed")
-            self.graphs_changed = float(arrays["graphs_changed"][0])
-            times = arrays.get("replaced_at", np.zeros(0))
-            must(bool((times == self.graphs_changed).any()), "graphs_changed", "be when a law was replaced")
-        return numbers, {name: array for name, array in arrays.items() if name != "graphs_changed"}
+        return super()._recall_changes(unpacked_changes(packed, self.interventions, self.knowledge))
+
+    def _recall_log(self, stored: Stored) -> None:
+        """Messages that earlier versions logged need nothing else: entries in use follow from what agents know."""
 
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> MessagesSession:

@@ -56,6 +56,7 @@ class HeldDomainSession(DomainSession, HeldTilesSession):
         If the neighbour lists would not fit in memory.
     """
 
+    keeps_log = False
     _particles: HeldRankParticles
     _begin: State | None = None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import TypedDict, cast
 
@@ -110,7 +110,9 @@ def packed_options(packed: Packed) -> TilesOptions:
     MalformedError, InvalidInput, KeyError
         When they are none.
     """
-    return stored_options(packed[0]["options"])
+    options = stored_options(packed[0]["options"])
+    # Runs of earlier versions keep no log.
+    return replace(options, log=bool(options.log))
 
 
 def recall_held(packed: Packed, stored: Stored, memory: HeldMemory) -> None:

@@ -13,6 +13,7 @@ from flocking.engine.tiles.held.known_leaders import KnownLeaders, known_leaders
 from flocking.engine.tiles.held.lagged_motion import LaggedForces, coast_lagged
 from flocking.engine.tiles.held.listed_senders import take_senders, tiles_ahead
 from flocking.engine.tiles.held.messages import SampleStore
+from flocking.engine.tiles.held.used_samples import UsedSamples
 from flocking.engine.tiles.kernels.control_kernel import control_kernel, control_spec
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
@@ -39,6 +40,8 @@ class HeldParticles(ParticleArrays):
     ----------
     scenario, state, spec, workers, memory_limit, skin
         As for `ParticleArrays`.
+    logs
+        Whether the kernel writes down what agents use when they act.
 
     Attributes
     ----------
@@ -55,6 +58,8 @@ class HeldParticles(ParticleArrays):
         and the number of the agent that it stands for; no entries where nothing is drawn.
     leaders
         Leaders as agents know them by messages; None where they know them exactly.
+    logged
+        What agents used when they acted; None where it is not written down.
     powers
         By tile, powers of the forces at rest at the beginning and at the end of the last step, shape (tiles, 2); no
         rows where they are not summed.
@@ -64,7 +69,7 @@ class HeldParticles(ParticleArrays):
 
     def __init__(
         self, scenario: Scenario, state: State, spec: KernelSpec, workers: Workers, memory_limit: float,
-        skin: float | None = None,
+        skin: float | None = None, *, logs: bool = False,
     ) -> None:  # fmt: skip
         self.leaders = known_leaders(scenario, spec)
         super().__init__(scenario, state, spec, workers, memory_limit, skin)
@@ -88,7 +93,8 @@ class HeldParticles(ParticleArrays):
                 k for k, kind in enumerate(spec.graphs) if kind.fixed and self.radii.edges[k] is None
             )  # fmt: skip
             heard = self.store.heard(self.m, repeats, self._shared)
-        self.control = control_kernel(self.control_spec, heard).control
+        self.logged = UsedSamples(messages=heard is not None) if logs else None
+        self.control = control_kernel(self.control_spec, heard, logs=logs).control
         self._draws = heard is not None and heard.draws
         self._tested = 0
         self.used: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
@@ -236,6 +242,8 @@ class HeldParticles(ParticleArrays):
             lists += [self.store.rows, news, *self.used, *self.senders]
             # Where everybody acts, all entries have been looked at until now.
             self._tested = self.store.settled(now) if self.store.alike and self.all_act else 0
+        if self.logged is not None:
+            lists += self.logged.arrays([self._lists_of(number) for number in range(len(self.known))])
         parameters = self.parameters
         if self.leaders is not None:
             self.leaders.put(now, self.ids[: self.n])

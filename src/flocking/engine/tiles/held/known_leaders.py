@@ -10,6 +10,7 @@ from flocking.engine.imperfect.messages.leader_slots import layout_as_known, row
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.particles.law_parameters import LawParameters
 from flocking.model.law import Scenario
+from flocking.model.world.times import Instants
 
 
 class KnownLeaders:
@@ -32,9 +33,12 @@ class KnownLeaders:
         The specification with leaders as agents know them.
     parameters
         Those in force.
+    newest
+        Number of the sample that was written last for each agent, -1 for the start, shape (n,).
     """
 
     parameters: LawParameters
+    newest: Instants
 
     def __init__(self, scenario: Scenario, spec: KernelSpec, news: LeaderNews) -> None:
         layout = layout_as_known(scenario)
@@ -62,7 +66,8 @@ class KnownLeaders:
         ids
             Number of the agent at each place, without pads, shape (n,).
         """
-        motions = self._news.motions(now, self._news.newest(now, ids.astype(int)))
+        self.newest = self._news.newest(now, ids.astype(int))
+        motions = self._news.motions(now, self.newest)
         for rows, motion in zip(self._rows, motions, strict=True):
             self.parameters.A[rows, : len(ids)] = motion
         self.parameters.fill_pads()

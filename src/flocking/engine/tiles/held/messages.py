@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Array, Numbers32, Reals
+from flocking.arrays import Array, Indices, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.held.news import News, is_plain, loss_numbers, older_places
 from flocking.engine.tiles.held.past_speeds import Speeds
@@ -339,6 +339,11 @@ class SampleStore:
             return self.rows[place * size : (place + 1) * size]
         places = np.where(taken > 0, (taken - 1) % self.depth, self.depth)[ids]
         return np.ascontiguousarray(self.rows[places * size + np.arange(size)])
+
+    def own_numbers(self, now: int, agents: Indices) -> Indices:
+        """Numbers of the newest own samples of ``agents`` at the nanosecond ``now``, -1 for the start."""
+        taken = self._times.count_until(now).astype(np.int64) - 1
+        return np.asarray(np.full(len(agents), taken[0]) if self.alike else taken[agents])
 
     def news(self, now: int, ids: Numbers32, tested: int = 0, ahead: int = 1) -> News:
         """What may have arrived by the nanosecond ``now``.

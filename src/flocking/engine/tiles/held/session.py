@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,12 +20,12 @@ from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.held.checkpoint import pack_held, packed_options, recall_held
 from flocking.engine.tiles.held.held_ledger import powers_of
 from flocking.engine.tiles.held.held_particles import HeldParticles
+from flocking.engine.tiles.held.log_room import HeldRecorder, check_log_size, why_no_log
 from flocking.engine.tiles.held.memory import HeldMemory
 from flocking.engine.tiles.held.step_grid import held_step
 from flocking.engine.tiles.held.true_state import ON_STEP, HeldTruth
 from flocking.engine.tiles.kernels.spec import check_supported
 from flocking.engine.tiles.options import TilesOptions
-from flocking.engine.tiles.records import TilesRecorder
 from flocking.engine.tiles.session import MOST_STEPS
 from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
@@ -53,6 +54,8 @@ class HeldTilesSession(HeldTruth):
         If the neighbour lists would not fit in memory.
     """
 
+    keeps_log: ClassVar[bool] = True
+    """Whether it can keep a log of what agents use when they act."""
     _particles: HeldParticles
 
     def __init__(self, scenario: Scenario, options: TilesOptions | None = None) -> None:
@@ -62,6 +65,8 @@ class HeldTilesSession(HeldTruth):
         if scenario.agents.order == 1:
             # What the velocity of such agents departs from has no sum among those of the kernels.
             options = replace(options, ledger=False)
+        self.why_no_log = why_no_log(scenario, options) if self.keeps_log else ""
+        options = replace(options, log=self.keeps_log and not self.why_no_log)
         self._set_up(scenario, options)
         checks.resolution(self._particles, scenario.start.q, self.time)
         memory = self._memory
@@ -78,9 +83,7 @@ class HeldTilesSession(HeldTruth):
         """Begin with the state of the start; what a checkpoint holds may replace it."""
         self.scenario, self.options, self.plant = scenario, options, None
         self.workers = Workers(threads or options.threads)
-        records = TilesRecorder(
-            scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe
-        )  # fmt: skip
+        records = HeldRecorder(scenario, options)
         # Kernels see the points that the law sees; what their bodies make of forces comes after.
         particles = self._new_particles(of_points(scenario), scenario.start)
         self._memory = HeldMemory(options, particles, records, 1, scenario.start.t)
@@ -102,8 +105,9 @@ class HeldTilesSession(HeldTruth):
 
     def _new_particles(self, scenario: Scenario, state: State) -> HeldParticles:
         return HeldParticles(
-            scenario, state, self._spec(scenario), self.workers, self.options.lists_limit, self.options.skin
-        )
+            scenario, state, self._spec(scenario), self.workers, self.options.lists_limit, self.options.skin,
+            logs=bool(self.options.log),
+        )  # fmt: skip
 
     @property
     def scheme(self) -> str:
@@ -259,9 +263,13 @@ class HeldTilesSession(HeldTruth):
         particles.all_act = len(tick) == 1
         if not self._latency.any():
             particles.act(t, now)
+            if self.records.log is not None:
+                self._log_act(tick)
             return particles.acting.copy()
         before, begun = particles.desired.copy(), np.zeros_like(particles.acting)
         particles.act(t, now)
+        if self.records.log is not None:
+            self._log_act(tick)
         agents, n = particles.numbers_of(tick), self.scenario.start.n
         late = np.broadcast_to(self._latency, n)
         # Of all agents: ranks that have none of some latency wait for them as well.
@@ -274,6 +282,22 @@ class HeldTilesSession(HeldTruth):
             else:
                 begun[places] = 1
         return begun
+
+    def _log_act(self, tick: Links) -> None:
+        """Log what agents marked in ``tick`` have just used, and the forces that they computed."""
+        particles, log = self._particles, self.records.log
+        assert log is not None
+        agents = particles.numbers_of(tick)
+        places = particles.places_of(agents)
+        store, known = particles.store, particles.leaders
+        measured = store is not None and store.messages.self_known == "measured"
+        own = store.own_numbers(self._now, agents) if store is not None and measured else None
+        assert particles.logged is not None
+        counts, uses = particles.logged.entries(
+            agents, places, particles.ids, own, None if known is None else known.newest[places]
+        )
+        log.acts(self._now, agents, particles.desired[:, places].T.astype(np.float64), counts, uses)
+        check_log_size(log.nbytes, self.time)
 
     def _change_gains(self, t: float, seconds: float) -> None:
         """Take scheduled gains; what they change of the energy is a jump of the ledger."""
@@ -305,8 +329,11 @@ class HeldTilesSession(HeldTruth):
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> HeldTilesSession:
         """Restore a session from its packed form, with another number of ``threads`` if ``changes`` contains it."""
         threads = changes.get("threads")
-        session = cls.__new__(cls)
-        session._set_up(stored.scenario, packed_options(packed), threads if isinstance(threads, int) else None)
+        session, options = cls.__new__(cls), packed_options(packed)
+        if not options.log:
+            # A run that was to keep none looks like one of an earlier version, which kept none.
+            session.why_no_log = why_no_log(stored.scenario, replace(options, log=None)) or "log=False"
+        session._set_up(stored.scenario, options, threads if isinstance(threads, int) else None)
         recall_held(packed, stored, session._memory)
         # Gains change before the controls of the same time.
         share = ON_STEP if session._memory.acted else -ON_STEP

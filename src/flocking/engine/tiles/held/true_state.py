@@ -11,6 +11,7 @@ from flocking.arrays import Array
 from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.engine.runs.message_log import NO_LOG
 from flocking.engine.tiles import checks
 from flocking.engine.tiles.held.held_ledger import at_rest, powers_of
 from flocking.engine.tiles.held.held_particles import HeldParticles
@@ -31,6 +32,8 @@ AHEAD = 1.01
 class HeldTruth(TilesSession):
     """A session whose forces are held: what is seen and recorded of its true state."""
 
+    why_no_log: str = ""
+    """Why no log of what agents used is kept, in words; empty where one is, or by an engine that keeps none."""
     _memory: HeldMemory
     _particles: HeldParticles
 
@@ -218,6 +221,8 @@ class HeldTruth(TilesSession):
         }  # fmt: skip
         if self.options.ledger:
             found["ledger at"] = o.ledger_at
+        if self.why_no_log:
+            found[NO_LOG] = self.why_no_log
         if np.isfinite(self._memory.ledger_ends):
             found["ledger ends"] = self._memory.ledger_ends
         return found

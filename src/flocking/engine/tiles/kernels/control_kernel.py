@@ -43,7 +43,7 @@ def control_spec(spec: KernelSpec, graphs: tuple[Graph, ...]) -> KernelSpec:
     return replace(spec, graphs=kinds, damped=False, ledger=False)
 
 
-def control_kernel(spec: KernelSpec, heard: HeardSamples | None) -> ModuleType:
+def control_kernel(spec: KernelSpec, heard: HeardSamples | None, *, logs: bool = False) -> ModuleType:
     """Module with the kernel ``control``; for its arguments see `_arguments`.
 
     Parameters
@@ -52,6 +52,8 @@ def control_kernel(spec: KernelSpec, heard: HeardSamples | None) -> ModuleType:
         What `control_spec` gives.
     heard
         How agents find what they know of each other; None where they know the present.
+    logs
+        Whether it writes down what is used, see `flocking.engine.tiles.held.used_samples`.
     """
     from flocking.engine.kernels.expressions import law_formulas
     from flocking.engine.kernels.flow_formulas import flow_formulas
@@ -63,31 +65,35 @@ def control_kernel(spec: KernelSpec, heard: HeardSamples | None) -> ModuleType:
         return flow_formulas(found) if spec.order == 1 else found
 
     return generated_module(
-        ("controls", spec.kind, heard), layout.structure, layout.parts, stated, lambda f: _source(spec, f, heard)
-    )
+        ("controls", spec.kind, heard, *["logs"] * logs), layout.structure, layout.parts, stated,
+        lambda f: _source(spec, f, heard, logs=logs),
+    )  # fmt: skip
 
 
-def _arguments(spec: KernelSpec, heard: HeardSamples | None) -> list[str]:
+def _arguments(spec: KernelSpec, heard: HeardSamples | None, *, logs: bool) -> list[str]:
     """Arguments of ``control``.
 
     ``first_tile``, ``last_tile``; the time ``t``; ``acting``, 1 for each agent that acts and 0 for the others, shape
     (size,); what each agent knows of itself ``K``, shape (size, 2m); the true state ``X``; for each graph the lists
     and the squared radii; where there are messages the samples ``S``, their ``news`` (see
     `flocking.engine.tiles.held.news.News`), and for each graph the samples used before and the numbers of the agents
-    that the entries of its lists stand for; parameters; the controls ``U``, shape (m, size).
+    that the entries of its lists stand for; where it ``logs``, for each graph the marks that it writes, a row for each
+    row of a list, and the first of them of each tile; parameters; the controls ``U``, shape (m, size).
     """
     found = ["first_tile", "last_tile", "t", "acting", "K", "X", "n"]
     for number in range(len(spec.graphs)):
         found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
     if heard is not None:
         found += ["S", "news", *(f"{x}{number}" for x in ("used", "senders") for number in range(len(spec.graphs)))]
+    if logs:
+        found += [f"{x}{number}" for number in range(len(spec.graphs)) for x in ("marks", "placed")]
     return [*found, "P", "A", "ids", "seeds", "matrices", "M", "U"]
 
 
-def _source(spec: KernelSpec, formulas: LawFormulas, heard: HeardSamples | None) -> str:
+def _source(spec: KernelSpec, formulas: LawFormulas, heard: HeardSamples | None, *, logs: bool) -> str:
     import sympy
 
-    w = Writer(spec, formulas, controls=True, heard=heard)
+    w = Writer(spec, formulas, controls=True, heard=heard, logs=logs)
     pairs: list[str] = []
     for number, pair in enumerate(formulas.pairs):
         pairs += pair_loop(w, number, pair)
@@ -99,7 +105,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas, heard: HeardSamples | None)
     first = ["base = tile * 16", "busy = load(acting, base)", "if highest(busy) == 0:", "    continue"]
     first += ["hold = busy == np.uint32(0)", "i = numbers_from(base)", *own_lines(w, "K")]
     top = uniform_lines(w, [], [], "p") + ([] if heard is None else heard.uniform_lines())
-    text = f"@native\ndef control({', '.join(_arguments(spec, heard))}):\n" + indented(top, 1)
+    text = f"@native\ndef control({', '.join(_arguments(spec, heard, logs=logs))}):\n" + indented(top, 1)
     text += indented(["for tile in range(first_tile, last_tile):"], 1) + indented([*first, *tile, *pairs, *tail], 2)
     imports = "" if heard is None else heard.imports()
     return module_header(spec, text).replace("import math\n", f"import math\n{imports}", 1) + text

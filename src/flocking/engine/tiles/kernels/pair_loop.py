@@ -38,12 +38,13 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
     if flow:
         requested = {"supply": pair.flow}
     requested = {name: value for name, value in requested.items() if value != 0}
-    if not requested and (flow or not kind.barrier):
+    if not requested and (flow or not (kind.barrier or w.logs)):
         return []
     names = free_names(requested.values()).others
     needs_velocity = "drag" in requested or bool(names & {"speed2", "radial", "pull"})
     lane = _neighbour_lines(w, number, needs_velocity=needs_velocity, flow=flow)
     lane += _link_lines(kind, number, by_agent=w.controls)
+    lane += _mark_lines(w, number)
     lane += ["apart = linked & (square > T(0.0))", f"safe = select(square > T(0.0), square, safe{number})"]
     lane += ["inverse_r = inverse_root(safe)", "r = safe * inverse_r"]
     lane += [] if flow else ["near = select(linked & (square < near), square, near)"]
@@ -126,6 +127,15 @@ def _link_lines(kind: GraphKind, number: int, *, by_agent: bool) -> list[str]:
         f"linked = select(hold, was, other & inside & (was | {enter}))",
         f"store(rows{number}, at, {f'select(hold, entry, {flagged})' if by_agent else flagged})",
     ]
+
+
+def _mark_lines(w: Writer, number: int) -> list[str]:
+    """Write beside an entry whether it stands for a neighbour that is used, and by which sample, counted from 1."""
+    if not w.logs:
+        return []
+    sample = "spread(np.uint32(0))" if w.heard is None else "best"
+    mark = f"select(linked, {sample} | LINKED, spread(np.uint32(0)))"
+    return [f"store(marks{number}, (placed{number}[tile] + step) * 16, {mark})"]
 
 
 def _relative_motion_lines(w: Writer, names: frozenset[str], *, flow: bool) -> list[str]:

@@ -27,12 +27,15 @@ class Writer:
         Whether some agents of a tile may act while the links of the others stay as they are.
     heard
         How agents find what they know of each other; None where they know the present.
+    logs
+        Whether it is written beside each entry of a list who is used as a neighbour, and by which sample.
     """
 
     def __init__(
-        self, spec: KernelSpec, formulas: LawFormulas, *, controls: bool = False, heard: HeardSamples | None = None
-    ) -> None:
-        self.controls, self.heard = controls, heard
+        self, spec: KernelSpec, formulas: LawFormulas, *, controls: bool = False, heard: HeardSamples | None = None,
+        logs: bool = False,
+    ) -> None:  # fmt: skip
+        self.controls, self.heard, self.logs = controls, heard, logs
         from flocking.engine.tiles.kernels.printing import Lifter
 
         self.spec, self.formulas = spec, formulas

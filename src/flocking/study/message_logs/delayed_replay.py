@@ -1,0 +1,217 @@
+"""A second computation of a run of delayed knowledge: what agents knew at frames and when links switched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flocking.arrays import Array, Links
+from flocking.engine.runs.message_log import DELAYED, MessageLog
+from flocking.engine.runs.run import Run
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.law import Scenario
+from flocking.model.world.information import Delayed
+from flocking.model.world.times import NANOSECOND, PER_SECOND
+from flocking.study.message_logs.logged_world import NEAR
+from flocking.study.message_logs.recorded_motion import Between, RecordedMotion
+from flocking.study.message_logs.reference_law import ReferenceLaw
+from flocking.study.message_logs.replay_result import MOST_ERRORS, Replay, WrongEntry
+from flocking.study.message_logs.second_computation import SAME_FORCE
+
+STEPS_OFF = 100.0
+"""Error of stored states in tolerances of the run: that of the steps between two frames of most runs."""
+
+SURE = 2.0
+"""Ratio of the difference of forces that is allowed to that by which they change with the errors of what is known: to
+first order they change by no more than that; the rest is for the second one."""
+
+JUDGED = 0.01
+"""Largest difference of forces, relative to 1 and to them, within which an act counts as judged: where errors of what
+is known allow more, it counts as undecided. A convention, far below the change when a neighbour is left out."""
+
+
+class DelayedReplay:
+    """The second computation of one run, from its frames.
+
+    Distances as agents knew them are computed at every frame and at every act, with the states a delay before by
+    `RecordedMotion`. Links of the log are held against these at frames, and where they switch the distance must be a
+    radius; the force of an act must be that of the law on what is known. Where the error of interpolation leaves one of
+    these open, it is counted and not judged. That agents move under these forces is not computed again: this would be
+    another solution of the same equations with delays.
+
+    Parameters
+    ----------
+    run, scenario, log
+        The run, its scenario and its log.
+    """
+
+    def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
+        assert isinstance(scenario.information, Delayed)
+        self.run, self.scenario, self.log = run, scenario, log
+        self.base, self.n = scenario.start.t, scenario.start.n
+        self.motion, self.law = RecordedMotion(run), ReferenceLaw(scenario)
+        tau = np.asarray(scenario.information.tau, dtype=np.float64)
+        own = np.eye(self.n, dtype=bool) & (not scenario.information.self_delayed)
+        self.tau: Array = np.where(own, 0.0, np.broadcast_to(tau, (self.n, self.n)))
+        """How late agent i, of row i, knows agent j."""
+        self.graphs: list[Graph] = list(scenario.law.graphs)
+        first = [g.links_in(scenario.space, scenario.start.q, scenario.agents.headings) for g in self.graphs]
+        if scenario.start.links is not None:
+            first[0] = np.asarray(scenario.start.links)
+        self._first = np.array(first)
+        self.links: Links = self._first.copy()
+        self._radii: list[list[Array]] = [
+            [
+                np.broadcast_to(np.asarray(radius, dtype=np.float64), self.n)[:, None]
+                for radius in ((graph.appear_radius, graph.break_radius) if graph.moves else ())
+            ]
+            for graph in self.graphs
+        ]
+        self.near = NEAR + STEPS_OFF * scenario.tolerance
+        self.undecided = 0
+
+    def result(self) -> Replay:
+        """What was found."""
+        wrong = sorted(self._found(), key=lambda w: w.time)
+        return Replay(
+            len(self.log.ticks), len(self.log.uses), self.undecided, tuple(wrong[:MOST_ERRORS]), "interpolation"
+        )
+
+    def _finding(self, seconds: float, agent: int, entry: int | None, what: str) -> WrongEntry:
+        return WrongEntry(self.base + seconds, agent, entry, what)
+
+    def _found(self) -> Iterator[WrongEntry]:
+        """Acts and frames in order of time; a frame comes before the acts of its nanosecond, but at the start."""
+        instants = np.maximum((np.asarray(self.run.t) - self.base) * PER_SECOND - 0.5, 0.5)
+        events = [(float(at), 1, k) for k, at in enumerate(instants)]
+        events += [(float(at), 0, row) for row, at in enumerate(self.log.ticks[:, 0])]
+        begun = np.zeros(self.n, dtype=bool)
+        for _, is_frame, k in sorted(events):
+            if is_frame:
+                for agent in np.flatnonzero(~begun).tolist():
+                    what = "nothing is logged of what it used from the start on"
+                    yield self._finding(0.0, agent, None, what)
+                begun[:] = True
+                yield from self._frame(k)
+            else:
+                agent = int(self.log.ticks[k, 1])
+                yield from self._act(k, first=not begun[agent])
+                begun[agent] = True
+
+    def _known(self, seconds: float) -> Between:
+        """What agent i knows of agent j, shape (N, N, m), itself on the diagonal."""
+        return self.motion.at(seconds - self.tau, np.broadcast_to(np.arange(self.n), (self.n, self.n)))
+
+    def _distances(self, known: Between) -> tuple[Array, Array]:
+        """Distances that agents know, and their errors, shape (N, N)."""
+        own = np.arange(self.n)
+        offset = self.scenario.space.displacement(known.q - known.q[own, own][:, None])
+        return np.linalg.norm(offset, axis=-1), known.off_q + known.off_q[own, own][:, None]
+
+    def _frame(self, frame: int) -> Iterator[WrongEntry]:
+        """Links at a frame against the distances that agents know then."""
+        seconds = float(self.run.t[frame]) - self.base
+        distance, error = self._distances(self._known(seconds))
+        open_ = np.zeros(self.n, dtype=bool)
+        for number, graph in enumerate(self.graphs):
+            links: Links = self.links[number]
+            if not graph.moves:
+                yield from self._unlike(seconds, number, links != self._first[number], distance)
+                continue
+            appear, leave = self._radii[number]
+            radius = np.where(links, leave, appear)
+            over, slack = np.where(links, distance - radius, radius - distance), self.near * (1.0 + radius)
+            np.fill_diagonal(over, -np.inf)
+            np.fill_diagonal(error, 0.0)
+            open_ |= (np.abs(over) <= error + slack).any(axis=1)
+            yield from self._unlike(seconds, number, over > error + slack, distance)
+        self.undecided += int(open_.sum())
+
+    def _unlike(self, seconds: float, number: int, wrong: Links, distance: Array) -> Iterator[WrongEntry]:
+        """Findings on pairs marked in ``wrong``, shape (N, N)."""
+        for agent, other in np.argwhere(wrong).tolist():
+            linked = "a" if self.links[number][agent, other] else "no"
+            what = f"agent {other} was {linked} neighbour under graph {number} at a distance, as it knew it, of"
+            yield self._finding(seconds, agent, None, f"{what} {distance[agent, other]:.9g}")
+
+    def _act(self, row: int, *, first: bool) -> Iterator[WrongEntry]:
+        """Entries of an act: who begins or ceases to be a neighbour must be at the radius; and its force."""
+        instant, agent, count = self.log.ticks[row].tolist()
+        seconds, begin = instant * NANOSECOND, int(self.log.firsts[row])
+        entries = self.log.uses[begin : begin + count]
+        others = (entries[:, 2] != DELAYED) | (entries[:, 0] < 0) | (entries[:, 1] < 0) | (entries[:, 1] == agent)
+        if others.any():
+            entry = begin + int(np.flatnonzero(others)[0])
+            what = "it names something else than the state of another agent a delay ago"
+            yield self._finding(seconds, agent, entry, what)
+            return
+        now = np.zeros_like(self.links[:, agent])
+        now[entries[:, 0], entries[:, 1]] = True
+        if int(now.sum()) != count:
+            yield self._finding(seconds, agent, None, "two of its entries are of one sender under one graph")
+        known = self._known(seconds)
+        before = self.links[:, agent].copy()
+        self.links[:, agent] = now
+        yield from self._switches(seconds, agent, before, known, first=first)
+        yield from self._force(row, seconds, known)
+
+    def _switches(
+        self, seconds: float, agent: int, before: Links, known: Between, *, first: bool
+    ) -> Iterator[WrongEntry]:
+        """Links of an agent that switch in an act, or are found at its first one."""
+        distances, errors = self._distances(known)
+        distance, error = distances[agent], errors[agent]
+        # The nanosecond of an act is the whole one before a switch.
+        rate = np.linalg.norm(known.p[agent] - known.p[agent, agent], axis=-1) + known.off_p[agent]
+        error = error + np.where(np.isfinite(rate), rate, 0.0) * NANOSECOND
+        for number, graph in enumerate(self.graphs):
+            if not graph.moves:
+                continue
+            was, now = before[number], self.links[number][agent]
+            appear, leave = (np.ravel(radius)[agent] for radius in self._radii[number])
+            radius = np.where(was, leave, appear)
+            over, slack = distance - radius, error + self.near * (1.0 + radius)
+            # At the start links follow from what is known; later they switch where it passes a radius.
+            wrong = (np.abs(over) > slack) & ((now != (over < 0.0)) if first else (was != now))
+            wrong[agent] = False
+            for other in np.flatnonzero(wrong).tolist():
+                does = ("is" if now[other] else "is not") if first else ("appears" if now[other] else "breaks")
+                what = f"its link with agent {other} under graph {number} {does} at a distance, as it knew it, of"
+                yield self._finding(seconds, agent, None, f"{what} {distance[other]:.9g}")
+
+    def _force(self, row: int, seconds: float, known: Between) -> Iterator[WrongEntry]:
+        """The force of an act against that of the law on what the agent knew."""
+        instant, agent, _ = self.log.ticks[row].tolist()
+        stored, time = self.log.forces[row], self.law.time(instant)
+        others = [(number, int(j)) for number, links in enumerate(self.links) for j in np.flatnonzero(links[agent])]
+        used = sorted({agent, *(j for _, j in others)})
+        off_q, off_p = known.off_q[agent] + self.near, known.off_p[agent] + self.near
+        if not np.isfinite(off_q[used]).all():
+            self.undecided += 1
+            return
+
+        def force(moved: int = agent, by_q: Array | float = 0.0, by_p: Array | float = 0.0) -> Array:
+            q, p = known.q[agent].copy(), known.p[agent].copy()
+            q[moved], p[moved] = q[moved] + by_q, p[moved] + by_p
+            lists: dict[int, list[tuple[int, Array, Array]]] = {}
+            for number, j in others:
+                lists.setdefault(number, []).append((j, q[j], p[j]))
+            return self.law.force(agent, (q[agent], p[agent]), lists, time)
+
+        again, allowed = force(), 0.0
+        off, size = float(np.abs(again - stored).max()), 1.0 + float(np.abs(again).max())
+        if off <= SAME_FORCE * size:
+            return
+        for j in used:
+            for axis in np.eye(len(stored)):
+                allowed += float(np.abs(force(j, off_q[j] * axis) - again).max())
+                allowed += float(np.abs(force(j, 0.0, off_p[j] * axis) - again).max())
+        if off <= SAME_FORCE * size + SURE * allowed:
+            self.undecided += SURE * allowed > JUDGED * size
+            return
+        yield self._finding(
+            seconds, agent, None,
+            f"its force is logged as {np.round(stored, 6).tolist()}; from the states that it knew, the law gives "
+            f"{np.round(again, 6).tolist()} within {SURE * allowed:.3g}",
+        )  # fmt: skip
