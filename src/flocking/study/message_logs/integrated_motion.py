@@ -28,6 +28,9 @@ RELATIVE, ABSOLUTE = 1e-12, 1e-13
 SAME_TIME = 1e-12
 """Times closer than this, relative to 1 and to themselves, are one: those of frames are no whole nanoseconds."""
 
+MOST_CROSSINGS = 100
+"""Crossings of limits at one time after which a motion is not integrated on: limits that chatter have no other end."""
+
 Forces = Callable[[float, Array], Array]
 """Forces at a time and a state vector, shape (N, m)."""
 
@@ -181,6 +184,7 @@ class IntegratedForcedMotion:
         self._now = self._forces(end)
         self._switch(begin, y, None)
         shape = y.shape
+        crossings = 0
         while begin < end:
             slope = partial(self._slope, self._now, dict(self._held))
 
@@ -188,7 +192,8 @@ class IntegratedForcedMotion:
                 return slope(t, z.reshape(shape)).ravel()
 
             def crossing(t: float, z: Array, k: int) -> float:
-                return float(self._signs(t, z.reshape(shape)).flat[k])
+                # Who stays on a border, as one without a force, does not cross it.
+                return float(self._signs(t, z.reshape(shape)).flat[k]) or -np.finfo(np.float64).tiny
 
             # Every limit of every agent by itself: beside one that has just crossed, another one would not be seen.
             events = [partial(crossing, k=k) for k in range(len(self._acting) * self.n)]
@@ -199,7 +204,8 @@ class IntegratedForcedMotion:
                     flat, (begin, end), y.ravel(), "DOP853", rtol=RELATIVE, atol=ABSOLUTE, dense_output=True,
                     events=events or None,
                 )  # fmt: skip
-            if found.status < 0:
+            crossings = crossings + 1 if found.t[-1] - begin <= SAME_TIME * (1.0 + begin) else 0
+            if found.status < 0 or crossings > MOST_CROSSINGS:
                 y = np.full(shape, np.nan)
                 self._add(Stretch(end, lambda _, y=y: y, slope, self._now))  # type: ignore[misc]
                 return y
