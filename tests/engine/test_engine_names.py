@@ -23,6 +23,8 @@ MAY_IMPORT = {
     "engine/nodes/session.py",  # the sampled engine's world, with agents in processes of their own
     "papers/vicsek_1995/large_groups.py",  # the update of headings itself, whose groups are too large for frames
     "papers/vicsek_1995/order_curves.py",  # asks whether that update computes a scenario
+    "study/departed_energy/departed.py",  # computes runs of late knowledge again, with what each imperfection does
+    "study/departed_energy/knowledge_differences.py",  # forces of late knowledge with fewer imperfections
     "study/certificates/safety_certificates.py",  # the braking paths of which the certificate speaks
 }
 FORMATS = {("apps/commands/storage_commands.py", "to.lower() == 'lammps'")}

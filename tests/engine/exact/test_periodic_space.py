@@ -9,8 +9,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.exact.session import ExactSession
-from flocking.engine.lammps.deck import make_deck
-from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.errors import InvalidInput
 from flocking.model.serial import from_data, to_data
 from flocking.show.plane import net
 from flocking.study.evidence import Evidence
@@ -219,11 +218,6 @@ def test_two_agents_at_images_of_one_point_are_refused_under_a_singular_potentia
     psi = fk.Potential("1/r + 1/(R - r)", R=2.5)
     with pytest.raises(InvalidInput, match="same point"):
         periodic(fk.Proximity(2.5), [fk.Gradient(psi)], fk.State([[1.0, 1.0], [7.0, -6.0]]))
-
-
-def test_pair_styles_of_lammps_refuse_it_by_name():
-    with pytest.raises(UnsupportedLaw, match="Periodic"):
-        make_deck(periodic(fk.Proximity(2.0), [IDLE], group()))
 
 
 def test_files_and_stored_runs_keep_the_box(tmp_path):
