@@ -41,6 +41,10 @@ class Count:
         """Whether the conclusion is shown in at least this ``share`` of the runs."""
         return self.total > 0 and self.held >= share * self.total * ROUNDED
 
+    def refuted(self, share: float) -> bool:
+        """Whether runs refute the conclusion, and it is not shown in at least this ``share`` of them."""
+        return self.failed > 0 and not self.shown(share)
+
     def interval(self, level: float) -> Interval:
         """Clopper and Pearson's interval of the probability that a run shows it, at a ``level`` of confidence."""
         return share_interval(self.held, self.total, level)

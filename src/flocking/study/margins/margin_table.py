@@ -169,7 +169,9 @@ class Margins:
             f"Runs that failed count as open; the first of {world}: {why}" for world, why in self.failures.items()
         ]
         for one in self.varied:
-            refuted = [key for key in self.shown_ideally if one.counts.get(key, {}).get(0.0, Count()).failed]
+            refuted = [
+                key for key in self.shown_ideally if one.counts.get(key, {}).get(0.0, Count()).refuted(self.share)
+            ]
             if refuted and one.base:
                 found.append(
                     f"{one.name}: refuted at 0 already, where nothing of it is varied: {', '.join(refuted)}. What "
@@ -214,9 +216,11 @@ class Margins:
         )  # fmt: skip
 
     def _first_refuted(self, row: Margin) -> float | None:
-        """The first level at which runs refute a conclusion, from the ideal one outwards; None where none do."""
+        """The first level at which a conclusion is refuted, from the ideal one outwards; None where it is at none."""
         falling = next(one.falling for one in self.varied if one.name == row.quantity)
-        return next((level for level in sorted(row.counts, reverse=falling) if row.counts[level].failed), None)
+        return next(
+            (level for level in sorted(row.counts, reverse=falling) if row.counts[level].refuted(self.share)), None
+        )
 
     def as_dict(self) -> dict[str, object]:
         """Plain data for ``margins.json``."""

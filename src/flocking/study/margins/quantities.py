@@ -66,7 +66,7 @@ class Quantity:
     resolution
         Values are whole multiples of this, as times are of a nanosecond; 0 where they are not rounded.
     unvaried
-        Value at which nothing but the base world is left, as a loss of 0; None where there is none, as for a period.
+        Value at which nothing but the base world is left, 0 as of a loss; None where there is none, as for a period.
         A conclusion that is refuted at the first level is looked at there before the quantity is given the blame.
     """
 
@@ -248,12 +248,18 @@ def register_quantity(quantity: Quantity) -> Quantity:
     Raises
     ------
     InvalidInput
-        When it is none, or its name has other characters than letters, digits and ``-``.
+        When it is none, its name has other characters than letters, digits and ``-``, or nothing of it is varied at
+        another value than 0, the one that is nearest to the ideal world.
     """
     if not isinstance(quantity, Quantity):
         raise InvalidInput("register_quantity", "quantity", "must be a Quantity", quantity)
     if not quantity.name.replace("-", "").isalnum():
         raise InvalidInput("register_quantity", "name", "must have letters, digits and '-' alone", quantity.name)
+    if quantity.unvaried is not None and (quantity.falling or quantity.unvaried != 0.0):
+        raise InvalidInput(
+            "register_quantity", "unvaried", "must be 0, of a quantity that is not falling, or None", quantity.unvaried,
+            "Levels go outwards from there, and tables name the level 0: give the difference from such a value.",
+        )  # fmt: skip
     _quantities[quantity.name] = quantity
     return quantity
 
