@@ -75,5 +75,5 @@ class Replay:
         size = f"{self.acts} acts with {self.entries} entries computed again"
         open_ = f", {self.undecided} left open by {self.open_by}" if self.undecided else ""
         if self.agrees:
-            return f"{size}{open_}: all as declared"
+            return f"{size}{open_}: {'what is not left open is' if open_ else 'all'} as declared"
         return "\n".join([f"{size}{open_}: not as declared", *map(str, self.wrong)])
