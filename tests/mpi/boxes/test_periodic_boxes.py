@@ -247,3 +247,14 @@ def test_pairs_that_meet_across_the_border_set_the_step():
     with pytest.raises(StepTooLarge) as error:
         fk.simulate(made, **PAIR_STYLES, step=0.06, progress=False)
     assert error.value.agents == (0, 1)
+
+
+def test_the_step_that_is_recommended_for_agents_that_cross_many_boxes_does():
+    """Both at a speed of 1e4 in a box of 4: 50 in a step of 0.005, of which LAMMPS carries back one length."""
+    law = fk.Law(fk.Proximity(1.5), [fk.Gradient(fk.Potential("(r - 1)**2"))])
+    start = fk.State([[0.0, 0.0], [1.0, 0.3]], [[1e4, 0.0], [1e4, 0.0]])
+    made = fk.Scenario(law, start, 0.05, frames=2, space=fk.Periodic([4.0, 4.0]))
+    with pytest.raises(StepTooLarge, match="would do") as found:
+        fk.simulate(made, **PAIR_STYLES, step=0.005, progress=False)
+    run = fk.simulate(made, **PAIR_STYLES, step=found.value.would_do, progress=False)
+    assert run.q[-1].mean(axis=0) == pytest.approx(start.q.mean(axis=0) + [500.0, 0.0], abs=1e-8)

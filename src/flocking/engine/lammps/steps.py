@@ -52,7 +52,18 @@ def step_too_large(
 
 
 def _resolves(scenario: Scenario, state: State) -> float:
-    return min(chosen_step(scenario, scenario.start), chosen_step(scenario, state))
+    found = min(chosen_step(scenario, scenario.start), chosen_step(scenario, state))
+    return min(found, _stays_in_next_box(scenario, scenario.start), _stays_in_next_box(scenario, state))
+
+
+def _stays_in_next_box(scenario: Scenario, state: State) -> float:
+    """A step in which no agent goes further than half a length on an axis that repeats; infinite in open space.
+
+    LAMMPS carries an atom back by one length at a time, and loses one that went further.
+    """
+    speeds = np.abs(velocities(scenario, state)).max(axis=0, initial=0.0)
+    lengths = scenario.space.lengths or (np.inf,) * len(speeds)
+    return min((0.5 * x / v for x, v in zip(lengths, speeds.tolist(), strict=True) if v > 0.0), default=np.inf)
 
 
 def check_strides(
