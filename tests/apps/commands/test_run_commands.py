@@ -125,7 +125,7 @@ def test_the_engine_is_chosen_by_size(large: Path, tmp_path: Path, capsys: pytes
 def steps_stored(folder: Path) -> int:
     """Steps at the last commit of a run on disk; 0 where there is none yet."""
     try:
-        return int(fk.read_run(folder).provenance["steps"])
+        return int(fk.read_run(folder).provenance.get("steps", 0))
     except StorageError:
         return 0
 
