@@ -143,11 +143,14 @@ def scalar_or_each(
     Raises
     ------
     InvalidInput
-        If a value is not finite, below ``least`` or not greater than ``above``.
+        If a value is not a finite number, below ``least`` or not greater than ``above``.
     """
     if axes_of(value) == 0:
         return number(owner, parameter, value, least=least, above=above)
     result = array(owner, parameter, value, ndim=1)
+    listed = value if isinstance(value, list | tuple) else ()
+    if np.asarray(value).dtype == bool or any(isinstance(entry, bool) for entry in listed):
+        raise InvalidInput(owner, parameter, "must be a number for every agent", "truth values")
     too_small = np.zeros(len(result), dtype=bool)
     if least is not None:
         too_small |= result < least

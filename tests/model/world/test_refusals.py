@@ -98,3 +98,10 @@ def test_a_run_too_long_for_nanoseconds_is_refused():
     )
     with pytest.raises(InvalidInput, match="Scenario: t_end must be at most 2e"):
         fk.start(long)
+
+
+@pytest.mark.parametrize("value", [[True, False], [0.1, True], np.array([True, True])])
+def test_truth_values_are_no_numbers_of_agents(value):
+    for build in (lambda: fk.Held(0.1, latency=value), lambda: fk.Held(value), lambda: fk.Agents(masses=value)):
+        with pytest.raises(InvalidInput, match="must be a number for every agent; got 'truth values'"):
+            build()
