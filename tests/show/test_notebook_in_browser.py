@@ -69,6 +69,8 @@ def test_a_notebook_in_a_kernel_shows_everything_and_the_lab_runs_in_its_cell(tm
             tab = browser.new_page(viewport={"width": 1100, "height": 900})
             tab.goto(f"http://127.0.0.1:{server.server_port}/page.html", wait_until="domcontentloaded")
             frame = tab.frame_locator("iframe[title='flocking lab']")
+            # Orders are refused until the page is connected, which the number of agents shows.
+            frame.locator("#size", has_text=re.compile("[0-9]")).wait_for(timeout=60_000)
             frame.get_by_role("button", name="Play", exact=True).click()
             frame.locator("#strips button[data-claim]").first.wait_for(timeout=60_000)
             assert not re.fullmatch("t = 0", frame.locator("#clock").text_content())
