@@ -1,6 +1,7 @@
 """What bodies do beyond the law: gusts, lags, limits and bodies that are no points, by closed forms and fine sums."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -214,3 +215,11 @@ def test_parts_of_bodies_are_separated_in_an_ideal_world_with_links_obstacles_an
     assert np.abs(found.remainder).max() < 1e-7
     assert not others(found, "limits", "lag", "disturbance")
     assert min(np.abs(found.causes[name]).max() for name in ("limits", "lag", "disturbance")) > 1e-2
+
+
+def test_pieces_of_formulas_that_are_not_meant_give_no_warning():
+    """A force of zero is within its limit, and the formula beyond it divides by the force."""
+    run = free(fk.Lagged(fk.Limited(fk.PointMass(), force=1.0), 0.1), "held")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert fk.departed_causes(run).causes["limits"][-1] == 0.0

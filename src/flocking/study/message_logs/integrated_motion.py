@@ -161,7 +161,9 @@ class IntegratedForcedMotion:
 
     def _slope(self, forces: Forces, held: Mapping[str, Array], t: float, y: Array) -> Array:
         """Rate of change of a state vector, shape (numbers, N)."""
-        found = self._rates(*self._given(t, y, forces(t, y), held))
+        # Of a formula in pieces all pieces are computed, also one that divides by zero where another one is meant.
+        with np.errstate(all="ignore"):
+            found = self._rates(*self._given(t, y, forces(t, y), held))
         out, first = np.empty((len(y), self.n)), (self.order - 1) * self.m
         out[:first] = y[self.m : self.m + first]
         for row, x in zip(out[first:], found, strict=True):
