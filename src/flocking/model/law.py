@@ -151,7 +151,7 @@ class Law(LawCell):
 
     def singular_at_zero(self) -> bool:
         """Whether some potential of the law diverges where two neighbours coincide."""
-        return any(not np.isfinite(t.potential.at_contact) for t in self.pair_terms if isinstance(t, Gradient))
+        return any(self.singular_at_contact(graph) for graph in self.graphs)
 
     def has_barrier(self, graph: Graph) -> bool:
         """Whether a potential over ``graph`` is infinite where its links break."""

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+
+from flocking.arrays import Links
 from flocking.model.bodies.body import Body
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.space import Space
@@ -26,6 +30,10 @@ class LawInWorld(Protocol):
     @property
     def graph(self) -> Graph:
         """Its graph."""
+
+    @property
+    def graphs(self) -> Sequence[Graph]:
+        """Its graph and those of its terms."""
 
     @property
     def pair_terms(self) -> tuple[PairTerm, ...]:
@@ -90,6 +98,15 @@ class ScenarioWorld:
         if "galilean" not in self.control.symmetries:
             found.append(self.control.summary)
         return "; ".join(found)
+
+    @property
+    def links_at_start(self: InWorld) -> Links:
+        """Links of each graph at the start, shape (graphs, N, N): those that the start gives, else by positions."""
+        start = self.start
+        found = np.array([g.links_in(self.space, start.q, self.agents.headings) for g in self.law.graphs])
+        if start.links is not None:
+            found[0] = start.links
+        return found
 
     @property
     def unbounded_forces(self: InWorld) -> str:

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flocking.arrays import Array, Mask
+from flocking.arrays import Array
 from flocking.engine.protocol.body_chains import has_energy_of_points, members_of
 from flocking.errors import UnsupportedLaw
-from flocking.model.bodies.actuators import Lagged, Limited
+from flocking.model.bodies.actuators import Lagged, Limited, scaled_back
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.disturbances import Disturbed
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
@@ -105,7 +105,8 @@ class BodyShares:
                     assert applied is not None
                     name, out = "lag", applied[rows]
                 elif isinstance(part, Limited) and part.force is not None:
-                    name, out = "limits", _limited(now, _each(part.force, self._n)[rows], part.shape)
+                    most = _each(part.force, self._n)[rows]
+                    name, out = "limits", scaled_back(now, most, each_axis=part.shape == "box")
                 else:
                     continue
                 found[name][rows] += out - now
@@ -137,12 +138,3 @@ def _rest_of(chain: Sequence[Body], inner: Body) -> str:
 def _each(value: float | Array, n: int) -> Array:
     """A number of each agent, shape (n, 1)."""
     return np.broadcast_to(np.asarray(value, dtype=np.float64), n)[:, None]
-
-
-def _limited(force: Array, most: Array, shape: str) -> Array:
-    """Forces, shape (agents, m), scaled back to the largest ones, shape (agents, 1)."""
-    if shape == "box":
-        return np.clip(force, -most, most)
-    length = np.linalg.norm(force, axis=1, keepdims=True)
-    beyond: Mask = length > most
-    return np.where(beyond, force * (most / np.where(beyond, length, 1.0)), force)

@@ -83,9 +83,7 @@ class ImperfectSession(Session):
         self.time, self.steps = start.t, 0
         self.records = Recorder(scenario, with_log=self.keeps_log)
         graphs = scenario.law.graphs
-        self.links: Links = np.array([g.links_in(scenario.space, start.q, scenario.agents.headings) for g in graphs])
-        if start.links is not None:
-            self.links[0] = start.links
+        self.links: Links = scenario.links_at_start
         self._rules: LinkRules = link_rules(graphs, self.n)
         self._views = views_of(graphs, scenario.agents.headings, start.q)
         self.crossings: list[tuple[float, int, int, int]] = []

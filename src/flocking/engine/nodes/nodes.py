@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Links
+from flocking.arrays import Array
 from flocking.engine.imperfect.messages.knowledge import Known
 from flocking.engine.reference.controller import Controller
 from flocking.engine.sampled.safety import ForceFilter
@@ -144,12 +144,7 @@ class PythonNode(Node):
 
     def link(self) -> None:
         """Take up the links of the start."""
-        scenario = self.scenario
-        start, headings = scenario.start, scenario.agents.headings
-        links: Links = np.array([g.links_in(scenario.space, start.q, headings) for g in scenario.law.graphs])
-        if start.links is not None:
-            links[0] = start.links
-        self.controller.recall(links[:, self.agent])
+        self.controller.recall(self.scenario.links_at_start[:, self.agent])
 
     def hear(self, sample: Sample, now: int) -> None:
         """Keep a sample, if it is newer."""

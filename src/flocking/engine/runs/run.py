@@ -367,13 +367,11 @@ class Run:
                 "Run", "known_links_at", f"needs a frame after {later:g}, when graphs of the law were replaced",
                 float(self.t[frame]), "The run states its last law alone.",
             )  # fmt: skip
-        first = np.array([g.links_in(scenario.space, start.q, scenario.agents.headings) for g in scenario.law.graphs])
-        if start.links is not None:
-            first[0] = start.links
         # Half a nanosecond off a whole one, where acts are: the time of a frame is rounded.
         instant = (float(self.t[frame]) - start.t) * PER_SECOND - 0.5
         # What is delayed is known at the start, too: nobody acts at instants.
-        return self.log.known_links(max(instant, 0.5) if isinstance(scenario.information, Delayed) else instant, first)
+        instant = max(instant, 0.5) if isinstance(scenario.information, Delayed) else instant
+        return self.log.known_links(instant, scenario.links_at_start)
 
     @property
     def residual(self) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from flocking.arrays import Array, Indices, Mask
 from flocking.engine.kernels.held_speeds import fit_speeds, speed_terms
 from flocking.engine.protocol.body_chains import members_of
-from flocking.model.bodies.actuators import Lagged, Limited
+from flocking.model.bodies.actuators import Lagged, Limited, scaled_back
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.disturbances import Disturbed
 from flocking.model.bodies.unicycles import Unicycle
@@ -66,12 +66,7 @@ class _Limit:
 
     def of(self, agents: Indices, force: Array) -> Array:
         """A force of ``agents`` scaled back to it, shape (agents, m)."""
-        most = self.most[agents]
-        if self.each_axis:
-            return np.clip(force, -most, most)
-        length = np.sqrt((force**2).sum(axis=1, keepdims=True))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(length > most, force * (most / length), force)
+        return scaled_back(force, self.most[agents], each_axis=self.each_axis)
 
 
 @dataclass

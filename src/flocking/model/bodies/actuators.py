@@ -27,6 +27,26 @@ APPLIED = "applied"
 SHAPES = ("ball", "box")
 """How a force that is too large is scaled back: as a vector, or along each axis by itself."""
 
+
+def scaled_back(force: Array, most: Array, *, each_axis: bool) -> Array:
+    """Forces scaled back to the largest ones.
+
+    Parameters
+    ----------
+    force
+        Shape (agents, m).
+    most
+        The largest force of each agent, shape (agents, 1).
+    each_axis
+        Whether axes are limited one by one, as of the shape ``"box"``.
+    """
+    if each_axis:
+        return np.clip(force, -most, most)
+    length = np.sqrt((force**2).sum(axis=1, keepdims=True))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(length > most, force * (most / length), force)
+
+
 ACTING = 0.5
 """Held numbers of limits are 0 or 1; those above this one act."""
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from flocking.model.energy import Energy
-from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.scenario_world import InWorld, LawInWorld
 from flocking.model.terms.pair_terms import PairTerm, Term
 
@@ -17,10 +16,6 @@ class StatedLaw(LawInWorld, Protocol):
     @property
     def terms(self) -> Sequence[Term]:
         """Its terms."""
-
-    @property
-    def graphs(self) -> tuple[Graph, ...]:
-        """Its graph and those of its terms."""
 
     @property
     def distributed(self) -> bool:

@@ -17,7 +17,7 @@ from flocking.model.world.information import Delayed
 from flocking.study.departed_energy.ideal_motion import IdealMotion
 from flocking.study.departed_energy.works import Works
 from flocking.study.message_logs.continuous_motion import ContinuousMotion
-from flocking.study.message_logs.logged_world import LoggedWorld, check_run, logged
+from flocking.study.message_logs.logged_world import LoggedWorld, check_run, check_unchanged, logged
 
 CAUSES = ("delay", "loss", "noise", "links", "hold", *PARTS)
 """What departed energy is split into."""
@@ -135,24 +135,17 @@ def _by_bodies_alone(run: Run) -> dict[str, Array]:
         or any(getattr(term, "functional", False) for term in law.pair_terms)
     ):
         raise UnsupportedLaw(
-            f"departed_causes separates {' from '.join(bodies.names)} by forces computed again, for which with ideal "
+            f"{ASKED} separates {' from '.join(bodies.names)} by forces computed again, for which with ideal "
             "control and information switches must be located and the law must be one of an agent and its neighbours."
         )
-    _refuse_changed(run)
+    check_unchanged(run, ASKED)
     motion = IdealMotion(run)
     return Works(run, motion, bodies).with_ideal_knowledge(motion)
 
 
 def _by_late_knowledge(run: Run) -> dict[str, Array]:
     """Shares where agents know each other as they were a time ago, computed again."""
-    _refuse_changed(run)
+    check_unchanged(run, ASKED)
     session = DelayedCauses(run.scenario)
     works = np.array([session.works_until(float(t)) for t in run.trace["time"]]).reshape(-1, len(session.names))
     return dict(zip(session.names, works.T, strict=True))
-
-
-def _refuse_changed(run: Run) -> None:
-    if run.fidelity.changed:
-        raise UnsupportedLaw(
-            "departed_causes computes again runs of one world and law; this one was changed while it went on."
-        )

@@ -9,19 +9,10 @@ from flocking.engine.runs.run import Run
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.forced_motion import ForcedMotion
 from flocking.study.message_logs.integrated_motion import IntegratedForcedMotion
+from flocking.study.message_logs.link_margins import radii_of
 
 LINK_SWITCHES = ("appear", "break")
 """Kinds of switches that make or break a link of two agents; others are of kinks and of obstacles."""
-
-
-def links_of_the_start(run: Run) -> list[Links]:
-    """Link matrix of each graph at the start of a run, shape (N, N) each."""
-    scenario = run.scenario
-    start = scenario.start
-    found = [g.links_in(scenario.space, start.q, scenario.agents.headings) for g in scenario.law.graphs]
-    if start.links is not None:
-        found[0] = np.array(start.links)
-    return found
 
 
 def true_links(run: Run, motion: ForcedMotion | IntegratedForcedMotion) -> TrueLinks | SteppedLinks:
@@ -48,7 +39,7 @@ class TrueLinks:
     """
 
     def __init__(self, run: Run) -> None:
-        self._links = links_of_the_start(run)
+        self._links = list(run.scenario.links_at_start)
         start, graphs = run.scenario.start, run.scenario.law.graphs
         self._switches = run.switches[np.isin(run.switches["kind"], LINK_SWITCHES)]
         self._base = start.t
@@ -92,17 +83,10 @@ class SteppedLinks:
     def __init__(self, run: Run, motion: ForcedMotion | IntegratedForcedMotion, step: float) -> None:
         self._motion, self._space = motion, run.scenario.space
         self._step = max(1, round(step * PER_SECOND))
-        self._links = links_of_the_start(run)
-        self._radii = [
-            [
-                np.broadcast_to(np.asarray(r, dtype=np.float64), run.scenario.start.n)[:, None]
-                for r in (g.appear_radius, g.break_radius)
-            ]
-            if g.moves
-            else None
-            for g in run.scenario.law.graphs
-        ]
-        self._memory = any(radii is not None and bool((radii[0] != radii[1]).any()) for radii in self._radii)
+        self._links = list(run.scenario.links_at_start)
+        n, graphs = run.scenario.start.n, run.scenario.law.graphs
+        self._moving = [(k, *radii_of(graph, n)) for k, graph in enumerate(graphs) if graph.moves]
+        self._memory = any((appear != leave).any() for _, appear, leave in self._moving)
         self._next = 0
 
     def at(self, seconds: float) -> list[Links]:
@@ -124,8 +108,6 @@ class SteppedLinks:
     def _follow(self, seconds: float) -> None:
         q = self._motion.states(seconds)[0]
         distance = np.linalg.norm(self._space.displacement(q[None] - q[:, None]), axis=-1)
-        for number, radii in enumerate(self._radii):
-            if radii is not None:
-                appear, leave = radii
-                self._links[number] = distance < np.where(self._links[number], leave, appear)
-                np.fill_diagonal(self._links[number], False)
+        for number, appear, leave in self._moving:
+            self._links[number] = distance < np.where(self._links[number], leave, appear)
+            np.fill_diagonal(self._links[number], False)

@@ -65,8 +65,8 @@ class Works:
             acts[agent][0].append((instant + latencies[agent]) * NANOSECOND)
             acts[agent][1].append(row)
         constant = self._law.order == 2 and self._bodies.constant
-        works = np.zeros((len(self._run.trace), len(self._names)))
-        for row, begin, end in self._stretches([t for times, _ in acts for t in times]):
+
+        def between(begin: float, end: float) -> Array:
             middle = 0.5 * (begin + end)
             held = [(bisect_right(times, middle), rows) for times, rows in acts]
             rows = np.array([numbers[k - 1] if k else -1 for k, numbers in held])
@@ -75,18 +75,17 @@ class Works:
             if len(log.ticks) == 0:
                 knowledge, desired = np.zeros((len(KNOWLEDGE), world.n, world.m)), np.zeros((world.n, world.m))
 
-            def sources(
-                seconds: float, knowledge: Array = knowledge, desired: Array = desired, middle: float = middle
-            ) -> Array:
+            def sources(seconds: float) -> Array:
                 return np.concatenate([knowledge, self._parts(seconds, middle, desired)])
 
             if constant:
                 # Forces that stay as they are work along the way, whatever the motion between its ends.
                 way = self._place(end) - self._place(begin)
-                works[row] += (sources(middle) * way).sum(axis=(1, 2))
-            else:
-                works[row] += self._work(begin, end, sources)
-        return dict(zip(self._names, np.cumsum(works, axis=0).T, strict=True))
+                found: Array = (sources(middle) * way).sum(axis=(1, 2))
+                return found
+            return self._work(begin, end, sources)
+
+        return self._shares([t for times, _ in acts for t in times], between)
 
     def with_ideal_knowledge(self, motion: IdealMotion) -> dict[str, Array]:
         """Shares of the bodies of agents that know the truth at every moment, by name, shape (K,) each.
@@ -96,15 +95,17 @@ class Works:
         motion
             The motion.
         """
-        works, none = np.zeros((len(self._run.trace), len(self._names))), np.zeros((len(KNOWLEDGE), motion.n, motion.m))
-        for row, begin, end in self._stretches([]):
+        none = np.zeros((len(KNOWLEDGE), motion.n, motion.m))
+
+        def between(begin: float, end: float) -> Array:
             middle = 0.5 * (begin + end)
 
-            def sources(seconds: float, middle: float = middle) -> Array:
+            def sources(seconds: float) -> Array:
                 return np.concatenate([none, self._parts(seconds, middle, motion.desired(seconds))])
 
-            works[row] += self._work(begin, end, sources)
-        return dict(zip(self._names, np.cumsum(works, axis=0).T, strict=True))
+            return self._work(begin, end, sources)
+
+        return self._shares([], between)
 
     def under_continuous_control(self, world: LoggedWorld) -> dict[str, Array]:
         """Shares of what agents know at every moment, and of their bodies, by name, shape (K,) each.
@@ -115,16 +116,24 @@ class Works:
             What the declared world states.
         """
         differences = KnowledgeDifferences(world)
-        works = np.zeros((len(self._run.trace), len(self._names)))
-        for row, begin, end in self._stretches(differences.breaks.tolist()):
+
+        def between(begin: float, end: float) -> Array:
             middle = 0.5 * (begin + end)
             differences.begin(begin, end, self._links.at(middle))
 
-            def sources(seconds: float, middle: float = middle) -> Array:
+            def sources(seconds: float) -> Array:
                 known, desired = differences.at(seconds)
                 return np.concatenate([known, self._parts(seconds, middle, desired)])
 
-            works[row] += self._work(begin, end, sources)
+            return self._work(begin, end, sources)
+
+        return self._shares(differences.breaks.tolist(), between)
+
+    def _shares(self, changes: Sequence[float], between: Callable[[float, float], Array]) -> dict[str, Array]:
+        """Shares by name, shape (K,) each, from the works on each stretch; for ``changes`` see `_stretches`."""
+        works = np.zeros((len(self._run.trace), len(self._names)))
+        for row, begin, end in self._stretches(changes):
+            works[row] += between(begin, end)
         return dict(zip(self._names, np.cumsum(works, axis=0).T, strict=True))
 
     def _parts(self, seconds: float, middle: float, desired: Array) -> Array:

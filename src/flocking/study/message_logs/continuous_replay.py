@@ -15,7 +15,7 @@ from flocking.model.law import Scenario
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.arrivals import NEVER
 from flocking.study.message_logs.continuous_motion import ContinuousMotion
-from flocking.study.message_logs.link_margins import margin_of
+from flocking.study.message_logs.link_margins import margin_of, radii_of
 from flocking.study.message_logs.replay_result import MOST_ERRORS, Replay, WrongEntry
 from flocking.study.message_logs.second_computation import SecondComputation, Uses
 
@@ -51,10 +51,7 @@ class ContinuousReplay(SecondComputation):
         """Where agents are by their own samples; NaN where they know the truth."""
         self._open = np.zeros((n, n), dtype=bool)
         """Whether rounding leaves open what was measured."""
-        self._radii = [
-            [np.broadcast_to(np.asarray(r, dtype=np.float64), n)[:, None] for r in (g.appear_radius, g.break_radius)]
-            for g in self.world.graphs
-        ]
+        self._radii = [radii_of(graph, n) for graph in self.world.graphs]
 
     def result(self) -> Replay:
         """What was found."""

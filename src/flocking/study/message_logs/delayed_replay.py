@@ -13,6 +13,7 @@ from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed
 from flocking.model.world.times import NANOSECOND, PER_SECOND
+from flocking.study.message_logs.link_margins import radii_of
 from flocking.study.message_logs.logged_world import NEAR
 from flocking.study.message_logs.recorded_motion import Between, RecordedMotion
 from flocking.study.message_logs.reference_law import ReferenceLaw
@@ -56,18 +57,9 @@ class DelayedReplay:
         self.tau: Array = np.where(own, 0.0, np.broadcast_to(tau, (self.n, self.n)))
         """How late agent i, of row i, knows agent j."""
         self.graphs: list[Graph] = list(scenario.law.graphs)
-        first = [g.links_in(scenario.space, scenario.start.q, scenario.agents.headings) for g in self.graphs]
-        if scenario.start.links is not None:
-            first[0] = np.asarray(scenario.start.links)
-        self._first = np.array(first)
+        self._first = scenario.links_at_start
         self.links: Links = self._first.copy()
-        self._radii: list[list[Array]] = [
-            [
-                np.broadcast_to(np.asarray(radius, dtype=np.float64), self.n)[:, None]
-                for radius in ((graph.appear_radius, graph.break_radius) if graph.moves else ())
-            ]
-            for graph in self.graphs
-        ]
+        self._radii = [radii_of(graph, self.n) for graph in self.graphs]
         self.near = NEAR + STEPS_OFF * scenario.tolerance
         self.undecided = 0
 

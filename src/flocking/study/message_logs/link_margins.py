@@ -14,6 +14,22 @@ SAME_HEADING = 1e-12
 """Differences of headings this close to the opening of a cone are decided by rounding, some units of 2.2e-16."""
 
 
+def radii_of(graph: Graph, n: int) -> tuple[Array, Array]:
+    """Radii of each of ``n`` agents below which links appear and beyond which they break, shape (n, 1) each.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    n
+        Number of agents.
+    """
+    enter, leave = (
+        np.broadcast_to(np.asarray(r, dtype=np.float64), n)[:, None] for r in (graph.appear_radius, graph.break_radius)
+    )
+    return enter, leave
+
+
 def margin_of(
     graph: Graph, headings: Array | None, pair: tuple[int, int], linked: bool, offset: Array
 ) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flocking.arrays import Array, Links
+from flocking.arrays import Array
 from flocking.engine.protocol.body_chains import why_not_closed
 from flocking.engine.runs.message_log import MessageLog, keeping_logs
 from flocking.engine.runs.run import Run
@@ -48,6 +48,27 @@ def check_run(run: object, asked: str) -> None:
         raise InvalidInput(asked, "run", "must be a Run", run, "Read it with fk.read_run(folder).")
 
 
+def check_unchanged(run: Run, asked: str) -> None:
+    """Check that a run to be computed again has one world and one law.
+
+    Parameters
+    ----------
+    run
+        The run.
+    asked
+        Name of the function that a user called, for messages.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When it was changed while it went on.
+    """
+    if run.fidelity.changed:
+        raise UnsupportedLaw(
+            f"{asked} computes again runs of one world and law; this one was changed while it went on."
+        )
+
+
 def logged(run: Run, asked: str = "replay") -> tuple[Scenario, MessageLog]:
     """The scenario and the log of a run.
 
@@ -74,10 +95,7 @@ def logged(run: Run, asked: str = "replay") -> tuple[Scenario, MessageLog]:
         )  # fmt: skip
     if isinstance(scenario.control, SafetyFilter):
         raise UnsupportedLaw(f"{asked} computes the forces of the law again, not those that a SafetyFilter changed.")
-    if run.fidelity.changed:
-        raise UnsupportedLaw(
-            f"{asked} computes again runs of one world and law; this one was changed while it went on."
-        )
+    check_unchanged(run, asked)
     stated = {"times": run.t, "positions": run.q, "velocities": run.p, **run.columns, "logged forces": run.log.forces}
     for name, numbers in stated.items():
         if not np.isfinite(numbers).all():
@@ -125,11 +143,6 @@ class LoggedWorld:
         if self.arrivals is None and self.messages is not None:
             self.arrivals = Arrivals(scenario, self.motion, last)
         self.graphs: list[Graph] = list(scenario.law.graphs)
-        self.first_links: list[Links] = [
-            g.links_in(self.space, scenario.start.q, scenario.agents.headings) for g in self.graphs
-        ]
-        if scenario.start.links is not None:
-            self.first_links[0] = np.asarray(scenario.start.links)
 
     def sample(self, agent: int, k: int, instant: int) -> Sample:
         """What is used of an agent by the number ``k`` at an ``instant``, see `Arrivals.sample`."""

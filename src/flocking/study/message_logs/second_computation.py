@@ -39,7 +39,7 @@ class SecondComputation:
     def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
         self.run, self.log = run, log
         self.world = LoggedWorld(run, scenario, log)
-        self.links = [links.copy() for links in self.world.first_links]
+        self.links = list(self.world.scenario.links_at_start)
         self.undecided = 0
 
     def _finding(self, instant: float, agent: int, entry: int | None, what: str) -> WrongEntry:

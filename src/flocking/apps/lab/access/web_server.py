@@ -151,12 +151,12 @@ class WebServer:
         """The answer to a request; None lets a checked handshake go on."""
         found: Refusal | str = OTHER_USER
         # Files of the page are those of the library: only the websocket shows and steers something.
-        alive = "upgrade" in request.headers
-        if not (alive and may_come_from_another_user(connection.remote_address[:2], (HOST, self.port))):
+        is_handshake = "upgrade" in request.headers
+        if not (is_handshake and may_come_from_another_user(connection.remote_address[:2], (HOST, self.port))):
             found = self.access.judge(request.path, request.headers.raw_items())
         if isinstance(found, Refusal):
             return self._respond(connection, found.status, Content("text/plain; charset=utf-8", found.words.encode()))
-        if alive:
+        if is_handshake:
             if found == LIVE:
                 return None
             return self._respond(connection, 404, Content("text/plain", b"There is no such connection.\n"))

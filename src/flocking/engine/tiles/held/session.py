@@ -261,15 +261,13 @@ class HeldTilesSession(HeldTruth):
             self._guarded(lambda: particles.rebuild(self.step))
         particles.acting[: particles.n] = 1 if len(tick) == 1 else tick[particles.ids[: particles.n]]
         particles.all_act = len(tick) == 1
-        if not self._latency.any():
-            particles.act(t, now)
-            if self.records.log is not None:
-                self._log_act(tick)
-            return particles.acting.copy()
-        before, begun = particles.desired.copy(), np.zeros_like(particles.acting)
+        before = particles.desired.copy() if self._latency.any() else None
         particles.act(t, now)
         if self.records.log is not None:
             self._log_act(tick)
+        if before is None:
+            return particles.acting.copy()
+        begun = np.zeros_like(particles.acting)
         agents, n = particles.numbers_of(tick), self.scenario.start.n
         late = np.broadcast_to(self._latency, n)
         # Of all agents: ranks that have none of some latency wait for them as well.
