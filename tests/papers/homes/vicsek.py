@@ -187,7 +187,9 @@ def bands():
         along = np.array([-wave[1], wave[0]]) / math.hypot(*wave)
         places = (rows[:, None] * np.array(wave) / math.hypot(*wave) ** 2 * math.gcd(*wave)
                   + RNG.normal(size=(400, 1)) * along) * SIDE  # fmt: skip
-        assert density_waves.waves_of(places % SIDE, places, SIDE)[0] == wave
+        found, _, across, order_, *_ = density_waves.waves_of(places % SIDE, places, SIDE)
+        assert found == wave
+        assert_allclose(across * order_, abs(places.mean(axis=0) @ wave) / math.hypot(*wave), rtol=1e-9)
     fifth = np.column_stack([RNG.random(400), RNG.integers(0, 5, 400) / 5 + 0.01 * RNG.random(400)]) * SIDE
     assert density_waves.waves_of(fifth, fifth, SIDE)[1] < 20.0
     assert density_waves.waves_of(np.zeros((1, 2)), np.ones((1, 2)), SIDE)[:2] == ((0, 1), 1.0)

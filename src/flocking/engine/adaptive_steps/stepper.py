@@ -12,6 +12,7 @@ from flocking.engine import interruption
 from flocking.engine.adaptive_steps.integration_method import (
     DEGREE,
     RELATIVE,
+    SHORTER,
     STAGES,
     TO_BERNSTEIN,
     Stages,
@@ -139,14 +140,18 @@ class Stepper:
                 self.tried = h, y
                 error = error_norm(K, h, y, new, self.tolerance, third, fifth)
                 length = next_length(length, error, trial > 1)
-                if error < 1.0:
+                if not error < 1.0:
+                    continue
+                if not np.isfinite(new).all():
+                    raise NotFinite("The state became infinite or NaN.", time=t + self._base)
+                slope = K[STAGES].copy()
+                self._stages(STAGES + 1, len(nodes), STAGES, t, y, h, K, nodes, weights)
+                coefficients = np.empty((DEGREE + 1, len(y)))
+                polynomial(K, h, y, new, dense, TO_BERNSTEIN, coefficients)
+                if np.isfinite(coefficients).all():
                     break
-            if not np.isfinite(new).all():
-                raise NotFinite("The state became infinite or NaN.", time=t + self._base)
-            slope = K[STAGES].copy()
-            self._stages(STAGES + 1, len(nodes), STAGES, t, y, h, K, nodes, weights)
-            coefficients = np.empty((DEGREE + 1, len(y)))
-            polynomial(K, h, y, new, dense, TO_BERNSTEIN, coefficients)
+                # A stage of the polynomial alone met a singularity: the error states nothing about it.
+                length = SHORTER * h
         # The last step before a bound is cut short; it states nothing about the next one.
         proposed = max(length, proposed) if end == bound else length
         self.memory = StepperMemory(end, new, slope, proposed)

@@ -233,3 +233,12 @@ def test_what_is_no_number_is_never_above(place: int) -> None:
     assert first_all_above(g) < 1.0
     g[0, place] = np.nan
     assert first_all_above(g) == NEVER
+
+
+def test_a_search_of_what_is_no_number_ends() -> None:
+    """Halves of it are no numbers either, so that none would ever be left out."""
+    best, x = smallest_value(np.array([1.0, np.nan, 2.0]), np.inf)
+    assert np.isnan(best)
+    assert x == 0.0
+    assert first_above(np.full(8, np.nan)) < 1.0
+    assert first_all_above(np.full((2, 8), np.nan)) == NEVER

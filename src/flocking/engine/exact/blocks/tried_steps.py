@@ -126,6 +126,10 @@ def try_step(law: CompiledLaw, method: Method, limits: Limits, solution: Solutio
             law, tableau.nodes, tableau.weights, STAGES + 1, count, STAGES, t + limits.base, y, h, K, work.other
         )  # fmt: skip
         polynomial(K, h, y, new, tableau.dense, method.to_bernstein, work.C)
+        for a in range(work.C.shape[0]):
+            for c in range(size):
+                fine = fine and np.isfinite(work.C[a, c])
+    if fine:
         copy_rows(work.C, solution.coefficients)
         for c in range(size):
             solution.uncut[c] = new[c]
