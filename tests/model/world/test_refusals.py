@@ -105,3 +105,11 @@ def test_truth_values_are_no_numbers_of_agents(value):
     for build in (lambda: fk.Held(0.1, latency=value), lambda: fk.Held(value), lambda: fk.Agents(masses=value)):
         with pytest.raises(InvalidInput, match="must be a number for every agent; got 'truth values'"):
             build()
+
+
+def test_times_that_round_to_zero_are_no_part_of_a_summary():
+    """Half a nanosecond is none: what is said of a world is what it does."""
+    assert fk.Held(0.1, latency=4e-10, phase=1e-12).summary == fk.Held(0.1).summary == "control held for 0.1"
+    assert fk.Messages(0.1, delay=4e-10, phase=1e-12).summary == fk.Messages(0.1).summary
+    assert fk.Held(0.1, latency=6e-10).summary == "control held for 0.1, acting 6e-10 later"
+    assert fk.Messages(0.1, jitter=6e-10).summary == "messages every 0.1, 0 to 6e-10 late"

@@ -94,13 +94,15 @@ class Held(Control):
 
     @property
     def summary(self) -> str:
-        """The periods, and phases and latency that are not zero."""
+        """The periods, and phases and latency that are not zero in whole nanoseconds."""
         return f"control held for {span(self.period)}{self._delays_in_words}"
 
     @property
     def _delays_in_words(self) -> str:
-        found = f", first at {span(self.phase)}" if np.any(self.phase) else ""
-        return f"{found}, acting {span(self.latency)} later" if np.any(self.latency) else found
+        # Times that round to zero nanoseconds are zero.
+        found = f", first at {span(self.phase)}" if nanoseconds("Held", "phase", self.phase).any() else ""
+        late = nanoseconds("Held", "latency", self.latency).any()
+        return f"{found}, acting {span(self.latency)} later" if late else found
 
     def check_count(self, n: int) -> None:
         """Check that periods, phases and latencies given for each agent are ``n``.

@@ -168,9 +168,9 @@ class Messages(Information):
     def summary(self) -> str:
         """Periods, and whatever else is not as in the ideal world."""
         found = [f"messages every {span(self.period)}"]
-        if np.any(self.phase):
+        if nanoseconds("Messages", "phase", self.phase).any():
             found.append(f"first at {span(self.phase)}")
-        if self.delay or self.jitter:
+        if nanoseconds("Messages", "delay", np.array([self.delay, self.jitter])).any():
             found.append(f"{span([self.delay, self.delay + self.jitter])} late")
         if self.loss is not None and not self.loss.ideal:
             found.append(self.loss.summary)
