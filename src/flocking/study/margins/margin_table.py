@@ -202,7 +202,9 @@ class Margins:
         lower, upper = row.bracket.lower, row.bracket.upper
         if upper is not None and open_from_ideal(row.counts, row.bracket):
             first = self._first_refuted(row)
-            where, there = ("refuted at none", "") if first is None else (given_text(first), _counted(row.counts[first]))
+            where, there = "refuted at none", ""
+            if first is not None:
+                where, there = given_text(first), _counted(row.counts[first])
             shown = (f"not known, open at {given_text(upper)}", _counted(row.counts[upper]), "")
             return (row.quantity, row.conclusion, *shown, where, there, _spans(row))
         at_lower = self.ideal[row.conclusion] if lower is None else row.counts[lower]
