@@ -101,6 +101,20 @@ def test_the_ledger_closes_to_order_two(frame, masses):
     assert abs(truth["departed"]) > 100 * off[2]
 
 
+@pytest.mark.parametrize("agents", [fk.PointMass()], ids=["order 2"])
+def test_a_gain_that_changes_at_once_is_a_jump(agents):
+    """A gain of positions stores energy: the ledger closes at the time of the change too, at the same step."""
+    gains = fk.Track(fk.Sink([5.0, 1.0]), position_gain=fk.Schedule([0.5], [0.2, 0.9]))
+    law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("r**2/200")), gains])
+    held = scenario(fk.Held(0.1), law, t_end=1.0, agents=agents)
+    run = fk.simulate(held, engine="tiles", step=0.01, progress=False)
+    truth = fk.simulate(held, engine="sampled", progress=False)
+    assert run.trace["jumped"][-1] == pytest.approx(truth.trace["jumped"][-1], rel=1e-12)
+    assert run.trace["jumped"][-1] > 0.1 * run.turnover
+    assert np.abs(run.residual).max() < 1e-3 * run.turnover
+    assert (np.diff(run.trace["time"]) > 0).all()
+
+
 def test_the_ledger_at_ticks_has_a_row_for_each():
     held = scenario(fk.Held(0.1), t_end=1.0)
     run = fk.simulate(held, engine="tiles", step=0.01, ledger_at="ticks", progress=False)

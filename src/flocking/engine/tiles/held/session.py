@@ -309,7 +309,8 @@ class HeldTilesSession(HeldTruth):
             before = self._memory.ledger.energy
         self._particles.pass_switch_time(self.scenario, t + slack)
         if self.options.ledger:
-            self._look_at_truth(seconds, hold=True)
+            # Without the jump the ledger would not close.
+            self._look_at_truth(seconds, hold=True, adds_row=False)
             self._memory.ledger.jumped += self._memory.ledger.energy - before
             self._add_row(seconds)
 

@@ -76,7 +76,9 @@ class HeldTruth(TilesSession):
         power = float(particles.group_sum(particles.powers[:, end].sum(keepdims=True))[0])
         return np.array([power, power])
 
-    def _look_at_truth(self, seconds: float, *, hold: bool = False, stepped: bool = False) -> None:
+    def _look_at_truth(
+        self, seconds: float, *, hold: bool = False, stepped: bool = False, adds_row: bool = True
+    ) -> None:
         """Evaluate the law on the true state: true links, the closest pair, and a row of the ledger.
 
         Parameters
@@ -87,6 +89,8 @@ class HeldTruth(TilesSession):
             Whether links stay as they are.
         stepped
             Whether a step has just ended and nothing has changed since.
+        adds_row
+            Whether the ledger is complete, so that it has a row.
         """
         particles, t = self._particles, self.scenario.start.t + seconds
         length = seconds - self._memory.looked
@@ -107,7 +111,8 @@ class HeldTruth(TilesSession):
             summed = stepped and self._sums_powers
             powers = self._powers_of_step(1) if summed else powers_of(self.scenario, particles, t, lawful=True)
             self._memory.ledger.look(particles, powers, length, jumps=not hold)
-            self._add_row(seconds)
+            if adds_row:
+                self._add_row(seconds)
         self._memory.looked = seconds
 
     def _add_row(self, seconds: float) -> None:
