@@ -219,7 +219,7 @@ TIMED := tests/machines tests/apps/test_commands_in_odd_places.py tests/apps/tes
 	tests/fuzz tests/papers/test_broken_homes.py tests/model/graphs/test_coincident_starts.py tests/model/terms/test_balances.py \
 	tests/model/leaders_and_obstacles/test_leaders.py tests/show/test_plane.py tests/study/potentials/test_potential_check.py \
 	tests/study/sweeps tests/engine/tiles/held/test_held_control.py tests/engine/tiles/held/test_messages.py \
-	tests/engine/tiles/held/test_leader_messages.py \
+	tests/engine/tiles/held/test_leader_messages.py tests/engine/tiles/held/test_departing_velocities.py \
 	tests/engine/tiles/test_bodies.py tests/engine/tiles/held/test_held_bodies.py
 repeat: $(READY)
 	$(BIN)/python -m tests.repeat --times $(TIMES) --load $(LOAD) $(TIMED) $(PYTEST_ARGS)

@@ -22,6 +22,7 @@ HOMES = {
     "change what agents know of leaders by messages": "class LeaderNews",
     "change how large groups log what they used": "class UsedSamples",
     "change how large groups know leaders by messages": "class KnownLeaders",
+    "change what departs of agents of order 1 under held control in large groups": "def departure_kernel(",
     "change which samples of leaders agents use under continuous control": "class LeaderSamples",
     "change how it is located when agents of similar headings come near under held control": "class ConeView",
     "change what a replaced law or state changes under delayed knowledge": "class Replacement",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import flocking as fk
+from tests.engine.tiles.flow_laws import Pull
 from tests.engine.tiles.laws import PerAgentRadii
 from tests.mpi.laws import start
 
@@ -37,6 +38,7 @@ def _lossy(loss, **more):
     return fk.Messages(given.pop("period"), loss=loss, **given)
 
 
+PATH = fk.Path(["60*sin(t)", "40*cos(2*t)"])
 PERIODS = STEP * (3 + EACH % 5)
 PHASES = STEP * (EACH % 4)
 
@@ -117,6 +119,14 @@ CASES = BODIES | {
     "held, order 1": lambda: _made(
         fk.Law(fk.Proximity(8.4), [fk.Gradient(fk.Potential("(r - 4)**2"))]), _streams(speed=0.0),
         bodies=fk.SingleIntegrator(),
+    ),
+    "held, order 1, pulls that are not opposite, lagged": lambda: _made(
+        fk.Law(
+            fk.Hysteresis(8.4, 1.0),
+            [fk.Gradient(fk.Potential("(r - 4)**2")), Pull(0.1 + 0.01 * (EACH % 7)), fk.Track(PATH, position_gain=0.5)],
+        ),
+        _streams(speed=0.0), energy=fk.Energy("centre of mass"),
+        bodies=fk.Lagged(fk.SingleIntegrator(np.linspace(1, 2, N)), 0.02 + 0.001 * (EACH % 5)),
     ),
     "messages, late": lambda: _made(information=fk.Messages(0.05, delay=0.023)),
     "messages, late and moved on": lambda: _made(information=fk.Messages(0.05, delay=0.06, predict=True)),

@@ -101,7 +101,7 @@ def test_the_ledger_closes_to_order_two(frame, masses):
     assert abs(truth["departed"]) > 100 * off[2]
 
 
-@pytest.mark.parametrize("agents", [fk.PointMass()], ids=["order 2"])
+@pytest.mark.parametrize("agents", [fk.PointMass(), fk.SingleIntegrator()], ids=["order 2", "order 1"])
 def test_a_gain_that_changes_at_once_is_a_jump(agents):
     """A gain of positions stores energy: the ledger closes at the time of the change too, at the same step."""
     gains = fk.Track(fk.Sink([5.0, 1.0]), position_gain=fk.Schedule([0.5], [0.2, 0.9]))

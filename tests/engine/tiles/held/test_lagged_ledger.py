@@ -15,7 +15,14 @@ def run(body, engine="tiles", law=LAW):
     return fk.simulate(made, engine=engine, progress=False, **options)
 
 
-@pytest.mark.parametrize("point", [fk.PointMass([1.0, 2.0, 0.5]), fk.PointMass(damping=0.3)], ids=["masses", "damped"])
+POINTS = {
+    "masses": fk.PointMass([1.0, 2.0, 0.5]),
+    "damped": fk.PointMass(damping=0.3),
+    "order 1": fk.SingleIntegrator(),
+}
+
+
+@pytest.mark.parametrize("point", POINTS.values(), ids=POINTS)
 @pytest.mark.parametrize("limit", [None, 1e9], ids=["free", "limited"])
 def test_a_short_lag_departs_as_no_lag_does(point, limit):
     without = run(point)

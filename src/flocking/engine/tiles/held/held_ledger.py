@@ -1,6 +1,7 @@
 """The energy ledger of held control: powers at looks, integrated by the trapezoidal rule between them.
 
-What the forces that act do beyond those of the law on the true state and the true links departs from its balance.
+What the forces that act do beyond those of the law on the true state and the true links departs from its balance: of
+agents of order 1, whose forces are velocities, by the gradient of the energy.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ class HeldLedger:
         ----------
         powers
             Power of the forces that acted until now, their power in the frame of the energy, and that of the forces of
-            the law, shape (3,), or (2,) where this frame is at rest.
+            the law, shape (3,), or (2,) where this frame is at rest; see `powers_of`.
         length
             Time since the last look.
         jumps
@@ -105,9 +106,10 @@ class HeldLedger:
         Parameters
         ----------
         powers
-            Their power, and that in the frame of the energy, shape (2,).
+            Their power, and that in the frame of the energy, shape (2,), or as for `look`.
         """
-        self.powers = np.array([powers[0], self.powers[1], self.powers[2], powers[1] - self.law_power])
+        desired = powers[2] if len(powers) > 2 else self.law_power
+        self.powers = np.array([powers[0], self.powers[1], self.powers[2], powers[1] - desired])
 
     @property
     def energy(self) -> float:
@@ -133,7 +135,13 @@ def powers_of(
     With ``lawful`` also the power in that frame of the desired forces of the law, shape (3,), unless the frame is at
     rest: then a pass has just left the rates of change of the velocities under the law in the other array. With
     ``step`` forces count as they do at the beginning of a step of this length.
+
+    Agents of order 1 move with their forces: of them the sum of |v|^2, that of dH/dq . (v - u) with the velocities u of
+    the law on the true state, and 0, shape (3,), in any frame.
     """
+    if scenario.agents.order == 1:
+        velocity = particles.acting_force if step is None else particles.mean_force(step)
+        return np.append(particles.velocity_powers(t, velocity), 0.0)
     m, body, energy = particles.m, scenario.agents, scenario.energy
     motion, ids, moves = particles.motion, particles.ids, not at_rest(scenario)
     # One pass over the agents in the frame of the lists, in which they are slow; other frames follow from its sums.

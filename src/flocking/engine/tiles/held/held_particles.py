@@ -17,6 +17,7 @@ from flocking.engine.tiles.held.used_samples import UsedSamples
 from flocking.engine.tiles.kernels.control_kernel import control_kernel, control_spec
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
+from flocking.engine.tiles.particles.departing_velocities import DepartingVelocities
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.model.bodies.body import Body
 from flocking.model.law import Scenario
@@ -66,6 +67,7 @@ class HeldParticles(ParticleArrays):
     """
 
     leaders: KnownLeaders | None = None
+    _lawful = False
 
     def __init__(
         self, scenario: Scenario, state: State, spec: KernelSpec, workers: Workers, memory_limit: float,
@@ -105,6 +107,7 @@ class HeldParticles(ParticleArrays):
         self._first_known_links = state.links
         self._fastest = np.zeros(self.tiles)
         self.powers: Array = np.zeros((0, 2))
+        self._departing = DepartingVelocities(spec) if spec.ledger and spec.order == 1 else None
 
     def _new_store(self, scenario: Scenario, memory_limit: float) -> SampleStore:
         return SampleStore(scenario, self.agents, self.n, self.dtype, memory_limit, self.workers)
@@ -123,11 +126,13 @@ class HeldParticles(ParticleArrays):
 
     def _set_parameters(self, scenario: Scenario, t: float) -> None:
         super()._set_parameters(scenario, t)
+        self._lawful = False
         if self.leaders is not None:
             self.leaders.take_parameters(scenario, t, self.ids[: self.size], self.n)
 
     def _reorder(self, order: Numbers32) -> None:
         super()._reorder(order)
+        self._lawful = False
         if self.leaders is not None:
             self.leaders.parameters.reorder(order)
 
@@ -228,11 +233,7 @@ class HeldParticles(ParticleArrays):
         now
             The same in nanoseconds from the start.
         """
-        lists: list[object] = []
-        for number in range(len(self.known)):
-            found = self._lists_of(number)
-            lists += [found.rows.reshape(-1), found.first, found.count]
-            lists += [self.radii.each[number], self.radii.limits[number]]
+        lists = self.graph_arguments([self._lists_of(number) for number in range(len(self.known))])
         own = self.agents
         if self.store is None:
             self.refresh_copies(self.agents)
@@ -304,13 +305,14 @@ class HeldParticles(ParticleArrays):
             Takes the state; None to change that of the agents. Columns go to `HeldActuation.seen`.
         """
         into = self.agents if target is None else target
+        self._lawful = self._lawful and target is not None
         actuation, frame, size = self.actuation, self.displacement.velocity, self.size
         heading = lag = None
         if actuation is not None:
             heading = actuation.turned(self.agents[:size], self.force, h, self.motion.body, self.ids[:size])
         if actuation is None or actuation.lag is None or actuation.constants is None:
             constants = self.motion.over(h, self.ids)
-            sums = self.spec.ledger and target is None
+            sums = self.spec.ledger and self.spec.order == 2 and target is None
             powers = np.zeros((self.tiles if sums else 0, 2))
             self.workers.each(
                 coast, self.tiles, self.agents, into, self.force, constants, frame, self.n, self._fastest, powers
@@ -339,6 +341,34 @@ class HeldParticles(ParticleArrays):
     def _fastest_of_all(self, speed: float) -> float:
         """The largest speed of all processes from that here."""
         return speed
+
+    def evaluate(self, t: float, *, hold: bool = False, writes: bool = True) -> None:
+        """Evaluate the law on the true state, which does not change; `move` with a unit kick and no drift.
+
+        Parameters
+        ----------
+        t
+            The time.
+        hold, writes
+            As for `move`.
+        """
+        self.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=hold, writes=writes)
+        self._lawful = writes
+
+    def velocity_powers(self, t: float, velocity: Reals) -> Array:
+        """Of agents of order 1 the sums of v . v and of dH/dq . (v - u), with the velocities u of the law, shape (2,).
+
+        Parameters
+        ----------
+        t
+            The time; the law is evaluated anew where its velocities of this time are not there any more.
+        velocity
+            The velocities v that act, shape (m, size).
+        """
+        if not self._lawful:
+            self.evaluate(t, hold=True)
+        assert self._departing is not None
+        return self._departing.powers(self, t, velocity)
 
     def numbers_of(self, marked: NDArray[np.bool_]) -> Indices:
         """Numbers of the agents here that are marked, ascending.

@@ -62,9 +62,6 @@ class HeldTilesSession(HeldTruth):
         check_nanoseconds(scenario)
         check_supported(scenario)
         options = (options or TilesOptions()).of_order(scenario.agents.order)
-        if scenario.agents.order == 1:
-            # What the velocity of such agents departs from has no sum among those of the kernels.
-            options = replace(options, ledger=False)
         self.why_no_log = why_no_log(scenario, options) if self.keeps_log else ""
         options = replace(options, log=self.keeps_log and not self.why_no_log)
         self._set_up(scenario, options)

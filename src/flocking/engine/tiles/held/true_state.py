@@ -68,7 +68,8 @@ class HeldTruth(TilesSession):
     def _sums_powers(self) -> bool:
         """Whether steps sum the powers that the ledger needs of the forces that act."""
         actuation = self._particles.actuation
-        return at_rest(self.scenario) and (actuation is None or actuation.lag is None)
+        lags = actuation is not None and actuation.lag is not None
+        return self.scenario.agents.order == 2 and at_rest(self.scenario) and not lags
 
     def _powers_of_step(self, end: int) -> Array:
         """Power of the forces that act at the beginning (0) or the end (1) of the last step, twice, shape (2,)."""
@@ -97,9 +98,10 @@ class HeldTruth(TilesSession):
         self._memory.farthest = max(self._memory.farthest, 2.0 * particles.top_speed * length)
         self._guarded(lambda: particles.require_lists(self.step))
         top = particles.top_speed
-        # Accelerations under the law are needed only where the ledger takes powers in a frame that moves.
-        writes = self.options.ledger and not at_rest(self.scenario)
-        particles.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=hold, writes=writes)
+        # Accelerations under the law are needed only where the ledger takes powers in a frame that moves, velocities
+        # under the law of agents of order 1 always.
+        writes = self.options.ledger and (self.scenario.agents.order == 1 or not at_rest(self.scenario))
+        particles.evaluate(t, hold=hold, writes=writes)
         particles.top_speed = top
         self.records.closest_linked = checks.closest_pair(particles, self.records.closest_linked, t, particles.X)
         if particles.lost is not None:

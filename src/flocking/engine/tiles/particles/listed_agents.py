@@ -8,6 +8,8 @@ lists are rebuilt before it exceeds half the skin.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links, Numbers32, Reals
@@ -142,6 +144,21 @@ class ListedAgents(AgentArrays):
         apart = self.space.displacement((x[:, j] - x[:, i]).astype(np.float64).T)
         square: Array = (apart**2).sum(axis=1)
         return np.sqrt(square)
+
+    def graph_arguments(self, lists: Sequence[TileLists | None]) -> list[object]:
+        """What kernels take of each graph: its list, and its squared radii, per agent and common.
+
+        Parameters
+        ----------
+        lists
+            A list of each graph, which has been built.
+        """
+        found: list[object] = []
+        for number, each in enumerate(lists):
+            assert each is not None
+            found += [each.rows.reshape(-1), each.first, each.count]
+            found += [self.radii.each[number], self.radii.limits[number]]
+        return found
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents and rebuild all lists; stored links are kept.

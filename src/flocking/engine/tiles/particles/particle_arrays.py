@@ -177,12 +177,9 @@ class ParticleArrays(ListedAgents):
         writes = writes or self.kernels.flow is not None or self.kernels.planted is not None
         self.refresh_copies(self.agents)
         if self.spec.reads_means:
-            self._fill_means(self.X, self.results.means)
-        lists: list[object] = []
-        radii, parameters, velocity = self.radii, self.parameters, self.displacement.velocity
-        for number, found in enumerate(self.lists):
-            assert found is not None
-            lists += [found.rows.reshape(-1), found.first, found.count, radii.each[number], radii.limits[number]]
+            self.fill_means(self.X, self.results.means)
+        parameters, velocity = self.parameters, self.displacement.velocity
+        lists = self.graph_arguments(self.lists)
         if self.obstacles is not None:
             speed = self.top_speed + float(np.linalg.norm(self.displacement.velocity))
             self.obstacles.require(self.X[: self.m, : self.size], self.tiles, t, speed * abs(drift))
@@ -199,7 +196,7 @@ class ParticleArrays(ListedAgents):
         if kernels.flow is not None:
             self.refresh_copies(self.successor)
             # Means of positions are unchanged; those of velocities are recomputed from the result of the pass.
-            self._fill_means(self.Y[self.m :], self.results.means[self.m :])
+            self.fill_means(self.Y[self.m :], self.results.means[self.m :])
             self.workers.each(kernels.flow, self.tiles, *begin, True, *arguments)
         if kernels.planted is not None:
             arrays = PassArrays(
@@ -285,8 +282,16 @@ class ParticleArrays(ListedAgents):
         """Compute the extremes over the results of all tiles."""
         extremes_of(self.results.tile_extremes, self.results.extremes)
 
-    def _fill_means(self, rows: Reals, out: Array) -> None:
-        """Means of rows over the group, weighted by masses."""
+    def fill_means(self, rows: Reals, out: Array) -> None:
+        """Means of rows over the group, weighted by masses.
+
+        Parameters
+        ----------
+        rows
+            Numbers of the agents, shape (k, size or more).
+        out
+            Takes the means, shape (k,).
+        """
         n = self.n
         if len(self.parameters.A) and self.spec.mass_each:
             mass = self.parameters.A[0, :n].astype(np.float64)
