@@ -44,7 +44,8 @@ class TilesOptions:
         8 GiB, or is written to disk while the run goes on.
     ledger_at
         Under held control: ``"steps"``, or ``"ticks"``, where the ledger is computed only when somebody acts. Then it
-        costs little, and its residual states how much powers change between two ticks.
+        costs little, and its residual states how much the rate of the energy changes between two ticks; an error of
+        what is dissipated or supplied cancels that of what departs.
     observe
         Whether order, flocks, density and closest pair are recorded at the frame times.
     keep_frames
