@@ -117,6 +117,6 @@ def test_a_run_without_a_ledger_has_an_empty_residual():
     made = fk.Scenario(
         law, fk.State([[0.0, 0.0], [2.0, 0.0]]), t_end=0.2, frames=2, bodies=fk.SingleIntegrator(), control=fk.Held(0.1)
     )
-    run = fk.simulate(made, engine="tiles", progress=False)
+    run = fk.simulate(made, engine="tiles", ledger=False, progress=False)
     assert len(run.trace) == 0
     assert run.residual.shape == (0,)
