@@ -172,6 +172,7 @@ HOMES = {
     "change what messages under continuous control do at an instant": "def hear(self, instant",
     "change what agents know between two messages under continuous control": "class MessageStates(",
     "change how the past of delayed agents is kept": "class History:",
+    "change when agents that know themselves late meet obstacles": "class MetObstacles:",
     "change what agents read of the past where every pair has its delay": "def fill_states(",
     "change how bodies move under the forces of late knowledge": "class DelayedLaw(",
     "change where steps end because of a delay": "class BreakingPoints(",

@@ -198,13 +198,6 @@ def test_a_link_that_would_switch_without_end_is_named():
     ("parts", "said"),
     [
         ({"law": fk.Law(fk.Proximity(2.0), [fk.VelocityAverage(1.0)])}, "engine='delayed' does not count neighbours"),
-        (
-            {
-                "law": fk.Law(fk.Proximity(2.0), [fk.Avoid([fk.Ball([9.0, 0.0], 1.0)], range=1.0, gamma_agents=False)]),
-                "information": fk.Messages(0.1, self_known="measured"),
-            },
-            "Leave Avoid or self_known='measured' out",
-        ),
         ({"information": fk.Messages(1e-8)}, "Messages: period must be at least 1e-07 of the length of the run"),
         ({"control": fk.Held(0.1), "information": fk.Delayed(0.1)}, "No engine runs Delayed under held control"),
     ],

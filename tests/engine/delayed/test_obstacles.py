@@ -6,7 +6,6 @@ import pytest
 import flocking as fk
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.protocol.session import Stored
-from flocking.errors import UnsupportedLaw
 from tests.engine.delayed.plain_delays import PlainDelays
 from tests.engine.delayed.test_sessions import same
 
@@ -90,7 +89,7 @@ def test_pieces_moments_and_stored_runs_give_the_same_bits(body, tmp_path):
 def test_crafted_ranges_are_refused():
     made = scenario(fk.Hysteresis(2.0, 0.3), "1.5*(r - 1)**2/2")
     session = fk.start(made)
-    while not any(near.any() for near in session.obstacles.near):
+    while not any(near.any() for near in session.obstacles.true.near):
         session.advance(session.time + 0.05)
     numbers, arrays = session.pack()
     assert arrays["near_obstacles"].any()
@@ -99,9 +98,3 @@ def test_crafted_ranges_are_refused():
     for name, value in wrong.items():
         with pytest.raises(MalformedError, match=name):
             type(session).unpack((dict(numbers), arrays | {name: value}), stored, {})
-
-
-def test_obstacles_of_agents_that_know_themselves_late_are_refused():
-    made = scenario(fk.Hysteresis(2.0, 0.3), "r**2/2", information=fk.Delayed(0.1, self_delayed=True))
-    with pytest.raises(UnsupportedLaw, match="runs obstacles where agents know their own present"):
-        fk.start(made, "delayed")

@@ -38,7 +38,8 @@ class DelayedCauses(DelayedSession):
     def __init__(self, scenario: Scenario) -> None:
         n, m = scenario.start.q.shape
         self._bodies = BodyShares(scenario.agents, n, m)
-        self._by_true = DelayedLaw(scenario)
+        self._present, self._by_true = DelayedLaw(scenario), DelayedLaw(scenario)
+        """The law by known links and true places, and by what is true."""
         self.names = LATE + self._bodies.names
         self._works = np.zeros(len(self.names))
         super().__init__(scenario)
@@ -58,12 +59,18 @@ class DelayedCauses(DelayedSession):
     def relink(self) -> None:
         """Take the true links and the obstacles within range as they are now, for the law on the truth too."""
         super().relink()
-        self._by_true.relink(self.links, self.obstacles.pairs)
+        self._present.relink(self.known_links, self.obstacles.true.pairs)
+        self._by_true.relink(self.links, self.obstacles.true.pairs)
+
+    def _relink_known(self) -> None:
+        super()._relink_known()
+        self._present.relink(self.known_links, self.obstacles.true.pairs)
 
     def _take_gains(self) -> None:
         super()._take_gains()
         changes = self.gains_changed
-        self._by_true.take_parameters(self._schedule[changes - 1] if changes else self._base)
+        for law in (self._present, self._by_true):
+            law.take_parameters(self._schedule[changes - 1] if changes else self._base)
 
     def _integrated(self, length: float) -> tuple[Array, Array, float]:
         count, powers = len(POWERS) + len(self.names), self._powers(self.accounted)
@@ -89,7 +96,7 @@ class DelayedCauses(DelayedSession):
         true = self._true(y)
         q, p = (np.ascontiguousarray(true[:, part]) for part in (slice(m), slice(m, None)))
         late, bodies = self._force(seconds, y), self._bodies
-        present = law.forces(t, true, true[law.linked[1]])
+        present = self._present.forces(t, true, true[self._present.linked[1]])
         differences = [late - present, np.zeros_like(late)]
         if (self.links != self.known_links).any():
             differences[1] = present - self._by_true.forces(t, true, true[self._by_true.linked[1]])

@@ -15,6 +15,7 @@ from flocking.engine.archives.data_checks import Form, Real, Table
 from flocking.engine.archives.data_checks import Names as NamedForms
 from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.history import History
+from flocking.engine.delayed.met_obstacles import MetObstacles
 from flocking.engine.delayed.state_jumps import StateJumps
 from flocking.engine.imperfect.checkpoint_form import (
     LARGEST,
@@ -26,7 +27,6 @@ from flocking.engine.imperfect.checkpoint_form import (
     must,
 )
 from flocking.engine.imperfect.memory import ImperfectMemory
-from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.view_switches import views_of
 from flocking.engine.protocol.session import Packed
 from flocking.model.law import Scenario
@@ -51,9 +51,7 @@ class DelayedMemory:
     held
         Which limits of bodies act, and gusts.
     obstacles
-        Which agents are within range of obstacles.
-    meetings
-        Agents that come within range at the end of the last step, or leave it, rows (agent, group, obstacle).
+        Which agents are within range of obstacles, in truth and by what they know of themselves.
     replaced_at
         When law or state were replaced, in the scenario's time.
     """
@@ -65,8 +63,7 @@ class DelayedMemory:
     pending: Indices
     delays: Delays
     held: HeldNumbers
-    obstacles: ObstacleRanges
-    meetings: Indices
+    obstacles: MetObstacles
     replaced_at: list[float]
 
 
@@ -85,7 +82,7 @@ def packed_memory(memory: DelayedMemory) -> Packed:
         "coefficients": np.array([segment.coefficients for segment in segments]),
         "known_links": memory.known_links, "pending": memory.pending, **memory.delays.points.arrays(),
         **({"limits": memory.held.acting} if memory.held.limits else {}),
-        **_near(memory), **memory.delays.jumps.arrays(),
+        **memory.obstacles.arrays(), **memory.delays.jumps.arrays(),
         **({"begun": memory.segment.coefficients[-1]} if _begins_anew(memory) else {}),
         **({"replaced_at": np.array(memory.replaced_at)} if memory.replaced_at else {}),
     }  # fmt: skip
@@ -95,13 +92,6 @@ def packed_memory(memory: DelayedMemory) -> Packed:
 def _begins_anew(memory: DelayedMemory) -> bool:
     """Whether no step has been made since law or state were replaced: the state is not the end of one."""
     return bool(memory.replaced_at) and memory.segment.t1 == memory.segment.t0
-
-
-def _near(memory: DelayedMemory) -> Arrays:
-    """Agents within range of obstacles, as named arrays."""
-    if not memory.obstacles.groups:
-        return {}
-    return {"near_obstacles": np.concatenate(memory.obstacles.near, axis=1), "meetings": memory.meetings}
 
 
 def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) -> None:
@@ -133,10 +123,7 @@ def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) ->
     fresh.delays.jumps.recall(arrays, times[-1])
     fresh.replaced_at = arrays.get("replaced_at", np.zeros(0)).tolist()
     fresh.known_links, fresh.pending = arrays["known_links"], arrays["pending"]
-    if fresh.obstacles.groups:
-        ends = np.cumsum([there.shape[1] for there in fresh.obstacles.near])[:-1]
-        fresh.obstacles.near = [x.copy() for x in np.split(arrays["near_obstacles"], ends, axis=1)]
-        fresh.meetings = arrays["meetings"]
+    fresh.obstacles.recall(arrays)
     if fresh.held.limits:
         fresh.held.rows[fresh.held.limits] = arrays["limits"]
 
@@ -151,7 +138,7 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     links = Table("?", (graphs, n, n))
     NamedForms({
         "times": Table("f8", (None,), least=0.0), **fresh.delays.points.forms(n),
-        **_near_forms(fresh, n), **_replaced_forms(arrays, n, size),
+        **fresh.obstacles.forms(n), **_replaced_forms(arrays, n, size),
         **({"limits": Table("f8", (len(fresh.held.limits), n), least=0.0, most=1.0)} if fresh.held.limits else {}),
         "coefficients": Table("f8", (None, DEGREE + 1, size), least=-LARGEST, most=LARGEST),
         "known_links": links, "links": links, "pending": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
@@ -185,9 +172,9 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.truth.links)
     check_closest(arrays["closest"], n, accounted)
     _check_crossings(arrays, fresh, (now, float(times[-1])), scenario)
-    if fresh.obstacles.groups:
-        y = arrays.get("begun", tables[-1, -1])
-        _check_near(arrays, fresh.obstacles, base + float(times[-1]), y[: scenario.start.q.size])
+    y = arrays.get("begun", tables[-1, -1])
+    q = y[: scenario.start.q.size].reshape(scenario.start.q.shape)
+    fresh.obstacles.check(arrays, base + float(times[-1]), q)
     return numbers
 
 
@@ -230,32 +217,6 @@ def _check_gaps(arrays: Arrays, scenario: Scenario, start: Array) -> None:
         must(fits, "coefficients", "be those of steps without gaps" if t > 0.0 else "begin at the start")
     if "replaced_at" in arrays:
         must(len(arrays["replaced_at"]) > 0, "replaced_at", "have a time")
-
-
-def _near_forms(fresh: DelayedMemory, n: int) -> dict[str, Form[object]]:
-    """Forms of `_near`."""
-    if not fresh.obstacles.groups:
-        return {}
-    every = sum(there.shape[1] for there in fresh.obstacles.near)
-    return {"near_obstacles": Table("?", (n, every)), "meetings": Table("i8", (None, 3), least=0, most=max(n, every))}
-
-
-def _check_near(arrays: Arrays, ranges: ObstacleRanges, t: float, q: Array) -> None:
-    """At the end of the last step agents are within range of obstacles as stated, and those that cross it are on it."""
-    rows, n = arrays["meetings"], len(ranges.ends)
-    counts = np.array([there.shape[1] for there in ranges.near])
-    must((rows[:, 0] < n).all() and (rows[:, 1] < len(counts)).all(), "meetings", "name agents and groups there are")
-    must((rows[:, 2] < counts[rows[:, 1]]).all(), "meetings", "name obstacles that there are")
-    must(len(np.unique(rows, axis=0)) == len(rows), "meetings", "name an agent and an obstacle once")
-    q, first = q.reshape(n, -1), 0
-    for group, count in enumerate(counts.tolist()):
-        near = arrays["near_obstacles"][:, first : first + count]
-        first += count
-        level, size = ranges.ranges[group], NEAR * (1.0 + float(np.abs(q).max()))
-        away = ranges.distances(group, q, t)
-        must(np.where(near, away <= level + size, away >= level - size).all(), "near_obstacles", "fit the distances")
-        for agent, _, obstacle in rows[rows[:, 1] == group].tolist():
-            must(abs(away[agent, obstacle] - level) <= size, "meetings", "be at the range of an obstacle")
 
 
 def _check_crossings(arrays: Arrays, fresh: DelayedMemory, span: tuple[float, float], scenario: Scenario) -> None:

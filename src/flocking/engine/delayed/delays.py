@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from typing import Self
 
@@ -14,10 +14,44 @@ from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.delayed.breaking_points import BreakingPoints, OneDelayPoints
 from flocking.engine.delayed.history import History, position_series
 from flocking.engine.delayed.known_links import known_switches
+from flocking.engine.delayed.met_obstacles import PiecewisePaths
 from flocking.engine.delayed.state_jumps import EVERYTHING, StateJumps, Windows
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.taylor_series import shifted
 from flocking.model.space import Space
+
+NONE: Indices = np.zeros(0, dtype=np.int64)
+"""No agents."""
+
+
+def late_pieces(
+    history: History, segment: Segment, tau: float, first: int = -1, last: int | None = None
+) -> Iterator[tuple[float, float, Array]]:
+    """The past that is known on a step, piece by piece.
+
+    Parameters
+    ----------
+    history
+        The past.
+    segment
+        The step, which is no longer than the delay.
+    tau
+        How late the past is known.
+    first, last
+        Numbers of the steps that may be read, see `History.at`.
+
+    Yields
+    ------
+    tuple
+        Time since the step began, how long the piece is known, and Taylor coefficients of positions about its
+        beginning, shape (8, N, m).
+    """
+    begin, end = segment.t0, segment.t1
+    for since, until, known in history.pieces(begin - tau, end - tau, first, last):
+        at = max(since + tau - begin, 0.0)
+        span = min(until + tau, end) - (begin + at)
+        if span > 0.0:
+            yield at, span, known
 
 
 class Delays(ABC):
@@ -97,6 +131,31 @@ class Delays(ABC):
             The agent of each pair that knows, and the one that is known.
         """
 
+    def own(self, seconds: float, true: Array) -> Array:
+        """States that agents know of themselves, shape (N, 2 m).
+
+        Parameters
+        ----------
+        seconds, true
+            As for `states`.
+        """
+        return self.states(seconds, true, NONE, NONE)[0]
+
+    @property
+    @abstractmethod
+    def knows_present(self) -> bool:
+        """Whether all agents know their own present."""
+
+    @abstractmethod
+    def own_paths(self, segment: Segment) -> PiecewisePaths:
+        """PiecewisePaths of all agents on a step as each knows its own, where not all know their present.
+
+        Parameters
+        ----------
+        segment
+            The step, which is not part of the past yet.
+        """
+
     def leaders(self, seconds: float) -> Sequence[Array]:
         """Motion of each leader as every agent knows it by messages, shape (3, m, N); empty where known exactly.
 
@@ -170,6 +229,16 @@ class OneDelay(Delays):
         known = self.history.at(seconds - self.largest, *self._window())
         return known if self._self_delayed else true, known[sensed]
 
+    @property
+    def knows_present(self) -> bool:
+        """Unless all know themselves as late as others."""
+        return not self._self_delayed
+
+    def own_paths(self, segment: Segment) -> PiecewisePaths:
+        """The true paths, a delay before."""
+        begin, pieces = segment.t0, late_pieces(self.history, segment, self.largest, *self._window())
+        return [(np.arange(self.history.n), ((begin + at, begin + at + span, known) for at, span, known in pieces))]
+
     def all_states(self, seconds: float, true: Array) -> tuple[Array, Array]:
         """States of one moment."""
         known = self.history.at(seconds - self.largest, *self._window())
@@ -177,15 +246,10 @@ class OneDelay(Delays):
 
     def switches(self, space: Space, segment: Segment, base: float, links: Links, rules: LinkRules) -> Array:
         """Those on the first piece of the past that has any."""
-        begin, end, tau, history = segment.t0, segment.t1, self.largest, self.history
-        positions = position_series(segment, history.n, history.m, begin)
-        for first, last, known in history.pieces(begin - tau, end - tau, *self._window()):
-            since = max(first + tau - begin, 0.0)
-            span = min(last + tau, end) - (begin + since)
-            if span <= 0.0:
-                continue
+        positions = position_series(segment, self.history.n, self.history.m, segment.t0)
+        for since, span, known in late_pieces(self.history, segment, self.largest, *self._window()):
             own = known if self._self_delayed else shifted(positions, since)
-            rows = known_switches(space, own, known, span, base + begin + since, links, rules)
+            rows = known_switches(space, own, known, span, base + segment.t0 + since, links, rules)
             if len(rows):
                 rows[:, 0] += since
                 return rows

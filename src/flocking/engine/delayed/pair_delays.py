@@ -10,8 +10,9 @@ from flocking.arrays import Array, Indices, Links
 from flocking.engine.adaptive_steps.integration_method import DEGREE
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.delayed.breaking_points import PairPoints
-from flocking.engine.delayed.delays import Delays
+from flocking.engine.delayed.delays import Delays, late_pieces
 from flocking.engine.delayed.history import BINOMIALS, History, position_series
+from flocking.engine.delayed.met_obstacles import PiecewisePaths
 from flocking.engine.delayed.pair_past import Past, Pieces, fill_states, find_first_switches
 from flocking.engine.delayed.state_jumps import StateJumps
 from flocking.engine.imperfect.link_rules import LinkRules
@@ -74,6 +75,27 @@ class PairDelays(Delays):
         """States, each of a moment of its own."""
         own = self._states(seconds, true, self._agents, self._agents) if self._own.any() else true
         return own, self._states(seconds, true, senders, sensed)
+
+    @property
+    def knows_present(self) -> bool:
+        """Unless one knows itself late."""
+        return not self._own.any()
+
+    def own_paths(self, segment: Segment) -> PiecewisePaths:
+        """The true paths, each a delay of its own before."""
+        begin, n, m = segment.t0, self.history.n, self.history.m
+        windows, tau = self.windows().of(self._agents, self._agents), self._own
+        limits = np.stack(windows, axis=1) if windows.first.size else np.zeros((n, 0), dtype=np.int64)
+        found: list[tuple[Indices, list[tuple[float, float, Array]]]] = []
+        present = np.flatnonzero(tau == 0.0)
+        if present.size:
+            found.append((present, [(begin, segment.t1, position_series(segment, n, m, begin))]))
+        alike = np.column_stack([tau, limits])
+        for late, *window in np.unique(alike[tau > 0.0], axis=0).tolist():
+            pieces = late_pieces(self.history, segment, late, *map(int, window))
+            agents = np.flatnonzero((alike == [late, *window]).all(axis=1))
+            found.append((agents, [(begin + at, begin + at + span, known) for at, span, known in pieces]))
+        return found
 
     def all_states(self, seconds: float, true: Array) -> tuple[Array, Array]:
         """States, each of a moment of its own."""

@@ -17,7 +17,6 @@ from flocking.engine.delayed.replacement import Replacement, replacement, same_l
 from flocking.engine.delayed.stepping import DelayedSteps
 from flocking.engine.imperfect.checkpoint_form import must
 from flocking.engine.imperfect.link_rules import link_rules
-from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.view_switches import views_of
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Fidelity
@@ -171,10 +170,9 @@ class DelayedSession(DelayedSteps):
             self.graphs_changed = self.time
         if not new.keeps_links:
             self._renew_links(new, seconds, y, moved)
-        q = y[: self.n * self.m].reshape(self.n, self.m)
-        self.obstacles = ObstacleRanges(new.scenario.law, q, self._base + seconds)
         # What was found on the rest of the step that has ended does not take place.
-        self.crossings, self.pending, self.meetings = [], self.pending[:0], self.meetings[:0]
+        self.obstacles = self._obstacles_at(seconds, y)
+        self.crossings, self.pending = [], self.pending[:0]
         self.relink()
         self._relink_known()
         self.delays.points.jump(seconds, self._everybody, self.known_links)
@@ -235,7 +233,7 @@ class DelayedSession(DelayedSteps):
         """What the session goes on from."""
         return DelayedMemory(
             self.truth, self.history, self._segment, self.known_links, self.pending, self.delays, self._law.held,
-            self.obstacles, self.meetings, self.replaced_at,
+            self.obstacles, self.replaced_at,
         )  # fmt: skip
 
     def _recall_changes(self, packed: Packed) -> Packed:
@@ -281,10 +279,17 @@ class DelayedSession(DelayedSteps):
         session.delays.begin_step(session._segment.t0)
         session.recall(memory.truth, stored)
         session._recall_log(stored)
-        session.meetings = memory.meetings
         session._relink_known()
+        session._check_known_obstacles()
         session._law.held.draw(session._segment.t0)
         session._law.put_held()
         session._gust_ends = stored.scenario.agents.drawn_until(session._segment.t0)
         session._stepper = session._new_stepper(memory.truth.numbers["step"])
         return session
+
+    def _check_known_obstacles(self) -> None:
+        """Refuse what was unpacked if agents do not take themselves to be within range of obstacles as it states."""
+        if self.obstacles.late:
+            end = self._segment.t1
+            own = self.delays.own(end, self._true(np.array(self._segment.coefficients[-1])))
+            self.obstacles.check_known(self._base + end, own[:, : self.m])

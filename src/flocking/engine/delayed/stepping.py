@@ -12,9 +12,9 @@ from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.delayed.delayed_law import DelayedLaw
 from flocking.engine.delayed.delays import Delays, OneDelay
 from flocking.engine.delayed.history import History, position_series, split_state
+from flocking.engine.delayed.met_obstacles import NOBODY, Crossings, MetObstacles
 from flocking.engine.delayed.pair_delays import PairDelays
 from flocking.engine.imperfect.powers import FIFTEEN, Powers, integrated
-from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.true_law import check_forces
 from flocking.errors import InvalidInput, NotFinite, SimulationError
@@ -48,9 +48,7 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
     pending
         Known links that switch at the end of the last step, rows (i, j, graph).
     obstacles
-        Which agents are within range of obstacles.
-    meetings
-        Agents that come within range at the end of the last step, or leave it, rows (agent, group, obstacle).
+        Which agents are within range of obstacles, in truth and by what they know of themselves.
     delays
         How late agents know each other, and where steps end because of it.
     """
@@ -90,8 +88,7 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         self.delays: Delays = self._new_delays(scenario)
         self.known_links = np.zeros_like(self.links)
         self.pending: Indices = np.zeros((0, 3), dtype=np.int64)
-        self.obstacles = ObstacleRanges(scenario.law, start.q, start.t)
-        self.meetings: Indices = np.zeros((0, 3), dtype=np.int64)
+        self.obstacles = self._obstacles_at(0.0, self._law.joined(start))
         self._everybody = np.arange(self.n)
         self._short_steps = 0
         self._lengths = StepLengths(scenario.t_end - start.t)
@@ -112,11 +109,17 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
 
     def relink(self) -> None:
         """Take the true links and the obstacles within range as they are now."""
-        self._pairs = self._law.pairs(self.links, self.obstacles.pairs)
+        self._pairs = self._law.pairs(self.links, self.obstacles.true.pairs)
         self._linked = int(self.links[0].sum())
 
     def _relink_known(self) -> None:
-        self._law.relink(self.known_links, self.obstacles.pairs)
+        self._law.relink(self.known_links, self.obstacles.known.pairs)
+
+    def _obstacles_at(self, seconds: float, y: Array) -> MetObstacles:
+        """Who is within range of obstacles at a time since the start at which the state vector is ``y``."""
+        true = self._true(y)
+        known = None if self.delays.knows_present else self.delays.own(seconds, true)[:, : self.m]
+        return MetObstacles(self._law.law, true[:, : self.m], known, self._base + seconds)
 
     def links_by_known_distances(self, found: Links, seconds: float, y: Array, pairs: Links | None = None) -> Links:
         """Links after the distances that agents know have become what they are.
@@ -244,17 +247,17 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         points.reach(t, links)
         known = self.delays.jumps.following(t, points.rounding(t))
         bound = min(points.following(t, links), known, self._next_gains(), self._gust_ends)
-        before = self._stepper.memory
+        before, crossings = self._stepper.memory, NOBODY
         try:
             segment = self._stepper.step(bound, self._longest_step * self.delays.least)
             if (bite := self._law.held.first_limit_change(self._limit_signs, segment)) is not None:
                 segment = segment.cut(bite)
-            segment, meetings = self._met_on(segment)
+            segment, crossings = self._met_on(segment)
             rows = self._known_switches(segment)
         except BaseException:
             self._stepper.recall(before)
             raise
-        self.meetings = meetings if not len(rows) else meetings[:0]
+        self.obstacles.crossings = crossings if not len(rows) else NOBODY
         if len(rows):
             self.pending = rows[rows[:, 0] <= rows[0, 0] + points.rounding(segment.t1), 1:].astype(np.int64)
             segment = segment.cut(min(float(rows[0, 0]) / (segment.t1 - segment.t0), 1.0))
@@ -279,7 +282,7 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         self._hear(t)
         if len(self.pending):
             self._switch_known(t)
-        if len(self.meetings):
+        if any(map(len, self.obstacles.crossings)):
             self._meet(t)
         if len(self.delays.jumps.times):
             self._know_jumps(t)
@@ -297,6 +300,8 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
             return
         y = np.array(self._segment.coefficients[-1])
         self.known_links = self.links_by_known_distances(self.known_links.copy(), t, y, pairs)
+        moved = np.flatnonzero(pairs.diagonal())
+        self.obstacles.take(moved, self.delays.own(t, self._true(y))[moved, : self.m], self._base + t)
         self._relink_known()
         self.delays.points.jump(t, np.flatnonzero(pairs.any(axis=1)), self.known_links)
         self._begin_anew(t)
@@ -332,40 +337,35 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
             return np.zeros((0, 4))
         return self.delays.switches(self.scenario.space, segment, self._base, self.known_links, self._rules)
 
-    def _met_on(self, segment: Segment) -> tuple[Segment, Indices]:
+    def _met_on(self, segment: Segment) -> tuple[Segment, Crossings]:
         """A step up to the first moment at which an agent comes within range of an obstacle, or leaves it, and who."""
-        ranges = self.obstacles
-        if not ranges.groups:
-            return segment, self.meetings[:0]
-        ranges.ends[:], ranges.due = segment.t1, []
-        series = position_series(segment, self.n, self.m, segment.t0)
-        ranges.watch(self._base, segment.t0, series, self._everybody)
-        if not ranges.due:
-            return segment, self.meetings[:0]
-        first = ranges.due[0].seconds
-        last = first + self.delays.points.rounding(first)
-        meetings = np.array([x[1:] for x in sorted(ranges.due) if x.seconds <= last], dtype=np.int64)
-        ranges.due = []
-        return segment.cut(min((first - segment.t0) / (segment.t1 - segment.t0), 1.0)), meetings
+        obstacles, delays = self.obstacles, self.delays
+        if not obstacles.true.groups:
+            return segment, NOBODY
+        true = [(self._everybody, [(segment.t0, segment.t1, position_series(segment, self.n, self.m, segment.t0))])]
+        known = [] if delays.knows_present else delays.own_paths(segment)
+        first, crossings = obstacles.first_on(self._base, true, known, delays.points.rounding)
+        if first == np.inf:
+            return segment, NOBODY
+        return segment.cut(min((first - segment.t0) / (segment.t1 - segment.t0), 1.0)), crossings
 
     def _meet(self, seconds: float) -> None:
         """Let agents come within range of obstacles, or leave it, and begin anew with the forces that follow."""
-        t, ranges = self._base + seconds, self.obstacles
-        for agent, group, obstacle in self.meetings.tolist():
-            ranges.near[group][agent, obstacle] = not ranges.near[group][agent, obstacle]
+        t, (true, known) = self._base + seconds, self.obstacles.cross()
+        for agent, group, obstacle in true.tolist():
             (q,), (p,) = self.motion_at(seconds, np.array([agent]))
-            self.records.switches.append(ranges.record(t, agent, group, obstacle, (q, p)))
-        agents = np.unique(self.meetings[:, 0])
-        self.meetings = self.meetings[:0]
-        self.relink()
-        self._relink_known()
-        before = self.energy
-        self.energy, self.kinetic = self._energy(seconds)
-        self.jumped += self.energy - before
-        self._record_row(seconds)
-        self.delays.points.jump(seconds, agents, self.known_links)
-        self._begin_anew(seconds)
-        self._check_slope()
+            self.records.switches.append(self.obstacles.true.record(t, agent, group, obstacle, (q, p)))
+        if len(true):
+            self.relink()
+            before = self.energy
+            self.energy, self.kinetic = self._energy(seconds)
+            self.jumped += self.energy - before
+            self._record_row(seconds)
+        if len(known):
+            self._relink_known()
+            self.delays.points.jump(seconds, np.unique(known[:, 0]), self.known_links)
+            self._begin_anew(seconds)
+            self._check_slope()
 
     def _switch_known(self, seconds: float) -> None:
         """Switch the known links that are pending, and begin anew with the forces that follow."""

@@ -9,7 +9,7 @@ from flocking.errors import UnsupportedLaw
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.law import Law, Scenario
-from flocking.model.world.information import Delayed, Messages
+from flocking.model.world.information import Messages
 
 
 def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> None:
@@ -34,19 +34,8 @@ def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> Non
     body = scenario.agents
     if refused := _refused_body(body):
         raise UnsupportedLaw(f"engine={engine!r} moves no {refused}.")
-    information = scenario.information
-    late, option = False, "self_delayed"
-    if isinstance(information, Messages):
-        late, option = information.self_known == "measured", "self_known='measured'"
-    elif isinstance(information, Delayed):
-        late = information.self_delayed
-    if late and any(getattr(term, "groups", ()) for term in scenario.law.body_terms):
-        raise UnsupportedLaw(
-            f"engine={engine!r} runs obstacles where agents know their own present: it does not locate when an "
-            f"agent that knows itself late assumes to meet one. Leave Avoid or {option} out."
-        )
     points = PointMass() if body.order == 2 else SingleIntegrator()
-    check_law(engine, scenario, plant, points, obstacles=True, views=isinstance(information, Messages))
+    check_law(engine, scenario, plant, points, obstacles=True, views=isinstance(scenario.information, Messages))
     check_leader_messages(engine, scenario)
 
 

@@ -1,4 +1,4 @@
-"""Which agents are within range of obstacles in truth, and when that changes while they move on polynomials."""
+"""Which agents are within range of obstacles, and when that changes while they move on polynomials."""
 
 from __future__ import annotations
 
@@ -60,9 +60,7 @@ class ObstacleRanges(ObstacleDistances):
         super().__init__(law)
         self._reading = Reading()
         self.ranges = [level.distance for level in self.levels if level.kind == "obstacle"]
-        with self._reading:
-            levels = [level for level in self.levels if level.kind == "obstacle"]
-            self.near: list[Links] = [self.within(level, q, t) for level in levels]
+        self.near: list[Links] = self.within_ranges(q, t)
         self.ends = np.zeros(len(q))
         self.due: list[RangeCrossing] = []
 
@@ -70,6 +68,17 @@ class ObstacleRanges(ObstacleDistances):
     def pairs(self) -> list[tuple[Indices, Indices]]:
         """Agents within range of an obstacle, and the obstacles, of every group."""
         return [(i, o) for i, o in map(np.nonzero, self.near)]
+
+    def within_ranges(self, q: Array, t: float) -> list[Links]:
+        """Which points are within range of which obstacles, of every group, shape (points, K) each.
+
+        Parameters
+        ----------
+        q, t
+            The points, shape (points, m), and the scenario's time.
+        """
+        with self._reading:
+            return [self.within(level, q, t) for level in self._ranges]
 
     def within_range_by(self, q: Array, t: float, agents: Indices) -> list[tuple[Indices, Indices]]:
         """Agents within range of an obstacle by the positions that they assume, and the obstacles, of every group.

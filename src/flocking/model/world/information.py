@@ -37,7 +37,8 @@ class Messages(Information):
     has everyone's exact state. Times are rounded to whole nanoseconds from the start. At one instant samples are taken
     first, then they arrive, then they expire, then links follow, then controls are computed from what is known. Under
     continuous control forces and links follow what is known at every moment in between, too. Obstacles are known
-    exactly, and so are leaders unless they send messages too.
+    exactly, and so are leaders unless they send messages too; whether an agent is within range of an obstacle, and its
+    force, follow from the place and velocity that it knows of itself.
 
     Parameters
     ----------
@@ -287,8 +288,8 @@ class Delayed(Information):
 
     Agent i computes its force at time t from q_j(t - tau) and p_j(t - tau), and links follow from the distances that it
     knows. Before the start agents are taken to have moved in straight lines, q(t) = q(t0) + (t - t0) p(t0); agents of
-    order 1 to have stood still. The leader is known without delay, and physical damping acts at once. Without
-    ``self_delayed`` the world's rest frame matters: a flock that moves is braked (see the page on the world).
+    order 1 to have stood still. Leaders and obstacles are known without delay, and physical damping acts at once.
+    Without ``self_delayed`` the world's rest frame matters: a flock that moves is braked (see the page on the world).
 
     Parameters
     ----------
@@ -297,7 +298,8 @@ class Delayed(Information):
         agent i, of row i, knows agent j, of column j, as it was tau[i, j] ago. Zeros mean the present state. The
         diagonal is how late agents know themselves, and is zero unless they are ``self_delayed``.
     self_delayed
-        Whether an agent knows itself, too, only as it was ``tau`` ago, so that differences are of one moment. With a
+        Whether an agent knows itself, too, only as it was ``tau`` ago, so that differences are of one moment, and it
+        meets obstacles, which are where they are now, at the place where it was. With a
         delay for every pair it was tau[i, i] ago, for all terms of the law: differences are of one moment where the
         row of the agent has one value.
 

@@ -59,11 +59,12 @@ def departed_causes(run: Run) -> Departed:
 
     The law is computed again on what agents used without errors (``noise``, resolution included), then as if no message
     had been lost (``loss``), then on the true present states (``delay``), and then over the true links (``links``,
-    which include links that had expired), of leaders that send messages too. Largest forces and speeds (``limits``), a
-    ``lag``, gusts (``disturbance``) and bodies that do not move as points do (``body``) change forces one after
-    another; the share of each is the work of what leaves it minus what comes to it. What a lag keeps back of a gust
-    before it is thus due to the lag, as is what a largest rate of the lagged force keeps back. Each difference works
-    along the motion, until the next force acts where control is held; that of agents of order 1, whose forces are
+    which include links that had expired), of leaders that send messages too. Whether an agent is within range of an
+    obstacle follows each time from the place that it is taken to know of itself. Largest forces and speeds
+    (``limits``), a ``lag``, gusts (``disturbance``) and bodies that do not move as points do (``body``) change forces
+    one after another; the share of each is the work of what leaves it minus what comes to it. What a lag keeps back of
+    a gust before it is thus due to the lag, as is what a largest rate of the lagged force keeps back. Each difference
+    works along the motion, until the next force acts where control is held; that of agents of order 1, whose forces are
     velocities, by the gradient of the energy. Under held control what is left is the difference between the law at the
     tick and the law now: ``hold``, latency included. The order matters: another one would share out what two
     imperfections do together in another way.

@@ -58,7 +58,8 @@ class KnowledgeDifferences:
     Attributes
     ----------
     breaks
-        Times, in seconds from the start, at which lost messages would have arrived, where stretches end too.
+        Times, in seconds from the start, at which lost messages would have arrived or an agent comes within range of an
+        obstacle by its own sample, or leaves it; stretches end there too.
     """
 
     def __init__(self, world: LoggedWorld) -> None:
@@ -69,6 +70,13 @@ class KnowledgeDifferences:
         self._arrivals: Arrivals = world.arrivals
         self._noisy, self._lossy = imperfect(world.messages)
         self._by_known, self._by_true = DelayedLaw(world.scenario), DelayedLaw(world.scenario)
+        self._by_exact = self._by_present = self._by_known
+        self._ranges = ObstacleRanges(world.scenario.law, world.scenario.start.q[:1], world.base)
+        """Distances from obstacles, of one agent."""
+        self._misses_obstacles = bool(self._ranges.groups) and world.messages.self_known == "measured"
+        """Whether agents are within other ranges of obstacles by their samples than in truth."""
+        if self._misses_obstacles:
+            self._by_exact, self._by_present = DelayedLaw(world.scenario), DelayedLaw(world.scenario)
         self._begun: list[list[int]] = [[] for _ in range(world.n)]
         self._rows: list[list[int]] = [[] for _ in range(world.n)]
         for row, (instant, agent, _) in enumerate(world.log.ticks.tolist()):
@@ -76,6 +84,8 @@ class KnowledgeDifferences:
             self._rows[agent].append(row)
         self._uses: dict[int, InUse] = {}
         self.breaks = self._lost() if self._lossy else np.zeros(0)
+        if self._misses_obstacles:
+            self.breaks = np.union1d(self.breaks, self._met())
 
     def _lost(self) -> Array:
         world, arrivals = self._world, self._arrivals
@@ -89,6 +99,22 @@ class KnowledgeDifferences:
                 found.append(world.leaders.late[receiver][times == NEVER])
         return np.unique(np.concatenate(found)) * NANOSECOND if found else np.zeros(0)
 
+    def _met(self) -> Array:
+        """When obstacles that move come within range of the places of own samples, or leave it."""
+        ranges, base, found = self._ranges, self._world.base, list[float]()
+        last = max((x.end for x in self._motion.stretches), default=0.0)
+        alone = np.zeros(1, dtype=np.int64)
+        for begun, rows in zip(self._begun, self._rows, strict=True):
+            for begin, end, row in zip(begun, [*begun[1:], last / NANOSECOND], rows, strict=True):
+                own, since = self._used(row).own, begin * NANOSECOND
+                for q in [] if own is None else [own.q, own.exact_q]:
+                    path = np.asarray(q)[None, None]
+                    ranges.near, ranges.ends[:] = ranges.within_ranges(path[0], base + since), end * NANOSECOND
+                    ranges.watch(base, since, path, alone)
+                    while ranges.due:
+                        found.append(ranges.cross(base, path).seconds)
+        return np.array(found)
+
     def begin(self, begin: float, end: float, true_links: list[Links]) -> None:
         """Take what agents use and what is true from a time to another, in seconds from the start.
 
@@ -101,16 +127,20 @@ class KnowledgeDifferences:
         """
         world, middle = self._world, 0.5 * (begin + end)
         t, (q, _) = world.base + middle, self._motion.states(middle)
-        met = ObstacleRanges(world.scenario.law, q, t).pairs
         uses = [self._in_use(agent, begin) for agent in range(world.n)]
         known = np.zeros((len(world.graphs), world.n, world.n), dtype=bool)
         for agent, used in enumerate(uses):
             for graph, listed in used.others.items():
                 known[graph, agent, [j for j, _ in listed]] = True
         self._same_links = bool((known == np.array(true_links)).all())
-        for law, links in ((self._by_known, known), (self._by_true, np.array(true_links))):
+        laws = [(self._by_present, known, q), (self._by_true, np.array(true_links), q)]
+        if self._misses_obstacles:
+            stated = [place if used.own is None else used.own.q for place, used in zip(q, uses, strict=True)]
+            exact = [place if used.own is None else used.own.exact_q for place, used in zip(q, uses, strict=True)]
+            laws += [(self._by_known, known, np.array(stated)), (self._by_exact, known, np.array(exact))]
+        for law, links, places in laws:
             law.take_parameters(t)
-            law.relink(links, met)
+            law.relink(links, [(i, o) for i, o in map(np.nonzero, self._ranges.within_ranges(places, t))])
         self._take_samples(uses, int(middle * PER_SECOND))
 
     def _in_use(self, agent: int, begin: float) -> InUse:
@@ -118,7 +148,10 @@ class KnowledgeDifferences:
         k = bisect_right(self._begun[agent], begin * PER_SECOND + 0.5) - 1
         if k < 0:
             return InUse(None, {})
-        row = self._rows[agent][k]
+        return self._used(self._rows[agent][k])
+
+    def _used(self, row: int) -> InUse:
+        """What an agent uses from act ``row`` of the log on."""
         if row not in self._uses:
             self._uses[row] = self._motion.in_use(self._world.log, row)
         return self._uses[row]
@@ -163,27 +196,29 @@ class KnowledgeDifferences:
         true = np.concatenate([q, p], axis=1)
         found = np.zeros((len(KNOWLEDGE), world.n, world.m))
         stated, newest = (self._motions(numbers, seconds) for numbers in self._leaders)
-        before = first = self._forces(t, true, self._stated, stated)
+        before = first = self._forces(self._by_known, t, true, self._stated, stated)
         if self._noisy:
-            now = self._forces(t, true, self._exact, stated)
+            now = self._forces(self._by_exact, t, true, self._exact, stated)
             found[0], before = before - now, now
         if self._lossy and not self._same_samples:
-            now = self._forces(t, true, self._newest, newest)
+            now = self._forces(self._by_exact, t, true, self._newest, newest)
             found[1], before = before - now, now
         truth = self._true_motions(seconds)
-        now = self._force(self._by_known, t, true, true[self._by_known.linked[1]], truth)
+        now = self._force(self._by_present, t, true, true[self._by_present.linked[1]], truth)
         found[2] = before - now
         if not self._same_links:
             found[3] = now - self._force(self._by_true, t, true, true[self._by_true.linked[1]], truth)
         return found, first
 
-    def _forces(self, t: float, true: Array, known: tuple[_Known, _Known], leaders: list[Array]) -> Array:
+    def _forces(
+        self, law: DelayedLaw, t: float, true: Array, known: tuple[_Known, _Known], leaders: list[Array]
+    ) -> Array:
         """Forces by links of what is known, from samples of neighbours and of oneself."""
         others, own = known
         seconds = t - self._world.base
         mine = own.at(seconds, true, predict=False)
-        listed = others.at(seconds, true[self._by_known.linked[1]], predict=self._messages.predict)
-        return self._force(self._by_known, t, mine, listed, leaders)
+        listed = others.at(seconds, true[law.linked[1]], predict=self._messages.predict)
+        return self._force(law, t, mine, listed, leaders)
 
     def _force(self, law: DelayedLaw, t: float, own: Array, known: Array, leaders: list[Array]) -> Array:
         if law.order == 1:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from flocking.arrays import Array, Links
+from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.runs.message_log import DELAYED, MessageLog
 from flocking.engine.runs.run import Run
 from flocking.model.graphs.distance_graphs import Graph
@@ -57,6 +58,7 @@ class DelayedReplay:
         self.tau: Array = np.where(own, 0.0, np.broadcast_to(tau, (self.n, self.n)))
         """How late agent i, of row i, knows agent j."""
         self.graphs: list[Graph] = list(scenario.law.graphs)
+        self._obstacles = ObstacleDistances(scenario.law)
         self._first = scenario.links_at_start
         self.links: Links = self._first.copy()
         self._radii = [radii_of(graph, self.n) for graph in self.graphs]
@@ -179,7 +181,7 @@ class DelayedReplay:
         others = [(number, int(j)) for number, links in enumerate(self.links) for j in np.flatnonzero(links[agent])]
         used = sorted({agent, *(j for _, j in others)})
         off_q, off_p = known.off_q[agent] + self.near, known.off_p[agent] + self.near
-        if not np.isfinite(off_q[used]).all():
+        if not np.isfinite(off_q[used]).all() or self._may_meet(known.q[agent, agent], float(off_q[agent]), time):
             self.undecided += 1
             return
 
@@ -207,3 +209,16 @@ class DelayedReplay:
             f"its force is logged as {np.round(stored, 6).tolist()}; from the states that it knew, the law gives "
             f"{np.round(again, 6).tolist()} within {SURE * allowed:.3g}",
         )  # fmt: skip
+
+    def _may_meet(self, q: Array, off: float, t: float) -> bool:
+        """Whether an error leaves open if a place is within range of an obstacle, at which the force jumps.
+
+        Parameters
+        ----------
+        q, off
+            The place that an agent takes itself to have, shape (m,), and its error.
+        t
+            The scenario's time.
+        """
+        levels = [level for level in self._obstacles.levels if level.kind == "obstacle"]
+        return any((np.abs(self._obstacles.distances(x.group, q[None], t) - x.distance) <= off).any() for x in levels)

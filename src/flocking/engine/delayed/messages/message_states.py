@@ -15,6 +15,7 @@ from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.history import History, position_series
 from flocking.engine.delayed.messages.instants import MessageInstants
 from flocking.engine.delayed.messages.leader_samples import LeaderSamples
+from flocking.engine.delayed.met_obstacles import PiecewisePaths
 from flocking.engine.delayed.state_jumps import StateJumps
 from flocking.engine.imperfect.cone_switches import ConeView
 from flocking.engine.imperfect.link_rules import LinkRules
@@ -256,6 +257,16 @@ class MessageStates(Delays):
     def states(self, seconds: float, true: Array, senders: Indices, sensed: Indices) -> tuple[Array, Array]:
         """States of the samples that `prepare` has taken up for these pairs."""
         return self._own if self._measured else true, self._moved_on(seconds, self._rows, self._begun)
+
+    @property
+    def knows_present(self) -> bool:
+        """Unless all know themselves by their own samples."""
+        return not self._measured
+
+    def own_paths(self, segment: Segment) -> PiecewisePaths:
+        """The places of their samples, at which agents take themselves to stay."""
+        places: Array = self._own[None, :, : self.knowledge.m]
+        return [(np.arange(self.knowledge.n), [(segment.t0, segment.t1, places)])]
 
     def leaders(self, seconds: float) -> Sequence[Array]:
         """By the samples that `prepare` has taken up."""

@@ -72,7 +72,7 @@ class MessagesSession(DelayedSession):
 
     def _relink_known(self) -> None:
         self.knowledge.links = self.known_links
-        self._law.relink(self.known_links & self._states.points.there, self.obstacles.pairs)
+        self._law.relink(self.known_links & self._states.points.there, self.obstacles.known.pairs)
         self._states.prepare(*self._law.linked)
 
     # What falls on an instant.
@@ -94,11 +94,12 @@ class MessagesSession(DelayedSession):
         agents = np.flatnonzero(changed.any(axis=1) | leaders)
         if not agents.size:
             return
-        own = changed.diagonal()[:, None]
-        changed |= own
+        own = changed.diagonal().copy()
+        changed |= own[:, None]
         # Links of these pairs follow from what is known now, not from what was known until now.
         self.pending = self.pending[~changed[self.pending[:, 0], self.pending[:, 1]]]
         known = self.knowledge.known(instant, agents, *self._seen(seconds))
+        self.obstacles.take(np.flatnonzero(own), known.own[own[agents], : self.m], self._base + seconds)
         before = self.known_links[:, agents].copy()
         self.knowledge.relink(known, self._rules, self._views)
         self.known_links[:, agents] = np.where(changed[agents], self.known_links[:, agents], before)
