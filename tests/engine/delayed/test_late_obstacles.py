@@ -31,9 +31,9 @@ SPRING = fk.Potential("k*(r - d)**2/2 - f*r", k=STIFFNESS, d=1.0, f=PUSH)
 FLAT = Bump("flat", "(z + k0)/(z + k0)")
 
 
-def spring(wall):
+def spring(*walls):
     """Within range 1 of a wall the force k (1 - s) + f pushes away from it."""
-    return fk.Avoid([wall], range=1.0, repulsion_gain=1.0, damping_gain=0.0, repulsion=SPRING, bump=FLAT,
+    return fk.Avoid(walls, range=1.0, repulsion_gain=1.0, damping_gain=0.0, repulsion=SPRING, bump=FLAT,
                     gamma_agents=False)  # fmt: skip
 
 
@@ -100,6 +100,20 @@ def test_where_an_obstacle_moves_the_range_is_crossed_by_the_known_place_and_the
         session.advance(known + off)
         assert (session.accelerations()[0, 0] > 0.2) == (off > 0.0)
     assert session.run().switches["time"][0] == pytest.approx(true, abs=1e-11)
+    # A jump of the force comes back a delay later, again and again: steps end there.
+    breaks = session.delays.points.arrays()["breaks"]
+    assert [bool(np.abs(breaks - known - k * TAU).min() < 1e-9) for k in range(1, 9)] == [True] * 8
+
+
+def test_ranges_that_are_crossed_on_one_step_are_crossed_one_after_the_other():
+    """The agent is at 2.03 - t until 1.23; the ranges of the walls end at 1 and at 0.95."""
+    made = lonely(spring(WALL, fk.Wall([-0.05], [1.0])), LATE)
+    session = fk.start(made.with_(start=fk.State([[2.03]], [[-1.0]])))
+    for at, forces in ((1.23, (0.0, PUSH)), (1.28, (PUSH + 0.05 * STIFFNESS, 2.0 * PUSH + 0.05 * STIFFNESS))):
+        for off, force in zip((-1e-8, 1e-8), forces, strict=True):
+            session.advance(at + off)
+            assert session.accelerations()[0, 0] == pytest.approx(force, abs=1e-6)
+    assert session.run().switches["time"] == pytest.approx([1.03, 1.08], abs=1e-11)
 
 
 def test_the_line_before_the_start_is_a_known_path_too():
