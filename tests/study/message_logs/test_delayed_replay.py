@@ -224,6 +224,22 @@ def test_errors_of_interpolation_are_within_their_estimates():
             assert jump or np.median(error) < 30.0 * np.median(off) + 1e-8
 
 
+def test_errors_of_interpolation_of_agents_of_order_1_are_within_their_estimates_near_frames_too():
+    """Frames hold no velocities of theirs: near a frame the error grows with the time from it, not with its square."""
+    run = simulated(order=1, frames=31)
+    t, fine = np.linspace(0.0, 3.0, 31), np.random.default_rng(0).uniform(0.1, 2.9, 400)
+    fine = np.concatenate([fine, t[1:-1] + 1e-3, t[1:-1] - 1e-3])
+
+    def true(times):
+        return np.sin(3.0 * times)[:, None, None] * np.ones((N, 2))
+
+    recorded = RecordedMotion(dataclasses.replace(run, q=true(t), p=np.zeros((31, N, 2))))
+    found = recorded.at(fine, np.zeros(len(fine), dtype=int))
+    off = np.linalg.norm(found.q - true(fine)[:, 0], axis=-1)
+    assert (off <= found.off_q + 1e-12).all()
+    assert np.median(found.off_q) < 100.0 * np.median(off)
+
+
 def test_saved_and_resumed_runs_have_the_same_log_to_the_bit(tmp_path, monkeypatch):
     scenario = made(frames=13, t_end=1.2)
     whole, session = fk.simulate(scenario, progress=False), fk.start(scenario, "delayed")

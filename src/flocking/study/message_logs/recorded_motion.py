@@ -39,9 +39,10 @@ class Between(NamedTuple):
 class RecordedMotion:
     """Where agents were, by their frames alone: cubics with the positions and velocities of two frames.
 
-    Before the start agents moved in straight lines, those of order 1 stood still. At a frame, and before the start, the
-    error is that of rounding; between two frames it is estimated from how far the accelerations of neighbouring cubics
-    differ and bend.
+    Frames hold no velocities of agents of order 1: differences of neighbouring positions stand for them. Before the
+    start agents moved in straight lines, those of order 1 stood still. At a frame, and before the start, the error is
+    that of rounding; between two frames it is estimated from how far the accelerations of neighbouring cubics differ
+    and bend.
 
     Parameters
     ----------
@@ -54,7 +55,11 @@ class RecordedMotion:
         self._t: Array = np.asarray(run.t, dtype=np.float64) - start.t
         self._q: Array = np.asarray(run.q, dtype=np.float64)
         self._p: Array = np.asarray(run.p, dtype=np.float64)
-        self._start = start.q, start.p if run.scenario.agents.order == 2 else np.zeros_like(start.p)
+        self._slopes = run.scenario.agents.order == 2
+        """Whether frames hold the slopes of positions."""
+        self._start = start.q, start.p if self._slopes else np.zeros_like(start.p)
+        if not self._slopes and len(self._t) > 1:
+            self._p = np.gradient(self._q, self._t, axis=0)
         self._unsure = self._differences()
 
     def _differences(self) -> Array:
@@ -104,6 +109,9 @@ class RecordedMotion:
         beyond = (seconds < self._t[0]) | (seconds > self._t[-1])
         off_q = unsure * h**2 * np.minimum(0.5 * near**2, 1.0 / 16.0)
         off_p = unsure * h * np.minimum(near, 0.25)
+        if not self._slopes:
+            # Where slopes are not known at the ends, e h**2 x (1 - x)/2 and e h/2.
+            off_q, off_p = 0.5 * unsure * h**2 * near * (1.0 - near), 0.5 * unsure * h
         places, velocities = (np.where(before[..., None], a, b) for a, b in zip(line, (q, p), strict=True))
         errors = [np.where(before, 0.0, np.where(beyond, np.inf, e)) for e in (off_q, off_p)]
         return Between(places, velocities, *errors)
