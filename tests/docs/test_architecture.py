@@ -146,6 +146,7 @@ HOMES = {
     "change when the runs of a dead worker are scheduled again": "class Scheduler",
     "add a guarantee of velocity alignment": "def alignment_certificates(",
     "change how velocities of samples are estimated": "def smoothed_velocities",
+    "change which samples count as jumps of positions": "def largest_jump",
     "change the colours of pictures": "class Theme",
     "correct the reading of an equation of Zhou": "[[statement]]",
     "add a field to the description of every paper, such as its venue": "class Paper:",

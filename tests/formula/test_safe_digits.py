@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.formula.safe_digits import bound_text, compared_texts, given_text, rounded_down, rounded_up
+from flocking.formula.safe_digits import bound_text, compared_texts, given_text, rounded_down, rounded_up, time_text
 from flocking.study.certificates.certificate import Enclosure
 
 PACKAGE = Path(fk.__file__).parent
@@ -129,3 +129,22 @@ def test_two_texts_compare_as_their_numbers_do(x, y, digits):
 def test_two_texts_are_short_where_few_digits_tell_the_numbers_apart():
     assert compared_texts(1.23456, 2.0) == ("1.23", "2")
     assert compared_texts(1.0004, 1.0001) == ("1.0004", "1.0001")
+
+
+@given(st.floats(0.0, 2e9), st.floats(1e-3, 1e6), st.floats(0.0, 1.0), st.integers(3, 6), st.booleans())
+def test_times_of_late_runs_are_told_apart(first, span, share, digits, before):
+    """A time is read to be within the first of these digits of the duration, whenever the run begins."""
+    first = -first if before else first
+    last = first + span
+    time = first + share * (last - first)
+    if not first < last:
+        return
+    latest = max(abs(first), abs(last))
+    read = float(time_text(time, first, last, digits))
+    assert abs(read - time) <= max(10.0 ** (1 - digits) * (last - first), 2 * np.spacing(latest))
+
+
+def test_times_of_runs_that_begin_at_zero_have_the_digits_that_were_asked_for():
+    assert time_text(12.3456, 0.0, 20.0) == f"{12.3456:.4g}"
+    assert time_text(1764300005.25, 1764300000.0, 1764300010.0) == "1764300005.25"
+    assert time_text(3.0, 3.0, 3.0) == "3"

@@ -13,6 +13,8 @@ DIGITS = 9
 """Digits of a bound where nobody asks for fewer; a convention: enough to show that two bounds are not the same."""
 EXACT_DIGITS = 15
 """Most digits with which a number and its text are each other's: a property of double precision."""
+EVERY_DIGIT = 17
+"""Digits that tell every two doubles apart: a property of double precision."""
 REGULAR = (1e-290, 1e300)
 """Sizes between which a double has all its digits and its text can be rounded away without an overflow."""
 
@@ -94,6 +96,23 @@ def given_text(x: SupportsFloat) -> str:
         The number.
     """
     return repr(float(x)).removesuffix(".0")
+
+
+def time_text(time: SupportsFloat, first: SupportsFloat, last: SupportsFloat, digits: int = 4) -> str:
+    """A time of a run with a few digits, and with more where the run begins late: days or years after time zero.
+
+    Parameters
+    ----------
+    time
+        The time.
+    first, last
+        Start and end of the run.
+    digits
+        Digits of a time of a run that begins at zero. As many more as it takes for others to tell its times apart.
+    """
+    latest, span = max(abs(float(first)), abs(float(last))), float(last) - float(first)
+    later = math.ceil(math.log10(latest / span)) if 0.0 < span < latest < math.inf else 0
+    return f"{float(time):.{min(digits + later, EVERY_DIGIT)}g}"
 
 
 def _rounded(x: float, digits: int, side: str) -> str:

@@ -178,7 +178,9 @@ def tanner(key: str) -> None:
     hypotheses = {"": "granted", "starts": "starts_connected",
                   "connected": "stays_connected" if moves else "starts_connected"}  # fmt: skip
     between = {"speed": SimpleNamespace(value=1.25, error=0.0, time=0.5)}
-    seen = SimpleNamespace(trace={"energy": np.array([3.0])}, speeds=np.array([[1.0]]), largest=between.get)
+    seen = SimpleNamespace(
+        trace={"energy": np.array([3.0])}, speeds=np.array([[1.0]]), largest=between.get, when=lambda time, _: str(time)
+    )
     for name in paper(key).scenarios():
         for claim in paper(key).claims(name):
             *sources, measure, graphs = TANNER[claim.key]

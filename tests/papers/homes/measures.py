@@ -95,6 +95,7 @@ def evidence(**given):
     given.setdefault("oldest_knowledge", None)
     given.setdefault("yet_to_meet", "")
     given.setdefault("path_about_mean", np.inf)
+    given.setdefault("when", lambda time, digits=4: str(time))
     known = {name: SimpleNamespace(value=v, error=0.0, time=0.5) for name, v in given.pop("largest", {}).items()}
     return SimpleNamespace(largest=known.get, sampled=False, **given)
 

@@ -134,3 +134,50 @@ def test_law_and_samples_must_fit(sampled):
         motion_of(samples, declared, radius=2.0)
     with pytest.raises(fk.InvalidInput, match="3 dimensions"):
         motion_of(Samples(run.t, np.zeros((len(run.t), 2, 3)), None, ("a", "b")), declared)
+
+
+def test_times_of_samples_since_1970_are_told_apart():
+    """Two agents go apart, and are 2 apart at 1,764,300,005 s."""
+    samples = line(1.0, speed=0.2, count=101)
+    t = 1_764_300_000.0 + np.linspace(0.0, 10.0, 101)
+    q = samples.q.copy()
+    q[:, 1, 0] = 1.0 + 0.2 * (t - t[0])
+    report = motion_of(Samples(t, q, samples.p, ("a", "b")), radius=2.0 + 1e-3).audit()
+    assert "t = 1764300005.1" in report["connected"].note
+    assert "t = 1764300000 " in report["apart"].note
+
+
+def test_agents_of_order_1_are_not_said_to_rest():
+    """Frames of them hold zeros in the place of velocities."""
+    from flocking.apps.commands.run_summary import facts, summary
+    from flocking.study.trajectory import run_from_samples
+
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("r**2/2"))])
+    t = np.linspace(0.0, 1.0, 5)
+    q = np.stack([np.exp(-2.0 * t), 0.0 * t, -np.exp(-2.0 * t), 0.0 * t], axis=1).reshape(5, 2, 2)
+    for agents, known in ((fk.SingleIntegrator(), False), (fk.PointMass(), True)):
+        declared = fk.Scenario(law, fk.State(q[0], 0.0 * q[0]), t_end=1.0, agents=agents)
+        found = summary(run_from_samples(declared, t, q, 0.0 * q))
+        assert ("order" in found) is ("velocity_spread" in found) is known
+        assert bool(dict(facts(found))["order"]) is known
+
+
+def test_agents_that_begin_at_one_point_are_first_neighbours():
+    """Two agents begin at one place and end 30 apart."""
+    found = verdicts(line(0.0, speed=10.0), radius=2.0)
+    assert found["neighbours-kept"] is Verdict.FAILS
+
+
+def test_an_audit_says_which_number_is_which_name_of_the_file(tmp_path, capsys):
+    """Agents of the file are counted from one, those of verdicts from zero: 2 and 3 of the file are closest."""
+    from flocking.apps.commands.audit_command import audit
+
+    rows = ["t,id,x,vx"]
+    for k in range(12):
+        rows += [f"{k / 10},{name},{place},0" for name, place in (("1", 0.0), ("2", 5.0), ("3", 6.0))]
+    path = tmp_path / "agents.csv"
+    path.write_text("\n".join(rows))
+    audit(path)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "0 is '1', 1 is '2', 2 is '3'" in printed
+    assert "(agents 1, 2)" in printed

@@ -22,6 +22,10 @@ FINE, DIFFERENT = 0, 1
 """Exit codes: verdicts as expected, and not; of samples, which leave much open, whether a claim fails."""
 
 
+MOST_NAMED = 20
+"""Agents whose names are printed beside their numbers, a convention: as many as fit on a few lines."""
+
+
 def audit(
     source: Path,
     *,
@@ -182,14 +186,26 @@ def _tell_page(html: Path | None) -> None:
 
 def _facts(path: Path, samples: Samples, motion: SampledMotion, law: str | None) -> dict[str, str]:
     """What the samples are, by name."""
+    from flocking.formula.safe_digits import time_text
+
     t, q = samples.t, samples.q
+    first, last = (time_text(time, t[0], t[-1], 6) for time in (t[0], t[-1]))
     return {
         "file": str(path),
-        "agents": f"{q.shape[1]} in {q.shape[2]} dimension{'s' if q.shape[2] > 1 else ''}",
-        "samples": f"{len(t)} from t = {t[0]:g} to {t[-1]:g}",
+        "agents": f"{q.shape[1]} in {q.shape[2]} dimension{'s' if q.shape[2] > 1 else ''}{_numbers(samples.names)}",
+        "samples": f"{len(t)} from t = {first} to {last}",
         "velocities": str(motion.run.provenance["velocities"]),
         "law": law or "none declared: only claims that need none are judged",
     }
+
+
+def _numbers(names: tuple[str, ...]) -> str:
+    """Which number stands for which name of the file in what is printed; empty where names are these numbers."""
+    if all(name == str(k) for k, name in enumerate(names)):
+        return ""
+    listed = ", ".join(f"{k} is {name!r}" for k, name in enumerate(names[:MOST_NAMED]))
+    rest = f", and {len(names) - MOST_NAMED} more in the order of their lengths and letters"
+    return f"; below they are numbered: {listed}{rest if len(names) > MOST_NAMED else ''}"
 
 
 def _law(name: str, samples: Samples) -> Scenario:

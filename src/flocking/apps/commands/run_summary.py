@@ -29,10 +29,13 @@ def summary(run: Run) -> dict[str, Any]:
         "frames": len(run.t),
         "switches": {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)},
     }
+    # Frames and observations of agents of order 1 hold zeros in the place of velocities.
+    has_velocities = run.scenario.agents.order != 1
     if last >= 0:
         state = run.state(last)
-        found["velocity_spread"] = observables.velocity_spread(state)
-        found["order"] = observables.order(state)
+        if has_velocities:
+            found["velocity_spread"] = observables.velocity_spread(state)
+            found["order"] = observables.order(state)
         if state.links is not None:
             found["flocks"] = observables.flocks(state.links)
             if not run.scenario.space.is_open:
@@ -41,8 +44,9 @@ def summary(run: Run) -> dict[str, Any]:
     if seen is not None and len(seen):
         found["observed"] = {name: _number(seen[name][-1]) for name in seen.dtype.names or ()}
         found.setdefault("flocks", int(seen["flocks"][-1]))
-        found.setdefault("order", float(seen["order"][-1]))
-        found.setdefault("velocity_spread", float(seen["spread"][-1]))
+        if has_velocities:
+            found.setdefault("order", float(seen["order"][-1]))
+            found.setdefault("velocity_spread", float(seen["spread"][-1]))
         if found["time"] is None:
             found["time"] = float(seen["time"][-1])
     closest = run.closest

@@ -90,7 +90,7 @@ def differences_decay(e: Evidence) -> Measure:
     frame = int(frames[worst])
     error = _difference_error(e, frame)
     largest, bound = compared_texts(differences[worst], allowed[frame])
-    note = f"largest difference {largest} at t = {e.t[frame]:.3g}, bound {bound}"
+    note = f"largest difference {largest} at t = {e.when(e.t[frame], 3)}, bound {bound}"
     return above(float(allowed[frame]), float(differences[worst]), note, error)
 
 

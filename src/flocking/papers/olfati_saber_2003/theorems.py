@@ -129,7 +129,7 @@ def connected_since(e: Evidence) -> float:
 def becomes_connected(e: Evidence) -> Measure:
     """Time after which the net stays connected."""
     since = connected_since(e)
-    found = below(since, CONNECTED_BY, f"connected from t = {since:.3g} on")
+    found = below(since, CONNECTED_BY, f"connected from t = {e.when(since, 3)} on")
     return replace(found, unsettled="" if e.t[-1] > CONNECTED_BY else f"the run ends before t = {CONNECTED_BY:g}")
 
 

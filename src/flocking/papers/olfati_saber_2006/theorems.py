@@ -86,7 +86,7 @@ def apart_by_energy(e: Evidence) -> Measure:
 def never_merge(e: Evidence) -> Measure:
     """The closest approach against a hundredth of d."""
     found = e.closest
-    note = f"closest {found.distance:.3g} at t = {found.time:.3g} (agents {found.pair[0]}, {found.pair[1]})"
+    note = f"closest {found.distance:.3g} at t = {e.when(found.time, 3)} (agents {found.pair[0]}, {found.pair[1]})"
     return above(found.distance, NEAR, note, e.error_of(found))
 
 

@@ -28,7 +28,7 @@ def distances_bounded(e: Evidence) -> Measure:
 def without_collision(e: Evidence) -> Measure:
     """Closest pair against the distance at which a single pair stores the total initial Q."""
     found, least = e.closest, forbidden_distance(e)
-    note = f"closest {found.distance:.4g} at t = {found.time:.3g}; Q(0) allows no pair below {least:.2g}"
+    note = f"closest {found.distance:.4g} at t = {e.when(found.time, 3)}; Q(0) allows no pair below {least:.2g}"
     return above(found.distance, least, note, e.error_of(found))
 
 

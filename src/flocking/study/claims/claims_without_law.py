@@ -35,7 +35,7 @@ def apart_at_samples(e: Evidence) -> Measure:
     c = e.closest
     if not np.isfinite(c.distance):
         return Measure(np.inf, 0.0, "one agent")
-    note = f"closest {c.distance:.4g} at t = {c.time:.3g} (agents {c.pair[0]}, {c.pair[1]})"
+    note = f"closest {c.distance:.4g} at t = {e.when(c.time, 3)} (agents {c.pair[0]}, {c.pair[1]})"
     return above(c.distance, 0.0, note, distance_error(e))
 
 
@@ -58,10 +58,10 @@ def connected_at_samples(e: Evidence) -> Measure:
         if is_connected(distance < radius - error):
             continue
         if not is_connected(distance < radius + error):
-            return Measure(-1.0, 0.0, f"not one group at t = {e.t[frame]:.4g}, within {given_text(radius)}")
+            return Measure(-1.0, 0.0, f"not one group at t = {e.when(e.t[frame])}, within {given_text(radius)}")
         doubtful = frame if doubtful < 0 else doubtful
     if doubtful >= 0:
-        return Measure(1.0, np.inf, f"distances are too uncertain at t = {e.t[doubtful]:.4g}")
+        return Measure(1.0, np.inf, f"distances are too uncertain at t = {e.when(e.t[doubtful])}")
     return Measure(1.0, 0.0, f"one group at {len(e.t)} samples, within {given_text(radius)}")
 
 
@@ -70,8 +70,9 @@ def neighbours_kept(e: Evidence) -> Measure:
     """Number of pairs within the radius at the first sample that are not within it at another one."""
     e.need_few()
     error, radius = distance_error(e), _radius(e)
-    first = np.triu(e.distances(e.q[0]), 1)
-    sure, possible = (first > 0) & (first < radius - error), (first > 0) & (first < radius + error)
+    first = e.distances(e.q[0])
+    # Distances of agents to themselves are infinite; agents at one point are neighbours.
+    sure, possible = np.triu(first < radius - error, 1), np.triu(first < radius + error, 1)
     lost, perhaps = np.zeros_like(sure), np.zeros_like(sure)
     for q in e.q[1:]:
         distance = e.distances(q)

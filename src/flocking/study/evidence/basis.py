@@ -9,6 +9,7 @@ import numpy as np
 from flocking.arrays import Reals, Records
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.run import Run
+from flocking.formula.safe_digits import time_text
 from flocking.model.checks import Array
 from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.law import Law
@@ -110,6 +111,17 @@ class RunEvidence:
         """Whether velocities are set at ticks, and positions follow from them without any integration."""
         return self.fidelity.ledger.kind == "forces" and not self.sampled
 
+    def when(self, time: float, digits: int = 4) -> str:
+        """A time of the run in words, see `flocking.formula.safe_digits.time_text`.
+
+        Parameters
+        ----------
+        time, digits
+            As that function takes them.
+        """
+        scenario = self.run.scenario
+        return time_text(time, scenario.start.t, scenario.t_end, digits)
+
     @property
     def is_running(self) -> bool:
         """Whether the run is a part of one that is still running."""
@@ -189,7 +201,7 @@ class RunEvidence:
         """State at a frame, with its links."""
         links = self.checked.links
         if links.shape[1:] == (self.run.n, self.run.n) and links[frame].diagonal().any():
-            raise NotResolvable(f"the links at t = {self.t[frame]:.4g} link an agent to itself")
+            raise NotResolvable(f"the links at t = {self.when(self.t[frame])} link an agent to itself")
         return self.run.state(frame)
 
     @cached_property
@@ -216,7 +228,7 @@ class RunEvidence:
             raise NotResolvable(f"the {what} do not fit the other arrays of the run")
         wrong = np.flatnonzero(~(np.abs(values) <= LARGEST).all(axis=(1, 2)))
         if len(wrong):
-            raise NotResolvable(f"{what} at t = {self.t[wrong[0]]:.4g} are not finite or too large")
+            raise NotResolvable(f"{what} at t = {self.when(self.t[wrong[0]])} are not finite or too large")
         return values
 
     def need_few(self) -> None:

@@ -102,7 +102,7 @@ class DoubtEvidence(LinkEvidence):
             ``"appear"`` or ``"break"``, where only doubts of that kind matter; near misses count for both.
         """
         rows = [row for row in self.link_doubts if not what or row["what"] == what or row["kind"] == "near miss"]
-        found = [_described(row) for row in rows[:2]]
+        found = [self._described(row) for row in rows[:2]]
         if len(rows) > 2:
             found.append(f"{len(rows) - 2} more in doubt")
         return "; ".join([*found, self.loss_note] if self.loss_note else found)
@@ -113,16 +113,16 @@ class DoubtEvidence(LinkEvidence):
         if self.known_until == np.inf:
             return ""
         doubts = self.accuracy.doubts
-        why = [_described(row) for row in doubts if row["begin"] == self.known_until]
+        why = [self._described(row) for row in doubts if row["begin"] == self.known_until]
         reason = why[0] if why else "the error is as large as the group"
-        return f"nothing is known after t = {self.known_until:.4g}: {reason}"
+        return f"nothing is known after t = {self.when(self.known_until)}: {reason}"
 
     @property
     def end_links(self) -> Links:
         """Link matrix at the end, shape (N, N); raises as that of `LinkEvidence`, and when a pair is in doubt then."""
         fewer, more = self.possible_end_links
         if fewer is not more:
-            raise NotResolvable(_described(self._doubts_at_end[0]))
+            raise NotResolvable(self._described(self._doubts_at_end[0]))
         return fewer
 
     @property
@@ -139,7 +139,7 @@ class DoubtEvidence(LinkEvidence):
             return links, links
         still = self._doubts_at_end
         if self.known_until < np.inf:
-            raise NotResolvable(_described(still[0]) if len(still) else self.loss_note)
+            raise NotResolvable(self._described(still[0]) if len(still) else self.loss_note)
         if not len(still):
             return links, links
         fewer, more = links.copy(), links.copy()
@@ -287,6 +287,9 @@ class DoubtEvidence(LinkEvidence):
                 spans.append((float(row["begin"]), float(row["end"]), int(row["i"]), int(row["j"]), -1))
         return sorted(spans)
 
+    def _described(self, row: np.void) -> str:
+        return _described(row, self.when(row["time"]))
+
     def _settled(self, cluster: list[Span]) -> bool:
         """Whether the doubts ended before the run."""
         last = self.run.scenario.t_end if self.run.finished else float(self.t[-1])
@@ -315,10 +318,10 @@ def _clusters(spans: list[Span]) -> list[list[Span]]:
     return found
 
 
-def _described(row: np.void) -> str:
-    who, when = f"agents {row['i']} and {row['j']}", f"t = {row['time']:.4g}"
+def _described(row: np.void, when: str) -> str:
+    who, at = f"agents {row['i']} and {row['j']}", f"t = {when}"
     if row["kind"] == "switch":
         what = "lose their link" if row["what"] == "break" else "are linked"
-        return f"{who} {what} at {when}, but go no further than the error, {row['error']:.1e}"
+        return f"{who} {what} at {at}, but go no further than the error, {row['error']:.1e}"
     what = "losing their link" if row["what"] == "break" else "being linked"
-    return f"{who} come within {row['margin']:.1e} of {what} at {when}, less than the error, {row['error']:.1e}"
+    return f"{who} come within {row['margin']:.1e} of {what} at {at}, less than the error, {row['error']:.1e}"

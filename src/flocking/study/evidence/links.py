@@ -148,7 +148,9 @@ class LinkEvidence(RunEvidence):
         links = self.frame_links
         if self.uncertain_links[frame].any():
             i, j = (int(k) for k in np.argwhere(self.uncertain_links[frame])[0])
-            raise NotResolvable(f"samples leave open whether agents {i} and {j} are linked at t = {self.t[frame]:.4g}")
+            raise NotResolvable(
+                f"samples leave open whether agents {i} and {j} are linked at t = {self.when(self.t[frame])}"
+            )
         return np.asarray(links[frame])
 
     @cached_property

@@ -132,6 +132,25 @@ class MotionEvidence(RunEvidence):
         return float(np.abs((d * v).sum(axis=1) / np.where(r > 0, r, 1.0)).max())
 
     @cached_property
+    def distance_rate_error(self) -> float:
+        """Error of `distance_rate` from that of the positions; 0 where they are exact.
+
+        The unit vector between two agents a distance r apart is off by at most 2 d / r, and never by more than 2, where
+        d is the error of the vector between them.
+        """
+        if not self.position_error:
+            return 0.0
+        i, j = np.triu_indices(self.run.n, 1)
+        if len(i) == 0:
+            return 0.0
+        q, p = self.q[-1], self.p[-1]
+        r = np.linalg.norm(self.displacement(q[j] - q[i]), axis=1)
+        speed = np.linalg.norm(p[j] - p[i], axis=1)
+        off = 2.0 * self.position_error * float(np.sqrt(q.shape[1]))
+        turned = np.minimum(2.0, 2.0 * off / np.where(r > 0, r, off))
+        return float((speed * turned).max())
+
+    @cached_property
     def equilibrium(self) -> Equilibrium:
         """Forces and stiffness of the potentials at the last frame."""
         self.need_few()

@@ -52,8 +52,8 @@ class RecordEvidence(ApproachEvidence):
             distance, (i, j) = closest_pair(State(self.q[k]), self.run.scenario.space)
             if distance < least:
                 return (
-                    f"agents {i} and {j} are {distance:.4g} apart at the frame of t = {self.t[k]:.4g}, and the run "
-                    f"records {found.distance:.4g} as the closest approach of all"
+                    f"agents {i} and {j} are {distance:.4g} apart at the frame of t = {self.when(self.t[k])}, and the "
+                    f"run records {found.distance:.4g} as the closest approach of all"
                 )
         return ""
 
@@ -75,6 +75,7 @@ class RecordEvidence(ApproachEvidence):
                 i, j = (int(agent) for agent in np.argwhere(wrong)[0])
                 what = "are linked" if self.frame_links[k, i, j] else "are not linked"
                 return (
-                    f"agents {i} and {j} {what} at the frame of t = {t:.4g}, to which the recorded switches do not lead"
+                    f"agents {i} and {j} {what} at the frame of t = {self.when(t)}, to which the recorded switches do "
+                    "not lead"
                 )
         return ""

@@ -12,7 +12,15 @@ from flocking.engine.archives.archive import NPZ_ERRORS
 from flocking.engine.storage.export_formats import missing_package
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
-from flocking.study.sample_files.samples import Columns, Samples, check_size, check_times, finite_array, reason
+from flocking.study.sample_files.samples import (
+    Columns,
+    Samples,
+    check_size,
+    check_times,
+    finite_array,
+    reason,
+    storage_rounding,
+)
 
 if TYPE_CHECKING:
     import gsd.hoomd
@@ -67,7 +75,8 @@ def read_npz(path: Path, columns: Columns) -> Samples:
         shapes = {columns.name(ours): values.shape for ours, values in checked.items()}
         raise InvalidInput(str(path), "arrays", "must agree in their numbers of times, agents and axes", shapes)
     check_times(path, t, f"array {columns.name('t')}")
-    return Samples(t, q, p, tuple(map(str, range(q.shape[1]))))
+    rounding = storage_rounding(arrays["q"]), storage_rounding(arrays.get("p"))
+    return Samples(t, q, p, tuple(map(str, range(q.shape[1]))), rounding)
 
 
 def read_gsd(path: Path, columns: Columns, time_step: float | None) -> Samples:
@@ -156,7 +165,10 @@ def _read_frames(path: Path, file: gsd.hoomd.HOOMDTrajectory, time_step: float |
             )  # fmt: skip
     check_times(path, t, "times of frames")
     place = finite_array(path, "position", q, 3)
-    return Samples(t, place, _velocities(path, p) if has_velocity else None, tuple(map(str, range(n))))
+    speed = _velocities(path, p) if has_velocity else None
+    # GSD files hold positions and velocities in single precision.
+    rounding = (0.0, 0.0) if own else (storage_rounding(q.astype(np.float32)), storage_rounding(p.astype(np.float32)))
+    return Samples(t, place, speed, tuple(map(str, range(n))), rounding)
 
 
 def _velocities(path: Path, p: Array) -> Array:

@@ -17,6 +17,7 @@ from flocking.model.terms.pair_terms import Consensus
 from flocking.study.claims.audit import Report, audit
 from flocking.study.claims.claims_without_law import claims_without_law
 from flocking.study.claims.general_claims import GENERAL
+from flocking.study.sample_files.jumps import largest_jump
 from flocking.study.sample_files.samples import LARGEST_FILE, Samples
 from flocking.study.sample_files.velocities import SPREADS, WINDOW, Velocities, smoothed_velocities
 from flocking.study.sample_files.velocity_check import doubted_velocities
@@ -120,10 +121,20 @@ def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: flo
 
 def _velocities(samples: Samples, *, discrete: bool) -> Velocities | None:
     """Velocities with errors: estimated ones, and given ones that the positions contradict; None for exact ones."""
-    if samples.p is None:
-        return smoothed_velocities(samples.t, samples.q)
-    # Agents in discrete time move along straight lines between updates, of which samples may see few.
-    return None if discrete else doubted_velocities(samples.t, samples.q, samples.p)
+    t, q, p, (place, speed) = samples.t, samples.q, samples.p, samples.rounding
+    if p is not None and discrete:
+        # Agents in discrete time move along straight lines between updates, of which samples may see few.
+        return None
+    found = (
+        smoothed_velocities(t, q, rounding=place) if p is None else doubted_velocities(t, q, p, rounding=(place, speed))
+    )
+    jump = largest_jump(t, q, p)
+    if jump is None:
+        return found
+    if found is None:
+        assert p is not None
+        found = Velocities(p, p, np.zeros_like(p), 0.0, GIVEN)
+    return replace(found, jump=jump.size, method=f"{found.method}; {jump.words}")
 
 
 def _with_errors(run: Run, found: Velocities | None, samples: Samples) -> Run:
@@ -131,7 +142,8 @@ def _with_errors(run: Run, found: Velocities | None, samples: Samples) -> Run:
     if found is None:
         given = GIVEN + FEW * (len(run.t) < WINDOW)
         return replace(run, provenance={**run.provenance, "velocities": given})
-    errors = {"position_error": SPREADS * found.noise, "velocity_error": float(found.error.max())}
+    place = max(SPREADS * found.noise, found.jump)
+    errors = {"position_error": place, "velocity_error": float(found.error.max())}
     described = found.method if samples.p is not None else _described(found)
     about = {**run.provenance, "velocities": described, **errors}
     fidelity = replace(run.fidelity, position_error=errors["position_error"], velocity_error=errors["velocity_error"])
@@ -148,7 +160,12 @@ def _described(found: Velocities) -> str:
 
 
 def _residual_changes(scenario: Scenario, run: Run, found: Velocities) -> float:
-    """Largest change of the ledger's residual under perturbations as large as the estimated errors."""
+    """Largest change of the ledger's residual under perturbations as large as the estimated errors.
+
+    Infinite where positions jump: distances, and energies with them, may be those of other agents or images.
+    """
+    if found.jump:
+        return float("inf")
     t, q, p = run.t, run.q, run.p
     motions = [(q, found.other)]
     draw = np.random.default_rng(0)
@@ -164,7 +181,7 @@ def _widened(run: Run, found: Velocities, change: float) -> Run:
     """The run with a ledger and approaches that may be off by what the estimated errors cause."""
     rule, near = run.fidelity.ledger, run.fidelity.approaches
     size = rule.size + change
-    moved = float(np.diff(run.t).max()) * 2.0 * float(found.error.max()) + 2.0 * SPREADS * found.noise
+    moved = float(np.diff(run.t).max()) * 2.0 * float(found.error.max()) + 2.0 * max(SPREADS * found.noise, found.jump)
     error = (near.error or 0.0) + float(np.sqrt(run.q.shape[2])) * moved
     fidelity = replace(run.fidelity, ledger=replace(rule, size=size), approaches=replace(near, error=error))
     return replace(run, fidelity=fidelity, provenance={**run.provenance, "ledger_error": size, "gap": error})

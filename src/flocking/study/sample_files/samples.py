@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from flocking.arrays import AnyArray
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import given_text
 from flocking.model.checks import Array
 from flocking.model.parts.values import nearest
 
@@ -35,12 +37,15 @@ class Samples:
         Velocities, shape (F, N, m); None where the file has none.
     names
         Names of the agents in the file, N of them.
+    rounding
+        Most that a coordinate of a position, and of a velocity, was rounded by in a file of less than double precision.
     """
 
     t: Array
     q: Array
     p: Array | None
     names: tuple[str, ...]
+    rounding: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -195,6 +200,19 @@ def finite_array(path: Path, name: str, values: object, ndim: int) -> Array:
     return found
 
 
+def storage_rounding(values: AnyArray | None) -> float:
+    """Most that storing rounded a value: half the spacing at the largest; 0 for double precision and whole numbers.
+
+    Parameters
+    ----------
+    values
+        The array as it was stored; None where there is none.
+    """
+    if values is None or values.dtype.kind != "f" or values.dtype.itemsize >= np.dtype(np.float64).itemsize:
+        return 0.0
+    return float(np.spacing(np.abs(values).max(initial=0.0))) / 2.0
+
+
 def check_times(path: Path, t: Array, name: str) -> None:
     """Refuse times that do not ascend.
 
@@ -218,7 +236,9 @@ def check_times(path: Path, t: Array, name: str) -> None:
     late = np.flatnonzero(np.diff(t) <= 0)
     if len(late):
         k = int(late[0]) + 1
-        raise InvalidInput(str(path), f"{name}, entry {k}", f"must be later than {t[k - 1]:g} before it", float(t[k]))
+        raise InvalidInput(
+            str(path), f"{name}, entry {k}", f"must be later than {given_text(t[k - 1])} before it", float(t[k])
+        )
 
 
 def number(path: Path, row: int, column: str, text: str) -> float:

@@ -5,16 +5,27 @@ from __future__ import annotations
 import csv
 from array import array as buffer
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import AnyArray
 from flocking.engine.storage.export_formats import missing_package
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
-from flocking.study.sample_files.samples import LARGEST_FILE, Columns, Samples, check_size, check_times, number, reason
+from flocking.study.sample_files.samples import (
+    LARGEST_FILE,
+    Columns,
+    Samples,
+    check_size,
+    check_times,
+    number,
+    reason,
+    storage_rounding,
+)
 
 if TYPE_CHECKING:
     from _csv import Reader
@@ -132,7 +143,12 @@ def read_parquet(path: Path, columns: Columns) -> Samples:
         raise
     except (pyarrow.ArrowException, OSError, MemoryError, LookupError, ValueError, OverflowError) as error:
         raise InvalidInput(str(path), "file", f"must be a Parquet table ({reason(error)})", path.name) from None
-    numbers = [_parquet_column(path, columns.name(ours), found.column(columns.name(ours))) for ours in needed]
+    stored = {ours: found.column(columns.name(ours)).to_numpy() for ours in needed}
+    numbers = [
+        _parquet_column(path, columns.name(ours), values, found.column(columns.name(ours)).type)
+        for ours, values in stored.items()
+    ]
+    place, speed = (max((storage_rounding(stored[k]) for k in names), default=0.0) for names in (axes, speeds))
     known: dict[str, int] = {}
     numbered = np.array([known.setdefault(str(x), len(known)) for x in listed], dtype=np.int64)
     if labels.null_count:
@@ -140,7 +156,8 @@ def read_parquet(path: Path, columns: Columns) -> Samples:
         raise InvalidInput(str(path), f"row {row + 1}, column {columns.name('id')}", "must name an agent", "nothing")
     agents = numbered[labels.indices.to_numpy()]
     rows = np.arange(1, len(agents) + 1)
-    return _pivoted(path, columns, np.stack(numbers, axis=1), agents, list(known), rows, len(axes), "row")
+    samples = _pivoted(path, columns, np.stack(numbers, axis=1), agents, list(known), rows, len(axes), "row")
+    return replace(samples, rounding=(place, speed))
 
 
 def _check_names(path: Path, where: str, names: list[str]) -> None:
@@ -167,10 +184,9 @@ def _is_label(kind: object) -> bool:
     return _is_number(plain) or any(is_one(plain) for is_one in texts)
 
 
-def _parquet_column(path: Path, name: str, column: object) -> Array:
-    values = column.to_numpy()  # type: ignore[attr-defined]
+def _parquet_column(path: Path, name: str, values: AnyArray, kind: object) -> Array:
     if values.dtype.kind not in "fiu":
-        raise InvalidInput(str(path), f"column {name}", "must hold numbers", str(getattr(column, "type", values.dtype)))
+        raise InvalidInput(str(path), f"column {name}", "must hold numbers", str(kind))
     found = values.astype(np.float64)
     wrong = np.flatnonzero(~np.isfinite(found))
     if len(wrong):

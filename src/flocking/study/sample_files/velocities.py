@@ -46,6 +46,8 @@ class Velocities:
         The same by the median over the samples, which moments at which forces jump do not raise.
     coarser_noise
         That from fits of a lower degree. They show the same noise, and far larger errors of truncation.
+    jump
+        Size of the largest jump of a coordinate of the positions (`flocking.study.sample_files.jumps`); 0 without one.
     """
 
     p: Array
@@ -55,6 +57,7 @@ class Velocities:
     method: str
     typical_noise: float = 0.0
     coarser_noise: float = np.inf
+    jump: float = 0.0
 
     @property
     def resolved_noise(self) -> float:
@@ -62,7 +65,7 @@ class Velocities:
         return self.typical_noise if self.typical_noise > SAME_NOISE * self.coarser_noise else 0.0
 
 
-def smoothed_velocities(t: Array, q: Array) -> Velocities:
+def smoothed_velocities(t: Array, q: Array, *, rounding: float = 0.0) -> Velocities:
     """Velocities of sampled positions by least squares (Savitzky and Golay, Anal. Chem. 36 (1964) 1627).
 
     A polynomial is fitted to the `WINDOW` samples nearest to each sample, which need not be evenly spaced; its slope is
@@ -74,6 +77,9 @@ def smoothed_velocities(t: Array, q: Array) -> Velocities:
         Times, ascending, shape (F,).
     q
         Positions, shape (F, N, m).
+    rounding
+        Most that a coordinate was rounded by where it was stored. Noise is taken to be no less: by the inequality of
+        Cauchy and Schwarz `SPREADS` times that, the root of `WINDOW`, contains all that rounding can do to a slope.
 
     Raises
     ------
@@ -87,7 +93,7 @@ def smoothed_velocities(t: Array, q: Array) -> Velocities:
         )  # fmt: skip
     slopes = {degree: _slopes(t, q, degree) for degree in sorted({d for pair in DEGREES for d in pair})}
     lower, highest = DEGREES[-1]
-    noise = float(np.sqrt(slopes[highest][2].mean()))
+    noise = max(float(np.sqrt(slopes[highest][2].mean())), rounding)
     typical_noise, coarser_noise = (float(np.sqrt(np.median(slopes[degree][2]))) for degree in (highest, lower))
     best = None
     for degree, higher in DEGREES:

@@ -17,7 +17,9 @@ EXACT = 1e-12
 """Noise below this share of the largest coordinate is rounding."""
 
 
-def doubted_velocities(t: Array, q: Array, p: Array) -> Velocities | None:
+def doubted_velocities(
+    t: Array, q: Array, p: Array, *, rounding: tuple[float, float] = (0.0, 0.0)
+) -> Velocities | None:
     """Given velocities, with their errors and the noise of the positions beside them; None where both count as exact.
 
     The error is what they differ by from the slopes of the positions, and of fewer than `WINDOW` samples from the mean
@@ -32,14 +34,17 @@ def doubted_velocities(t: Array, q: Array, p: Array) -> Velocities | None:
         Times, ascending, shape (F,).
     q, p
         Positions and velocities, shape (F, N, m).
+    rounding
+        Most that a coordinate of a position, and of a velocity, was rounded by where it was stored.
     """
     if len(t) < WINDOW:
         slopes, uncertain = _mean_velocities(t, q, p)
-        noise, of_velocities = 0.0, 0.0
+        noise, of_velocities = rounding
     else:
-        smoothed = smoothed_velocities(t, q)
+        smoothed = smoothed_velocities(t, q, rounding=rounding[0])
         slopes, uncertain = smoothed.p, smoothed.error
-        noise, of_velocities = _noise(smoothed, q), _noise(smoothed_velocities(t, p), p)
+        noise = max(_noise(smoothed, q), rounding[0])
+        of_velocities = max(_noise(smoothed_velocities(t, p), p), rounding[1])
     fastest = float(np.linalg.norm(slopes - slopes.mean(axis=1, keepdims=True), axis=2).max())
     off = np.abs(p - slopes)
     error = np.where(off > BEYOND * uncertain + TOLERATED * fastest, off, 0.0)

@@ -27,7 +27,7 @@ def linked_apart(e: Evidence) -> Measure:
     """Closest approach ever of two linked agents."""
     together = [found for found in e.coincidences if e.linked_together(*found)]
     if together:
-        return _at_one_point(*together[0])
+        return _at_one_point(e, *together[0])
     c = e.closest_linked
     return _apart(e, c) if np.isfinite(c.distance) else Measure(np.inf, 0.0, "no linked pair")
 
@@ -36,7 +36,7 @@ def linked_apart(e: Evidence) -> Measure:
 def all_apart(e: Evidence) -> Measure:
     """Closest approach ever of any two agents."""
     if e.coincidences:
-        return _at_one_point(*e.coincidences[0])
+        return _at_one_point(e, *e.coincidences[0])
     return _apart(e, e.closest)
 
 
@@ -61,12 +61,12 @@ def needs_filter(e: Evidence) -> str:
 def _apart(e: Evidence, c: Closest) -> Measure:
     note = f"no pair closer than {rounded_down(c.distance, 4)}"
     if c.pair[0] >= 0:
-        note = f"closest {c.distance:.4g} at t = {c.time:.3g} (agents {c.pair[0]}, {c.pair[1]})"
+        note = f"closest {c.distance:.4g} at t = {e.when(c.time, 3)} (agents {c.pair[0]}, {c.pair[1]})"
     if (agents := e.run.scenario.agents).summary and agents.ideal:
         note += f"; of {agents.summary}"
     return above(c.distance, 0.0, note, e.error_of(c))
 
 
-def _at_one_point(time: float, pair: tuple[int, int]) -> Measure:
+def _at_one_point(e: Evidence, time: float, pair: tuple[int, int]) -> Measure:
     """Two agents given at one point are not apart, whatever the error of the motion."""
-    return Measure(0.0, 0.0, f"agents {pair[0]} and {pair[1]} are at one point at t = {time:.3g}")
+    return Measure(0.0, 0.0, f"agents {pair[0]} and {pair[1]} are at one point at t = {e.when(time, 3)}")

@@ -72,9 +72,8 @@ def distances_settle(e: Evidence) -> Measure:
     def ratio(frame: int) -> float:
         return e.distance_rate_at(frame) / most if most > 0 else 0.0
 
-    found = limit_of(
-        e, SETTLED, ratio, lambda r: f"distances change at {r:.1e} of the first spread", error=_velocity_share(e)
-    )
+    error = _velocity_share(e) + (e.distance_rate_error / most if most > 0 else 0.0)
+    found = limit_of(e, SETTLED, ratio, lambda r: f"distances change at {r:.1e} of the first spread", error=error)
     if found.holds and not found.unsettled and e.path_about_mean < MOVED and not velocities_agree(e).holds:
         return replace(found, unsettled="velocities differ, and agents have hardly moved against each other")
     return found
@@ -100,7 +99,7 @@ def switching_stops(e: Evidence) -> Measure:
     quiet, possible = ((end - t) / (end - start) if end > start else 1.0 for t in (first, last))
     if quiet > LAST >= possible:
         return Measure(quiet - LAST, np.inf, e.doubt_note())
-    measured = above(quiet, LAST, f"last switch at t = {first:.4g}")
+    measured = above(quiet, LAST, f"last switch at t = {e.when(first)}")
     if not e.law.graph.moves:
         return measured
     agreement = velocities_agree(e)

@@ -63,7 +63,7 @@ def _when_apart(e: Evidence) -> str:
         flocks = f"; {e.flocks_at_end} flocks at the end"
     except NotResolvable:
         flocks = ""
-    return f"at t = {lost:.3g} of {end:g}{flocks}"
+    return f"at t = {e.when(lost, 3)} of {e.when(end, 6)}{flocks}"
 
 
 def _connected_as_computed(e: Evidence) -> Measure:
