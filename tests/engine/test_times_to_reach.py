@@ -55,3 +55,37 @@ def test_a_step_may_lie_just_before():
     assert time_to_reach("Session", np.float64(0.9), 1.0, 0.2) == 0.9
     with pytest.raises(InvalidInput):
         time_to_reach("Session", 0.7, 1.0, 0.2)
+
+
+def opened(kind, start=START, duration=1.0):
+    """A session of one of the worlds."""
+    engine = kind.split()[-1]
+    made = fk.Scenario(LAW, start, t_end=start.t + duration, frames=3, **WORLDS[kind])
+    return fk.start(made, **({"engine": engine} if engine in ("exact", "tiles") else {}))
+
+
+@pytest.mark.parametrize("seconds", [np.nan, "soon", None])
+@pytest.mark.parametrize("kind", WORLDS)
+def test_wall_time_that_is_no_number_is_refused_by_name(kind, seconds):
+    session = opened(kind)
+    with pytest.raises(InvalidInput, match="seconds "):
+        session.advance(1.0, seconds)
+    assert session.time == 0.0
+    session.advance(1.0, np.float32(np.inf))
+    assert session.time == 1.0
+
+
+@pytest.mark.parametrize("kind", ["exact", "delayed", "messages", "sampled"])
+def test_a_slice_does_not_end_where_its_time_only_rounds_to_the_end(kind):
+    """Times near 1e16 are 2 apart, those since the start are not: a run is finished with its last frame."""
+    start = replace(START, t=1e16)
+    session, complete = opened(kind, start, 4.0), opened(kind, start, 4.0)
+    for _ in range(1000):
+        if session.reached(start.t + 4.0):
+            break
+        session.advance(start.t + 4.0, 0.0)
+    complete.advance(start.t + 4.0)
+    run = session.run()
+    assert run.status == "finished"
+    assert run.t.tolist() == [1e16, 1e16 + 2.0, 1e16 + 4.0]
+    assert np.array_equal(run.q, complete.run().q)

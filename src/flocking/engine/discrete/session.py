@@ -17,7 +17,7 @@ from flocking.engine.discrete.law_in_force import DiscreteLaw, Known
 from flocking.engine.discrete.linked_pairs import Neighbours
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.fixed_step.threads import check_threads
-from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
+from flocking.engine.protocol.session import Packed, Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.runs.fidelity import Fidelity, LedgerRule
 from flocking.engine.runs.recorder import MOST_LINKED, Recorder
 from flocking.errors import NotFinite, SimulationError, UnsupportedLaw
@@ -144,7 +144,7 @@ class DiscreteSession(Session):
     def advance(self, to: float, seconds: float = math.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time."""
         to = time_to_reach("DiscreteSession", to, self.time)
-        stop, end = clock.monotonic() + seconds, self._instant(to)
+        stop, end = end_of_slice("DiscreteSession", seconds), self._instant(to)
         try:
             while True:
                 interruption.check()
@@ -157,7 +157,7 @@ class DiscreteSession(Session):
                 if at >= end:
                     break
                 self._tick(ticking)
-                if clock.monotonic() >= stop:
+                if self.time < to and clock.monotonic() >= stop:
                     return
             self._record_frames(end)
             self.time = to

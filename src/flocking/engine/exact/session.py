@@ -32,7 +32,7 @@ from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.exact.step_search import found_step
 from flocking.engine.exact.switch_records import write_rows, write_switch
 from flocking.engine.kernels.ledger_rows import DEPARTED, MORE, WORKED
-from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
+from flocking.engine.protocol.session import Packed, Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.reference.plants import known_plant
@@ -141,7 +141,7 @@ class ExactSession(AdaptiveSession):
         """Go on until time ``to``, or for ``seconds`` of wall time. Where steps fall depends on neither."""
         to = time_to_reach("ExactSession", to, self.time)
         own, end = (self._origin.own_time(t) for t in (to, self.scenario.t_end))
-        stop = time.monotonic() + seconds
+        stop = end_of_slice("ExactSession", seconds)
         try:
             while self._segment.t1 < own:
                 interruption.check()
@@ -150,8 +150,10 @@ class ExactSession(AdaptiveSession):
                 if block is None or block.segment is None:
                     self._take_step(None if block is None else block.tried)
                 check_resolved(self._dynamics, self._links, self._segment, self._stepper.tolerance)
-                if self._segment.t1 < own and time.monotonic() >= stop:
-                    self.time = max(self.time, self._origin.latest(self._segment.t1))
+                reached = max(self.time, self._origin.latest(self._segment.t1))
+                # Own times are finer than times: a slice that would round to ``to`` goes on until it is there.
+                if self._segment.t1 < own and reached < to and time.monotonic() >= stop:
+                    self.time = reached
                     self._record_frames(self._own_now)
                     return
             self.time = to

@@ -25,7 +25,7 @@ from flocking.engine.imperfect.pair_switches import pair_events, radial_speed
 from flocking.engine.imperfect.powers import SEVEN, Rule
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.imperfect.view_switches import view_events, views_of
-from flocking.engine.protocol.session import Session, Stored, time_to_reach
+from flocking.engine.protocol.session import Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import Recorder
@@ -209,7 +209,7 @@ class ImperfectSession(Session):
     def advance(self, to: float, seconds: float = math.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time."""
         to = time_to_reach(type(self).__name__, to, self.time)
-        stop, before, events = clock.monotonic() + seconds, (self.time, self.steps), 0
+        stop, before, events = end_of_slice(type(self).__name__, seconds), (self.time, self.steps), 0
         end = to - self._base
         last = self.scenario.t_end - self._base
         try:
@@ -235,6 +235,8 @@ class ImperfectSession(Session):
                     (self._change_gains if gains <= earliest else change)()
                 events += taken or 1
                 moved = (self.time, self.steps) != before or events >= MOST_AT_ONCE
+                # Seconds from the start are finer than times: a slice that would round to ``to`` goes on.
+                moved = moved and self.time < to
                 if moved and clock.monotonic() >= stop:  # a slice that ended at its first instant would seem stuck
                     return
             self.time = to

@@ -25,7 +25,7 @@ from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.records import LammpsRecorder
 from flocking.engine.lammps.restart import Restart, packed_restart, unpacked
 from flocking.engine.lammps.steps import check_ledger_rows, check_strides, chosen_step, step_too_large
-from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
+from flocking.engine.protocol.session import Packed, Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.plants import check_plant
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
@@ -222,7 +222,7 @@ class LammpsSession(Session):
         The first rank decides for all when the time is over, and whether Ctrl-C was pressed.
         """
         to = time_to_reach(type(self).__name__, to, -math.inf)
-        stop = time.monotonic() + seconds
+        stop = end_of_slice(type(self).__name__, seconds)
         try:
             with self.ranks.bound():
                 while not self.reached(to):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import time as clock
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -84,6 +85,32 @@ def time_to_reach(owner: str, to: float, now: float, slack: float = 0.0) -> floa
     return found
 
 
+def end_of_slice(owner: str, seconds: float) -> float:
+    """When a slice of some wall time that begins now is over, on the clock `time.monotonic`.
+
+    Parameters
+    ----------
+    owner
+        The class of the session, for messages.
+    seconds
+        Wall time of the slice; one that is not positive is over at once.
+
+    Raises
+    ------
+    InvalidInput
+        When ``seconds`` is not a number.
+    """
+    try:
+        found = float(seconds)
+    except (TypeError, ValueError):
+        found = math.nan
+    if math.isnan(found):
+        raise InvalidInput(
+            owner, "seconds", "must be a number of seconds of wall time", seconds, "Leave it out for no limit."
+        )
+    return clock.monotonic() + found
+
+
 class Session(ABC):
     """A running simulation at some time, from which it can be advanced.
 
@@ -133,7 +160,7 @@ class Session(ABC):
         SimulationError
             When the run cannot go on; its ``run`` holds what was computed until then.
         InvalidInput
-            When ``to`` lies in the past.
+            When ``to`` lies in the past, or ``seconds`` is not a number.
         """
 
     @property

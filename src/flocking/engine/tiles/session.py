@@ -19,7 +19,7 @@ from flocking.engine.fixed_step.step_checks import RESIDUAL, step_too_large
 from flocking.engine.fixed_step.step_counts import is_reached, steps_between
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.layout import Layout
-from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
+from flocking.engine.protocol.session import Packed, Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
@@ -222,7 +222,7 @@ class TilesSession(Session):
     def advance(self, to: float, seconds: float = np.inf) -> None:
         """Take steps until the session's time is at or just beyond ``to``, or for ``seconds`` of wall time."""
         to = time_to_reach("TilesSession", to, self.time, self.step)
-        stop = time.monotonic() + seconds
+        stop = end_of_slice("TilesSession", seconds)
         try:
             while not self.reached(to):
                 interruption.check()

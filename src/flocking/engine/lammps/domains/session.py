@@ -27,7 +27,7 @@ from flocking.engine.lammps.domains.options import DomainOptions
 from flocking.engine.lammps.domains.particles import RankParticles
 from flocking.engine.lammps.ledger import observed_state
 from flocking.engine.lammps.ranks import Ranks
-from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
+from flocking.engine.protocol.session import Packed, Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.runs.frame_parts import FramePart
 from flocking.engine.runs.recorder import MOST_LINKED
 from flocking.engine.tiles import checks
@@ -130,7 +130,7 @@ class DomainSession(TilesSession):
         The first rank decides for all when the time is over, and whether Ctrl-C was pressed.
         """
         to = time_to_reach("DomainSession", to, self.time, self.step)
-        stop, particles = time.monotonic() + seconds, self._particles
+        stop, particles = end_of_slice("DomainSession", seconds), self._particles
         try:
             with self.ranks.bound():
                 while not self.reached(to):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping
 
 import numpy as np
@@ -18,7 +17,7 @@ from flocking.engine.lammps.domains.session import INTERRUPTED, TIME_IS_OVER, Do
 from flocking.engine.lammps.held.checkpoint import Carried, HeldRankFields, pack_held_ranks, unpacked
 from flocking.engine.lammps.held.particles import HeldRankParticles
 from flocking.engine.lammps.ranks import Ranks
-from flocking.engine.protocol.session import Packed, Stored, time_to_reach
+from flocking.engine.protocol.session import Packed, Stored, end_of_slice, time_to_reach
 from flocking.engine.runs.recorder import MOST_LINKED
 from flocking.engine.tiles.held.held_ledger import HeldLedger
 from flocking.engine.tiles.held.session import HeldTilesSession
@@ -92,7 +91,7 @@ class HeldDomainSession(DomainSession, HeldTilesSession):
         The first rank decides for all when the time is over, and whether Ctrl-C was pressed.
         """
         to = time_to_reach("DomainSession", to, self.time, self.step * ON_STEP)
-        stop, particles = time.monotonic() + seconds, self._particles
+        stop, particles = end_of_slice("DomainSession", seconds), self._particles
         try:
             with self.ranks.bound():
                 while self._reaches_next(to):

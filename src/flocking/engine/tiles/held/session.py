@@ -13,7 +13,7 @@ from flocking.arrays import Links, Numbers32
 from flocking.engine import interruption
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.protocol.body_chains import of_points, point_of
-from flocking.engine.protocol.session import Packed, Session, Stored, time_to_reach
+from flocking.engine.protocol.session import Packed, Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.protocol.waiting_forces import put
 from flocking.engine.protocol.world import check_nanoseconds
 from flocking.engine.tiles import automatic_step, checks
@@ -140,7 +140,7 @@ class HeldTilesSession(HeldTruth):
     def advance(self, to: float, seconds: float = np.inf) -> None:
         """Take steps until time ``to``, or for ``seconds`` of wall time; frames lie anywhere between."""
         to = time_to_reach("TilesSession", to, self.time, self.step * ON_STEP)
-        stop = time.monotonic() + seconds
+        stop = end_of_slice("TilesSession", seconds)
         try:
             while self._reaches_next(to):
                 interruption.check()
