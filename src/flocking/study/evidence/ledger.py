@@ -35,7 +35,9 @@ ROUNDING, INTERPOLATION_ROUNDING = 1e-12, 1e-9
 """Rounding of a computed ledger and of one integrated over samples, as shares of the largest energy."""
 
 SMALLEST = 1e-14
-"""Smallest bound of a residual, for runs without energy."""
+"""Smallest bound of a residual, for runs without energy. It depends on the unit of energy: no verdict rests on it where
+it alone lets a residual pass.
+"""
 
 
 class LedgerEvidence(LinkEvidence):
@@ -99,7 +101,7 @@ class LedgerEvidence(LinkEvidence):
         if not self.sampled:
             if self.ledger_bound < self.residual <= self.explained_residual:
                 return f"{self._ledger_sizes}, and the integration error explains {self.explained_residual:.1e}"
-            return ""
+            return self._tiny_energies
         if not self.ledger_bound <= RESIDUAL * self.energy_moved:
             return (
                 f"samples too far apart for a ledger: {self.ledger_bound:.1e} may be missing of the "
@@ -112,6 +114,28 @@ class LedgerEvidence(LinkEvidence):
         if self.ledger_bound < self.residual <= DOUBT * self.ledger_bound:
             return f"{self._ledger_sizes}, and the bound is only an estimate for samples this far apart"
         return ""
+
+    @property
+    def _tiny_energies(self) -> str:
+        """Why a residual is inconclusive that is small in the unit of energy but not beside the energies; else empty.
+
+        Rounding explains a residual of `SMALLEST` where energies of order 1 nearly cancel, so that it does not refute
+        the law either.
+        """
+        if self.fidelity.ledger.kind not in ("tolerance", "share"):
+            return ""
+        size = self._largest_energy + self.energy_moved
+        if not self.ledger_bound - SMALLEST < self.residual <= self.ledger_bound:
+            return ""
+        if self.residual <= MOST_EXPLAINED * size:
+            return ""
+        # Energies of agents that stay where they are, but for rounding, are rounding as well.
+        if len(self.q) and np.abs(self.q - self.q[0]).max() <= ROUNDING * np.abs(self.q).max():
+            return ""
+        return (
+            f"ledger residual {self.residual:.1e} of energies of {size:.1e}: residuals below {SMALLEST:g} decide "
+            "nothing; choose units in which energies are larger"
+        )
 
     @cached_property
     def residual(self) -> float:
