@@ -121,8 +121,8 @@ def first_all_above(g: Array) -> float:
 def smallest_value(g: Array, below: float) -> tuple[float, float]:
     """Smallest value of a Bernstein polynomial on [0, 1] if it is less than ``below``, and where.
 
-    Returns ``(below, NEVER)`` when it is proved not to be, and (NaN, 0) where a coefficient is NaN. The value is exact
-    to `FINEST` of its size.
+    Returns ``(below, NEVER)`` when it is proved not to be, and (NaN, 0) where a coefficient is not finite. The
+    value is exact to `FINEST` of its size.
 
     Parameters
     ----------
@@ -135,9 +135,9 @@ def smallest_value(g: Array, below: float) -> tuple[float, float]:
     width = np.empty(_DEPTH)
     for k in range(size):
         stack[0, k] = g[k]
-        # Of NaN no half would ever be left out.
-        if g[k] != g[k]:
-            return g[k], 0.0
+        # Of these no half would ever be left out.
+        if not np.isfinite(g[k]):
+            return np.nan, 0.0
     begin[0], width[0] = 0.0, 1.0
     top = 0
     best, where = below, NEVER

@@ -237,8 +237,9 @@ def test_what_is_no_number_is_never_above(place: int) -> None:
 
 def test_a_search_of_what_is_no_number_ends() -> None:
     """Halves of it are no numbers either, so that none would ever be left out."""
-    best, x = smallest_value(np.array([1.0, np.nan, 2.0]), np.inf)
-    assert np.isnan(best)
-    assert x == 0.0
+    for bad in ([1.0, np.nan, 2.0], [np.inf] * 3, [1.0, -np.inf, 2.0]):
+        best, x = smallest_value(np.array(bad), np.inf)
+        assert np.isnan(best)
+        assert x == 0.0
     assert first_above(np.full(8, np.nan)) < 1.0
     assert first_all_above(np.full((2, 8), np.nan)) == NEVER
