@@ -173,7 +173,7 @@ docs: $(DOCS_READY)
 # Every page of it in Chromium, wide and as on a phone, light and dark: accessible, no picture missing, nothing cut off. Of the
 # pages of the library by name a sample.
 docs-check: docs $(BROWSER_READY)
-	DOCS_OUT=$(DOCS_OUT) $(BIN)/python -m pytest -m built_docs -p no:xdist tests/docs/test_built_pages.py $(PYTEST_ARGS)
+	DOCS_OUT=$(DOCS_OUT) $(BIN)/python -m pytest -m built_docs -p no:xdist tests/docs $(PYTEST_ARGS)
 
 $(DOCS_READY): $(READY) docs/requirements.txt
 	$(BIN)/python -m pip install --quiet --requirement docs/requirements.txt

@@ -18,7 +18,6 @@ LEFT_OUT = {
     "tests/conftest.py": "no tests",
     "tests/contracts/test_own_bodies.py": "runs a program to its end, without limit",
     "tests/contracts/test_own_parts.py": "runs a program to its end, without limit",
-    "tests/docs/test_pages.py": "runs a command to its end; the limit of 50 minutes is for one that hangs",
     "tests/engine/c_export": "runs compilers to their end, without limit",
     "tests/engine/exact/test_first_frame.py": "runs programs to their end, without limit",
     "tests/engine/exact/events/loop_faults.py": "no tests: runs tests to their end, without limit",
