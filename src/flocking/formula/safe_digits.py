@@ -14,7 +14,7 @@ DIGITS = 9
 EXACT_DIGITS = 15
 """Most digits with which a number and its text are each other's: a property of double precision."""
 EVERY_DIGIT = 17
-"""Digits that tell every two doubles apart: a property of double precision."""
+"""Digits with which every two doubles differ: a property of double precision."""
 REGULAR = (1e-290, 1e300)
 """Sizes between which a double has all its digits and its text can be rounded away without an overflow."""
 
@@ -108,7 +108,7 @@ def time_text(time: SupportsFloat, first: SupportsFloat, last: SupportsFloat, di
     first, last
         Start and end of the run.
     digits
-        Digits of a time of a run that begins at zero. As many more as it takes for others to tell its times apart.
+        Digits of a time of a run that begins at zero. Times of other runs have as many more as make them differ.
     """
     latest, span = max(abs(float(first)), abs(float(last))), float(last) - float(first)
     later = math.ceil(math.log10(latest / span)) if 0.0 < span < latest < math.inf else 0
