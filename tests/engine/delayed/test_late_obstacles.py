@@ -21,7 +21,7 @@ from flocking.engine.delayed.stepping import DelayedSteps
 from flocking.engine.protocol.session import Stored
 from flocking.model.potentials.bumps import Bump
 from tests.engine.delayed.plain_delays import PlainDelays
-from tests.engine.delayed.test_sessions import same
+from tests.engine.delayed.test_sessions import check_going_on, same
 from tests.engine.sampled.test_obstacles import BALL, RANGE, alone, ball_force, by_hand
 
 # One agent and a wall: the delayed oscillator.
@@ -422,14 +422,7 @@ def test_moments_and_stored_runs_give_the_same_bits(name, tmp_path):
     whole = fk.simulate(made, progress=False)
     assert (whole.switches["kind"] == "obstacle").any()
     # Where the known range is crossed a step ends: a moment at it and beside it.
-    for at in (0.4, float(whole.trace["time"][len(whole.trace) // 2])):
-        early = fk.start(made)
-        early.advance(at)
-        again = early.moment()()
-        again.advance(1.0)
-        assert same(again.run(), whole)
-    stored = fk.simulate(made, save=tmp_path / "run", progress=False)
-    assert same(fk.read_run(tmp_path / "run"), stored)
+    check_going_on(made, whole, (0.4, float(whole.trace["time"][len(whole.trace) // 2])), tmp_path)
 
 
 @pytest.mark.parametrize("name", WORLDS)

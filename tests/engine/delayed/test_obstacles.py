@@ -7,7 +7,7 @@ import flocking as fk
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.protocol.session import Stored
 from tests.engine.delayed.plain_delays import PlainDelays
-from tests.engine.delayed.test_sessions import same
+from tests.engine.delayed.test_sessions import check_going_on
 
 START = fk.State([[0.9, 0.0], [1.4, 1.1], [0.3, 0.8]], [[1.2, 0.1], [1.0, -0.2], [1.3, 0.0]])
 
@@ -76,14 +76,7 @@ def test_obstacles_beside_late_neighbours():
 def test_pieces_moments_and_stored_runs_give_the_same_bits(body, tmp_path):
     made = scenario(fk.Hysteresis(2.0, 0.3), "1.5*(r - 1)**2/2", bodies=body, t_end=1.0)
     whole = fk.simulate(made, progress=False)
-    for at in (0.0, 0.2, 0.4, 0.7):
-        early = fk.start(made)
-        early.advance(at)
-        again = early.moment()()
-        again.advance(1.0)
-        assert same(again.run(), whole)
-    stored = fk.simulate(made, save=tmp_path / "run", progress=False)
-    assert same(fk.read_run(tmp_path / "run"), stored)
+    check_going_on(made, whole, (0.0, 0.2, 0.4, 0.7), tmp_path)
 
 
 def test_crafted_ranges_are_refused():

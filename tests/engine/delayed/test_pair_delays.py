@@ -16,7 +16,7 @@ from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.study.margins.quantities import quantities
 from tests.engine.delayed.plain_delays import PlainDelays
 from tests.engine.delayed.test_independent import random_world
-from tests.engine.delayed.test_sessions import LAW, same, scenario
+from tests.engine.delayed.test_sessions import LAW, check_going_on, same, scenario
 
 SPRING = fk.Gradient(fk.Potential("r**2/2"))
 
@@ -172,14 +172,7 @@ def test_pieces_moments_stored_runs_and_files_give_the_same_bits(late, tmp_path)
     for t in np.linspace(0.01, 0.8, 13):
         session.advance(float(t))
     assert same(session.run(), whole)
-    for at in (0.0, 0.03, 0.4123):
-        early = fk.start(made)
-        early.advance(at)
-        again = early.moment()()
-        again.advance(0.8)
-        assert same(again.run(), whole)
-    stored = fk.simulate(made, save=tmp_path / "run", progress=False)
-    assert same(fk.read_run(tmp_path / "run"), stored)
+    check_going_on(made, whole, (0.0, 0.03, 0.4123), tmp_path)
     fk.write_scenario(made, tmp_path / "world.toml")
     read = fk.read_scenario(tmp_path / "world.toml")
     assert read.information == made.information

@@ -21,6 +21,18 @@ def same(a, b):
     )  # fmt: skip
 
 
+def check_going_on(made, whole, times, folder):
+    """Sessions that go on from moments at some times, and a run that is stored, have the bits of the whole run."""
+    for at in times:
+        early = fk.start(made)
+        early.advance(at)
+        again = early.moment()()
+        again.advance(made.t_end)
+        assert same(again.run(), whole)
+    stored = fk.simulate(made, save=folder / "run", progress=False)
+    assert same(fk.read_run(folder / "run"), stored)
+
+
 @pytest.mark.parametrize("late", [False, True])
 def test_pieces_moments_and_stored_runs_give_the_same_bits(late, tmp_path):
     made = scenario(information=fk.Delayed(0.08, self_delayed=late))
@@ -32,14 +44,7 @@ def test_pieces_moments_and_stored_runs_give_the_same_bits(late, tmp_path):
     for t in np.linspace(0.01, 1.5, 23):
         session.advance(float(t))
     assert same(session.run(), whole)
-    for at in (0.0, 0.03, 0.7123):
-        early = fk.start(made)
-        early.advance(at)
-        again = early.moment()()
-        again.advance(1.5)
-        assert same(again.run(), whole)
-    stored = fk.simulate(made, save=tmp_path / "run", progress=False)
-    assert same(fk.read_run(tmp_path / "run"), stored)
+    check_going_on(made, whole, (0.0, 0.03, 0.7123), tmp_path)
     fk.write_scenario(made, tmp_path / "world.toml")
     assert same(fk.simulate(fk.read_scenario(tmp_path / "world.toml"), progress=False), whole)
 
