@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.study.claims.conclusions.energy import energy_continuous
+from flocking.study.claims.conclusions.energy import energy_continuous, momentum_drift
 from flocking.study.evidence import Evidence
 
 UNITS = [(1e-9, 1e-3), (1e-15, 1.0), (1.0, 1e-8)]
@@ -71,3 +73,37 @@ def test_a_jump_as_large_as_the_energy_is_not_called_continuous(unit, holds, dec
     found = energy_continuous(Evidence(run))
     assert (found.margin - found.error > 0.0) == holds
     assert (abs(found.margin) > found.error) == decided
+
+
+@pytest.mark.parametrize(("unit", "holds", "decided"), [(1.0, False, True), (1e-10, False, False)])
+def test_a_mean_velocity_that_is_lost_is_not_called_constant(unit, holds, decided):
+    """Damping takes nine tenths of the mean velocity."""
+    law = fk.Law(fk.Complete(), [fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[unit, 0.0], [0.5 * unit, 0.0]])
+    scenario = fk.Scenario(law, start, t_end=float(np.log(10.0)), frames=11, agents=fk.PointMass(damping=1.0))
+    found = momentum_drift(Evidence(fk.simulate(scenario, engine="exact", progress=False)))
+    assert (found.margin - found.error > 0.0) == holds
+    assert (abs(found.margin) > found.error) == decided
+
+
+def test_a_mean_velocity_that_stays_is_called_constant_in_all_units():
+    for unit in (1.0, 1e-10):
+        start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[unit, 0.0], [0.5 * unit, 0.0]])
+        run = fk.simulate(fk.Scenario(fk.Law(fk.Complete(), [fk.Consensus(1.0)]), start, t_end=1.0), progress=False)
+        found = momentum_drift(Evidence(run))
+        assert found.margin > found.error
+
+
+@pytest.mark.parametrize(("unit", "decided"), [(1.0, True), (1e-9, False)])
+def test_frames_that_were_changed_are_not_the_ledgers_in_small_units(unit, decided):
+    """Velocities of the last frame are halved: a quarter of the kinetic energy is left, however small it was."""
+    law = fk.Law(fk.Complete(), [fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[unit, 0.0], [0.5 * unit, 0.0]])
+    run = fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=5), engine="exact", progress=False)
+    assert Evidence(run).foreign_motion == ""
+    p = run.p.copy()
+    p[-1] *= 0.5
+    changed = dataclasses.replace(run, p=p)
+    assert "ledger records" in Evidence(changed).foreign_motion
+    assert ("units" in Evidence(changed).foreign_motion) == (not decided)
+    assert str(fk.audit(changed)["ledger"].verdict) == "not resolved"

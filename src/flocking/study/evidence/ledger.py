@@ -39,6 +39,9 @@ SMALLEST = 1e-14
 it alone lets a residual pass.
 """
 
+TOO_SMALL = f"differences below {SMALLEST:g} decide nothing; choose units in which energies are larger"
+"""Why a difference of energies is inconclusive."""
+
 
 class LedgerEvidence(LinkEvidence):
     """Whether the declared law explains the energy of the motion."""
@@ -127,15 +130,9 @@ class LedgerEvidence(LinkEvidence):
         size = self._largest_energy + self.energy_moved
         if not self.ledger_bound - SMALLEST < self.residual <= self.ledger_bound:
             return ""
-        if self.residual <= MOST_EXPLAINED * size:
+        if self.residual <= MOST_EXPLAINED * size or self._at_rest:
             return ""
-        # Energies of agents that stay where they are, but for rounding, are rounding as well.
-        if len(self.q) and np.abs(self.q - self.q[0]).max() <= ROUNDING * np.abs(self.q).max():
-            return ""
-        return (
-            f"ledger residual {self.residual:.1e} of energies of {size:.1e}: residuals below {SMALLEST:g} decide "
-            "nothing; choose units in which energies are larger"
-        )
+        return f"ledger residual {self.residual:.1e} of energies of {size:.1e}: {TOO_SMALL}"
 
     @cached_property
     def residual(self) -> float:
@@ -189,9 +186,17 @@ class LedgerEvidence(LinkEvidence):
             compared["energy"] = found.storage + found.kinetic + apart * scenario.energy.unlinked, rows["energy"]
         size = self._largest_energy + float(self.trace["kinetic"].max()) + self.energy_moved
         for name, (energy, recorded) in compared.items():
-            if not np.abs(recorded - energy).min() <= SLACK * size + SMALLEST:
-                return f"the last frame has the {name} {energy:.9g}, and the ledger records {recorded[-1]:.9g} there"
+            gap = float(np.abs(recorded - energy).min())
+            if gap <= SLACK * size or (gap <= SMALLEST and self._at_rest):
+                continue
+            found = f"the last frame has the {name} {energy:.9g}, and the ledger records {recorded[-1]:.9g} there"
+            return found if not gap <= SMALLEST else f"{found}; {TOO_SMALL}"
         return ""
+
+    @property
+    def _at_rest(self) -> bool:
+        """Whether agents stay where they are but for rounding, so that their energies are rounding as well."""
+        return bool(len(self.q) and np.abs(self.q - self.q[0]).max() <= ROUNDING * np.abs(self.q).max())
 
     @property
     def foreign_force(self) -> str:
