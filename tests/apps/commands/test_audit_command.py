@@ -83,6 +83,26 @@ def test_wrong_input_is_one_sentence(place, capsys, monkeypatch, words, message)
     assert shown.count("\n") == 1
 
 
+def test_columns_that_are_not_read_are_named(tmp_path, capsys):
+    table = ["t,id,x,y,v_x,\x1b[31mv_y", *(f"{t},{i},{i},{t},0,1" for t in range(9) for i in range(2))]
+    (tmp_path / "a.csv").write_text("\n".join(table))
+    np.savez(tmp_path / "a.npz", t=np.arange(9.0), q=np.arange(36.0).reshape(9, 2, 2), velocities=np.ones((9, 2, 2)))
+    for name, left in (("a.csv", ["v_x", "x1b[31mv_y"]), ("a.npz", ["velocities"])):
+        assert main(["audit", str(tmp_path / name)]) in (0, 1)
+        printed = capsys.readouterr().out
+        assert "not read" in printed
+        assert "\x1b" not in printed
+        assert main(["audit", str(tmp_path / name), "--json"]) in (0, 1)
+        found = json.loads(capsys.readouterr().out)["not read"]
+        assert all(part in found for part in left)
+
+
+def test_of_files_that_are_read_whole_nothing_is_left(place, capsys):
+    for name, options in (("birds.csv", COLUMNS), ("birds.npz", [])):
+        main(["audit", str(place / name), *options])
+        assert "not read" not in capsys.readouterr().out
+
+
 def test_what_agents_used_is_computed_again(tmp_path, capsys):
     law = fk.Law(fk.Proximity(4.0), [fk.Consensus(1.0)])
     begin = fk.start.box(4, side=1.0, speed=1.0, seed=1)

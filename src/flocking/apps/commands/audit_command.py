@@ -25,6 +25,9 @@ FINE, DIFFERENT = 0, 1
 MOST_NAMED = 20
 """Agents whose names are printed beside their numbers, a convention: as many as fit on a few lines."""
 
+LONGEST_NAME = 60
+"""Characters of the name of a column that are printed, a convention."""
+
 
 def audit(
     source: Path,
@@ -190,13 +193,21 @@ def _facts(path: Path, samples: Samples, motion: SampledMotion, law: str | None)
 
     t, q = samples.t, samples.q
     first, last = (time_text(time, t[0], t[-1], 6) for time in (t[0], t[-1]))
+    unused = {"not read": _listed(samples.unused)} if samples.unused else {}
     return {
         "file": str(path),
         "agents": f"{q.shape[1]} in {q.shape[2]} dimension{'s' if q.shape[2] > 1 else ''}{_numbers(samples.names)}",
         "samples": f"{len(t)} from t = {first} to {last}",
         "velocities": str(motion.run.provenance["velocities"]),
+        **unused,
         "law": law or "none declared: only claims that need none are judged",
     }
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    """Names of columns or arrays of a file in a bounded text."""
+    rest = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(repr(name[:LONGEST_NAME]) for name in names[:MOST_NAMED]) + rest
 
 
 def _numbers(names: tuple[str, ...]) -> str:

@@ -76,7 +76,7 @@ def read_npz(path: Path, columns: Columns) -> Samples:
         raise InvalidInput(str(path), "arrays", "must agree in their numbers of times, agents and axes", shapes)
     check_times(path, t, f"array {columns.name('t')}")
     rounding = storage_rounding(arrays["q"]), storage_rounding(arrays.get("p"))
-    return Samples(t, q, p, tuple(map(str, range(q.shape[1]))), rounding)
+    return Samples(t, q, p, tuple(map(str, range(q.shape[1]))), rounding, columns.unused(arrays, names))
 
 
 def read_gsd(path: Path, columns: Columns, time_step: float | None) -> Samples:

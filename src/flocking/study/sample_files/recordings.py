@@ -64,6 +64,7 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
     except ImportError as error:
         raise missing_package(str(error.name).split(".")[0], "MCAP", "nodes") from None
     rows: dict[str, list[Array]] = {}
+    names: list[str] = []
     try:
         for data in _messages(path):
             found = json.loads(data)
@@ -103,7 +104,7 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
     if p is not None and p.shape != q.shape:
         raise InvalidInput(str(path), columns.name("p"), f"must have the shape of q, {q.shape}", p.shape)
     check_times(path, t, f"field {columns.name('t')}")
-    return Samples(t, q, p, tuple(map(str, range(q.shape[1]))))
+    return Samples(t, q, p, tuple(map(str, range(q.shape[1]))), unused=columns.unused(rows, names))
 
 
 def _numbers(path: Path, name: str, message: Mapping[str, object]) -> Array:

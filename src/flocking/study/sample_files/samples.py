@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,6 +39,8 @@ class Samples:
         Names of the agents in the file, N of them.
     rounding
         Most that a coordinate of a position, and of a velocity, was rounded by in a file of less than double precision.
+    unused
+        Names of columns or arrays of the file that were not read.
     """
 
     t: Array
@@ -46,6 +48,7 @@ class Samples:
     p: Array | None
     names: tuple[str, ...]
     rounding: tuple[float, float] = (0.0, 0.0)
+    unused: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,19 @@ class Columns:
         name = self.name(ours)
         fix = f"{nearest(name, found[:MOST_COMPARED])} Name it with --column {ours}=NAME."
         return InvalidInput(str(self.path), f"column {name}", f"must be in the file ({ours})", found, fix)
+
+    def unused(self, read: Iterable[str], found: list[str]) -> tuple[str, ...]:
+        """Names of columns of the file that are not read.
+
+        Parameters
+        ----------
+        read
+            Our names of those that are.
+        found
+            Columns of the file.
+        """
+        names = {self.name(ours) for ours in read}
+        return tuple(name for name in found if name not in names)
 
     def present(self, ours: str, found: list[str]) -> bool:
         """Whether the file has a column; one that the user named must be there.

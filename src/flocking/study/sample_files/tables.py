@@ -91,7 +91,8 @@ def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
             check_size(path, len(values) * values.itemsize, f"the numbers up to line {lines.line_num}")
     table = np.frombuffer(values, dtype=np.float64).reshape(-1, len(needed)) if values else np.zeros((0, len(needed)))
     rows = np.array(numbers, dtype=np.int64)
-    return _pivoted(path, columns, table, np.array(agents, dtype=np.int64), list(known), rows, len(axes), "line")
+    samples = _pivoted(path, columns, table, np.array(agents, dtype=np.int64), list(known), rows, len(axes), "line")
+    return replace(samples, unused=columns.unused([*needed, "id"], header))
 
 
 def read_parquet(path: Path, columns: Columns) -> Samples:
@@ -157,7 +158,7 @@ def read_parquet(path: Path, columns: Columns) -> Samples:
     agents = numbered[labels.indices.to_numpy()]
     rows = np.arange(1, len(agents) + 1)
     samples = _pivoted(path, columns, np.stack(numbers, axis=1), agents, list(known), rows, len(axes), "row")
-    return replace(samples, rounding=(place, speed))
+    return replace(samples, rounding=(place, speed), unused=columns.unused([*needed, "id"], names))
 
 
 def _check_names(path: Path, where: str, names: list[str]) -> None:
