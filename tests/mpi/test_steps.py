@@ -116,3 +116,16 @@ def test_what_lammps_says_on_one_rank_alone_ends_the_job_without_a_traceback(tmp
     assert "rank 1 of 2" in done.stderr
     assert "would do" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("forces", ["kernels", "pair styles"])
+@pytest.mark.parametrize("body", [fk.PointMass(), fk.SingleIntegrator()], ids=["order 2", "order 1"])
+def test_agents_at_rest_at_their_distances_stay(body, forces):
+    """Their energies are what rounding makes of zero: no step is too large for them."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Gradient(fk.Potential("(r - 0.7)**2/2"))])
+    q = np.stack([0.7 * np.arange(40.0), np.zeros(40)], axis=1)
+    scenario = fk.Scenario(law, fk.State(q), t_end=1.0, frames=3, agents=body)
+    run = fk.simulate(scenario, engine="lammps", step=0.01, forces=forces, progress=False)
+    assert run.finished
+    assert np.abs(run.q - q).max() < 1e-14
+    assert str(fk.audit(run)["ledger"].verdict) in ("holds", "not resolved")

@@ -6,6 +6,7 @@ import numpy as np
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import time_text
 from flocking.model.checks import Array, number
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.state import State
@@ -38,7 +39,8 @@ def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> i
         time = number("show", "time", time)
         slack = SAME_TIME * max(1.0, abs(time))
         if not run.t[0] - slack <= time <= run.t[-1] + slack:
-            raise InvalidInput("show", "time", f"must be in the run, from {run.t[0]:g} to {run.t[-1]:g}", time)
+            first, last = (time_text(t, run.t[0], run.t[-1], 6) for t in (run.t[0], run.t[-1]))
+            raise InvalidInput("show", "time", f"must be in the run, from {first} to {last}", time)
         return int(np.argmin(np.abs(run.t - time)))
     frame = -1 if frame is None else frame
     if not -count <= frame < count:

@@ -10,6 +10,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.runs.run import Run
+from flocking.formula.safe_digits import time_text
 from flocking.model import observables
 from flocking.model.graphs.connectivity import Links, components
 from flocking.model.space import Space
@@ -25,6 +26,7 @@ def summary(run: Run) -> dict[str, Any]:
         "status": run.status,
         "agents": run.n,
         "dimension": int(run.q.shape[2]),
+        "begun": float(run.scenario.start.t),
         "time": float(run.t[last]) if last >= 0 else None,
         "frames": len(run.t),
         "switches": {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)},
@@ -51,7 +53,10 @@ def summary(run: Run) -> dict[str, Any]:
             found["time"] = float(seen["time"][-1])
     closest = run.closest
     if math.isfinite(closest.distance):
-        found["closest"] = {"distance": closest.distance, "time": closest.time, "pair": list(closest.pair)}
+        found["closest"] = {
+            "distance": closest.distance, "time": closest.time, "pair": list(closest.pair),
+            "of": run.fidelity.approaches.pairs,
+        }  # fmt: skip
     if len(run.trace):
         energy = run.trace["energy"]
         found["energy"] = {"start": float(energy[0]), "end": float(energy[-1])}
@@ -139,13 +144,18 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
     switches = ", ".join(f"{count} {kind}" for kind, count in found["switches"].items())
     closest, energy = found.get("closest"), found.get("energy")
     pair = " and ".join(map(str, closest["pair"])) if closest else ""
+    linked = closest is not None and closest["of"] == "linked"
+
+    def when(time: float, digits: int) -> str:
+        return time_text(time, found["begun"], time if found["time"] is None else found["time"], digits)
+
     return [
         ("scenario", found["scenario"]),
         ("status", found["status"]),
         ("agents", f"{found['agents']} in {found['dimension']} dimensions"),
         ("engine", _engine(found["provenance"])),
         ("motion", _motion(found["provenance"])),
-        ("time reached", f"{found['time']:g}" if found["time"] is not None else ""),
+        ("time reached", when(found["time"], 6) if found["time"] is not None else ""),
         ("frames", str(found["frames"])),
         ("link switches", switches or found["provenance"].get("switches", "none")),
         ("flocks at the end", _flocks(found)),
@@ -153,8 +163,8 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("velocity spread", f"{found['velocity_spread']:.3e}" if "velocity_spread" in found else ""),
         ("order", f"{found['order']:.6f}" if "order" in found else ""),
         (
-            "closest pair",
-            f"{closest['distance']:.6g}, agents {pair}, t = {closest['time']:.4g}" if closest else "",
+            "closest linked pair" if linked else "closest pair",
+            f"{closest['distance']:.6g}, agents {pair}, t = {when(closest['time'], 4)}" if closest else "",
         ),
         ("energy", f"{energy['start']:.6g} at the start, {energy['end']:.6g} at the end" if energy else ""),
         ("ledger residual", _residual(found)),

@@ -11,6 +11,7 @@ from flocking.apps.reproduction.report_page import facts
 from flocking.apps.reproduction.report_tables import head_row, table
 from flocking.engine.runs.provenance import version_of
 from flocking.engine.runs.run import Run
+from flocking.formula.safe_digits import time_text
 
 PACKAGES = ("flocking", "numpy", "scipy", "sympy", "llvmlite", "matplotlib", "networkx", "zarr", "xarray")
 """Packages whose versions are shown: what computes, judges and draws."""
@@ -56,8 +57,9 @@ def runs_table(rows: Mapping[str, tuple[str, Run]]) -> str:
 
 def _row(anchor: str, title: str, run: Run) -> str:
     s = run.scenario
+    begin, end = (time_text(t, run.t[0], run.t[-1], 6) for t in (run.t[0], run.t[-1]))
     numbers = (
-        run.provenance.get("engine", ""), run.n, f"{run.t[0]:g}", f"{run.t[-1]:g}", len(run.t),
+        run.provenance.get("engine", ""), run.n, begin, end, len(run.t),
         "none" if s.seed is None else s.seed, f"{s.tolerance:g}", run.provenance.get("steps", "not recorded"),
         len(run.switches), run.status,
     )  # fmt: skip

@@ -18,6 +18,7 @@ from flocking.engine.driver.waits import counted
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import write_file
 from flocking.errors import FlockingError
+from flocking.formula.safe_digits import time_text
 from flocking.papers import paper, paper_of
 from flocking.study.claims.audit import Report
 from flocking.study.claims.claim import Verdict
@@ -71,12 +72,12 @@ def write_run_page(
         undrawn = _draw(report, Path(folder))
         beside = claims_beside_pictures(run.scenario.name, report.results, Path(folder), {})
     counts = Counter(r.verdict for r in report.results)
+    begin, end = (time_text(t, run.t[0], run.t[-1], 6) for t in (run.t[0], run.t[-1]))
     entries = [("law", "Law and start", ())] if law_declared else []
     entries += [("claims", "Claims", ()), ("provenance", "Provenance", ())]
     parts = [
         f"<h1>{escape(title)}</h1>\n",
-        f'<p class="dim">Audit of one run: {run.n} agents, t = {run.t[0]:g} to {run.t[-1]:g}, '
-        f"status: {escape(run.status)}.</p>\n",
+        f'<p class="dim">Audit of one run: {run.n} agents, t = {begin} to {end}, status: {escape(run.status)}.</p>\n',
         boxes([(str(count), PLURAL.get(verdict, str(verdict))) for verdict, count in counts.items()]),
         f"<p>{escape(outcome(report))}</p>\n",
         contents(entries),

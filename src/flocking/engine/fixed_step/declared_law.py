@@ -33,6 +33,10 @@ NEAR_OBSTACLES = 4096.0
 BLUR = 2.0
 """Roundings of a difference of positions, and of the lengths of space in it, in a displacement to an image."""
 
+LENGTH_ROUNDING = 8.0
+"""Roundings of the length of a displacement in an engine, whose roots are iterated. At a distance at which a formula
+vanishes its terms may vanish in any precision, and this alone is left."""
+
 POWERS = ("pairs", "bodies", "work", "dissipated", "supplied")
 """Energies and powers that are compared, by the names of the kernels' sums."""
 
@@ -197,8 +201,9 @@ class Declared:
             one = along[:, None] * direction + found["drag"][:, None] * v
             v_size = np.sqrt((v**2).sum(axis=1))
             magnitude = np.where(r > 0, sizes["along"], 0.0) + sizes["drag"] * v_size
+            rounded = LENGTH_ROUNDING * self.rounding * r
+            self._blurred((f"pair{number}", P, given, len(k)), found, off, rounded if blur is None else rounded + blur)
             if blur is not None:
-                self._blurred((f"pair{number}", P, given, len(k)), found, off, blur)
                 off["along"] += np.abs(found["along"]) * blur / np.where(r > 0, r, 1.0)
             doubt = np.where(r > 0, off["along"], 0.0) + off["drag"] * v_size + np.where(certain, 0.0, magnitude)
             # Differences of rounded numbers; the velocities themselves are exact, like the positions.

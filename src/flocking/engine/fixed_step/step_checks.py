@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from flocking.engine.runs.fidelity import LedgerRule
+from flocking.engine.runs.recorder import Recorder
 from flocking.errors import StepTooLarge
 from flocking.model.checks import NO_LESS
 
@@ -78,7 +80,8 @@ def check_stride(step: float, distance: float, moved: float, *, time: float, age
 def check_ledger(
     step: float, first: Sequence[float], last: Sequence[float], *, order: int, rounding: float, time: float,
     allowed: float = RESIDUAL, at_most: Callable[[], float] = lambda: np.inf, instead: str = "",
-) -> None:  # fmt: skip
+    of_distances: Callable[[], float] = lambda: 0.0,
+) -> float:  # fmt: skip
     """Check that the residual of the energy ledger is small enough.
 
     Parameters
@@ -99,6 +102,14 @@ def check_ledger(
         Largest step that may be recommended.
     instead
         Text of an alternative to a smaller step.
+    of_distances
+        Bound on the error of the energy from the rounding of distances; called where the residual is too large. Where
+        agents are at rest at their distances, all energy is such an error.
+
+    Returns
+    -------
+    float
+        That bound where it was needed, else 0.
 
     Raises
     ------
@@ -111,7 +122,10 @@ def check_ledger(
     gap -= departed
     moved = sum(abs(last[k] - first[k]) for k in (3, 4, 5, 6)) + abs(departed) + first[2] + last[2] + rounding
     share = abs(gap) / max(moved, NO_LESS)
-    if not share <= allowed:
+    if share <= allowed:
+        return 0.0
+    rounded = of_distances()
+    if not abs(gap) <= 2.0 * rounded:
         smaller = (
             step * (SMALL_GAP * allowed / min(share, LARGEST_GAP)) ** (1.0 / order)
             if np.isfinite(share)
@@ -119,3 +133,15 @@ def check_ledger(
         )
         why = f"the energy ledger leaves {100 * share:.3g} % of the energy unexplained"
         raise step_too_large(step, min(smaller, step / 2, at_most()), why, time=time, instead=instead)
+    return rounded
+
+
+def ledger_rule(records: Recorder) -> LedgerRule:
+    """The bound on the ledger of a run of a fixed step.
+
+    Parameters
+    ----------
+    records
+        Records of the run.
+    """
+    return LedgerRule("share", RESIDUAL, rounding=records.energy_rounding)

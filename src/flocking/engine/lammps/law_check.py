@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Forces
+from flocking.arrays import Array, Forces, Indices
 from flocking.engine.fixed_step.certain_pairs import ENTRY_BYTES, certain_pairs, lists_limit, too_crowded
-from flocking.engine.fixed_step.declared_law import Declared, Group
+from flocking.engine.fixed_step.declared_law import Declared, Group, Statement
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.lammps.deck import Deck
 from flocking.engine.lammps.neighbours import near_pairs, tree_of
@@ -106,27 +106,11 @@ class LawCheck:
         LawNotObeyed
             If they are not those of the declared law.
         """
-        scenario, n = self.scenario, state.n
-        masses = np.broadcast_to(scenario.agents.masses, n).astype(np.float64)
-        second = scenario.agents.order == 2
+        n, second = state.n, self.scenario.agents.order == 2
+        masses = np.broadcast_to(self.scenario.agents.masses, n).astype(np.float64)
         p = state.p - 0.5 * step * forces / masses[:, None] if second else np.zeros_like(state.p)
-        half = State(state.q, p, state.t)
-        judged = np.unique(np.linspace(0, n - 1, min(n, AGENTS)).astype(np.int64))
-        number = np.full(n, -1)
-        number[judged] = np.arange(len(judged))
-        frame = frame_velocity(scenario.energy, half, masses)
-        seen = p if second else forces
-        means = np.array([masses @ x / masses.sum() for x in (state.q, seen)])
-        group = Group(state.q, seen, np.arange(n), state.t, scenario.start.t, frame, *means)
-        pairs, tables = [], np.zeros(len(judged))
-        for graph, error in zip(scenario.law.graphs, self._tables, strict=True):
-            radius = float(np.max(graph.break_radius))
-            i, j = near_pairs(state.q, radius * (1.0 + EDGE), scenario.space)
-            i, j = i[number[i] >= 0], j[number[i] >= 0]
-            r = np.sqrt((scenario.space.displacement(state.q[j] - state.q[i]) ** 2).sum(axis=1))
-            pairs.append((number[i], j, np.abs(r - radius) > EDGE * radius))
-            tables += 2.0 * error * np.bincount(number[i], minlength=len(judged))
-        declared = self._declared.state(group, judged, pairs)
+        judged = _judged(n)
+        declared, tables = self._stated(State(state.q, p, state.t), p if second else forces, judged)
         self.gaps.checks += 1
         # Rounding of the half step back, and interpolation error of the table.
         rounding = (
@@ -140,3 +124,42 @@ class LawCheck:
                 "the translation, not of the step; use engine='tiles', and report the law.",
                 time=state.t, agents=(int(judged[wrong]),),
             )  # fmt: skip
+
+    def energy_rounding(self, state: State) -> float:
+        """Bound on the error of the energy from rounding, of distances above all, estimated from some agents.
+
+        Parameters
+        ----------
+        state
+            The state of all agents.
+        """
+        judged = _judged(state.n)
+        errors = self._stated(state, state.p, judged)[0].power_errors[:, :2]
+        return float(errors.sum()) * state.n / len(judged)
+
+    def _stated(self, state: State, seen: Array, judged: Indices) -> tuple[Statement, Array]:
+        """Forces and powers of the checked agents by the law, and the errors of tables in their forces.
+
+        ``seen`` are velocities, of agents of order 1 their controls, shape (N, m).
+        """
+        scenario, n = self.scenario, state.n
+        masses = np.broadcast_to(scenario.agents.masses, n).astype(np.float64)
+        number = np.full(n, -1)
+        number[judged] = np.arange(len(judged))
+        frame = frame_velocity(scenario.energy, state, masses)
+        means = np.array([masses @ x / masses.sum() for x in (state.q, seen)])
+        group = Group(state.q, seen, np.arange(n), state.t, scenario.start.t, frame, *means)
+        pairs, tables = [], np.zeros(len(judged))
+        for graph, error in zip(scenario.law.graphs, self._tables, strict=True):
+            radius = float(np.max(graph.break_radius))
+            i, j = near_pairs(state.q, radius * (1.0 + EDGE), scenario.space)
+            i, j = i[number[i] >= 0], j[number[i] >= 0]
+            r = np.sqrt((scenario.space.displacement(state.q[j] - state.q[i]) ** 2).sum(axis=1))
+            pairs.append((number[i], j, np.abs(r - radius) > EDGE * radius))
+            tables += 2.0 * error * np.bincount(number[i], minlength=len(judged))
+        return self._declared.state(group, judged, pairs), tables
+
+
+def _judged(n: int) -> Indices:
+    """Numbers of the checked agents among ``n``, evenly spread."""
+    return np.unique(np.linspace(0, n - 1, min(n, AGENTS)).astype(np.int64))

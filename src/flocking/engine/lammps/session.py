@@ -6,13 +6,14 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from flocking.arrays import Array, Forces
 from flocking.engine import interruption
 from flocking.engine.fixed_step.passing_pairs import check_passing, singular_reach
-from flocking.engine.fixed_step.step_checks import RESIDUAL
+from flocking.engine.fixed_step.step_checks import ledger_rule
 from flocking.engine.fixed_step.step_counts import STEP_ROUNDING, is_reached, steps_between
 from flocking.engine.lammps import library
 from flocking.engine.lammps.atoms import Atoms, LammpsError
@@ -28,7 +29,7 @@ from flocking.engine.lammps.steps import check_ledger_rows, check_strides, chose
 from flocking.engine.protocol.session import Packed, Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.plants import check_plant
-from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.engine.runs.fidelity import Approaches, Fidelity
 from flocking.errors import SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -292,15 +293,17 @@ class LammpsSession(Session):
             check_passing(state.q, self.step * moving, reach, self.step, time=self.time, space=self.scenario.space)
         if self.rows:
             records.ledger.add(state, pairs)
+        judge = self._judge = self._judge or LawCheck(self.scenario, self.deck)
         if judged and forces is not None:
-            self._judge = self._judge or LawCheck(self.scenario, self.deck)
-            self._judge.look(state, forces[:, : self.deck.dimension], self._step, fatal=self.plant is None)
+            judge.look(state, forces[:, : self.deck.dimension], self._step, fatal=self.plant is None)
         if due:
             records.state_frame(
                 state, observed_state(state, pairs[0], self.scenario.space) if self.options.observe else None
             )
             if self.rows:
-                check_ledger_rows(records.ledger, self.step, self.rows, self._sound)
+                of_distances = partial(judge.energy_rounding, state)
+                needed = check_ledger_rows(records.ledger, self.step, self.rows, self._sound, of_distances)
+                records.energy_rounding = max(records.energy_rounding, needed)
         self._sound = state
 
     def restart(self) -> Restart | None:
@@ -359,7 +362,7 @@ class LammpsSession(Session):
     def fidelity(self) -> Fidelity:
         """Steps are fixed, switches are not located, and linked pairs are checked at the rows of the ledger."""
         return Fidelity(
-            self.engine, approaches=Approaches("linked", math.nan, self._looked), ledger=LedgerRule("share", RESIDUAL),
+            self.engine, approaches=Approaches("linked", math.nan, self._looked), ledger=ledger_rule(self.records),
             fixed_step=self.step, law=self._judge.gaps.agreement if self._judge is not None else None,
         )  # fmt: skip
 

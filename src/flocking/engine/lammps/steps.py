@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -95,7 +96,7 @@ def check_strides(
     check_stride(step, float(distance[k]), step * float(speed[k]), time=state.t, agents=pair)
 
 
-def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State) -> None:
+def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State, of_distances: Callable[[], float]) -> float:
     """Check that the residual of the ledger is small enough; if rows are rare, its integration error is large.
 
     Parameters
@@ -104,6 +105,13 @@ def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State) -> N
         The time step.
     sound
         The last valid state.
+    of_distances
+        Bound on the error of the energy from the rounding of distances, called where it matters.
+
+    Returns
+    -------
+    float
+        That bound where it was needed, else 0.
 
     Raises
     ------
@@ -111,12 +119,12 @@ def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State) -> N
         If it is not.
     """
     if len(ledger.trace) < 2:
-        return
+        return 0.0
     last = ledger.trace[-1]
     scale = abs(last[1]) + last[2]
     instead = "" if rows == 1 else f"; alternatively use a row of the ledger at every step (ledger=1, now {rows})"
-    check_ledger(
+    return check_ledger(
         step, ledger.trace[0], last, order=1, rounding=ROUNDING * scale, time=last[0],
         at_most=lambda: _resolves(ledger.scenario, sound), instead=instead,
-        allowed=RESIDUAL if rows == 1 else RARE_RESIDUAL,
+        allowed=RESIDUAL if rows == 1 else RARE_RESIDUAL, of_distances=of_distances,
     )  # fmt: skip

@@ -27,11 +27,14 @@ class LedgerRule:
         The tolerance, the share or the estimated error; NaN where it is not known.
     switch_error
         Addition to an estimated error for links that switched between samples.
+    rounding
+        Bound on what the rounding of distances makes of the energy, where a residual above a share needed it.
     """
 
     kind: str = "unknown"
     size: float = math.nan
     switch_error: float = 0.0
+    rounding: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,8 @@ class Recorder:
         Frames in memory after those, of which this process has some agents.
     stored
         Numbers of records that are on disk alone.
+    energy_rounding
+        Largest error of the energy from rounding that a check of the ledger needed until now.
     closest_linked, closest_unlinked
         Closest pairs until now.
 
@@ -101,6 +103,7 @@ class Recorder:
         self.trace: list[tuple[float, ...]] = []
         self.observed: list[tuple[float, ...]] = []
         self.log = LogRecorder(self.m) if with_log else None
+        self.energy_rounding = 0.0
         self.closest_linked = Closest()
         self.closest_unlinked = Closest()
         self._skipped = 0

@@ -33,7 +33,9 @@ _LATER: dict[str, Form[object]] = {"position_error": _Number(), "velocity_error"
 _FORM = Names({
     "engine": Text(), "sampled": Flag(), "switches_located": Flag(),
     "approaches": Names({"pairs": Text(WATCHED), "error": Maybe(_Number()), "looked": Text()}),
-    "ledger": Names({"kind": Text(LEDGER_RULES), "size": _Number(), "switch_error": _Number()}),
+    "ledger": Names(
+        {"kind": Text(LEDGER_RULES), "size": _Number(), "switch_error": _Number()}, {"rounding": _Number()}
+    ),
     "fixed_step": Maybe(_Number()),
     "law": Maybe(Names({"checks": Integer(), "gap": _Number(), "allowed": _Number()})),
 }, _LATER)  # fmt: skip
@@ -78,7 +80,9 @@ def fidelity_of(data: object, provenance: Mapping[str, object], scenario: Scenar
     return Fidelity(
         data["engine"], data["sampled"], data["switches_located"],
         Approaches(near["pairs"], None if error is None else float(error), near["looked"]),
-        LedgerRule(ledger["kind"], float(ledger["size"]), float(ledger["switch_error"])),
+        LedgerRule(
+            ledger["kind"], float(ledger["size"]), float(ledger["switch_error"]), float(ledger.get("rounding", 0.0))
+        ),
         None if step is None else float(step),
         None if law is None else LawAgreement(law["checks"], float(law["gap"]), float(law["allowed"])),
         position_error, velocity_error, data.get("changed", earlier[2]),

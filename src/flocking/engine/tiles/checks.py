@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -280,7 +280,10 @@ def resolved(particles: ParticleArrays, out: float) -> bool:
     return not particles.moving or spacing <= COARSEST * max(particles.radii.cutoffs)
 
 
-def ledger(records: TilesRecorder, scheme: Integrator, eps: float, step: float, time: float) -> None:
+def ledger(
+    records: TilesRecorder, scheme: Integrator, particles: ParticleArrays, step: float, time: float,
+    of_distances: Callable[[], float],
+) -> None:  # fmt: skip
     """Check that the residual of the energy ledger is small enough.
 
     Parameters
@@ -289,14 +292,20 @@ def ledger(records: TilesRecorder, scheme: Integrator, eps: float, step: float, 
         The rows of the ledger.
     scheme
         The integrator, which has the last sums.
-    eps
-        Machine epsilon of the state's precision.
+    particles
+        The agents.
     step
         The largest step.
+    of_distances
+        Bound on the error of the energy from the rounding of distances, called where it matters.
     """
     first, trace = records.first, records.trace
     if first is None or trace[-1][0] == first[0]:
         return
     sums = scheme.ledger_sums.sums
     scale = abs(sums["pairs"]) + abs(sums["bodies"]) + trace[-1][2]
-    check_ledger(step, first, trace[-1], order=scheme.order, rounding=ENERGY_ROUNDING * eps * scale, time=time)
+    rounding = ENERGY_ROUNDING * float(np.finfo(particles.dtype).eps) * scale
+    needed = check_ledger(
+        step, first, trace[-1], order=scheme.order, rounding=rounding, time=time, of_distances=of_distances
+    )
+    records.energy_rounding = max(records.energy_rounding, needed)

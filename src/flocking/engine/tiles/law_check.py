@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Array, Indices, Reals
-from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs
+from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs, Statement
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.tiles.body_check import BodyCheck
 from flocking.engine.tiles.kernels.tile_sums import SUMS
@@ -16,8 +16,8 @@ from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.errors import LawNotObeyed
 from flocking.model.law import Scenario
 
-TILES = 4
-"""Number of tiles that are checked."""
+TILES, MOST_TILES = 4, 64
+"""Number of tiles that are checked, and of those from which the error of the energy is estimated."""
 
 
 @dataclass(frozen=True)
@@ -145,12 +145,29 @@ class LawCheck:
         found = self._compared(particles, (q, p), places, force, rounding, moment, gaps, remembered=False)
         self._require(found, moment, gaps)
 
-    def _places(self, particles: ParticleArrays, moment: Moment) -> Indices:
+    def energy_rounding(self, particles: ParticleArrays, moment: Moment) -> float:
+        """Bound on the error of the energy from rounding, of distances above all, estimated from some tiles.
+
+        Parameters
+        ----------
+        particles
+            The agents, with neighbour lists of a pass over their positions.
+        moment
+            Time of their state.
+        """
+        places = self._places(particles, moment, MOST_TILES)
+        m = particles.m
+        q, p = (np.asarray(x.T) for x in (particles.X[:m], particles.X[m:]))
+        errors = self._declared(particles, (q, p), places, moment, remembered=True).power_errors[:, :2]
+        total, count = particles.group_sum(np.array([errors.sum(), float(len(places))]))
+        return float(total) * particles.everyone / max(float(count), 1.0)
+
+    def _places(self, particles: ParticleArrays, moment: Moment, most: int = TILES) -> Indices:
         """Indices of the checked agents: evenly spread tiles, others at every check, and that of the closest pair.
 
         All agents of a tile are taken, since sums are per tile.
         """
-        count = min(TILES, particles.tiles)
+        count = min(most, particles.tiles)
         if not count:
             return np.zeros(0, np.int64)
         first = int(moment.steps * SPREAD * particles.tiles / count) % particles.tiles
@@ -176,6 +193,19 @@ class LawCheck:
 
         ``state`` contains positions and velocities; for agents of order 1 the velocities are those of the law.
         """
+        declared = self._declared(particles, state, places, moment, remembered=remembered)
+        gaps.checks += 1
+        wrong = gaps.compare_forces(declared, force, rounding)
+        tiles, which = np.unique(places // WIDTH, return_inverse=True)
+        sums = particles.results.sums[tiles][:, [SUMS.index(name) for name in POWERS]]
+        power = gaps.compare_powers(declared, which, sums)
+        return None if wrong is None else int(particles.ids[places[wrong]]), power
+
+    def _declared(
+        self, particles: ParticleArrays, state: tuple[Reals, Reals], places: Indices, moment: Moment, *,
+        remembered: bool,
+    ) -> Statement:  # fmt: skip
+        """Forces and powers of the agents at some places by the law; for ``state`` see `_compared`."""
         scenario = self.scenario
         q, p = state
         energy = scenario.energy
@@ -191,13 +221,7 @@ class LawCheck:
             frame = energy.leader.at(moment.time)[1]
         group = Group(q, p, particles.ids, moment.time, moment.gains_since, frame, *means)
         pairs = [self._pairs(particles, number, q, places, remembered) for number in range(len(particles.lists))]
-        declared = self.declared.state(group, places, pairs)
-        gaps.checks += 1
-        wrong = gaps.compare_forces(declared, force, rounding)
-        tiles, which = np.unique(places // WIDTH, return_inverse=True)
-        sums = particles.results.sums[tiles][:, [SUMS.index(name) for name in POWERS]]
-        power = gaps.compare_powers(declared, which, sums)
-        return None if wrong is None else int(particles.ids[places[wrong]]), power
+        return self.declared.state(group, places, pairs)
 
     def _require(self, found: tuple[int | None, str | None], moment: Moment, gaps: LawGaps) -> None:
         agent, power = found

@@ -15,14 +15,14 @@ from flocking.engine import interruption
 from flocking.engine.fixed_step.certain_pairs import too_crowded
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.fixed_step.passing_pairs import singular_reach
-from flocking.engine.fixed_step.step_checks import RESIDUAL, step_too_large
+from flocking.engine.fixed_step.step_checks import ledger_rule, step_too_large
 from flocking.engine.fixed_step.step_counts import is_reached, steps_between
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.session import Packed, Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.infinite_starts import infinite_start
-from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.engine.runs.fidelity import Approaches, Fidelity
 from flocking.engine.runs.recorder import MOST_LINKED
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.checkpoint import pack_tiles, restore_tiles
@@ -307,8 +307,9 @@ class TilesSession(Session):
                 raise infinite_start(
                     self.scenario, self.scenario.start, self.records.trace[-1][1], self.options.precision
                 )
-            eps = float(np.finfo(self._particles.dtype).eps)
-            checks.ledger(self.records, self._integrator, eps, self.step, self.time)
+            particles, moment = self._particles, Moment(self.time, self._plan[0], self.steps)
+            rounding = partial(self._law_check.energy_rounding, particles, moment)
+            checks.ledger(self.records, self._integrator, particles, self.step, self.time, rounding)
 
     def snapshot(self, *, copied: bool = True) -> TilesSnapshot:
         """Everything needed to continue bit for bit; if not ``copied``, valid only until the session continues."""
@@ -414,6 +415,6 @@ class TilesSession(Session):
     def fidelity(self) -> Fidelity:
         """Steps are fixed, switches are not located, and linked pairs are checked once per step."""
         return Fidelity(
-            self.engine, approaches=Approaches("linked", self.farthest), ledger=LedgerRule("share", RESIDUAL),
+            self.engine, approaches=Approaches("linked", self.farthest), ledger=ledger_rule(self.records),
             fixed_step=self.step, law=self.law_gaps.agreement if self.options.ledger else None,
         )  # fmt: skip

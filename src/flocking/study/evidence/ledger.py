@@ -104,6 +104,8 @@ class LedgerEvidence(LinkEvidence):
         if not self.sampled:
             if self.ledger_bound < self.residual <= self.explained_residual:
                 return f"{self._ledger_sizes}, and the integration error explains {self.explained_residual:.1e}"
+            if self.ledger_bound < self.residual <= 2.0 * self.fidelity.ledger.rounding:
+                return f"{self._ledger_sizes}, and rounding of distances may explain it: agents hardly move"
             return self._tiny_energies
         if not self.ledger_bound <= RESIDUAL * self.energy_moved:
             return (
@@ -189,8 +191,8 @@ class LedgerEvidence(LinkEvidence):
             gap = float(np.abs(recorded - energy).min())
             if gap <= SLACK * size or (gap <= SMALLEST and self._at_rest):
                 continue
-            found = f"the last frame has the {name} {energy:.9g}, and the ledger records {recorded[-1]:.9g} there"
-            return found if not gap <= SMALLEST else f"{found}; {TOO_SMALL}"
+            said = f"the last frame has the {name} {energy:.9g}, and the ledger records {recorded[-1]:.9g} there"
+            return said if not gap <= SMALLEST else f"{said}; {TOO_SMALL}"
         return ""
 
     @property

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property, partial
 
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger
+from flocking.engine.fixed_step.step_checks import check_ledger, ledger_rule
+from flocking.engine.protocol.body_chains import of_points
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.message_log import NO_LOG
@@ -16,6 +18,7 @@ from flocking.engine.tiles import checks
 from flocking.engine.tiles.held.held_ledger import at_rest, powers_of
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.held.memory import HeldMemory
+from flocking.engine.tiles.law_check import LawCheck, Moment
 from flocking.engine.tiles.session import TilesSession
 from flocking.errors import NotFinite
 from flocking.model.state import State
@@ -131,8 +134,15 @@ class HeldTruth(TilesSession):
         scale = abs(sums["pairs"]) + abs(sums["bodies"]) + sums["kinetic"]
         first, last = self.records.first, self.records.trace[-1]
         if first is not None and last[0] > first[0] and self.options.ledger_at == "steps":
-            rounding = checks.ENERGY_ROUNDING * eps * scale
-            check_ledger(self.step, first, last, order=2, rounding=rounding, time=t)
+            rounding, moment = checks.ENERGY_ROUNDING * eps * scale, Moment(t, t, self.steps)
+            of_distances = partial(self._law_check.energy_rounding, self._particles, moment)
+            needed = check_ledger(self.step, first, last, order=2, rounding=rounding, time=t, of_distances=of_distances)
+            self.records.energy_rounding = max(self.records.energy_rounding, needed)
+
+    @cached_property
+    def _law_check(self) -> LawCheck:
+        points = of_points(self.scenario)
+        return LawCheck(points, self._particles.dtype, motion=False, refuses=False)
 
     # States.
 
@@ -237,6 +247,6 @@ class HeldTruth(TilesSession):
     @property
     def fidelity(self) -> Fidelity:
         """Links are followed at steps; a ledger as fine as these is held to a share of the energy moved."""
-        rule = LedgerRule("share", RESIDUAL) if self.options.ledger_at == "steps" else LedgerRule()
+        rule = ledger_rule(self.records) if self.options.ledger_at == "steps" else LedgerRule()
         approaches = Approaches("linked", self._memory.farthest) if self._follows else Approaches()
         return Fidelity(self.engine, approaches=approaches, ledger=rule, fixed_step=self.step)
