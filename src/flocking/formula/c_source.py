@@ -11,6 +11,7 @@ from fractions import Fraction
 import numpy as np
 
 from flocking.formula.native.arithmetic import MOST_FACTORS
+from flocking.formula.syntax_trees import parsed
 
 FUNCTIONS = frozenset({"sqrt", "exp", "log", "sin", "cos", "floor", "fabs", "copysign", "pow"})
 """Functions that the emitted source brings along, see `flocking.engine.c_export.elementary_functions`."""
@@ -84,7 +85,7 @@ class CSource:
         """
         found = []
         for line in lines:
-            (node,) = ast.parse(line).body
+            (node,) = parsed(line).body
             assert isinstance(node, ast.Assign)
             (name,) = node.targets
             assert isinstance(name, ast.Name)
@@ -99,7 +100,7 @@ class CSource:
         source
             The expression.
         """
-        return self.expression(ast.parse(source, mode="eval").body)
+        return self.expression(parsed(source, "eval").body)
 
     def expression(self, node: ast.expr) -> str:
         """An expression in C, in parentheses where it is composed."""

@@ -14,6 +14,7 @@ from functools import cached_property
 
 from flocking.errors import FormulaError
 from flocking.formula.growth import excess
+from flocking.formula.syntax_trees import parsed
 
 FUNCTIONS: dict[str, int] = {
     "sqrt": 1, "exp": 1, "log": 1, "sin": 1, "cos": 1, "tan": 1, "atan": 1,
@@ -136,7 +137,7 @@ def parse(text: str, owner: str = "formula") -> Node:
     if deepest > DEEPEST_NESTING:
         raise _reject(owner, text, f"must not nest deeper than {DEEPEST_NESTING} brackets")
     try:
-        tree = ast.parse(text.replace("^", "**").strip(), mode="eval")
+        tree = parsed(text.replace("^", "**").strip(), "eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         reason = error.msg if isinstance(error, SyntaxError) else type(error).__name__
         raise _reject(owner, text, f"does not parse ({reason})", "Write it like 1/r + 1/(R - r).") from None

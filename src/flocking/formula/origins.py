@@ -13,6 +13,7 @@ from pathlib import Path
 
 from flocking.formula.grammar import Formula
 from flocking.formula.listed_files import files_below
+from flocking.formula.syntax_trees import parsed
 
 PACKAGE = Path(__file__).resolve().parent.parent
 FLOORS = ("formula", "model", "engine")
@@ -128,7 +129,7 @@ def runtime_digest(source: str) -> str:
 def _imported(source: str) -> frozenset[str]:
     """Names of the library's modules, and of what they hold, that a text imports."""
     try:
-        tree = ast.parse(source)
+        tree = parsed(source)
     except SyntaxError:
         return frozenset()
     found: set[str] = set()

@@ -246,22 +246,3 @@ def test_scratch_memory_is_given_back():
     for _ in range(40):
         function(200_000)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 40_000
-
-
-def test_a_parser_that_fails_by_chance_is_asked_again(monkeypatch):
-    """Python 3.11 says so when another thread parses meanwhile: AST constructor recursion depth mismatch."""
-    from flocking.formula.native import scopes
-
-    real, failures = scopes.ast.parse, [1, 1]
-
-    def parse(text):
-        if failures:
-            failures.pop()
-            raise SystemError("AST constructor recursion depth mismatch (before=57, after=52)")
-        return real(text)
-
-    monkeypatch.setattr(scopes.ast, "parse", parse)
-    assert len(scopes.parsed("def f(x):\n    return x\n").body) == 1
-    failures += [1] * scopes.PARSES
-    with pytest.raises(SystemError, match="recursion depth"):
-        scopes.parsed("x")

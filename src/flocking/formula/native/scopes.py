@@ -14,9 +14,7 @@ from typing import Any
 from llvmlite import ir
 
 from flocking.formula.native.kinds import Array, Kind, UntranslatableError, Value
-
-PARSES = 5
-"""Number of times that a text is parsed at most. One failure has been seen, on a busy machine; never two in a row."""
+from flocking.formula.syntax_trees import parsed
 
 
 @dataclass(frozen=True)
@@ -105,25 +103,6 @@ def _functions(text: str) -> dict[tuple[str, int], ast.FunctionDef]:
         for node in parsed(text).body
         if isinstance(node, ast.FunctionDef)
     }
-
-
-def parsed(text: str) -> ast.Module:
-    """The syntax tree of a text.
-
-    Python 3.11 fails by chance while another thread parses, as the import of a library does; it is then tried again.
-
-    Raises
-    ------
-    SystemError
-        When it fails again and again.
-    """
-    for left in reversed(range(PARSES)):
-        try:
-            return ast.parse(text)
-        except SystemError:
-            if not left:
-                raise
-    raise AssertionError
 
 
 class WiderError(Exception):
