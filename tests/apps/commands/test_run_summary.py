@@ -9,7 +9,7 @@ from flocking.apps.commands.run_summary import facts, summary
 
 
 def passing(t: float, engine: str) -> dict[str, str]:
-    """Facts of two agents without a link that pass at a distance of 1 a second after the start, beside a linked pair 3 apart."""
+    """Facts of two agents without a link that pass at a distance of 1 after a second, beside a linked pair 3 apart."""
     law = fk.Law(fk.Fixed(4, [(2, 3)]), [fk.Gradient(fk.Potential("(r - 3)**2/2"))])
     q = [[0.0, 0.0], [2.0, 1.0], [50.0, 0.0], [53.0, 0.0]]
     start = fk.State(q, [[1.0, 0.0], [-1.0, 0.0], [0.0, 0.0], [0.0, 0.0]], t)
