@@ -131,3 +131,14 @@ class SingleIntegrator(Points):
     def rates(self, x: MotionSymbols) -> dict[str, Sequence[sympy.Expr]]:
         """Velocity u."""
         return {"q": list(x.u)}
+
+
+def is_single_integrator(body: Body) -> bool:
+    """Whether agents move as `SingleIntegrator` states.
+
+    Parameters
+    ----------
+    body
+        The agents of a scenario.
+    """
+    return body.structure == SingleIntegrator().structure

@@ -39,6 +39,9 @@ ROOT_ERROR = 4e-15
 """Relative tolerance of a root; SciPy allows none below four units of 2.2e-16. The bound is proven at the root that is
 found."""
 
+LARGEST_GROUP = 5000
+"""Agents up to which all pairs are looked at: 12.5 million distances, 100 MB."""
+
 KEYS = ("velocity_difference", "alignment_diameter", "alignment_rate")
 
 FARTHEST = 1e150
@@ -92,6 +95,8 @@ class Alignment:
         start, statement = self.scenario.start, "two agents or more, and all pairs are linked at all times"
         if start.n < 2:
             return Hypothesis(statement, False, "one agent")
+        if start.n > LARGEST_GROUP:
+            return Hypothesis(f"at most {LARGEST_GROUP} agents, whose pairs are all looked at", False, f"{start.n}")
         for graph in self.scenario.law.graphs:
             if graph.moves:
                 return Hypothesis(statement, False, f"links by {type(graph).__name__} break")

@@ -9,7 +9,7 @@ import numpy as np
 
 from flocking.formula.intervals import Interval
 from flocking.formula.safe_digits import rounded_down, rounded_up
-from flocking.model.bodies.point_bodies import SingleIntegrator, is_point_mass
+from flocking.model.bodies.point_bodies import is_point_mass, is_single_integrator
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.connectivity import is_connected
 from flocking.model.graphs.distance_graphs import Fixed
@@ -25,6 +25,9 @@ PI = Interval.of(np.nextafter(np.pi, 0.0), np.nextafter(np.pi, 4.0))
 
 SETTLED = 50.0
 """Factor by which a disagreement has fallen when it counts as settled: to 2 %."""
+
+LARGEST_GROUP = 1000
+"""Agents up to which spectra of graphs are enclosed: all statements on a ring of 1,000 take some 15 seconds."""
 
 MOST_SAMPLES = 4
 """Largest delay, in whole samples, that a period is stated for."""
@@ -65,7 +68,7 @@ class LinearConsensus:
     def body_hypothesis(self) -> Hypothesis:
         """Whether the bodies are those of linear consensus."""
         body, statement = self.scenario.agents, "agents are single integrators, or point masses of one mass, undamped"
-        if type(body) is SingleIntegrator:
+        if is_single_integrator(body):
             return Hypothesis(statement, True, "single integrators")
         alike = is_point_mass(body) and np.ptp(np.asarray(body.masses)) == 0.0 and not np.any(np.asarray(body.damping))
         return Hypothesis(statement, bool(alike), type(body).__name__ if not alike else "point masses")
@@ -75,7 +78,14 @@ class LinearConsensus:
         fits = type(graph) in (Complete, Fixed) and not graph.directed and len(self.scenario.law.graphs) == 1
         fits = fits and self.scenario.space.is_open and self.scenario.start.n > 1
         statement = "two agents or more have a fixed, undirected graph in open space"
-        return Hypothesis(statement, fits, type(graph).__name__)
+        return Hypothesis(statement, fits, type(graph).__name__) if not fits else self.size_hypothesis(statement)
+
+    def size_hypothesis(self, statement: str) -> Hypothesis:
+        """Whether the spectrum of a graph, of which something is stated, is that of a small enough matrix."""
+        n, graph = self.scenario.start.n, self.scenario.law.graph
+        if n > LARGEST_GROUP:
+            return Hypothesis(f"at most {LARGEST_GROUP} agents, whose graph has its spectrum enclosed", False, f"{n}")
+        return Hypothesis(statement, True, type(graph).__name__)
 
     def term_hypothesis(self) -> Hypothesis:
         """Whether the law is linear, and one of agreement."""

@@ -37,6 +37,11 @@ def energy_certificates(setting: EnergySetting) -> tuple[Certificate, ...]:
     return (*found, _links_kept(setting), _diameter(setting, found[-1]), _speed(setting), _force(setting))
 
 
+def _of_graph(setting: EnergySetting) -> str:
+    """Which links are meant, in words: of the graph over which potentials act, where terms have graphs of their own."""
+    return " of the graph of the law" if len(setting.law.graphs) > 1 else ""
+
+
 def _without_potential(key: str) -> Certificate:
     return Certificate(key, "", sources()["energy"], (), NOT_APPLICABLE, "no potential acts between agents")
 
@@ -59,7 +64,8 @@ def _distances(setting: EnergySetting) -> list[Certificate]:
         found = {"closest_approach": "energy", "simultaneous_collisions": "count", "longest_link": "energy"}
         return [decided(key, sources()[source], hypotheses) for key, source in found.items()]
     fixed = setting.links_stay and not setting.keeps_links
-    pairs = "linked agents" if fixed else "agents"
+    linked = "agents linked in the graph of the law" if _of_graph(setting) else "linked agents"
+    pairs = linked if fixed else "agents"
     largest = setting.least + setting.excess
     contact = float(setting.pair.at_contact.lo)
     quantity = f"smallest distance of two {pairs}"
@@ -93,8 +99,10 @@ def _collisions(setting: EnergySetting, contact: float, pairs: str) -> Certifica
             "simultaneous_collisions", sources()["count"], setting.hypotheses, reason=reason, quantity=quantity
         )
     # Rounding up the quotient is on the safe side.
-    most = math.floor(np.nextafter(float(setting.excess.hi) / np.nextafter(each, 0.0), np.inf)) if each < np.inf else 0
-    count = setting.pair_count if isinstance(most, float) else most
+    with np.errstate(all="ignore"):
+        most = np.nextafter(np.float64(setting.excess.hi) / np.nextafter(np.float64(each), 0.0), np.inf)
+    every = setting.n * (setting.n - 1) // 2
+    count = math.floor(most) if most < every else every
     statement = f"At most {count} pairs of {pairs} are at one point at any time."
     return decided(
         "simultaneous_collisions", sources()["count"], setting.hypotheses, statement=statement,
@@ -106,7 +114,7 @@ def _longest(setting: EnergySetting) -> Certificate:
     quantity = "length of a link"
     bound = setting.farthest
     reason = "" if bound is not None else "the energy does not bound the distance of linked agents"
-    statement = "" if bound is None else f"No link is ever longer than {rounded_up(bound.hi)}."
+    statement = "" if bound is None else f"No link{_of_graph(setting)} is ever longer than {rounded_up(bound.hi)}."
     return decided(
         "longest_link", sources()["energy"], setting.hypotheses, reason=reason, statement=statement, bound=bound,
         quantity=quantity,
@@ -118,7 +126,7 @@ def _links_kept(setting: EnergySetting) -> Certificate:
     reason = "" if not setting.holds or setting.links_stay else "links break at the radius at which they appear"
     return decided(
         "links_kept", sources()["energy"], hypotheses, reason=reason, bound=Interval.of(0.0),
-        statement="No link that exists is ever lost.", quantity="number of links lost",
+        statement=f"No link{_of_graph(setting)} that exists is ever lost.", quantity="number of links lost",
     )  # fmt: skip
 
 

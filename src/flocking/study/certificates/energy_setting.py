@@ -17,7 +17,7 @@ from flocking.arrays import Array, Links, PerAgent
 from flocking.formula.derivatives import derivative
 from flocking.formula.intervals import Interval
 from flocking.formula.safe_digits import rounded_up
-from flocking.model.bodies.point_bodies import SingleIntegrator, is_point_mass
+from flocking.model.bodies.point_bodies import is_point_mass, is_single_integrator
 from flocking.model.graphs.distance_graphs import Graph, Hysteresis
 from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law, Scenario
@@ -27,7 +27,7 @@ from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
 from flocking.study.certificates.certificate import Hypothesis, ideal_world, until_failed
 from flocking.study.certificates.pair_energy import PairEnergy, energy_of, integrated_energy_of
-from flocking.study.certificates.pieces import KNOWN_GRAPHS, jump, leader_jump, unknown_weight
+from flocking.study.certificates.pieces import KNOWN_GRAPHS, jump, leader_at, leader_jump, unknown_weight
 
 LARGEST_GROUP = 500
 """Agents up to which all pairs are looked at: 125,000 intervals, some seconds."""
@@ -37,9 +37,6 @@ NEAR_EDGE, EDGE_SAMPLES = (1e-15, 1e-3), 64
 """Relative distances below the radius at which the energy of a pair is compared with what there is, and their
 number: one place that needs more is enough.
 """
-
-LEADER_ERROR = 1e-11
-"""Bound of the relative error of a leader's state at one time: positions without closed form have 12 digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +107,7 @@ class EnergySetting:
 
     def _point_masses(self) -> Hypothesis:
         body = self.scenario.agents
-        fits = is_point_mass(body) or type(body) is SingleIntegrator
+        fits = is_point_mass(body) or is_single_integrator(body)
         statement = "agents are point masses or single integrators"
         if fits and self.n > LARGEST_GROUP:
             return Hypothesis(f"at most {LARGEST_GROUP} agents, whose pairs are all looked at", False, f"{self.n}")
@@ -371,9 +368,7 @@ class EnergySetting:
     def _leader(self, which: int) -> Interval:
         """Position (0) or velocity (1) of the leader at the start, shape (m,)."""
         assert self.track is not None
-        found = self.track.leader.at(self.scenario.start.t)[which]
-        error = LEADER_ERROR * (1.0 + np.abs(found))
-        return Interval(found - error, found + error)
+        return leader_at(self.track.leader, self.scenario.start.t)[which]
 
     @cached_property
     def mean_velocity(self) -> Interval:

@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.formula.intervals import Interval
-from flocking.formula.safe_digits import rounded_down, rounded_up
+from flocking.formula.safe_digits import given_text, rounded_down, rounded_up
 from flocking.model.bodies.actuators import Limited
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.law import Scenario
@@ -29,6 +29,9 @@ from flocking.study.certificates.sources import sources
 
 KEY = "limit_never_acts"
 """Key of the certificate of limits."""
+
+LARGEST_GROUP = 2000
+"""Agents up to which all pairs are looked at: two million, in arrays of 1 GB together."""
 
 OF_HOLD = 0.125
 """Largest part of a T^2 by which an agent goes further whose force is held for T: the speed v that is left when it must
@@ -96,11 +99,18 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         more = most * period.power(2) * Interval.of(OF_HOLD), speeds * period * Interval.of(0.5)
         ways = Interval(ways.lo, (ways + Interval(np.zeros(n), np.minimum(more[0].hi, more[1].hi))).hi)
     way = Interval.of(float(ways.lo.max()), float(ways.hi.max()))
+    free = Hypothesis(
+        "no largest speed keeps an agent from moving out of the way of another", body.speed is None,
+        "none" if body.speed is None else f"speeds are at most {given_text(np.min(body.speed))}",
+    )  # fmt: skip
     found = decided(
         STOPPING[0], source, hypotheses, bound=way, side="is", quantity="least distance on which all agents can stop",
         statement=f"No law stops every agent on less than {rounded_down(np.maximum(way.lo, 0.0))}; braking does on "
         f"{rounded_up(way.hi)}.",
     )  # fmt: skip
+    few = Hypothesis(f"at most {LARGEST_GROUP} agents, whose pairs are all looked at", n <= LARGEST_GROUP, f"{n}")
+    if not few.holds:
+        return found, decided(STOPPING[1], source, (*hypotheses, free, few))
     share = _contact_share(start.q, start.p, most, first)
     reason = (
         "to stop their approach along the line between them before its length is used up, two agents need "
@@ -113,7 +123,7 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
             "they may pass each other all the same"
         )
     return found, decided(
-        STOPPING[1], source, hypotheses, reason=reason, bound=share, side="is",
+        STOPPING[1], source, (*hypotheses, free, few), reason=reason, bound=share, side="is",
         quantity="share of their largest forces with which two agents stop their approach along the line between them",
         statement="Braking suffices to avoid every contact between two agents alone"
         + (f": at most {rounded_up(share.hi, 6)} of their largest forces is needed." if share.hi <= 1.0 else "."),

@@ -10,7 +10,7 @@ it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
@@ -18,10 +18,13 @@ import numpy as np
 
 from flocking.formula.intervals import Interval
 from flocking.formula.safe_digits import rounded_down, rounded_up
+from flocking.model.graphs.all_pairs import Complete
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Wall
 from flocking.model.leaders_and_obstacles.polygons import ConvexPolygon
+from flocking.model.potentials.potential import Potential
 from flocking.model.terms.avoidance import Avoid
+from flocking.model.terms.pair_terms import Gradient
 from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable
 from flocking.study.certificates.energy_setting import EnergySetting
 from flocking.study.certificates.pair_energy import IntegratedEnergy, integrated_energy_of
@@ -86,9 +89,11 @@ class ObstacleSetting:
     def group(self) -> EnergySetting:
         """The same group without obstacles."""
         law = self.scenario.law
-        return EnergySetting(
-            self.scenario.with_(law=Law(law.graph, tuple(t for t in law.terms if type(t) is not Avoid)))
-        )
+        others = tuple(t for t in law.terms if type(t) is not Avoid)
+        # Agents that obstacles alone act on are a group without forces.
+        left = Law(law.graph, others) if others else Law(Complete(), (Gradient(Potential("0")),))
+        start = self.scenario.start if others else replace(self.scenario.start, links=None)
+        return EnergySetting(self.scenario.with_(law=left, start=start))
 
     def repulsion(self) -> Hypothesis:
         """Whether the terms store the energy of their repulsion and only dissipate besides."""

@@ -45,8 +45,8 @@ HALVINGS = 14
 EDGE_PARTS = 128
 """Parts of an interval in which an edge is looked for: a formula takes hardly longer on 128 intervals than on 16."""
 
-UNBOUNDED = 1e60
-"""A distance that is as good as no bound."""
+POWERS = 2.0 ** np.arange(-200, 201)
+"""Distances of all scales, 1e-60 to 1e60, at which an energy is looked at; the longest is as good as no bound."""
 
 CELLS = 2**16
 """Cells of the integral of a slope. Every number of them encloses it; the width falls as its inverse, and an array of
@@ -128,7 +128,7 @@ class PairEnergy:
 
     def _rising_from(self) -> float:
         """A distance beyond which the energy does not fall; infinite if none is found."""
-        begins = 2.0 ** np.arange(-10, 31)
+        begins = POWERS
         rises = self.slope_on(Interval.of(begins, np.full(len(begins), np.inf))).lo >= 0.0
         return float(begins[np.argmax(rises)]) if rises.any() else np.inf
 
@@ -147,7 +147,7 @@ class PairEnergy:
                 tail = float(self.on(Interval.of(last, np.inf)).lo)
         edges = self._edges(0.0, last)
         boxes = Interval(edges[:-1], edges[1:])
-        above = np.inf
+        above = float(self.on(Interval.of(POWERS[self.end > POWERS])).hi.min(initial=np.inf))
         below = tail
         for _ in range(ROUNDS):
             found = self.on(boxes)
@@ -168,7 +168,11 @@ class PairEnergy:
         Its lower end is certain: at smaller distances the energy is above the upper end of ``bound``. At its upper end
         it is not above the lower end.
         """
-        return self._edge(bound, self.end if np.isfinite(self.end) else FARTHEST, upper=False)
+        last = self.end if np.isfinite(self.end) else FARTHEST
+        # Any distance that is allowed is at least as large.
+        places = POWERS[last > POWERS]
+        allowed = self.on(Interval.of(places)).hi <= bound.lo
+        return self._edge(bound, float(places[np.argmax(allowed)]) if allowed.any() else last, upper=False)
 
     def farthest(self, bound: Interval) -> Interval | None:
         """An enclosure of the largest distance up to the end at which the energy is at most ``bound``, as `nearest`.
@@ -177,13 +181,11 @@ class PairEnergy:
         """
         last = self.end
         if np.isinf(last):
-            last = self._rising_from()
-            while np.isfinite(last) and not float(self.on(Interval.of(last)).lo) > bound.hi:
-                last *= 2.0
-                if last > UNBOUNDED:
-                    return None
-            if np.isinf(last):
+            places = POWERS[self._rising_from() <= POWERS]
+            above = self.on(Interval.of(places)).lo > bound.hi
+            if not above.any():
                 return None
+            last = float(places[np.argmax(above)])
         return self._edge(bound, last, upper=True)
 
     def _edge(self, bound: Interval, last: float, *, upper: bool) -> Interval:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.arrays import Array
+from flocking.errors import FormulaError
+from flocking.formula.grammar import LARGEST_EXPONENT
 from flocking.formula.identities import MOST_ADDENDS, expanded_addends
 from flocking.formula.interval_values import enclosed
 from flocking.formula.intervals import Interval
@@ -32,6 +34,12 @@ MOST_BOXES = 4096
 
 MOST_QUOTIENTS = 12
 """Quotients that are joined at most: the numerator has the product of all the other denominators."""
+
+LEADER_ERROR = 1e-11
+"""Bound of the relative error of a leader's position by quadrature, which has 12 digits."""
+
+LARGEST_ROOT = 4
+"""Largest denominator of an exponent whose power is one of a root: sums of exponents have products of them."""
 
 KNOWN_GRAPHS = (Complete, Fixed, Proximity, Hysteresis, Smooth)
 """Graphs whose weights are known: 1, or a bump of the library between 0 and 1."""
@@ -117,6 +125,34 @@ def leader_jump(leader: Leader, first: float, last: float) -> str:
     numbers = {name: sympy.Rational(value) for name, value in leader.parameters.items()}
     velocity = leader.velocity(t, lambda name: numbers[name])
     return next((text for v in velocity if (text := jump(sympy.sympify(v), t, first, last))), "")
+
+
+def leader_at(leader: Leader, time: float) -> tuple[Interval, Interval]:
+    """Position and velocity of a leader at a time, enclosed, shape (m,) each.
+
+    Formulas are evaluated on intervals. A position without a closed form is computed by quadrature, to 12 digits.
+
+    Parameters
+    ----------
+    leader, time
+        The leader and the time.
+    """
+    import sympy
+
+    t = sympy.Symbol("t", real=True)
+    numbers = {name: sympy.Rational(value) for name, value in leader.parameters.items()}
+    stated = [leader.position(t, lambda name: numbers[name]), leader.velocity(t, lambda name: numbers[name])]
+    found = []
+    for computed, formulas in zip(leader.at(time), stated, strict=False):
+        try:
+            if formulas is None:
+                raise FormulaError("leader", "position", "has no closed form", str(leader))
+            parts = [enclosed(sympy.sympify(each), t, Interval.of(time)) for each in formulas]
+            found.append(Interval(np.array([float(x.lo) for x in parts]), np.array([float(x.hi) for x in parts])))
+        except FormulaError:
+            slack = LEADER_ERROR * (1.0 + np.abs(computed))
+            found.append(Interval(computed - slack, computed + slack))
+    return found[0], found[1]
 
 
 def _before(place: sympy.Expr, first: float) -> sympy.Expr:
@@ -227,4 +263,16 @@ def factored(expression: sympy.Expr) -> sympy.Expr:
     quotients = [p for p in expression.atoms(sympy.Pow) if p.exp.could_extract_minus_sign()]
     if expanded_addends(expression) > MOST_ADDENDS or len(quotients) > MOST_QUOTIENTS:
         return expression
-    return sympy.factor(sympy.together(expression))
+    # exp(-p r/q) would be the p-th power of a generator, with a p of sixteen digits where it is that of a double.
+    masks = {e: sympy.Dummy() for e in expression.atoms(sympy.exp, sympy.Pow) if not _is_short_power(e)}
+    product = sympy.factor(sympy.together(expression.xreplace(masks)))
+    return product.xreplace({mask: e for e, mask in masks.items()})
+
+
+def _is_short_power(expression: sympy.Expr) -> bool:
+    """Whether an exponential or power is a polynomial, or quotient of such, of small degree in a root of its base."""
+    import sympy
+
+    base, exponent = expression.as_base_exp()
+    small = exponent.is_Rational and abs(exponent.p) <= LARGEST_EXPONENT and exponent.q <= LARGEST_ROOT
+    return bool(small and base != sympy.E)

@@ -37,7 +37,7 @@ class DirectedConsensus(LinearConsensus):
         statement = "two agents or more have one fixed, directed graph in open space"
         fits = type(graph) is Fixed and graph.directed and len(self.scenario.law.graphs) == 1
         fits = fits and self.scenario.space.is_open and start.n > 1 and start.links is None
-        return Hypothesis(statement, fits, type(graph).__name__)
+        return Hypothesis(statement, fits, type(graph).__name__) if not fits else self.size_hypothesis(statement)
 
     def _rooted(self) -> Hypothesis:
         count = len(roots_of(self._links))

@@ -130,7 +130,7 @@ class Equilibrium:
         """E' and E'' of all links at the exact equilibrium."""
         i, j = np.nonzero(np.triu(self.links))
         r = np.linalg.norm(self.q[i] - self.q[j], axis=1)
-        wide = 2.0 * self.radius + 8.0 * UNIT * (1.0 + np.abs(self.q).max())
+        wide = 2.0 * self.radius + 8.0 * UNIT * np.abs(self.q).max()
         places = Interval.of(np.maximum(r - wide, np.finfo(np.float64).tiny), r + wide)
         return tuple(enclosed(x, self.force.symbol, places) for x in (self.force.slope, self.force.curvature))  # type: ignore[return-value]
 
@@ -145,6 +145,8 @@ def rigid_motions(q: Array) -> Array:
     """An orthonormal basis of translations and rotations of some places, shape (N m, z)."""
     n, m = q.shape
     away = q - q.mean(axis=0)
+    # In any unit of length a turn is of the size of a shift.
+    away = away / (np.abs(away).max() or 1.0)
     columns = [np.kron(np.ones(n), unit) for unit in np.eye(m)]
     for a in range(m):
         for b in range(a + 1, m):
@@ -167,7 +169,7 @@ def hessian(q: Array, links: Links, force: PairForce, radius: float) -> Enclosed
     i, j = np.nonzero(links)
     d = q[j] - q[i]
     r = np.linalg.norm(d, axis=1)
-    wide = 2.0 * radius + 16.0 * UNIT * (1.0 + np.abs(q).max())
+    wide = 2.0 * radius + 16.0 * UNIT * np.abs(q).max()
     low, high = np.maximum(r - wide, np.finfo(np.float64).tiny), r + wide
     places = Interval.of(low, high)
     along = enclosed(force.curvature, force.symbol, places)
@@ -204,7 +206,7 @@ def slope_of_energy(q: Array, links: Links, force: PairForce) -> tuple[Array, Ar
     i, j = np.nonzero(links)
     d = q[j] - q[i]
     r = np.linalg.norm(d, axis=1)
-    wide = 16.0 * UNIT * (1.0 + np.abs(q).max())
+    wide = 16.0 * UNIT * np.abs(q).max()
     found = enclosed(force.slope, force.symbol, Interval.of(r - wide, r + wide))
     middle = 0.5 * (found.lo + found.hi)
     error = 0.5 * (found.hi - found.lo) + np.abs(middle) * (2.0 * wide / r + 16.0 * UNIT)
@@ -350,5 +352,5 @@ def _links_stay(q: Array, links: Links, force: PairForce, eta: float) -> bool:
         return True
     r = np.linalg.norm(q[:, None] - q, axis=2)
     np.fill_diagonal(r, np.inf)
-    wide = 2.0 * eta + 16.0 * UNIT * (1.0 + np.abs(q).max())
+    wide = 2.0 * eta + 16.0 * UNIT * np.abs(q).max()
     return bool((r[links] < force.end - wide).all() and (r[~links] > force.appear + wide).all())

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.formula.identities import nothing_or_itself
 from flocking.formula.intervals import Interval
 from flocking.formula.safe_digits import nearest_text, rounded_up
 from flocking.model.bodies.point_bodies import is_point_mass
@@ -34,7 +35,7 @@ from flocking.study.certificates.certificate import (
     not_applicable,
     until_failed,
 )
-from flocking.study.certificates.pieces import leader_jump
+from flocking.study.certificates.pieces import leader_at, leader_jump
 from flocking.study.certificates.sources import sources
 
 if TYPE_CHECKING:
@@ -46,8 +47,11 @@ DRIFT = "steady_drift"
 KEYS = ("mean_leader_error", "mean_leader_error_at_end", "steady_leader_error")
 """Keys of the certificates of the centre of mass behind a leader."""
 
-KNOWN = 1e-11
-"""Relative error of a leader's state, which has 12 digits where its position has no closed form."""
+TIMES = ((1, 3), (7, 5), (23, 7))
+"""Times, as fractions, at which formulas are compared: in no simple ratio, so that no period of a wave fits all."""
+
+DIGITS, SAME = 40, 1e-25
+"""Digits with which they are computed, and the relative difference that counts as rounding: 15 digits may be lost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +164,7 @@ class CentreOfMass:
         """
         start, track = self.scenario.start, self.track
         assert track is not None
-        leader = track.leader.at(start.t)[which]
-        slack = KNOWN * (1.0 + np.abs(leader))
-        return self.mean(start.q if which == 0 else start.p) - Interval(leader - slack, leader + slack)
+        return self.mean(start.q if which == 0 else start.p) - leader_at(track.leader, start.t)[which]
 
     @cached_property
     def accelerations(self) -> tuple[sympy.Expr, ...]:
@@ -174,7 +176,8 @@ class CentreOfMass:
         numbers = {name: sympy.Rational(value) for name, value in leader.parameters.items()}
         found = [sympy.sympify(a) for a in leader.acceleration(t, lambda name: numbers[name])]
         # As rational numbers, since rounded ones would not cancel.
-        return tuple(sympy.simplify(a.xreplace({x: sympy.Rational(x) for x in a.atoms(sympy.Float)})) for a in found)
+        exact = (a.xreplace({x: sympy.Rational(x) for x in a.atoms(sympy.Float)}) for a in found)
+        return tuple(sympy.simplify(a) if _seems_constant(a, t) else nothing_or_itself(a) for a in exact)
 
     @property
     def unforced(self) -> bool:
@@ -292,6 +295,17 @@ def _steady(system: CentreOfMass, hypotheses: tuple[Hypothesis, ...]) -> Certifi
     )  # fmt: skip
 
 
+def _seems_constant(expression: sympy.Expr, t: sympy.Symbol) -> bool:
+    """Whether a formula has one value at some times: only then is it simplified, which of others may take for ever."""
+    import sympy
+
+    if expression.has(sympy.Piecewise):
+        return bool(expression.is_number)
+    first, *others = (expression.xreplace({t: sympy.Rational(*time)}).evalf(DIGITS) for time in TIMES)
+    known = all(x.is_comparable for x in (first, *others))
+    return known and all(abs(x - first) <= SAME * abs(first) for x in others)
+
+
 def _numbers(values: tuple[sympy.Expr, ...] | list[sympy.Expr]) -> Interval:
     """Enclosures of numbers, shape (K,)."""
     import sympy
@@ -311,7 +325,8 @@ def _squared_frequency(accelerations: tuple[sympy.Expr, ...], t: sympy.Symbol) -
     for a in accelerations:
         if a == 0:
             continue
-        ratio = sympy.simplify(-sympy.diff(a, t, 2) / a)
+        ratio = -sympy.diff(a, t, 2) / a
+        ratio = sympy.simplify(ratio) if _seems_constant(ratio, t) else ratio
         if not ratio.is_number or not ratio.is_positive or (found is not None and sympy.simplify(ratio - found) != 0):
             return None
         found = ratio

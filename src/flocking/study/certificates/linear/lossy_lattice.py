@@ -148,7 +148,7 @@ class LossyLattice:
         i, j = np.nonzero(np.triu(at.links))
         d = at.q[j] - at.q[i]
         r = np.linalg.norm(d, axis=1)
-        wide = 2.0 * at.radius + 16.0 * UNIT * (1.0 + np.abs(at.q).max())
+        wide = 2.0 * at.radius + 16.0 * UNIT * np.abs(at.q).max()
         low = np.maximum(r - wide, np.finfo(np.float64).tiny)
         along = enclosed(at.force.curvature, at.force.symbol, Interval.of(low, r + wide))
         middle = 0.5 * (along.lo + along.hi)
@@ -245,6 +245,9 @@ def deformations(at: Equilibrium) -> tuple[Array, float]:
     n, m = at.q.shape
     deforming = orthogonal_to(rigid_motions(at.q))
     centred = at.q - at.q.mean(axis=0)
+    # The same motions in a unit in which turns are of the size of shifts; a power of two rounds nothing.
+    size = 2.0 ** np.ceil(np.log2(np.abs(centred).max()))
+    centred = centred / size
     columns = [np.kron(np.ones(n), unit) for unit in np.eye(m)]
     turns = 0
     for a in range(m):
@@ -254,8 +257,8 @@ def deformations(at: Equilibrium) -> tuple[Array, float]:
             columns.append(turn.ravel())
             turns += 1
     rigid = np.array(columns).T
-    rounded = 8.0 * UNIT * (1.0 + float(np.abs(at.q).max()))
-    moved = np.sqrt(turns * n) * (np.sqrt(2.0) * at.radius + rounded)
+    rounded = 8.0 * UNIT * float(np.abs(at.q).max())
+    moved = np.sqrt(turns * n) * (np.sqrt(2.0) * at.radius + rounded) / size * INFLATION
     sizes = np.linalg.svd(rigid, compute_uv=False)
     least = float(sizes[-1] - SINGULAR * sizes[0]) - moved
     if not least > 0.0:

@@ -46,8 +46,7 @@ SUMMED = 2e-16
 """Relative error for each number of a sum, 1.1e-16 times the sum of the absolute values, with room."""
 
 LENGTH = 1e-14
-"""Error of a computed distance relative to 1 + the largest coordinate: of a norm of three differences some ten
-roundings."""
+"""Error of a computed distance relative to the largest coordinate: of a norm of three differences ten roundings."""
 
 LARGEST = 200
 """Coordinates up to which an equilibrium is sought: 100 agents in the plane, a few seconds."""
@@ -207,7 +206,7 @@ class NearEquilibrium:
             numbers = {name: sympy.Rational(x) for name, x in graph.parameters.items()}
             i, j = np.nonzero(at.links)
             length = np.linalg.norm(at.q[i] - at.q[j], axis=1)
-            wide = 2.0 * at.radius + LENGTH * (1.0 + np.abs(at.q).max())
+            wide = 2.0 * at.radius + LENGTH * np.abs(at.q).max()
             found = enclosed(graph.weight(r, lambda name: numbers[name]), r, Interval.of(length - wide, length + wide))
             weights[i, j], errors[i, j] = 0.5 * (found.lo + found.hi), 0.5 * (found.hi - found.lo)
         weights = gains[True] * weights + gains[False] * np.asarray(at.links, dtype=np.float64)
@@ -340,7 +339,7 @@ class NearEquilibrium:
         if at.force.fixed is not None:
             return True
         i, j = np.nonzero(np.triu(at.links))
-        wide = 2.0 * at.radius + 16.0 * UNIT * (1.0 + np.abs(at.q).max())
+        wide = 2.0 * at.radius + 16.0 * UNIT * np.abs(at.q).max()
         return bool((np.linalg.norm(at.q[i] - at.q[j], axis=1) + wide < at.force.appear).all())
 
     def noise(self) -> Interval:
