@@ -134,3 +134,28 @@ def test_headings_must_be_given() -> None:
         fk.simulate(fk.Scenario(law, state, 1.0))
     with pytest.raises(InvalidInput, match="at most pi"):
         fk.FieldOfView(1.0, 4.0)
+
+
+@pytest.mark.parametrize("half_angle", [np.pi, np.pi - 1e-9])
+def test_a_view_of_the_whole_circle_has_no_blind_line_behind(half_angle: float) -> None:
+    """Whatever the rounding of sines, cosines and lengths: agents straight behind are within the half angle pi."""
+    rng = np.random.default_rng(0)
+    for m in (2, 3):
+        way = rng.normal(size=(300, m))
+        way /= np.linalg.norm(way, axis=1)[:, None]
+        for ahead, far in zip(way, rng.uniform(0.1, 3.0, 300), strict=True):
+            frame = np.linalg.qr(np.column_stack([ahead, rng.normal(size=(m, m - 1))]))[0]
+            frame *= np.sign(frame[:, 0] @ ahead)
+            frame[:, -1] *= np.linalg.det(frame)
+            headings = np.arctan2(*np.array([ahead, ahead])[:, ::-1].T) if m == 2 else np.array([frame, frame])
+            q = np.array([np.zeros(m), -far * (ahead if m == 2 else frame[:, 0])])
+            assert fk.FieldOfView(5.0, half_angle).start_links(q, headings).sum() == 2
+
+
+@pytest.mark.parametrize("heading", [-2.93730014, 0.3, 1.1, 2.4])
+def test_a_run_keeps_links_of_agents_that_see_all_around(heading: float) -> None:
+    back = -1.7 * np.array([np.cos(heading), np.sin(heading)])
+    law = fk.Law(fk.FieldOfView(5.0, [np.pi, 1.0]), [fk.Consensus(0.1)])
+    start = fk.State([[0.0, 0.0], back], [[0.0, 0.0], 0.2 * back])
+    scenario = fk.Scenario(law, start, 2.0, agents=fk.Agents(headings=[heading, 2.0]))
+    assert fk.simulate(scenario, progress=False).links[:, 0, 1].all()

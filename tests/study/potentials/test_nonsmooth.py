@@ -114,3 +114,75 @@ def test_too_many_pairs_on_the_surface_are_refused() -> None:
     q = np.concatenate([np.zeros((1, 2)), circle, circle * 2])
     with pytest.raises(fk.InvalidInput, match="at most 12 pairs"):
         filippov_corners(fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)]), fk.State(q))
+
+
+@pytest.mark.parametrize("unit", [1e-20, 1e-9, 1.0, 1e12])
+@pytest.mark.parametrize("length", [1e-4, 1.0, 1e5])
+def test_regularity_does_not_depend_on_units(unit, length) -> None:
+    psi = fk.Potential("E*((d/r)**2 + log((r/d)**2))", E=unit, d=length)
+    assert not is_regular(psi.capped(2 * length), 2 * length)
+    assert is_regular(psi, length), "both slopes vanish at the minimum"
+    assert is_regular(psi, 2 * length)
+    rising = fk.Potential("E*where(r < d, r/d, 2*r/d - 1)", E=unit, d=length)
+    falling = fk.Potential("E*where(r < d, 2*r/d, r/d + 1)", E=unit, d=length)
+    assert is_regular(rising, length)
+    assert not is_regular(falling, length)
+
+
+def test_fixed_graphs_have_no_switching_surface() -> None:
+    q = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.3]]
+    law = fk.Law(fk.Fixed(3, [(0, 1)]), [fk.Gradient(TANNER)])
+    assert pairs_at_switch(law, fk.State(q)) == []
+    assert filippov_corners(law, fk.State(q)).shape == (1, 3, 2)
+
+
+def test_links_of_hysteresis_switch_each_at_its_own_radius() -> None:
+    law = fk.Law(fk.Hysteresis(4.0, 0.1), [fk.Gradient(fk.Potential("(r - 1)**2"))])
+    none, both = np.zeros((2, 2), dtype=bool), ~np.eye(2, dtype=bool)
+    for distance, links, expected in (
+        (3.9, none, [(0, 1)]), (3.9, both, []), (4.0, none, []), (4.0, both, [(0, 1)]), (4.0, None, [(0, 1)]),
+        (3.9, None, []),
+    ):  # fmt: skip
+        state = fk.State([[0.0, 0.0], [distance, 0.0]], links=links)
+        assert pairs_at_switch(law, state) == expected, (distance, links)
+        corners = filippov_corners(law, state)
+        assert len(corners) == 1 + len(expected)
+        if expected:
+            np.testing.assert_allclose(sorted(corners[:, 0, 0]), [0.0, 2 * (distance - 1)], rtol=1e-12)
+
+
+def test_one_way_links_switch_alone() -> None:
+    law = fk.Law(fk.PerAgentRadii([1.0, 2.0]), [fk.Consensus(1.0)])
+    for distance, pair_ in ((1.0, (0, 1)), (2.0, (1, 0))):
+        state = fk.State([[0.0, 0.0], [distance, 0.0]], [[0.0, 0.0], [1.0, 0.0]])
+        assert pairs_at_switch(law, state) == [pair_]
+        beside = [fk.control(law, fk.State(state.q * s, state.p)) for s in (1 + 1e-6, 1 - 1e-6)]
+        np.testing.assert_allclose(filippov_corners(law, state), beside)
+
+
+def test_graphs_whose_surfaces_are_not_distances_alone_are_refused() -> None:
+    state = fk.State([[0.0, 0.0], [2.0, 0.0]], links=~np.eye(2, dtype=bool))
+    with pytest.raises(fk.InvalidInput, match="distances alone"):
+        pairs_at_switch(fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus(1.0)]), state)
+    two = fk.Law(fk.Proximity(3.0), [fk.Gradient(TANNER), fk.Consensus(1.0, over=fk.Proximity(2.0))])
+    with pytest.raises(fk.InvalidInput, match="further graph"):
+        filippov_corners(two, state)
+    kinked = fk.Law(fk.Proximity(3.0), [fk.Gradient(DOWN)])
+    with pytest.raises(fk.InvalidInput, match="kink"):
+        filippov_corners(kinked, fk.State([[0.0, 0.0], [1.0, 0.0]]))
+
+
+def test_rates_where_kinks_of_the_energy_are_not_the_radius_of_the_law() -> None:
+    """Two agents that part at speed w; the energy is a matter of the potential, the control one of the law."""
+    law = fk.Law(fk.Proximity(3.0), [fk.Consensus(1.0)])
+    state = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [0.5, 0.0]])
+    rates = energy_rates(law, DOWN, state)
+    # The slope is anything from 1 to 2, the linked pair dissipates w^2: no rate is that of all slopes.
+    assert rates.low == pytest.approx(2 * 0.5 - 0.25, abs=1e-6)
+    assert rates.high == pytest.approx(1 * 0.5 - 0.25, abs=1e-6)
+    assert rates.empty
+    far = fk.State([[0.0, 0.0], [3.0, 0.0]], state.p)
+    rates = energy_rates(law, DOWN, far)
+    assert (rates.low, rates.high) == pytest.approx((0.5 - 0.25, 0.5), abs=1e-6)
+    with pytest.raises(fk.InvalidInput, match="different places"):
+        energy_rates(law, DOWN, fk.State([[0.0, 0.0], [0.0, 0.0]]))

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 MEASURES = ("real", "wrapped", "rotation")
 ORTHOGONAL = 1e-9
 """Largest deviation of a rotation matrix from orthogonality, above the rounding of products of rotations."""
+ALL_AROUND = -2.0
+"""Stands for the cosine of a half angle whose cosine is -1 or rounds to it. Below every cosine of a direction, so that
+rounding hides no agent straight behind."""
 
 
 class HeadingGraph(Graph):
@@ -286,6 +289,12 @@ class SmoothCone(HeadingGraph, OneRadius):
         return (self.onset * self.radius,)
 
 
+def view_cosines(half_angle: ArrayLike) -> Array:
+    """Cosines of half angles as fields of view compare them, `ALL_AROUND` for pi; shape of ``half_angle``."""
+    found = np.cos(np.asarray(half_angle, dtype=np.float64))
+    return np.where(found > -1.0, found, ALL_AROUND)
+
+
 @register_part("field_of_view")
 @dataclass(frozen=True, eq=False)
 class FieldOfView(HeadingGraph, OneRadius):
@@ -336,8 +345,8 @@ class FieldOfView(HeadingGraph, OneRadius):
         return np.ascontiguousarray(checked[:, :, 0])
 
     def cosines(self, n: int) -> Array:
-        """Cosine of the half angle of each of ``n`` agents, shape (n,)."""
-        return np.broadcast_to(np.cos(np.asarray(self.half_angle, dtype=np.float64)), n).copy()
+        """Cosine of the half angle of each of ``n`` agents, `ALL_AROUND` where it sees all around; shape (n,)."""
+        return np.broadcast_to(view_cosines(self.half_angle), n).copy()
 
     def start_links(self, q: Array, headings: Array | None = None) -> Links:
         """Links of positions ``q`` and ``headings``; coincident agents see each other."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
+from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone, view_cosines
 
 SAME_HEADING = 1e-12
 """Differences of headings this close to the opening of a cone are decided by rounding, some units of 2.2e-16."""
@@ -66,7 +66,7 @@ def margin_of(
         ahead = [math.cos(heading), math.sin(heading)] if np.ndim(heading) == 0 else heading[:, 0]
         radius, angle = own(graph.radius), own(graph.half_angle)
         along = sum(float(a) * float(b) for a, b in zip(offset, ahead, strict=True))
-        return min(radius - distance, along - math.cos(angle) * distance), radius
+        return min(radius - distance, along - float(view_cosines(angle)) * distance), radius
     if isinstance(graph, Cone | SmoothCone):
         assert headings is not None
         radius, opening = own(graph.radius), own(graph.opening)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -10,13 +11,16 @@ import numpy as np
 from flocking.engine.reference.control import evaluate
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
-from flocking.model.graphs.distance_graphs import pair_distances
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from flocking.model.law import Law
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
+from flocking.model.terms.pair_terms import Gradient
 
 NEAR = 1e-9
-"""Two slopes closer than this fraction of their size count as one; so do two distances."""
+"""Two slopes closer than this fraction of their size, or of curvature times distance, count as one; so do two distances
+closer than this fraction of theirs."""
 
 MOST_PAIRS = 12
 """Most pairs at their switching distance at once, a bound on time: the Filippov set has 2^12 = 4096 corners then."""
@@ -71,15 +75,50 @@ def is_regular(potential: Potential, r: float) -> bool:
     They agree where the slope rises at a kink, and do not where it falls.
     """
     left, right = one_sided_slopes(potential, r)
-    return right >= left - NEAR * max(1.0, abs(left), abs(right))
+    # Where both slopes vanish the terms that cancel in them are of the size of curvature times distance.
+    bent = r * np.abs(potential.curvature(r * np.array([1.0 - STEPS[-1], 1.0 + STEPS[-1]])))
+    return bool(right >= left - NEAR * max(abs(left), abs(right), *bent))
 
 
 def pairs_at_switch(law: Law, state: State) -> list[tuple[int, int]]:
-    """Pairs i < j at the distance at which their link appears or breaks."""
-    radius = float(np.max(np.asarray(law.graph.break_radius)))
-    distance = pair_distances(state.q)
-    i, j = np.nonzero(np.triu(np.abs(distance - radius) <= NEAR * radius))
+    """Pairs at the distance at which their link appears or breaks: i < j, or of directed graphs i that senses j.
+
+    With the links of the state, those that there are may break and others appear, each at its own radius; without them
+    the initial rule of the graph decides, whose radius is that at which links break.
+
+    Raises
+    ------
+    InvalidInput
+        When links depend on headings too, or pairs are at the radius of a further graph of the law.
+    """
+    graph = law.graph
+    if any(g.sees_headings for g in law.graphs):
+        raise InvalidInput(
+            "pairs_at_switch", "law", "must have graphs of distances alone", graph,
+            "Views and cones switch at directions too.",
+        )  # fmt: skip
+    for other in law.graphs[1:]:
+        if _at_radius(other, state.q, None).any():
+            raise InvalidInput(
+                "pairs_at_switch", "state", "must have no pairs at the radius of a further graph of the law", other
+            )
+    found = _at_radius(graph, state.q, state.links)
+    i, j = np.nonzero(found if graph.directed else np.triu(found))
     return [(int(a), int(b)) for a, b in zip(i, j, strict=True)]
+
+
+def _at_radius(graph: Graph, q: Array, links: Links | None) -> Links:
+    """Which links of a graph are at a distance at which they switch, shape (N, N)."""
+    distance = pair_distances(q)
+    leaves, enters = (
+        np.broadcast_to(np.reshape(np.asarray(r, dtype=np.float64), (-1, 1)), distance.shape)
+        for r in (graph.break_radius, graph.appear_radius)
+    )
+    radius = leaves if links is None else np.where(links, leaves, enters)
+    known = np.isfinite(radius) & np.isfinite(distance) & (radius > 0)
+    near = np.zeros(distance.shape, dtype=bool)
+    near[known] = np.abs(distance[known] - radius[known]) <= NEAR * radius[known]
+    return near & graph.moves
 
 
 def filippov_corners(law: Law, state: State) -> Array:
@@ -91,23 +130,48 @@ def filippov_corners(law: Law, state: State) -> Array:
     Raises
     ------
     InvalidInput
-        When more than 12 pairs are at their switching distance.
+        When more than 12 pairs are at their switching distance, linked agents are at a distance at which the force of a
+        potential jumps, or for graphs as in `pairs_at_switch`.
     """
+    for term in law.pair_terms:
+        if isinstance(term, Gradient):
+            _check_no_kink(law, term, state)
     return np.array([evaluate(law, choice).u for choice in _sides(law, state)])
+
+
+def _check_no_kink(law: Law, term: Gradient, state: State) -> None:
+    """Refuse linked agents where the slope of a potential jumps: no choice of links gives its sides."""
+    graph = law.graph if term.over is None else term.over
+    given = state.links if graph is law.graph else None
+    linked = np.asarray(graph.initial(state.q) if given is None else given)
+    r = pair_distances(state.q)[linked]
+    for border in term.potential.kinks():
+        left, right = one_sided_slopes(term.potential, border)
+        if (np.abs(r - border) <= NEAR * border).any() and abs(left - right) > NEAR * max(abs(left), abs(right)):
+            raise InvalidInput(
+                "filippov_corners", "state", "must have no linked agents at a kink of the potential of the law",
+                f"a distance of {border:.9g}", "Give the law the formula without the kink, and the graph its radius.",
+            )  # fmt: skip
+
+
+def _few(pairs: Sequence[object]) -> None:
+    if len(pairs) > MOST_PAIRS:
+        raise InvalidInput(
+            "filippov_corners", "state", f"must have at most {MOST_PAIRS} pairs at the radius", len(pairs)
+        )
 
 
 def _sides(law: Law, state: State) -> list[State]:
     """The state with each choice of links of the pairs on their switching distance."""
     pairs = pairs_at_switch(law, state)
-    if len(pairs) > MOST_PAIRS:
-        raise InvalidInput(
-            "filippov_corners", "state", f"must have at most {MOST_PAIRS} pairs at the radius", len(pairs)
-        )
+    _few(pairs)
     links = np.array(law.graph.initial(state.q) if state.links is None else state.links)
     found = []
     for choice in product((False, True), repeat=len(pairs)):
         for (i, j), linked in zip(pairs, choice, strict=True):
-            links[i, j] = links[j, i] = linked
+            links[i, j] = linked
+            if not law.graph.directed:
+                links[j, i] = linked
         found.append(replace(state, links=links))
     return found
 
@@ -146,11 +210,20 @@ def energy_rates(law: Law, potential: Potential, state: State) -> Rates:
         Potential of every pair, with its kink at the radius.
     state
         The state.
+
+    Raises
+    ------
+    InvalidInput
+        When agents are at one place, more than 12 pairs are at kinks of the potential, or as in `filippov_corners`.
     """
     from scipy.optimize import linprog
 
+    if state.n > 1 and not pair_distances(state.q).min() > 0.0:
+        raise InvalidInput("energy_rates", "state", "must have agents at different places", "two at one place")
     flows = np.array([np.sum(state.p * u) for u in filippov_corners(law, state)])
-    slopes = np.array([_stored_rate(potential, state, choice) for choice in product((0, 1), repeat=_kinks(law, state))])
+    kinks = _at_kinks(potential, state)
+    _few(kinks)
+    slopes = np.array([_stored_rate(potential, state, choice) for choice in product((0, 1), repeat=len(kinks))])
     table = slopes[:, None] + flows[None, :]
 
     # The best xi for the worst flow is the value of a matrix game, whose mixed strategies are the convex hulls.
@@ -165,20 +238,23 @@ def energy_rates(law: Law, potential: Potential, state: State) -> Rates:
     return Rates(value(table), -value(-table))
 
 
-def _kinks(law: Law, state: State) -> int:
-    return len(pairs_at_switch(law, state))
+def _at_kinks(potential: Potential, state: State) -> list[tuple[int, int]]:
+    """Pairs i < j at a distance at which two pieces of the potential meet."""
+    distance, found = pair_distances(state.q), np.zeros((state.n, state.n), dtype=bool)
+    for border in potential.kinks():
+        found |= np.abs(distance - border) <= NEAR * border
+    return [(int(i), int(j)) for i, j in np.argwhere(np.triu(found))]
 
 
 def _stored_rate(potential: Potential, state: State, choice: tuple[int, ...]) -> float:
     """Rate of the stored energy when every pair on a kink takes its left (0) or right (1) slope."""
-    sides = iter(choice)
-    borders = np.array(potential.kinks())
+    sides = dict(zip(_at_kinks(potential, state), choice, strict=True))
     rate = 0.0
     for i in range(state.n):
         for j in range(i + 1, state.n):
             d = state.q[j] - state.q[i]
             r = float(np.linalg.norm(d))
-            on_kink = len(borders) > 0 and bool((np.abs(borders - r) <= NEAR * r).any())
-            slope = one_sided_slopes(potential, r)[next(sides)] if on_kink else float(potential.slope(r))
+            side = sides.get((i, j))
+            slope = float(potential.slope(r)) if side is None else one_sided_slopes(potential, r)[side]
             rate += slope * float(d @ (state.p[j] - state.p[i])) / r
     return rate
