@@ -230,3 +230,79 @@ def test_linearisation_of_a_square_has_a_soft_mode() -> None:
     np.testing.assert_allclose(slow, 0.0, atol=1e-3)
     with pytest.raises(InvalidInput, match="order"):
         linearise(law, fk.State(square), agents=fk.Agents(order=1))
+
+
+def tree_links(n: int, rng: np.random.Generator) -> np.ndarray:
+    links = np.zeros((n, n), dtype=bool)
+    for k in range(1, n):
+        j = rng.integers(k)
+        links[k, j] = links[j, k] = True
+    return links
+
+
+def test_trees_have_no_bounded_face() -> None:
+    """Euler: faces = links - agents + components + 1, of which one is outside."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        q, links = rng.normal(size=(3, 2)), tree_links(3, rng)
+        assert rigidity.faces(q, links) == []
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-9, 1.0, 1e9, 1e200])
+@pytest.mark.parametrize("shift", [0.0, 1e3, 1e8])
+def test_faces_are_the_same_in_any_unit_and_anywhere(scale: float, shift: float) -> None:
+    two = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 0.8], [2.0, 0.1], [5.0, 5.0], [6.0, 5.0], [5.5, 5.8]])
+    links = np.zeros((7, 7), dtype=bool)
+    for i, j in [(0, 1), (1, 2), (0, 2), (1, 3), (2, 3), (4, 5), (5, 6), (4, 6)]:
+        links[i, j] = links[j, i] = True
+    q = scale * (two + shift)
+    assert rigidity.crossing_links(q, links) == 0
+    assert sorted(map(sorted, rigidity.faces(q, links))) == [[0, 1, 2], [1, 2, 3], [4, 5, 6]]
+    assert rigidity.triangle_share(q, links) == 1.0
+    crossed = links.copy()
+    crossed[0, 3] = crossed[3, 0] = True
+    assert rigidity.crossing_links(q, crossed) == 1
+
+
+def test_nets_that_are_not_in_the_plane_have_no_crossings() -> None:
+    links = ~np.eye(4, dtype=bool)
+    for m in (1, 3):
+        q = np.random.default_rng(m).normal(size=(4, m))
+        for measure in (rigidity.crossing_links, rigidity.faces, rigidity.triangle_share):
+            with pytest.raises(InvalidInput, match="in the plane"):
+                measure(q, links)
+
+
+@pytest.mark.parametrize(
+    ("q", "expected"),
+    [
+        # Three in a row in space, all linked: the middle one may leave the row in 2 directions.
+        ([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], 2),
+        # The same in the plane: in 1 direction; on a line nothing.
+        ([[0.0, 0], [1, 0], [2, 0]], 1),
+        ([[0.0], [1], [2]], 0),
+        # A pair at one place may part in any direction: its links have no direction.
+        ([[0.1, 0.7], [0.1, 0.7]], 2),
+        ([[0.1, 0.7]] * 3, 4),
+        ([[1.0, 1, 1], [1, 1, 1]], 3),
+        ([[0.0, 0, 0], [1, 0, 0]], 0),
+        ([[0.0, 0]], 0),
+    ],
+)
+def test_degrees_of_freedom_of_points_in_special_places(q, expected: int) -> None:
+    linked = ~np.eye(len(q), dtype=bool)
+    for scale in (1e-9, 1.0, 1e9):
+        assert rigidity.degrees_of_freedom(scale * np.array(q), linked) == expected
+
+
+def test_rigid_motions_are_translations_and_rotations_in_any_unit() -> None:
+    rng = np.random.default_rng(2)
+    for m, general in ((1, 1), (2, 3), (3, 6)):
+        for scale, shift in ((1.0, 0.0), (1e-9, 0.0), (1e9, 0.0), (1.0, 1e4)):
+            q = scale * (rng.normal(size=(5, m)) + shift)
+            basis = rigidity.rigid_motions(q)
+            assert basis.shape == (5 * m, general)
+            np.testing.assert_allclose(basis.T @ basis, np.eye(general), atol=1e-12)
+            # They change no length.
+            matrix = rigidity.rigidity_matrix(q, ~np.eye(5, dtype=bool))
+            assert np.abs(matrix @ basis).max() <= 1e-10 * np.abs(matrix).max()

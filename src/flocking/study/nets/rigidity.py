@@ -8,10 +8,13 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array
-from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.connectivity import Links, components
 
 if TYPE_CHECKING:
     import networkx
+
+RANK = 1e-9
+"""Relative size below which a computed singular value of rigid motions counts as zero."""
 
 
 def _links(links: Links) -> Links:
@@ -34,13 +37,29 @@ def rigidity_matrix(q: Array, links: Links) -> Array:
     return result.reshape(len(i), n * m)
 
 
-def rigid_motions(n: int, dimension: int) -> int:
-    """Dimension of the rigid motions of n points in general position."""
-    if n >= dimension:
-        return dimension * (dimension + 1) // 2
-    # n points span n - 1 dimensions; rotations about their span move nothing.
-    spare = dimension - max(n - 1, 0)
-    return dimension * (dimension + 1) // 2 - spare * (spare - 1) // 2
+def rigid_motions(q: Array) -> Array:
+    """An orthonormal basis of the velocities of translations and rotations of points, shape (N m, z).
+
+    There are m (m + 1)/2 of points in general position, fewer of points in a row in space or at one place.
+
+    Parameters
+    ----------
+    q
+        Positions, shape (N, m), of at least one agent.
+    """
+    points = array("rigid_motions", "q", q, ndim=2)
+    n, m = points.shape
+    # About the first point: exactly zero where all are at one place. Lengths in units of the largest.
+    away = points - points[:1]
+    away = away / (np.abs(away).max() or 1.0)
+    columns = [np.kron(np.ones(n), unit) for unit in np.eye(m)]
+    for a in range(m):
+        for b in range(a + 1, m):
+            turn = np.zeros((n, m))
+            turn[:, a], turn[:, b] = -away[:, b], away[:, a]
+            columns.append(turn.ravel())
+    left, sizes, _ = np.linalg.svd(np.array(columns).T, full_matrices=False)
+    return np.asarray(left[:, sizes > RANK * sizes[0]])
 
 
 def rank(q: Array, links: Links, tolerance: float = 1e-8) -> int:
@@ -55,16 +74,19 @@ def rank(q: Array, links: Links, tolerance: float = 1e-8) -> int:
 def degrees_of_freedom(q: Array, links: Links, tolerance: float = 1e-8) -> int:
     """Dimension of the infinitesimal motions that keep all lengths, less that of the rigid motions.
 
+    Rigid motions are those of the points as they are: in space those of points in a row have dimension 5, and those of
+    points at one place 3.
+
     Raises
     ------
     InvalidInput
-        When the framework is neither in the plane nor in space.
+        When there is no agent, or a position is not finite.
     """
     points = array("degrees_of_freedom", "q", q, ndim=2)
     n, m = (int(x) for x in points.shape)
-    if m not in (2, 3):
-        raise InvalidInput("degrees_of_freedom", "q", "must be positions in 2 or 3 dimensions", m)
-    return n * m - rank(points, links, tolerance) - rigid_motions(n, m)
+    if not n * m:
+        raise InvalidInput("degrees_of_freedom", "q", "must be positions of agents", f"shape {points.shape}")
+    return n * m - rank(points, links, tolerance) - int(rigid_motions(points).shape[1])
 
 
 def is_rigid(q: Array, links: Links, tolerance: float = 1e-8) -> bool:
@@ -87,9 +109,24 @@ def is_planar_graph(links: Links) -> bool:
     return bool(planar)
 
 
+def _planar(owner: str, q: Array) -> Array:
+    points = array(owner, "q", q, ndim=2)
+    if points.shape[1] != 2:
+        raise InvalidInput(owner, "q", "must be positions in the plane, shape (N, 2)", f"shape {points.shape}")
+    return points
+
+
 def crossing_links(q: Array, links: Links) -> int:
-    """Number of pairs of links that cross as drawn, in the plane."""
-    points = array("crossing_links", "q", q, ndim=2)
+    """Number of pairs of links that cross as drawn, in the plane.
+
+    Raises
+    ------
+    InvalidInput
+        When positions are not in the plane.
+    """
+    points = _planar("crossing_links", q)
+    # Products of coordinates neither overflow nor vanish: lengths in units of the largest.
+    points = (points - points.mean(axis=0)) / (np.abs(points - points.mean(axis=0)).max(initial=0.0) or 1.0)
     i, j = np.nonzero(np.triu(_links(links)))
     a, b = points[i], points[j]
 
@@ -114,9 +151,9 @@ def faces(q: Array, links: Links) -> list[list[int]]:
     Raises
     ------
     InvalidInput
-        When links cross.
+        When links cross, or positions are not in the plane.
     """
-    points = array("faces", "q", q, ndim=2)
+    points = _planar("faces", q)
     matrix = _links(links)
     if crossing_links(points, matrix):
         raise InvalidInput("faces", "links", "must not cross as drawn", f"{crossing_links(points, matrix)} crossings")
@@ -128,7 +165,8 @@ def faces(q: Array, links: Links) -> list[list[int]]:
         for k, j in enumerate(around):
             # After the link from j to i comes the next one clockwise: the face stays on the left.
             turn[int(j), i] = int(around[k - 1])
-    found = []
+    walks: dict[int, list[tuple[float, list[int]]]] = {}
+    flock = components(matrix)
     left = set(turn)
     while left:
         start = min(left)
@@ -137,11 +175,14 @@ def faces(q: Array, links: Links) -> list[list[int]]:
             left.remove(step)
             walk.append(step[0])
             step = (step[1], turn[step])
-        corners = points[walk]
+        corners = points[walk] - points[walk].mean(axis=0)
+        corners = corners / (np.abs(corners).max() or 1.0)
         following = np.roll(corners, -1, axis=0)
-        if (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum() > 0:
-            found.append(walk)
-    return found
+        area = float((corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum())
+        walks.setdefault(int(flock[walk[0]]), []).append((area, walk))
+    # One walk of a flock goes around it: the only one that is not counter-clockwise. A tree has no other.
+    inner = [walk for each in walks.values() for _, walk in sorted(each, key=lambda found: found[0])[1:]]
+    return sorted(inner)
 
 
 def triangle_share(q: Array, links: Links) -> float:
@@ -150,7 +191,7 @@ def triangle_share(q: Array, links: Links) -> float:
     Raises
     ------
     InvalidInput
-        When links cross.
+        When links cross, or positions are not in the plane.
     """
     found = faces(q, links)
     return sum(len(face) == 3 for face in found) / len(found) if found else 0.0

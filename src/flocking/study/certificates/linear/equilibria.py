@@ -21,6 +21,7 @@ from flocking.formula.derivatives import derivative
 from flocking.formula.interval_values import enclosed
 from flocking.formula.intervals import Interval
 from flocking.study.certificates.enclosed_matrices import INFLATION, UNIT, EnclosedMatrix, exact, norm_bound
+from flocking.study.nets.rigidity import rigid_motions
 
 if TYPE_CHECKING:
     import sympy
@@ -40,9 +41,6 @@ SOFTEST = 1e-9
 
 RADII = (1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 """Radii, relative to the diameter, of balls in which the exact equilibrium is sought."""
-
-RANK = 1e-9
-"""Relative size below which a computed singular value of rigid motions counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,22 +137,6 @@ def orthogonal_to(columns: Array) -> Array:
     """Orthonormal columns that are orthogonal to some independent ones."""
     basis = np.linalg.qr(np.hstack([columns, np.eye(len(columns))]))[0]
     return np.asarray(basis[:, columns.shape[1] : len(columns)])
-
-
-def rigid_motions(q: Array) -> Array:
-    """An orthonormal basis of translations and rotations of some places, shape (N m, z)."""
-    n, m = q.shape
-    away = q - q.mean(axis=0)
-    # In any unit of length a turn is of the size of a shift.
-    away = away / (np.abs(away).max() or 1.0)
-    columns = [np.kron(np.ones(n), unit) for unit in np.eye(m)]
-    for a in range(m):
-        for b in range(a + 1, m):
-            turn = np.zeros((n, m))
-            turn[:, a], turn[:, b] = -away[:, b], away[:, a]
-            columns.append(turn.ravel())
-    left, sizes, _ = np.linalg.svd(np.array(columns).T, full_matrices=False)
-    return np.asarray(left[:, sizes > RANK * sizes[0]])
 
 
 def hessian(q: Array, links: Links, force: PairForce, radius: float) -> EnclosedMatrix:

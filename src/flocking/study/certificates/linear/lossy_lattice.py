@@ -27,10 +27,11 @@ from flocking.study.certificates.enclosed_matrices import (
     rounding,
     spectral_radius,
 )
-from flocking.study.certificates.linear.equilibria import Equilibrium, orthogonal_to, rigid_motions
+from flocking.study.certificates.linear.equilibria import Equilibrium, orthogonal_to
 from flocking.study.certificates.linear.near_equilibrium import NearEquilibrium
 from flocking.study.certificates.random_recursion import RandomRecursion
 from flocking.study.certificates.sampled_consensus import NUMBER_ERROR, SampledConsensus
+from flocking.study.nets.rigidity import rigid_motions
 
 ORTHONORMAL = 1e-3
 """Largest distance of computed columns from orthonormal ones with which a bound is proven; rounding leaves them 1e-13
