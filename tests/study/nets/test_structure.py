@@ -306,3 +306,45 @@ def test_rigid_motions_are_translations_and_rotations_in_any_unit() -> None:
             # They change no length.
             matrix = rigidity.rigidity_matrix(q, ~np.eye(5, dtype=bool))
             assert np.abs(matrix @ basis).max() <= 1e-10 * np.abs(matrix).max()
+
+
+@pytest.mark.parametrize("name", ["radii", "view", "radii with links", "smooth", "uniform"])
+def test_the_gradient_of_the_defect_is_that_of_its_potential(name: str) -> None:
+    """By differences of V, which has half of either link of a pair: of directed nets the forces are another thing."""
+    rng = np.random.default_rng(5)
+    q = 6.0 * rng.uniform(-1, 1, (6, 2))
+    headings = rng.uniform(-3, 3, 6) if name == "view" else None
+    links = rng.random((6, 6)) < 0.4 if "links" in name else None
+    if links is not None:
+        np.fill_diagonal(links, False)
+    radii = fk.PerAgentRadii(rng.uniform(5.0, 12.0, 6))
+    graph = {"view": fk.FieldOfView(R, 1.2), "smooth": fk.Smooth(R, 0.7), "uniform": fk.Proximity(R)}.get(name, radii)
+    state = fk.State(q, links=links)
+    found = structure.defect(graph, PSI, state, headings=headings)
+
+    def stored(x: np.ndarray) -> float:
+        moved = fk.State(x.reshape(q.shape), links=links)
+        return structure.structural_energy(graph, PSI, moved, headings).potential
+
+    step = 1e-6 * np.eye(q.size)
+    slopes = [(stored(q.ravel() + d) - stored(q.ravel() - d)) / 2e-6 for d in step]
+    assert found.links > 3
+    np.testing.assert_allclose(found.gradient_square, np.square(slopes).sum(), rtol=1e-6)
+
+
+def test_there_is_no_normalized_defect_by_an_energy_that_is_not_positive_and_finite() -> None:
+    state = fk.State([[0.0, 0.0], [3.0, 0.0]])
+    barrier = structure.defect(fk.Hysteresis(4.0, 0.1), fk.Potential("1/r + 1/(R - r)", R=4.0), state)
+    assert barrier.factor > 1.0
+    assert np.isnan(barrier.normalized)
+    assert not structure.is_quasi_realization([barrier] * 3)
+    for formula in ("(r - 1)**2*(4 - r)", "1/r**12 - 1/r**6"):
+        found = structure.defect(fk.Proximity(4.0), fk.Potential(formula), state)
+        assert np.isnan(found.normalized)
+    with pytest.raises(InvalidInput, match="one defect or more"):
+        structure.is_quasi_realization([])
+
+
+def test_agents_at_one_place_have_no_vote() -> None:
+    with pytest.raises(InvalidInput, match="agents 0 and 2 at one place"):
+        structure.vote_weights(fk.Proximity(R), PSI, fk.State([[1.0, 1.0], [4.0, 0.0], [1.0, 1.0]]))

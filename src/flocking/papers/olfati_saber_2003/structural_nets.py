@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,10 +81,22 @@ def structural_energy(
 
 
 def vote_weights(graph: Graph, potential: Potential, state: State, headings: Array | None = None) -> Array:
-    """Weights phi(r_ij)/r_ij of the links, phi the slope of the potential, shape (N, N) (Olfati-Saber (38))."""
+    """Weights phi(r_ij)/r_ij of the links, phi the slope of the potential, shape (N, N) (Olfati-Saber (38)).
+
+    Raises
+    ------
+    InvalidInput
+        If linked agents are at one place, where they have no weight.
+    """
     linked = _weights(graph, state, headings) > 0
     i, j = np.nonzero(linked)
     length = np.linalg.norm(state.q[j] - state.q[i], axis=1)
+    if not (length > 0).all():
+        together = int(np.argmin(length))
+        raise InvalidInput(
+            "vote_weights", "state", "must have linked agents at different places",
+            f"agents {i[together]} and {j[together]} at one place",
+        )  # fmt: skip
     result = np.zeros((state.n, state.n))
     result[i, j] = potential.slope(length) / length
     return result
@@ -159,11 +171,11 @@ class Defect:
     potential
         V(q).
     gradient_square
-        |grad V(q)|^2 over all coordinates.
+        |grad V(q)|^2 over all coordinates; of a directed net V has half of either link of a pair.
     links
         Number of links, each counted once.
     link_energy
-        h_0 = psi(r), the potential of a link at the break radius (31).
+        h_0 = psi(r), the potential of a link at the break radius (31); mu_n is defined where it is positive and finite.
     weight
         w.
     """
@@ -181,8 +193,11 @@ class Defect:
 
     @property
     def normalized(self) -> float:
-        """Normalized: mu_n = mu/(|E| h_0); 0 for a net without links."""
-        return self.factor / (self.links * self.link_energy) if self.links else 0.0
+        """Normalized: mu_n = mu/(|E| h_0); 0 for a net without links, NaN where h_0 is not positive and finite."""
+        if not self.links:
+            return 0.0
+        usable = np.isfinite(self.link_energy) and self.link_energy > 0.0
+        return self.factor / (self.links * self.link_energy) if usable else float("nan")
 
 
 def defect(
@@ -208,21 +223,38 @@ def defect(
     InvalidInput
         If the weight is not positive or the graph has no finite radius.
     """
-    from flocking.engine.reference.control import evaluate
-    from flocking.model.law import Law
-    from flocking.model.state import Agents
-    from flocking.model.terms.pair_terms import Gradient
-
     w = number("defect", "weight", weight, above=0.0)
     radius = float(np.max(np.asarray(graph.break_radius)))
     if not np.isfinite(radius):
         raise InvalidInput("defect", "graph", "must have a radius at which links break", graph)
     still = State(state.q, None, state.t, state.links)
-    forces = evaluate(Law(graph, (Gradient(potential),)), still, agents=Agents(headings=headings)).u
+    forces = _descent(graph, potential, still, headings)
     matrix = _weights(graph, state, headings) > 0
     count = int(np.count_nonzero(np.triu(matrix | matrix.T)))
     energy = structural_energy(graph, potential, still, headings)
     return Defect(energy.potential, float((forces**2).sum()), count, float(potential(radius)), w)
+
+
+def _descent(graph: Graph, potential: Potential, state: State, headings: Array | None) -> Array:
+    """Forces -grad V, shape (N, m): the mean of the forces that the agents of a pair exert by either link."""
+    from flocking.engine.reference.control import evaluate
+    from flocking.model.law import Law
+    from flocking.model.state import Agents
+    from flocking.model.terms.pair_terms import Gradient
+
+    law, agents = Law(graph, (Gradient(potential),)), Agents(headings=headings)
+    if not graph.directed:
+        return evaluate(law, state, agents=agents).u
+    links = graph.start_links(state.q, headings) if state.links is None else np.asarray(state.links)
+    # Neighbour by neighbour: what i gets by its link to j pushes j the other way in the gradient of V.
+    found = np.zeros_like(state.q)
+    for j in range(state.n):
+        one = np.zeros_like(links)
+        one[:, j] = links[:, j]
+        forces = evaluate(law, replace(state, links=one), agents=agents).u
+        found += 0.5 * forces
+        found[j] -= 0.5 * forces.sum(axis=0)
+    return found
 
 
 def is_quasi_realization(defects: Sequence[Defect], *, most: float = 0.2, drift: float = 1e-3) -> bool:
@@ -236,6 +268,13 @@ def is_quasi_realization(defects: Sequence[Defect], *, most: float = 0.2, drift:
         Largest mu_n that counts as near.
     drift
         Largest spread of mu_n over the samples.
+
+    Raises
+    ------
+    InvalidInput
+        If there are no samples.
     """
+    if not len(defects):
+        raise InvalidInput("is_quasi_realization", "defects", "must be one defect or more", "none")
     values = np.array([d.normalized for d in defects])
     return bool(values.max() <= most and np.ptp(values) <= drift)
