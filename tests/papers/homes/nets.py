@@ -214,7 +214,7 @@ def is_balanced():
     bent[0, 1] = 1.0 + 3e-12
     assert not nets.is_balanced(bent)
     assert nets.is_balanced(bent, tolerance=4e-12)
-    for size, gap, balanced in ((0.1, 1.02e-12, False), (0.1, 0.98e-12, True), (1e3, 0.9e-9, True), (1e3, 2e-9, False)):
+    for size, gap, balanced in ((0.1, 1.05e-13, False), (0.1, 0.95e-13, True), (1e3, 0.9e-9, True), (1e3, 2e-9, False)):
         bent = size * cycle
         bent[0, 1] += gap
         assert nets.is_balanced(bent) is balanced

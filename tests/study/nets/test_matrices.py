@@ -115,3 +115,38 @@ def test_agreement_on_the_nets_of_a_run() -> None:
     np.testing.assert_allclose(values.mean(axis=1), theta.mean(), atol=1e-12)
     assert (np.diff(np.ptp(values, axis=1)) <= 1e-12).all()
     assert np.ptp(values[-1]) < 0.5 * np.ptp(theta)
+
+
+@pytest.mark.parametrize("unit", [1e-200, 1e-13, 1.0, 1e13])
+def test_balance_and_symmetry_do_not_depend_on_the_unit_of_weights(unit: float) -> None:
+    one_way = unit * np.array([[0.0, 1.0], [0.0, 0.0]])
+    assert not nets.is_balanced(one_way)
+    with pytest.raises(InvalidInput, match="symmetric"):
+        nets.algebraic_connectivity(one_way)
+    both = unit * np.array([[0.0, 1.0], [1.0, 0.0]])
+    assert nets.is_balanced(both)
+    assert nets.algebraic_connectivity(both) == pytest.approx(2 * unit, rel=1e-12)
+    rounded = both * [[1.0, 1.0 + 1e-15], [1.0, 1.0]]
+    assert nets.algebraic_connectivity(rounded) == pytest.approx(2 * unit, rel=1e-12)
+    slightly = both * [[1.0, 1.0 + 1e-9], [1.0, 1.0]]
+    assert not nets.is_balanced(slightly)
+    with pytest.raises(InvalidInput, match="symmetric"):
+        nets.algebraic_connectivity(slightly)
+
+
+def test_weights_that_are_no_numbers_are_neither_balanced_nor_symmetric() -> None:
+    weights = np.array([[0.0, np.nan], [np.nan, 0.0]])
+    assert not nets.is_balanced(weights)
+    with pytest.raises(InvalidInput, match="finite"):
+        nets.algebraic_connectivity(weights)
+
+
+def test_agreement_refuses_what_it_cannot_solve() -> None:
+    net = np.array([[0.0, 1.0], [1.0, 0.0]])
+    for theta, all_nets, times, words in (
+        ([0.0, 1.0], [net], [0.0, np.nan], "times must be finite"),
+        ([0.0, np.inf], [net], [0.0, 1.0], "theta must be finite"),
+        ([0.0, 1.0, 2.0], [net], [0.0, 1.0], r"nets\[0\] must be a matrix of 3 agents"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            agree(theta, all_nets, times)

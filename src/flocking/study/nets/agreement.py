@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array
+from flocking.model.checks import Array, array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Law
@@ -55,14 +55,19 @@ def agree(theta: ArrayLike, nets: Sequence[ArrayLike], times: ArrayLike) -> Arra
     Raises
     ------
     InvalidInput
-        When numbers of nets and times disagree.
+        When numbers of nets and times disagree, a net is one of other agents, or a number is not finite.
     """
     from scipy.linalg import expm
 
-    moments = np.asarray(times, dtype=np.float64)
+    moments = array("agree", "times", times, ndim=1)
     if len(moments) != len(nets) + 1 or (np.diff(moments) < 0).any():
         raise InvalidInput("agree", "times", f"must be {len(nets) + 1} ascending times", moments.tolist())
-    values = [np.asarray(theta, dtype=np.float64)]
+    values = [np.asarray(array("agree", "theta", theta, ndim=2 if np.ndim(theta) > 1 else 1))]
+    for number, net in enumerate(nets):
+        if np.shape(net) != (len(values[0]), len(values[0])):
+            raise InvalidInput(
+                "agree", f"nets[{number}]", f"must be a matrix of {len(values[0])} agents", f"shape {np.shape(net)}"
+            )
     for net, length in zip(nets, np.diff(moments), strict=True):
         values.append(expm(-laplacian(net) * length) @ values[-1])
     return np.array(values)
