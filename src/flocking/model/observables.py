@@ -13,7 +13,8 @@ from flocking.model.state import State
 
 def headings(state: State) -> Array:
     """Heading angle of each agent's velocity in the plane, in (-pi, pi], 0 at rest (Tanner (2)); shape (N,)."""
-    return np.asarray(np.arctan2(state.p[:, 1], state.p[:, 0]))
+    # Adding zero makes zeros positive: by negative ones the angle would be -pi, and pi at rest.
+    return np.asarray(np.arctan2(state.p[:, 1] + 0.0, state.p[:, 0] + 0.0))
 
 
 def mean_position(state: State, masses: Array | float = 1.0) -> Array:
@@ -57,12 +58,12 @@ def speed_spread(state: State) -> float:
 
 
 def order(state: State) -> float:
-    """Polarisation: length of the mean unit velocity, 1 if all agents have the same heading (Vicsek)."""
+    """Polarisation: length of the mean unit velocity of the agents that move, 1 if these have one heading (Vicsek)."""
     return order_of(state.p)
 
 
 def order_of(p: Reals) -> float:
-    """Polarisation of velocities, shape (N, m); 0 if all agents are at rest."""
+    """Polarisation of velocities, shape (N, m), without those of agents at rest; 0 if all agents are."""
     speed = np.sqrt((p**2).sum(axis=1))
     moving = speed > 0
     if not moving.any():

@@ -118,8 +118,10 @@ def sufficient_condition(
     if beta == 0.5:
         return strength / 8.0 - speed
     power, base = 1.0 / (2.0 * beta - 1.0), 1.0 / (2.0 * beta)
-    factor = base**power - base ** (2.0 * beta * power)
-    return float(factor * (strength / (8.0 * speed)) ** power - (2.0 * spread + sigma**2))
+    # By logarithms: near beta = 1/2 the power is so large that powers of either factor leave the range of numbers.
+    size = power * np.log(base) + np.log1p(-base) + power * (np.log(strength) - np.log(8.0 * speed))
+    with np.errstate(over="ignore"):
+        return float(np.exp(size) - (2.0 * spread + sigma**2))
 
 
 def pair_invariant(distance: Array, speed: Array, gain: float = 1.0) -> Array:
@@ -150,8 +152,12 @@ def final_distance(distance: float, speed: float, gain: float = 1.0) -> float:
     """
     r = number("final_distance", "distance", distance, least=0.0)
     w = number("final_distance", "speed", speed, least=0.0)
-    angle = np.arctan(r) + w / number("final_distance", "gain", gain, above=0.0)
-    return float(np.tan(angle)) if angle < np.pi / 2 else np.inf
+    turned = w / number("final_distance", "gain", gain, above=0.0)
+    # The tangent of a sum, with the rest of a right angle as arctan(1/r): the difference loses digits for large r.
+    rest = np.arctan2(1.0, r) - turned
+    if not rest > 0.0:
+        return np.inf
+    return float(1.0 / np.tan(rest)) if turned else r
 
 
 def final_speed(distance: float, speed: float, gain: float = 1.0) -> float:
@@ -164,7 +170,8 @@ def final_speed(distance: float, speed: float, gain: float = 1.0) -> float:
     """
     r = number("final_speed", "distance", distance, least=0.0)
     w = number("final_speed", "speed", speed, least=0.0)
-    return max(w - number("final_speed", "gain", gain, above=0.0) * (np.pi / 2 - float(np.arctan(r))), 0.0)
+    # arctan(1/r) is pi/2 - arctan r, without the difference of numbers that nearly agree.
+    return max(w - number("final_speed", "gain", gain, above=0.0) * float(np.arctan2(1.0, r)), 0.0)
 
 
 def delay_limits(rate: float) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, integer, number
 
 
@@ -25,10 +26,12 @@ def speed_bounds(energy: float, masses: Array) -> Array:
     Raises
     ------
     InvalidInput
-        If the energy is negative.
+        If the energy is negative or a mass not positive.
     """
-    c = number("speed_bounds", "energy", energy, least=0.0)
-    return np.sqrt(2.0 * c / array("speed_bounds", "masses", masses, ndim=1))
+    c, found = number("speed_bounds", "energy", energy, least=0.0), array("speed_bounds", "masses", masses, ndim=1)
+    if not (found > 0).all():
+        raise InvalidInput("speed_bounds", "masses", "must be positive", float(found.min()))
+    return np.sqrt(2.0 * c / found)
 
 
 def distance_bound(n: int, radius: float) -> float:

@@ -48,14 +48,15 @@ def steady_velocity_error(law: int, h0: float | None = None, r0: float | None = 
     Returns
     -------
     float
-        The error, in the units of velocity. It is not defined for h0 = 0 < r0, where the motion does not settle.
+        The error, in the units of velocity.
 
     Raises
     ------
     InvalidInput
-        If the law is not one of these, or a gain is negative.
+        If the law is not one of these, or a gain is out of range: h0 is positive, since without it no motion settles.
     """
     h, r, g = _gains("steady_velocity_error", law, h0, r0)
+    number("steady_velocity_error", "h0", h, above=0.0)
     return float(abs(_response(h, r, g) - 1.0))
 
 
@@ -180,20 +181,27 @@ def ramp_motion(h0: float, slope: float, t: Array, x: float, v: float) -> tuple[
     Parameters
     ----------
     h0, slope
-        Gain, and alpha.
+        Gain, positive, and alpha.
     t
         Times, shape (F,).
     x, v
-        Initial position and velocity.
+        Position and velocity at t = 0.
 
     Returns
     -------
     tuple of Array
         Positions and velocities, shape (F,) each.
+
+    Raises
+    ------
+    InvalidInput
+        If the gain is not positive, or a number is not finite.
     """
-    lag = slope / h0
-    place, speed = free_motion(h0, 0.0, t, np.array([x]), np.array([v + lag]))
-    return place[:, 0] + slope * t**2 / 2 - lag * t, speed[:, 0] + slope * t - lag
+    h, alpha = number("ramp_motion", "h0", h0, above=0.0), number("ramp_motion", "slope", slope)
+    times = array("ramp_motion", "t", t, ndim=1)
+    lag = alpha / h
+    place, speed = free_motion(h, 0.0, times, np.array([x]), np.array([v + lag]))
+    return place[:, 0] + alpha * times**2 / 2 - lag * times, speed[:, 0] + alpha * times - lag
 
 
 def jordan_form(h0: float, r0: float) -> tuple[Array, Array]:
@@ -228,7 +236,7 @@ def exponential_leading_part(h0: float, r0: float, growth: float, t: Array) -> t
     Parameters
     ----------
     h0, r0, growth
-        Gains, and alpha.
+        Gains, h0 positive, and alpha, positive.
     t
         Times, shape (F,).
 
@@ -236,11 +244,18 @@ def exponential_leading_part(h0: float, r0: float, growth: float, t: Array) -> t
     -------
     tuple of Array
         Positions and velocities, shape (F,) each.
+
+    Raises
+    ------
+    InvalidInput
+        If a number is out of range or not finite.
     """
-    rate = growth * h0
+    owner = "exponential_motion"
+    h0, r0 = number(owner, "h0", h0, above=0.0), number(owner, "r0", r0, least=0.0)
+    rate = number(owner, "growth", growth, above=0.0) * h0
     # x = c exp(rate t) - 1/rate solves x'' = -h0 (x' - v0) - r0 (x - x0), x0 = (exp(rate t) - 1)/rate.
     share = (rate * h0 + r0) / (rate**2 + rate * h0 + r0)
-    grown = np.exp(rate * np.asarray(t))
+    grown = np.exp(rate * array(owner, "t", t, ndim=1))
     return (share * grown - 1.0) / rate, share * grown
 
 
@@ -250,16 +265,21 @@ def exponential_motion(h0: float, r0: float, growth: float, t: Array, x: float, 
     Parameters
     ----------
     h0, r0, growth
-        Gains, and alpha.
+        As for `exponential_leading_part`.
     t
         Times, shape (F,).
     x, v
-        Initial position and velocity.
+        Position and velocity at t = 0.
 
     Returns
     -------
     tuple of Array
         Positions and velocities, shape (F,) each.
+
+    Raises
+    ------
+    InvalidInput
+        If a number is out of range or not finite.
     """
     (place,), (speed,) = exponential_leading_part(h0, r0, growth, np.zeros(1))
     left_place, left_speed = free_motion(h0, r0, t, np.array([x - place]), np.array([v - speed]))

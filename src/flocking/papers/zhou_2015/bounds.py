@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from flocking.errors import InvalidInput
 from flocking.model.checks import integer, number
 from flocking.model.potentials.potential import Potential
 
@@ -43,7 +46,7 @@ def largest_energy(initial: float, n: int, potential: Potential, appear_radius: 
     Returns
     -------
     float
-        The bound, in the units of the energy.
+        The bound, in the units of the energy; infinite where psi is, as without hysteresis, and links can be added.
 
     Raises
     ------
@@ -52,4 +55,8 @@ def largest_energy(initial: float, n: int, potential: Potential, appear_radius: 
     """
     start = number("largest_energy", "initial", initial)
     radius = number("largest_energy", "appear_radius", appear_radius, above=0.0)
-    return start + most_new_links(n) * float(potential(radius))
+    links, price = most_new_links(n), float(potential(radius))
+    if links and np.isnan(price):
+        raise InvalidInput("largest_energy", "appear_radius", "must be where the potential has a value", radius)
+    # No link costs nothing, even an infinite price.
+    return start + links * price if links else start
