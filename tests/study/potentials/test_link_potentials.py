@@ -45,3 +45,35 @@ def test_one_way_links_have_forces_but_no_total_potential() -> None:
     forces, minimum = verdicts(fk.FieldOfView(2.0, 2.0), headings=np.zeros(9))
     assert forces == Verdict.NOT_YET
     assert minimum == Verdict.NOT_APPLICABLE
+
+
+def test_stiffness_of_one_way_links_is_that_of_the_mean_of_their_potentials():
+    """By differences of V = half the sum over all links, one-way or not: symmetric, whatever the links are."""
+    rng = np.random.default_rng(3)
+    q = rng.uniform(0.0, 3.0, (5, 2))
+    links = rng.random((5, 5)) < 0.5
+    np.fill_diagonal(links, False)
+    links[0, 1], links[1, 0], links[1, 2], links[2, 1] = True, False, True, True
+    psi = fk.Potential("1/r + r**2")
+    law = fk.Law(fk.PerAgentRadii(np.full(5, 9.0)), [fk.Gradient(psi)])
+
+    def slopes(x):
+        found = np.zeros((5, 2))
+        for i, j in np.argwhere(links):
+            d = x[j] - x[i]
+            r = np.linalg.norm(d)
+            found[i] -= 0.5 * (2 * r - 1 / r**2) * d / r
+            found[j] += 0.5 * (2 * r - 1 / r**2) * d / r
+        return found.ravel()
+
+    found = Equilibrium(law, fk.State(q, links=links))
+    steps = [1e-6 * unit.reshape(5, 2) for unit in np.eye(10)]
+    expected = np.array([(slopes(q + d) - slopes(q - d)) / 2e-6 for d in steps])
+    np.testing.assert_allclose(found.hessian, expected, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(found.stiffness, np.linalg.eigvalsh((expected + expected.T) / 2), atol=1e-5)
+
+
+def test_weights_that_depend_on_headings_are_refused_by_name():
+    law = fk.Law(fk.SmoothCone(8.0, 0.5, 1.0), [fk.Gradient(fk.Potential("r**2"))])
+    with pytest.raises(fk.InvalidInput, match="distance alone"):
+        Equilibrium(law, fk.State([[0.0, 0.0], [1.0, 0.0]], links=~np.eye(2, dtype=bool)))

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import PairWeights
@@ -25,9 +26,19 @@ def link_potential(graph: Graph, potential: Potential) -> Potential:
         The graph; its weight may depend on the distance alone.
     potential
         The potential psi.
+
+    Raises
+    ------
+    InvalidInput
+        When the weight depends on headings.
     """
     if not graph.parameters:
         return potential
+    if any(isinstance(value, PairWeights) for value in graph.parameters.values()):
+        raise InvalidInput(
+            "link_potential", "graph", "must have weights that depend on the distance alone", graph,
+            "The weights of SmoothCone depend on headings.",
+        )  # fmt: skip
     import sympy
 
     r = sympy.Symbol("r", positive=True)
@@ -78,6 +89,7 @@ class Equilibrium:
         self.state = state
         links = state.links if state.links is not None else law.graph.links_in(self.space, state.q)
         self.i, self.j = np.nonzero(links)
+        self._mutual = bool((np.asarray(links) == np.asarray(links).T).all())
         d = self.space.displacement(state.q[self.j] - state.q[self.i])
         self.r = np.linalg.norm(d, axis=1)
         self.direction = d / np.where(self.r > 0, self.r, 1.0)[:, None]
@@ -103,7 +115,7 @@ class Equilibrium:
 
     @cached_property
     def hessian(self) -> Array:
-        """Second derivative of the total potential, one psi per link, shape (N m, N m).
+        """Second derivative of the total potential, one psi per link, half of one per one-way link, shape (N m, N m).
 
         Where agents coincide, psi'(r) / r tends to psi''(0) if psi'(0) = 0. Otherwise there is no second derivative;
         psi'(0) takes its place, whose sign shows whether the potential falls.
@@ -118,6 +130,11 @@ class Equilibrium:
         found = np.zeros((n, n, m, m))
         np.add.at(found, (self.i, self.i), blocks)
         np.add.at(found, (self.i, self.j), -blocks)
+        if not self._mutual:
+            other = np.zeros_like(found)
+            np.add.at(other, (self.j, self.j), blocks)
+            np.add.at(other, (self.j, self.i), -blocks)
+            found = 0.5 * (found + other)
         return found.transpose(0, 2, 1, 3).reshape(n * m, n * m)
 
     @cached_property
