@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 
 import pytest
@@ -98,8 +99,6 @@ def test_zhous_potential_is_judged_at_its_own_radius():
     ],
 )  # fmt: skip
 def test_known_shapes(formula, row, holds, words):
-    import re
-
     found = rows(check_potential(formula))[row]
     assert found.holds is holds
     assert re.search(words, found.explanation), found.explanation
@@ -169,3 +168,44 @@ def test_huge_arguments_take_no_time():
     for text in ("exp(exp(exp(r)))", "sin(exp(r))", "tan(((r**64)**64)**64)", "sinh(exp(r))", "exp(r)**exp(r)"):
         evaluator(sympy.sympify(text, locals={"r": r}), r)(mpf(10) ** 256)
     assert time.process_time() - begin < 5
+
+
+def scaled(psi: fk.Potential, energy: float, length: float) -> fk.Potential:
+    """The potential in other units: E psi(r/d)."""
+    inside = re.sub(r"\br\b", "(r/D)", psi.formula.text)
+    return fk.Potential(f"E*({inside})", E=energy, D=length, **psi.parameters)
+
+
+SHAPES = {
+    "tanner": (TANNER, 4.0),
+    "tanner capped": (TANNER.capped(4), 4.0),
+    "shi": (SHI, 3.0),
+    "zhou": (ZHOU, None),
+    "negative": (fk.Potential("1/r**2 + log(r**2) - 1.5"), 4.0),
+    "barely negative": (fk.Potential("1/r**2 + log(r**2) - 1.0001"), 4.0),
+    "two minima": (fk.Potential("(r - 1)**2*(r - 2)**2 + 0.01*(r - 1)**2 + 1e-4/r**8"), 4.0),
+    "equal minima": (fk.Potential("(r - 1)**2*(r - 2)**2"), 4.0),
+    "flat": (fk.Potential("where(r < 1, 1/r, where(r < 2, 1, r - 1))"), 4.0),
+    "jump": (fk.Potential("where(r < 2, 1/r + r, 3)"), 2.0),
+    "kink": (fk.Potential("abs(r - 1) + 1/r"), 4.0),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize(("energy", "length"), [(1e-20, 1.0), (1e15, 1.0), (1.0, 2.0**-20), (2.0**-40, 2.0**17)])
+def test_verdicts_do_not_depend_on_units(name: str, energy: float, length: float) -> None:
+    """Of joules and metres for cells as for aircraft: every row and every definition holds or fails alike."""
+    psi, radius = SHAPES[name]
+    before = check_potential(psi, radius=radius)
+    after = check_potential(scaled(psi, energy, length), radius=None if radius is None else radius * length)
+    assert [(row.name, row.holds) for row in after.rows] == [(row.name, row.holds) for row in before.rows]
+    for one, other in zip(before.definitions, after.definitions, strict=True):
+        assert [(row.name, row.holds) for row in other.rows] == [(row.name, row.holds) for row in one.rows]
+
+
+def test_small_properties_of_potentials_in_small_units_are_seen() -> None:
+    capped = rows(check_potential(fk.Potential("E*(1/r**2 + log(r**2))", E=1e-14).capped(2.0), radius=2.0))
+    assert capped["smooth at R"].holds is False
+    free = rows(check_potential(fk.Potential("E*(1/r**2 + log(r**2) - 2)", E=1e-14), radius=2.0), "shi-2009")
+    assert free["nonnegative"].holds is False
+    assert free["zero slope beyond R"].holds is False

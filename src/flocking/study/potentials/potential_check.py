@@ -112,8 +112,8 @@ _WORDS = {True: "holds", False: "fails", None: "open"}
 NO_RADIUS = "no radius was given and the potential is infinite at none"
 
 ROUNDING = 1e-12
-"""Values and slopes above minus this, or within it of zero, count as nonnegative or zero: rounding of functions of
-order 1 lies below it."""
+"""Values above minus this share of how much the potential varies count as nonnegative, and slopes within it of zero as
+zero: rounding lies below it."""
 
 NEAREST_STEP, LAST_FREE_STEP = 12, 6
 """The slope is taken at R - R/10^k for k up to 12, where R - r has three digits; it must be positive for k > 6."""
@@ -146,6 +146,13 @@ class Properties:
     def end(self) -> float:
         """Upper end of the distances."""
         return np.inf if self.everywhere or self.radius is None else self.radius
+
+    @property
+    def variation(self) -> float:
+        """How much the potential varies near its radius, or near its lowest minimum, or near 1."""
+        best = min(self.shape.minima, key=lambda m: m.value, default=None)
+        places = (self.radius, None if best is None else best.at, 1.0)
+        return self.shape.variation(next(x for x in places if x is not None and 0.0 < x < np.inf))
 
     def defined(self) -> PropertyRow:
         """Whether it is real at every sampled distance."""
@@ -181,10 +188,11 @@ class Properties:
             text = f"the values fall to {low:.6g} as r -> {where:.6g}" if not np.isnan(low) else "it has no real values"
             return PropertyRow(name, False, f"has no minimum; {text}")
         best = min(minima, key=lambda m: m.value)
-        if low < best.value and not same(low, best.value):
+        unit = self.shape.variation(best.at) if best.at > 0.0 else self.variation
+        if low < best.value and not same(low, best.value, unit):
             text = f"the lowest minimum is {best.value:.9g}, but the values fall to {low:.6g} as r -> {where:.6g}"
             return PropertyRow(name, False, text)
-        equal = [m for m in minima if same(m.value, best.value)]
+        equal = [m for m in minima if same(m.value, best.value, unit)]
         others = [m for m in minima if m not in equal]
         if best.flat or len(equal) > 1:
             spots = [f"[{m.at:.9g}, {m.until:.9g}]" if m.flat else f"{m.at:.9g}" for m in equal[:4]]
@@ -200,7 +208,7 @@ class Properties:
         """Whether no value is negative."""
         where, low = self.lowest()
         undefined = not self.defined().holds or np.isnan(low)
-        holds = bool(low >= -ROUNDING) and not undefined
+        holds = bool(low >= -ROUNDING * self.variation) and not undefined
         text = f"infimum {low:.9g} at r = {where:.9g}" + (", not defined everywhere" if undefined else "")
         return PropertyRow("nonnegative", holds, text)
 
@@ -269,7 +277,7 @@ class Properties:
         samples = [R * (1 + 10.0**k) for k in np.linspace(-9, 6, SAMPLES_BEYOND)]
         slopes = [(abs(float(self.shape.slope(x))), x) for x in samples]
         worst = max(slopes, key=lambda pair: np.inf if np.isnan(pair[0]) else pair[0])
-        holds = bool(worst[0] <= ROUNDING)
+        holds = bool(worst[0] <= ROUNDING * self.shape.variation(R) / R)
         fix = "" if holds else "; Potential.capped(R) makes it constant there"
         return PropertyRow(
             name, holds, f"largest |slope| beyond R = {R:.9g}: {worst[0]:.3g} at r = {worst[1]:.9g}{fix}"

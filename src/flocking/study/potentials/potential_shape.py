@@ -68,7 +68,10 @@ MOST_BREAKS = 40
 MOST_MINIMA = 60
 """Minima that are located at most, a bound on time."""
 SAME = 1e-10
-"""Relative difference below which two one-sided limits count as equal."""
+"""Difference below which two distances, or two one-sided limits, count as equal: as a share of them, and for limits of
+how much the potential varies nearby."""
+NEARBY = np.geomspace(0.5, 2.0, 41)
+"""Distances, as shares of one, at which it is looked how much a potential varies nearby."""
 
 
 @dataclass(frozen=True)
@@ -99,17 +102,25 @@ class Break:
         The distance.
     left, right
         One-sided limits of value, slope and curvature.
+    variation
+        How much the potential varies nearby, see `variation_at`.
     """
 
     at: float
     left: tuple[Limit, Limit, Limit]
     right: tuple[Limit, Limit, Limit]
+    variation: float
+
+    @property
+    def units(self) -> tuple[float, float, float]:
+        """Units of value, slope and curvature nearby."""
+        return self.variation, self.variation / self.at, self.variation / self.at / self.at
 
     @property
     def order(self) -> int:
         """Highest continuous derivative: -1 for a jump or a singularity, 2 for C2 or smoother."""
-        for k, (a, b) in enumerate(zip(self.left, self.right, strict=True)):
-            if a.kind != "finite" or b.kind != "finite" or not same(a.value, b.value):
+        for k, (a, b, unit) in enumerate(zip(self.left, self.right, self.units, strict=True)):
+            if a.kind != "finite" or b.kind != "finite" or not same(a.value, b.value, unit):
                 return k - 1
         return 2
 
@@ -153,6 +164,8 @@ class Shape:
         Distances at which the formula has no real value, in a coarse sample.
     slope
         Slope with many digits.
+    variation
+        How much the potential varies near a distance, see `variation_at`.
     """
 
     zero: Limit
@@ -162,6 +175,7 @@ class Shape:
     lows: tuple[tuple[float, float], ...]
     undefined: tuple[float, ...]
     slope: Callable[[Number], Number]
+    variation: Callable[[float], float]
 
     def singular_point(self) -> float | None:
         """First distance at which the value is infinite from below, or None."""
@@ -172,11 +186,27 @@ class Shape:
         return next((b for b in self.breaks if same(b.at, radius)), None)
 
 
-def same(a: float, b: float) -> bool:
-    """Whether two numbers ``a`` and ``b`` agree to `SAME`."""
+def same(a: float, b: float, unit: float = 0.0) -> bool:
+    """Whether two numbers ``a`` and ``b`` agree to `SAME` of the larger one or of a ``unit``."""
     if np.isinf(a) or np.isinf(b):
         return a == b
-    return bool(abs(a - b) <= SAME * max(1.0, abs(a), abs(b)))
+    return bool(abs(a - b) <= SAME * max(unit, abs(a), abs(b)))
+
+
+def variation_at(potential: Potential, r: float) -> float:
+    """How much a potential varies near a distance: the median of r |slope| where it is not zero; 0 where it all is.
+
+    Parameters
+    ----------
+    potential
+        The potential.
+    r
+        The distance, positive and finite.
+    """
+    places = r * NEARBY
+    sizes = np.abs(places * potential.slope(places))
+    known = sizes[np.isfinite(sizes) & (sizes > 0.0)]
+    return float(np.median(known)) if len(known) else 0.0
 
 
 def shape_of(potential: Potential, radius: float | None = None) -> Shape:
@@ -200,7 +230,8 @@ def shape_of(potential: Potential, radius: float | None = None) -> Shape:
             tuple(limit(list(values)) for values in zip(*(jointly(c * (1 + sign * x)) for x in tiny), strict=True))
             for sign in (-1, 1)
         ]
-        breaks.append(Break(float(c), sides[0], sides[1]))  # type: ignore[arg-type]
+        at = float(c)
+        breaks.append(Break(at, sides[0], sides[1], variation_at(potential, at)))  # type: ignore[arg-type]
     # At 0 and infinity no digits cancel: exponents alone reach further, and slow powers show their limit.
     far = [context.mpf(10) ** (2**k) for k in range(14)]
     zero = limit([functions[0](1 / x) for x in far])
@@ -212,7 +243,10 @@ def shape_of(potential: Potential, radius: float | None = None) -> Shape:
     lows += [(b.at, side[0].value) for b in breaks for side in (b.left, b.right)]
     samples = np.geomspace(*DISTANCES, SAMPLES)
     undefined = tuple(float(x) for x in samples if context.isnan(functions[0](float(x))))
-    return Shape(zero, infinity, tuple(breaks), tuple(minima), tuple(lows), undefined, functions[1])
+    return Shape(
+        zero, infinity, tuple(breaks), tuple(minima), tuple(lows), undefined, functions[1],
+        lambda at: variation_at(potential, at),
+    )  # fmt: skip
 
 
 def limit(values: list[Number]) -> Limit:
@@ -319,17 +353,18 @@ def _minima(
         level = float(value((low + high) / 2))
         left = next((b for b in breaks if same(b.at, low)), None)
         right = next((b for b in breaks if same(b.at, high)), None)
-        if (left is None or _above(left.left, level, -1)) and (right is None or _above(right.right, level, 1)):
+        if (left is None or _above(left, level, -1)) and (right is None or _above(right, level, 1)):
             found.append(Minimum(low if left else 0.0, level, high if right else np.inf))
     return sorted(found, key=lambda m: m.at)
 
 
-def _above(side: tuple[Limit, Limit, Limit], level: float, direction: int) -> bool:
-    """Whether the potential is not below ``level`` just outside a flat interval."""
-    value, slope, curvature = side
-    if value.kind != "finite" or not same(value.value, level):
+def _above(end: Break, level: float, direction: int) -> bool:
+    """Whether the potential is not below ``level`` just outside a flat interval, in a direction from its end."""
+    value, slope, curvature = end.left if direction < 0 else end.right
+    of_value, of_slope, _ = end.units
+    if value.kind != "finite" or not same(value.value, level, of_value):
         return value.value > level
-    if slope.kind == "finite" and not same(slope.value, 0.0):
+    if slope.kind == "finite" and not same(slope.value, 0.0, of_slope):
         return slope.value * direction > 0
     return not (curvature.value < 0)
 
