@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from flocking.engine.reference.control import evaluate, graph_links
 from flocking.errors import InvalidInput
 from flocking.model.bodies.point_bodies import is_point_mass
-from flocking.model.checks import Array
+from flocking.model.checks import Array, number
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
@@ -66,8 +68,22 @@ class Linearisation:
         return int((values <= tolerance * values[0]).sum()) if values[0] > 0 else len(values)
 
 
+STEP = 1e-5
+"""Relative step of central differences: near the cube root of the rounding, where both of their errors are alike."""
+
+
+def _smallest_distance(q: Array, links: Links, space: Space) -> float:
+    """Smallest distance of linked agents that are apart, of any agents where there is none, or 1."""
+    distance = pair_distances(q, space)
+    for chosen in (links, np.ones_like(links)):
+        known = distance[chosen & (distance > 0.0) & np.isfinite(distance)]
+        if len(known):
+            return float(known.min())
+    return 1.0
+
+
 def linearise(
-    law: Law, state: State, *, agents: Agents | None = None, step: float = 1e-5, space: Space = OPEN
+    law: Law, state: State, *, agents: Agents | None = None, step: float | None = None, space: Space = OPEN
 ) -> Linearisation:
     """Linearise a law about a state by central differences of its control, the links held fixed.
 
@@ -80,14 +96,15 @@ def linearise(
     agents
         Masses, damping and headings; of order 2.
     step
-        Step of the differences, in units of length and of speed.
+        Step of the differences, in units of length and of speed. By default 1e-5 in speed, and in length 1e-5 of the
+        smallest distance of linked agents, or of any two where there are no links, or 1e-5.
     space
         Space of the agents.
 
     Raises
     ------
     InvalidInput
-        When the agents are of order 1.
+        When the agents are of order 1, or the step is not positive.
     """
     agents = agents or Agents()
     if agents.order != 2:
@@ -100,13 +117,18 @@ def linearise(
     def control(q: Array, p: Array) -> Array:
         return evaluate(law, State(q, p, state.t, links), agents=agents, space=space).u.ravel()
 
+    if step is None:
+        far, near = STEP * _smallest_distance(state.q, links, space), STEP
+    else:
+        far = near = number("linearise", "step", step, above=0.0)
     stiffness, damping = np.empty((n * m, n * m)), np.empty((n * m, n * m))
     for k in range(n * m):
         shift = np.zeros(n * m)
-        shift[k] = step
+        shift[k] = 1.0
         shift = shift.reshape(n, m)
-        stiffness[:, k] = (control(state.q - shift, state.p) - control(state.q + shift, state.p)) / (2 * step)
-        damping[:, k] = (control(state.q, state.p - shift) - control(state.q, state.p + shift)) / (2 * step)
+        a, b = far * shift, near * shift
+        stiffness[:, k] = (control(state.q - a, state.p) - control(state.q + a, state.p)) / (2 * far)
+        damping[:, k] = (control(state.q, state.p - b) - control(state.q, state.p + b)) / (2 * near)
     own = np.repeat(np.broadcast_to(np.asarray(agents.damping, dtype=np.float64), n), m)
     masses = np.repeat(np.broadcast_to(np.asarray(agents.masses, dtype=np.float64), n), m)
     force = float(np.abs(control(state.q, state.p)).max())

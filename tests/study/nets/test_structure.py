@@ -348,3 +348,33 @@ def test_there_is_no_normalized_defect_by_an_energy_that_is_not_positive_and_fin
 def test_agents_at_one_place_have_no_vote() -> None:
     with pytest.raises(InvalidInput, match="agents 0 and 2 at one place"):
         structure.vote_weights(fk.Proximity(R), PSI, fk.State([[1.0, 1.0], [4.0, 0.0], [1.0, 1.0]]))
+
+
+@pytest.mark.parametrize("length", [1e-9, 1.0, 1e6])
+def test_stiffness_by_differences_in_any_unit_of_length(length: float) -> None:
+    """Two linked agents at the minimum of a potential: the nonzero stiffness is twice its curvature."""
+    psi = fk.Potential("(d/r)**2 + log((r/d)**2)", d=length)
+    law = fk.Law(fk.Proximity(2 * length), [fk.Gradient(psi)])
+    found = linearise(law, fk.State([[0.0, 0.0], [length, 0.0]]))
+    curvature = 4.0 / length**2
+    np.testing.assert_allclose(np.linalg.eigvalsh(found.stiffness)[-1], 2 * curvature, rtol=1e-8)
+    assert found.zero_modes() == 3
+    with pytest.raises(InvalidInput, match="step must be greater than 0"):
+        linearise(law, fk.State([[0.0, 0.0], [length, 0.0]]), step=0.0)
+
+
+def test_velocities_that_agree_to_rounding_do_not_differ() -> None:
+    from flocking.papers.olfati_saber_2003.rigid_motion import converse_conditions
+
+    q = [[0.0, 0.0], [5.0, 0.0], [2.0, 3.0]]
+    together = fk.State(q, [[1.0, 0.2], [1.0, 0.2 + 2**-54], [1.0, 0.2]])
+    assert converse_conditions(fk.Proximity(R), together) == (True, True, True)
+    turning = fk.State(q, [[0.0, 0.0], [0.0, 5.0], [-3.0, 2.0]])
+    assert converse_conditions(fk.Proximity(R), turning)[2] is False
+
+
+def test_votes_that_are_no_numbers_are_refused() -> None:
+    for wrong in (np.nan, -np.inf):
+        weights = np.array([[0.0, wrong, 1.0], [wrong, 0.0, 1.0], [1.0, 1.0, 0.0]])
+        with pytest.raises(InvalidInput, match="must be finite"):
+            structure.vote(weights, np.zeros((3, 2)), 0)

@@ -9,6 +9,9 @@ from flocking.model.graphs.connectivity import is_connected
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.state import State
 
+ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+"""Relative rounding of the difference of two velocities that were computed, some units in the last place."""
+
 
 def _pairs(state: State) -> tuple[Array, Array]:
     i, j = np.triu_indices(state.n, 1)
@@ -42,7 +45,8 @@ def converse_conditions(graph: Graph, state: State, tolerance: float = 1e-9) -> 
     state
         Positions and velocities, and links for graphs with memory.
     tolerance
-        Tolerance for zero relative velocities and for orthogonality, relative to the largest relative velocity.
+        Tolerance for zero relative velocities and for orthogonality, relative to the largest relative velocity; relative
+        velocities of the size of the rounding of the velocities themselves count as zero too.
 
     Returns
     -------
@@ -54,6 +58,7 @@ def converse_conditions(graph: Graph, state: State, tolerance: float = 1e-9) -> 
     undirected = bool((links == links.T).all()) and is_connected(links)
     offset, relative = _pairs(state)
     distance, speed = np.linalg.norm(offset, axis=1), np.linalg.norm(relative, axis=1)
-    different = speed > tolerance * speed.max(initial=0.0)
+    rounding = ROUNDING * float(np.linalg.norm(state.p, axis=1).max())
+    different = speed > max(tolerance * float(speed.max(initial=0.0)), rounding)
     orthogonal = np.abs((offset * relative).sum(axis=1)) <= tolerance * distance * speed
     return undirected, bool((distance > 0).all()), not bool((different & orthogonal).any())

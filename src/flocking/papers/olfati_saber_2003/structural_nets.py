@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, number
+from flocking.model.checks import Array, array, number
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from flocking.model.potentials.potential import Potential
@@ -146,8 +146,14 @@ def vote(weights: Array, q: Array, agent: int, tolerance: float = 1e-12) -> Vote
         Number of the agent.
     tolerance
         A vote smaller than this fraction of the sum of |w_ij| counts as zero.
+
+    Raises
+    ------
+    InvalidInput
+        If a weight or a position is not finite.
     """
-    row = np.asarray(weights, dtype=np.float64)[agent]
+    q = array("vote", "q", q, ndim=2)
+    row = array("vote", "weights", weights, ndim=2)[agent]
     up, down = np.maximum(row, 0.0), np.minimum(row, 0.0)
     positive, negative = float(up.sum()), float(down.sum())
     total = positive + negative

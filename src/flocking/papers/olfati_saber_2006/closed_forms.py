@@ -114,8 +114,8 @@ def metrics(run: Run) -> Mapping[str, Array]:
     """Measures of flocking at the frames of a run, each of shape (F,).
 
     ``connectivity`` is rank(L)/(N - 1); ``cohesion radius`` the largest distance from the centre; ``deviation energy``
-    the mean of (|q_j - q_i| - d)^2 over the links, with one more in the denominator, divided by d^2; ``velocity
-    mismatch`` the sum of |p_i - mean|^2/2, divided by N.
+    the mean of (|q_j - q_i| - d)^2 over the links, each counted once, with one more in the denominator, divided by d^2,
+    where d is 7 whatever the law of the run; ``velocity mismatch`` the sum of |p_i - mean|^2/2, divided by N.
 
     Parameters
     ----------

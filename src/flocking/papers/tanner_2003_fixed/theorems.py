@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from flocking.model.potentials.potential import Potential
 from flocking.papers.grounds import claims_by_name
 from flocking.papers.tanner_2003_fixed.grounds import grounds
 from flocking.papers.tanner_2003_fixed.system import COMPLETE, scenarios
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict
-from flocking.study.claims.potential_minimum import distance_of
+from flocking.study.claims.potential_minimum import distance_of, farthest_distance, smallest_value
 from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence
 
@@ -32,9 +34,9 @@ def longest_path(potential: Potential, links: int, c: float) -> float:
     Returns
     -------
     float
-        The length for the larger branch of the inverse.
+        The length for the larger branch of the inverse, infinite where the potential never stores as much.
     """
-    return links * distance_of(potential, c, 0.0, 50.0 + c)
+    return links * farthest_distance(potential, c) if links else 0.0
 
 
 @about(Subject.NET, lasting=True)
@@ -84,7 +86,7 @@ claims = claims_by_name(scenarios, _stated, lambda name: grounds(name == COMPLET
 def unlinked_keep_distance(e: Evidence) -> Measure:
     """Closest unlinked pair against the distance the energy forbids to linked ones."""
     c = float(e.trace["energy"][0])
-    forbidden = distance_of(e.potential, c, -40.0, 0.0)
+    forbidden = distance_of(e.potential, c, -40.0, float(np.log(smallest_value(e.potential)[0])))
     found = e.closest_unlinked
     i, j = found.pair
     note = f"unlinked agents {i}, {j} at {found.distance:.2g}; linked ones never below {forbidden:.2g}"

@@ -8,17 +8,27 @@ from flocking.model.potentials.potential import Potential
 from flocking.study.evidence import NotResolvable
 
 MINIMUM_ERROR = 1e-12
-"""Absolute tolerance of the located minimum; near one a value depends on its place by the square of the error."""
+"""Tolerance of the located minimum, relative to its bracket; near one a value depends on its place by the square of the
+error."""
 
-FARTHEST = 1e4
-"""Where the search ends for a graph without a break radius, a convention: in most units distances of agents
-are near 1."""
+SEARCHED = 1e-9, 1e9
+"""Distances that are searched for a graph without a break radius; a convention."""
+
+PER_DECADE = 667
+"""Points of the logarithmic grid in a decade: minima further apart than 0.4 % of their distance are separated."""
 
 GRID = 4001
-"""Points of the logarithmic and of the linear grid: minima further apart than 0.4 % of their distance are separated."""
+"""Points of the linear grid of distances below a radius."""
 
 NEAREST = 1e-6
-"""Smallest distance of the grid, as a share of the largest."""
+"""Smallest distance of the grid, as a share of the radius."""
+
+FARTHEST_LOGARITHM = 700.0
+"""Largest logarithm of a distance: beyond it distances overflow."""
+
+BESIDE, JUMP = 1e-9, 1e-3
+"""Relative distance below a place where a potential reaches a value, and the share of the value by which it is less
+there if it jumps: rounding of numbers that overflow is told from a steep rise."""
 
 
 def distance_of(potential: Potential, value: float, lowest: float, highest: float) -> float:
@@ -49,7 +59,37 @@ def distance_of(potential: Potential, value: float, lowest: float, highest: floa
         return float(np.exp(brentq(excess, lowest, highest)))
 
 
-def smallest_value(potential: Potential, radius: float = FARTHEST) -> tuple[float, float]:
+def farthest_distance(potential: Potential, value: float) -> float:
+    """Distance beyond the smallest minimum at which a potential reaches a value; infinite where it never does.
+
+    Parameters
+    ----------
+    potential
+        The potential, increasing beyond its smallest minimum.
+    value
+        The value.
+
+    Raises
+    ------
+    NotResolvable
+        When the value is below the smallest one.
+    """
+    start = float(np.log(smallest_value(potential)[0]))
+    step = 1.0
+    with np.errstate(all="ignore"):
+        while (end := min(start + step, FARTHEST_LOGARITHM)) < FARTHEST_LOGARITHM:
+            if float(potential(np.exp(end))) >= value:
+                break
+            step *= 2.0
+        if float(potential(np.exp(end))) < value:
+            return np.inf
+        found = distance_of(potential, value, start, end)
+        # Where squares of distances overflow the potential seems to jump there.
+        below = float(potential(found * (1.0 - BESIDE)))
+    return np.inf if value - below > JUMP * abs(value) else found
+
+
+def smallest_value(potential: Potential, radius: float = np.inf) -> tuple[float, float]:
     """Distance and value of the smallest minimum on (0, radius): a dense grid, then refinement.
 
     Parameters
@@ -57,7 +97,7 @@ def smallest_value(potential: Potential, radius: float = FARTHEST) -> tuple[floa
     potential
         The potential.
     radius
-        Largest distance of neighbours.
+        Largest distance of neighbours; `SEARCHED` is searched where it is infinite.
 
     Returns
     -------
@@ -66,12 +106,14 @@ def smallest_value(potential: Potential, radius: float = FARTHEST) -> tuple[floa
     """
     from scipy.optimize import minimize_scalar
 
-    end = min(radius, FARTHEST)
-    grid = np.unique(np.concatenate([np.geomspace(NEAREST * end, end, GRID)[:-1], np.linspace(0, end, GRID)[1:-1]]))
+    low, end = (NEAREST * radius, radius) if np.isfinite(radius) else SEARCHED
+    grid = np.geomspace(low, end, round(PER_DECADE * np.log10(end / low)))[:-1]
+    if np.isfinite(radius):
+        grid = np.unique(np.concatenate([grid, np.linspace(0, end, GRID)[1:-1]]))
     values = potential(grid)
     k = int(np.nanargmin(np.where(np.isfinite(values), values, np.inf)))
     a, b = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
     found = minimize_scalar(
-        lambda r: float(potential(r)), bounds=(a, b), method="bounded", options={"xatol": MINIMUM_ERROR}
+        lambda r: float(potential(r)), bounds=(a, b), method="bounded", options={"xatol": MINIMUM_ERROR * b}
     )
     return float(found.x), float(found.fun)

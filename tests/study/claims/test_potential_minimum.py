@@ -1,0 +1,51 @@
+"""Smallest values of potentials, and distances at which they have others, in any unit."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import pytest
+
+import flocking as fk
+from flocking.papers.tanner_2003_fixed.theorems import longest_path
+from flocking.study.claims.potential_minimum import smallest_value
+from flocking.study.evidence import NotResolvable
+
+UNITS = [(length, energy) for length in (1e-8, 1e-3, 1.0, 1e7) for energy in (1e-20, 1.0, 1e9)]
+
+
+def tanner(length: float, energy: float) -> fk.Potential:
+    """Least at its length, where it is its energy."""
+    return fk.Potential("E*((d/r)**2 + log((r/d)**2))", E=energy, d=length)
+
+
+@pytest.mark.parametrize(("length", "energy"), UNITS)
+@pytest.mark.parametrize("reach", [math.inf, 4.0])
+def test_the_smallest_value_is_found_in_any_unit(length: float, energy: float, reach: float) -> None:
+    place, value = smallest_value(tanner(length, energy), reach * length)
+    assert place == pytest.approx(length, rel=1e-7)
+    assert value == pytest.approx(energy, rel=1e-12)
+
+
+@pytest.mark.parametrize(("length", "energy"), UNITS)
+@pytest.mark.parametrize("level", [1.001, 2.0, 40.0])
+def test_the_longest_path_of_links_takes_the_larger_branch(length: float, energy: float, level: float) -> None:
+    """1/x^2 + log x^2 = c has x^2 = -1/W(-exp(-c)) with the branch W of Lambert that is near zero."""
+    expected = 9 * length * float(mpmath.sqrt(-1 / mpmath.lambertw(-mpmath.exp(-mpmath.mpf(level)), 0).real))
+    assert longest_path(tanner(length, energy), 9, level * energy) == pytest.approx(expected, rel=1e-9)
+
+
+def test_paths_that_are_longer_than_any_number_have_no_bound() -> None:
+    assert longest_path(tanner(1.0, 1.0), 9, 3000.0) == math.inf
+    assert longest_path(fk.Potential("1/r - 1/r**2"), 9, 1.0) == math.inf, "it stores less at every distance"
+    assert longest_path(tanner(1.0, 1.0), 0, 2.0) == 0.0, "one agent"
+    with pytest.raises(NotResolvable):
+        longest_path(tanner(1.0, 1.0), 9, 0.5)
+
+
+def test_a_rise_to_infinity_at_a_radius_is_no_jump() -> None:
+    barrier = fk.Potential("where(r < R, 1/r + 1/(R - r), 1e15)", R=4.0)
+    for level in (1.5, 10.0, 1e4):
+        root = (4.0 + math.sqrt(16.0 - 16.0 / level)) / 2
+        assert longest_path(barrier, 3, level) == pytest.approx(3 * root, rel=1e-9)
