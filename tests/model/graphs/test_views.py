@@ -159,3 +159,18 @@ def test_a_run_keeps_links_of_agents_that_see_all_around(heading: float) -> None
     start = fk.State([[0.0, 0.0], back], [[0.0, 0.0], 0.2 * back])
     scenario = fk.Scenario(law, start, 2.0, agents=fk.Agents(headings=[heading, 2.0]))
     assert fk.simulate(scenario, progress=False).links[:, 0, 1].all()
+
+
+@pytest.mark.parametrize("size", [2, 3])
+def test_an_opening_of_the_largest_gap_is_the_whole_group(size: int) -> None:
+    """trace(I - R^T R)/2 of rotations is at most 2 in the plane and in space, whatever the rounding."""
+    rng = np.random.default_rng(size)
+    for _ in range(200):
+        frame = np.linalg.qr(rng.normal(size=(size, size)))[0]
+        frame[:, 0] *= np.linalg.det(frame)
+        half_turn = frame @ np.diag([-1.0, -1.0, 1.0][:size]) @ frame.T
+        headings = np.array([frame, half_turn @ frame, frame])
+        gaps = heading_gaps(headings, "rotation")
+        assert gaps.min() >= 0.0
+        assert gaps.max() <= 2.0
+        assert fk.Cone(1.0, 2.0, "rotation").start_links(np.zeros((3, size)), headings).sum() == 6

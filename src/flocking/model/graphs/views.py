@@ -100,7 +100,8 @@ def heading_gaps(headings: Array, measure: str) -> Array:
     orthogonal = np.allclose(product, np.eye(size), rtol=0.0, atol=ORTHOGONAL)
     if not orthogonal or not np.allclose(np.linalg.det(headings), 1.0):
         raise InvalidInput("Agents", "headings", "must be rotation matrices", f"shape {headings.shape}")
-    return np.asarray(0.5 * (size - np.einsum("jab,iab->ij", headings, headings)))
+    # Rounding leaves no gap below zero or beyond the largest, so that an opening of that size is the whole circle.
+    return np.clip(0.5 * (size - np.einsum("jab,iab->ij", headings, headings)), 0.0, 2.0 * (size // 2))
 
 
 @register_part("cone")

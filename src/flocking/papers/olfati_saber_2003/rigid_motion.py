@@ -45,8 +45,8 @@ def converse_conditions(graph: Graph, state: State, tolerance: float = 1e-9) -> 
     state
         Positions and velocities, and links for graphs with memory.
     tolerance
-        Tolerance for zero relative velocities and for orthogonality, relative to the largest relative velocity; relative
-        velocities of the size of the rounding of the velocities themselves count as zero too.
+        Tolerance for zero relative velocities and for orthogonality, relative to the largest relative velocity. What is
+        of the size of the rounding of the velocities themselves counts as zero too.
 
     Returns
     -------

@@ -48,7 +48,9 @@ MOST_STEPS = 5000
 """Steps of the search for a minimum: Brent's method may need the square of the number of bisections."""
 
 NEAREST, FARTHEST = 1e-9, 1e9
-"""Range of distances that is searched for breaks and minima."""
+"""Range of distances that is searched for breaks and minima, in units of the radius where that is far from 1."""
+FAR_FROM_ONE = 1e4
+"""Radii that are larger, or smaller than its reciprocal, are the unit of length of the search."""
 SAMPLES = 97
 """Distances from 1e-6 to 1e6, eight a decade, at which the formula must have a real value."""
 SHRINKING = 0.75
@@ -212,7 +214,8 @@ def variation_at(potential: Potential, r: float) -> float:
 def shape_of(potential: Potential, radius: float | None = None) -> Shape:
     """Find the shape of ``potential``; ``radius`` counts as a break in any case.
 
-    Breaks and minima are searched on [1e-9, 1e9], at most `MOST_BREAKS` and `MOST_MINIMA` of them.
+    Breaks and minima are searched on [1e-9, 1e9], in units of the radius if that is beyond 1e4 or 1e-4; at most
+    `MOST_BREAKS` and `MOST_MINIMA` of them.
     """
     import sympy
 
@@ -222,7 +225,8 @@ def shape_of(potential: Potential, radius: float | None = None) -> Shape:
     derivatives = (psi, derivative(psi, r), derivative(psi, r, 2))
     functions, jointly = tuple(evaluator(d, r) for d in derivatives), joint_evaluator(derivatives, r)
     context = wide_context()
-    points = _special_points(psi, r, radius)
+    unit = 1.0 if radius is None or 1.0 / FAR_FROM_ONE <= radius <= FAR_FROM_ONE else radius
+    points = _special_points(psi, r, radius, unit)
     tiny = [context.mpf(10) ** (-(2**k)) for k in range(9)]
     breaks = []
     for c in points:
@@ -234,14 +238,14 @@ def shape_of(potential: Potential, radius: float | None = None) -> Shape:
         breaks.append(Break(at, sides[0], sides[1], variation_at(potential, at)))  # type: ignore[arg-type]
     # At 0 and infinity no digits cancel: exponents alone reach further, and slow powers show their limit.
     far = [context.mpf(10) ** (2**k) for k in range(14)]
-    zero = limit([functions[0](1 / x) for x in far])
-    infinity = limit([functions[0](x) for x in far])
-    pieces = list(_pieces(points))
-    minima = _minima(potential, functions, pieces, breaks)
+    zero = limit([functions[0](unit / x) for x in far])
+    infinity = limit([functions[0](unit * x) for x in far])
+    pieces = list(_pieces(points, unit))
+    minima = _minima(potential, functions, pieces, breaks, unit)
     lows = [(m.at, m.value) for m in minima]
     lows += [(0.0, zero.value), (np.inf, infinity.value)]
     lows += [(b.at, side[0].value) for b in breaks for side in (b.left, b.right)]
-    samples = np.geomspace(*DISTANCES, SAMPLES)
+    samples = unit * np.geomspace(*DISTANCES, SAMPLES)
     undefined = tuple(float(x) for x in samples if context.isnan(functions[0](float(x))))
     return Shape(
         zero, infinity, tuple(breaks), tuple(minima), tuple(lows), undefined, functions[1],
@@ -276,7 +280,7 @@ def limit(values: list[Number]) -> Limit:
     return Limit("none")
 
 
-def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> list[Number]:
+def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None, unit: float) -> list[Number]:
     """Distances where the formula may not be smooth: roots of its conditions, denominators and arguments."""
     import sympy
 
@@ -290,7 +294,7 @@ def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> l
         if gap.is_polynomial(r) and expanded_addends(gap) <= MOST_ADDENDS:
             gap = sympy.Poly(gap, r).sqf_part().as_expr()
         value = evaluator(gap, r)
-        rough = _sign_change_brackets(sympy.lambdify(r, gap, "numpy"))
+        rough = _sign_change_brackets(sympy.lambdify(r, gap, "numpy"), unit)
         for a, b in rough[:MOST_BREAKS]:
             root = _root(value, a, b)
             if root is not None and not any(abs(root - c) <= SAME_ROOT * c for c in found):
@@ -298,8 +302,8 @@ def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> l
     return sorted(found)[:MOST_BREAKS]
 
 
-def _sign_change_brackets(function: Callable[[Array], Array]) -> list[tuple[float, float]]:
-    grid = np.geomspace(NEAREST, FARTHEST, GRID)
+def _sign_change_brackets(function: Callable[[Array], Array], unit: float) -> list[tuple[float, float]]:
+    grid = unit * np.geomspace(NEAREST, FARTHEST, GRID)
     with np.errstate(all="ignore"):
         signs = np.sign(np.real(function(grid)) + np.zeros_like(grid))
     exact = [(float(x), float(x)) for x in grid[signs == 0][: MOST_BREAKS + 1]]
@@ -322,10 +326,10 @@ def _root(function: Callable[[Number], Number], a: float, b: float) -> Number | 
     return root if low <= root <= high else None
 
 
-def _pieces(points: list[Number]) -> Iterator[tuple[Number, Number]]:
+def _pieces(points: list[Number], unit: float) -> Iterator[tuple[Number, Number]]:
     context = wide_context()
-    ends = [context.mpf(NEAREST), *(p for p in points if NEAREST < p < FARTHEST), context.mpf(FARTHEST)]
-    yield from pairwise(ends)
+    first, last = context.mpf(unit * NEAREST), context.mpf(unit * FARTHEST)
+    yield from pairwise([first, *(p for p in points if first < p < last), last])
 
 
 def _minima(
@@ -333,6 +337,7 @@ def _minima(
     functions: tuple[Callable[[Number], Number], ...],
     pieces: list[tuple[Number, Number]],
     breaks: list[Break],
+    unit: float,
 ) -> list[Minimum]:
     """Minima inside the pieces, at their borders, and flat intervals."""
     value, slope, _ = functions
@@ -343,7 +348,7 @@ def _minima(
         if all(slope(x) == 0 for x in probes):
             flat.append((float(low), float(high)))
         elif len(found) < MOST_MINIMA:
-            found += _inside(potential, value, slope, low, high)[:MOST_MINIMA]
+            found += _inside(potential, value, slope, (low, high), unit)[:MOST_MINIMA]
     for b in breaks:
         c = wide_context().mpf(b.at)
         before, after = slope(c * (1 - BESIDE)), slope(c * (1 + BESIDE))
@@ -373,17 +378,17 @@ def _inside(
     potential: Potential,
     value: Callable[[Number], Number],
     slope: Callable[[Number], Number],
-    low: Number,
-    high: Number,
+    piece: tuple[Number, Number],
+    unit: float,
 ) -> list[Minimum]:
     from scipy.optimize import brentq
 
     def slope_at(x: float) -> float:
         return float(potential.slope(x))
 
-    a, b = float(low), float(high)
+    a, b = map(float, piece)
     near = 10.0 ** -np.arange(1, 13)
-    grid = np.concatenate([np.geomspace(NEAREST, FARTHEST, GRID), a * (1 + near), b * (1 - near)])
+    grid = np.concatenate([unit * np.geomspace(NEAREST, FARTHEST, GRID), a * (1 + near), b * (1 - near)])
     grid = np.unique(grid[(grid > a) & (grid < b)])
     slopes = potential.slope(grid)
     known = np.isfinite(slopes)
