@@ -101,7 +101,8 @@ def heading_gaps(headings: Array, measure: str) -> Array:
     if not orthogonal or not np.allclose(np.linalg.det(headings), 1.0):
         raise InvalidInput("Agents", "headings", "must be rotation matrices", f"shape {headings.shape}")
     # Rounding leaves no gap below zero or beyond the largest, so that an opening of that size is the whole circle.
-    return np.clip(0.5 * (size - np.einsum("jab,iab->ij", headings, headings)), 0.0, 2.0 * (size // 2))
+    gap = 0.5 * (size - np.einsum("jab,iab->ij", headings, headings))
+    return np.asarray(np.clip(gap, 0.0, 2.0 * (size // 2)))
 
 
 @register_part("cone")

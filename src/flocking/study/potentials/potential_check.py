@@ -318,8 +318,8 @@ def check_potential(
 ) -> PotentialReport:
     """Find the properties of a potential, and whether it meets the given definitions.
 
-    Limits are taken with 600 digits from the symbolic formula; breaks and minima are searched on [1e-9, 1e9], in units of
-    a given radius that is beyond 1e4 or 1e-4.
+    Limits are taken with 600 digits from the symbolic formula; breaks and minima are searched on [1e-9, 1e9], in units
+    of a given radius that is beyond 1e4 or 1e-4.
     "Unique minimum" means that the smallest value is taken at one distance only; higher local minima are named.
 
     Parameters
