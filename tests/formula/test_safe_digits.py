@@ -11,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.formula.safe_digits import bound_text, compared_texts, given_text, rounded_down, rounded_up, time_text
+from flocking.formula.safe_digits import (
+    bound_text,
+    compared_texts,
+    given_text,
+    percent_text,
+    rounded_down,
+    rounded_up,
+    time_text,
+)
 from flocking.study.certificates.certificate import Enclosure
 
 PACKAGE = Path(fk.__file__).parent
@@ -142,6 +150,14 @@ def test_times_of_late_runs_are_told_apart(first, span, share, digits, before):
     latest = max(abs(first), abs(last))
     read = float(time_text(time, first, last, digits))
     assert abs(read - time) <= max(10.0 ** (1 - digits) * (last - first), 2 * np.spacing(latest))
+
+
+def test_shares_in_per_cent_are_all_or_none_of_these_alone():
+    assert percent_text(0.996, 0.978, 0.99991) == "99.6 % (97 to 100)"
+    assert percent_text(0.002, 0.0001, 0.0101) == "0.2 % (0 to 2)"
+    assert percent_text(1.0, 0.6915, 1.0) == "100 % (69 to 100)"
+    assert percent_text(0.0, 0.0, 0.3085) == "0 % (0 to 31)"
+    assert percent_text(0.9, 0.5550, 0.9975) == "90 % (55 to 100)"
 
 
 def test_times_of_runs_that_begin_at_zero_have_the_digits_that_were_asked_for():

@@ -266,3 +266,24 @@ def test_a_film_coloured_by_speed_has_one_scale(run, part, tmp_path, monkeypatch
     assert {most for _, most in seen} == {float(fastest)}
     # Alone, a picture shows the fastest of its frame.
     assert part(before(run, frame=0, color="speed"), "agents").norm.vmax == np.linalg.norm(run.p[0], axis=1).max()
+
+
+@pytest.mark.parametrize(("fps", "seconds"), [(30, 0.5), (7, 1.0), (50, 0.2), (3, 0.34)])
+def test_a_gif_lasts_as_long_as_was_asked_for(run, tmp_path, fps, seconds):
+    from PIL import Image
+
+    path = fk.animate(run, tmp_path / "film.gif", fps=fps, seconds=seconds, size=0.6, dpi=30, progress=False)
+    lasting = []
+    with Image.open(path) as film:
+        for k in range(film.n_frames):
+            film.seek(k)
+            lasting.append(film.info["duration"])
+    pictures = max(1, round(seconds * fps))
+    assert sum(lasting) == pytest.approx(1000 * pictures / fps, abs=5.0)
+    assert min(lasting) >= 20
+
+
+def test_a_gif_has_no_more_pictures_a_second_than_programs_show(run, tmp_path):
+    with pytest.raises(fk.InvalidInput, match=r"fps must be at most 50 for a \.gif"):
+        fk.animate(run, tmp_path / "film.gif", fps=51)
+    assert not list(tmp_path.iterdir())

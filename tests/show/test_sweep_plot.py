@@ -75,3 +75,52 @@ def test_the_lattice_picture_is_zero_in_a_lattice_and_follows_a_closed_form():
     assert line.get_ydata()[0] == pytest.approx(0.0, abs=1e-15)
     assert line.get_ydata() == pytest.approx(np.abs(np.diff(lengths, axis=1))[:, 0] / lengths.sum(axis=1), abs=1e-12)
     assert line.get_ydata()[-1] > 1e-3
+
+
+def measured(unit: float, seed: int = 0, kind: str = "a") -> fk.Scenario:
+    return two(1.0, 0.1, seed)
+
+
+def small(values, grid, **options):
+    """A sweep whose measure has stated values, one a run."""
+    count = iter(values)
+    measures = {"share": lambda run: next(count)}
+    return fk.sweep(measured, grid=grid, measures=measures, workers=1, progress=False, **options)
+
+
+def texts(axes):
+    return [text.get_text() for text in axes.texts]
+
+
+@pytest.mark.parametrize(("value", "said"), [(3.21e-8, "3.21e-08"), (-4.5, "-4.5"), (0.999, "0.999")])
+def test_cells_of_a_map_say_their_numbers_in_any_unit(value, said):
+    grid = {"unit": [1.0, 2.0], "kind": ["a", "b"]}
+    axes = small([value] * 8, grid, seeds=range(2)).plot("unit", "kind", "share").axes[0]
+    assert all(text.startswith(f"{said}\n") for text in texts(axes)[:4])
+    least, top = axes.images[0].get_clim()
+    assert least <= value <= top
+    assert least < top
+
+
+def test_a_share_of_nearly_all_is_not_read_as_all():
+    values = [True] * 399 + [False]
+    axes = (
+        small(values * 2, {"unit": [1.0, 2.0], "kind": ["a"]}, seeds=range(400)).plot("unit", "kind", "share").axes[0]
+    )
+    assert [text.split("\n")[0] for text in texts(axes)[:2]] == ["0.998", "0.998"]
+
+
+def test_texts_on_an_axis_stand_side_by_side():
+    axes = (
+        small([1.0, 2.0, 3.0, 4.0], {"kind": ["a", "b"], "unit": [1.0]}, seeds=range(2)).plot("kind", "share").axes[0]
+    )
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["a", "b"]
+    assert list(axes.lines[0].get_ydata()) == [1.5, 3.5]
+
+
+def test_runs_that_a_logarithmic_axis_cannot_show_are_counted():
+    count = iter([0.0, 1.0, -1.0, 2.0])
+    measures = {"one": lambda run: next(count), "other": lambda run: 1.0}
+    table = fk.sweep(measured, grid={"unit": [1.0]}, seeds=range(4), measures=measures, workers=1, progress=False)
+    axes = table.plot("one", "other").axes[0]
+    assert "2 of 4 runs drawn: others have no positive value" in texts(axes)

@@ -87,6 +87,22 @@ def compared_texts(x: SupportsFloat, y: SupportsFloat, digits: int = 3) -> tuple
     return texts
 
 
+def percent_text(share: float, low: float, high: float) -> str:
+    """A share in whole per cent with its interval, whose ends are rounded outwards; 0 and 100 say none and all.
+
+    Parameters
+    ----------
+    share
+        The share.
+    low, high
+        Ends of its interval.
+    """
+    middle = f"{100.0 * share:.0f}"
+    if middle in ("0", "100") and 0.0 < share < 1.0:
+        middle = compared_texts(100.0 * share, float(middle), 1)[0]
+    return f"{middle} % ({math.floor(100.0 * low)} to {math.ceil(100.0 * high)})"
+
+
 def given_text(x: SupportsFloat) -> str:
     """A declared number with all the digits that distinguish it from others.
 

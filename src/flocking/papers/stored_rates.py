@@ -12,6 +12,7 @@ from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 
+from flocking.formula.safe_digits import percent_text
 from flocking.study.confidence_intervals import Interval, share_interval
 
 FILE = "rates.json"
@@ -47,8 +48,7 @@ class Rate:
         counted = f"{self.held} of {self.decided} seeds"
         if self.verdict != OBSERVED or not self.decided:
             return f"{self.verdict}: {counted}"
-        low, high = self.interval.low, self.interval.high
-        return f"{counted}: {100 * self.held / self.decided:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
+        return f"{counted}: {percent_text(self.held / self.decided, self.interval.low, self.interval.high)}"
 
 
 OBSERVED = "observed"

@@ -16,19 +16,27 @@ from flocking.engine.runs.run import Run
 from flocking.engine.storage.left_overs import partial_file, remove_files_left_over
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, number
+from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.show.film import Film, Pictures
+from flocking.show.frames import leader_track, time_of
 from flocking.show.plane import NetOptions, net
 from flocking.show.style import figure, in_style, themed
 
 if TYPE_CHECKING:
+    from matplotlib.animation import PillowWriter
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL.Image import Image
 
 SUFFIXES = (".mp4", ".gif")
 
 FASTEST = 240
 """Largest number of pictures per second."""
+
+HUNDREDTHS, SHORTEST = 100, 2
+"""Units of a second in which GIF counts how long a picture is shown, and the fewest that programs do not lengthen:
+browsers show pictures of one unit for ten."""
 
 GAP, ABOVE = 1.5, 5.0
 """Points between the middle of the axes and the symbol or number of the time, half a space of the text, and points from
@@ -62,7 +70,8 @@ def animate(
         The file: ``.mp4`` needs ffmpeg (see `ffmpeg`), ``.gif`` does not; without a suffix MP4 is chosen if ffmpeg is
         available.
     fps
-        Pictures per second of the film, at most `FASTEST`.
+        Pictures per second of the film, at most `FASTEST`, and 50 of a GIF, which counts in hundredths of a second: its
+        pictures are shown a hundredth longer or shorter where that is needed for its length.
     seconds
         Length of the film: frames are omitted or repeated to fit; every frame once by default.
     follow
@@ -109,6 +118,11 @@ def animate(
         count = max(1, round(pictures))
         frames = np.rint(np.linspace(0, len(run.t) - 1, count)).astype(np.intp)
     target = film_path(path)
+    if target.suffix == ".gif" and fps * SHORTEST > HUNDREDTHS:
+        raise InvalidInput(
+            "animate", "fps", f"must be at most {HUNDREDTHS // SHORTEST} for a .gif, which counts in hundredths of a "
+            "second", fps, "Ask for fewer, or write an .mp4.",
+        )  # fmt: skip
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -183,7 +197,7 @@ def _film(
     options: NetOptions,
 ) -> None:  # fmt: skip
     import matplotlib
-    from matplotlib.animation import FFMpegWriter, PillowWriter
+    from matplotlib.animation import FFMpegWriter
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     made = figure(size, size)
@@ -192,7 +206,7 @@ def _film(
         # The index is written first, so that a browser can start before the file is complete.
         writer: FFMpegWriter | PillowWriter = FFMpegWriter(fps=fps, extra_args=["-movflags", "+faststart"])
     else:
-        writer = PillowWriter(fps=fps)
+        writer = _gif_writer(fps)
     # Nothing stands above the axes that the title must avoid, so it is not looked for.
     matplotlib.rcParams["axes.titley"] = 1.0
     made.set_dpi(dpi)
@@ -210,7 +224,7 @@ def _film(
     # Saving a figure draws it twice, once to measure its extent; the extent of a film is known.
     setattr(made, "savefig", save)  # noqa: B010  the type checker refuses to replace a method
     space = run.q.shape[2] == 3
-    limits = None if "limits" in options else _limits(run, follow)
+    limits = None if "limits" in options else _limits(run, follow, leader=options.get("leader", True))
 
     # One scale of colours for the whole film.
     scale: NetOptions = {} if options.get("color") != "speed" else {"fastest": float(_speeds(run, frames).max())}
@@ -234,7 +248,7 @@ def _film(
             look["title"] = False
         net(run, frame=k, axes=axes, **look)
         if timed:
-            _write_time(axes, float(run.t[k]))
+            _write_time(axes, time_of(run, float(run.t[k])))
 
     # The layout is computed once, for the frame with the longest tick labels: for each frame it would take half the
     # time of a film and make the axes jitter.
@@ -255,9 +269,28 @@ def _film(
             drawn.count()
 
 
-def _write_time(axes: Axes, t: float) -> None:
+def _gif_writer(fps: int) -> PillowWriter:
+    """A writer of GIF whose pictures last, together, as long as they are said to."""
+    from matplotlib.animation import PillowWriter
+
+    class ExactWriter(PillowWriter):
+        _frames: list[Image]
+
+        def finish(self) -> None:
+            """Write the pictures; Matplotlib gives all the same time, cut to a hundredth of a second."""
+            first, *others = self._frames
+            # Moments at which pictures end, in hundredths, rounded each, so that errors do not add up.
+            ends = np.rint(HUNDREDTHS * np.arange(len(self._frames) + 1) / self.fps)
+            lasting = (np.diff(ends) * (1000 // HUNDREDTHS)).astype(int).tolist()
+            duration = lasting if others else lasting[0]
+            first.save(self.outfile, save_all=True, append_images=others, duration=duration, loop=0)
+
+    return ExactWriter(fps=fps)
+
+
+def _write_time(axes: Axes, time: str) -> None:
     """The time above the axes: the symbol is typeset once, which takes long, and the number is plain."""
-    for text, side, shift in (("$t =$", "right", -GAP), (f"{t:.6g}", "left", GAP)):
+    for text, side, shift in (("$t =$", "right", -GAP), (time, "left", GAP)):
         axes.annotate(text, (0.5, 1.0), (shift, ABOVE), "axes fraction", "offset points", ha=side, va="baseline")
 
 
@@ -299,15 +332,24 @@ def _speeds(run: Run, frames: Indices) -> Array:
     return np.asarray(np.linalg.norm(np.asarray(run.p, dtype=np.float64)[frames], axis=2))
 
 
-def _limits(run: Run, follow: bool) -> Array:
-    """Lowest and highest corner of the picture at every frame, shape (2, F, m)."""
+def _limits(run: Run, follow: bool, *, leader: bool | Leader = True) -> Array:
+    """Lowest and highest corner of the picture at every frame, shape (2, F, m): of a still one with the leaders."""
     space = run.scenario.space
     where = run.q if space.is_open else space.wrapped(np.asarray(run.q, dtype=np.float64))
     q = where if run.q.shape[2] > 1 else np.concatenate([where, np.zeros_like(where)], axis=2)
     centre = (q.min(axis=1) + q.max(axis=1)) / 2
     half = np.ptp(q, axis=1).max(axis=0) / 2
     if not follow:
-        low, high = q.min(axis=(0, 1)), q.max(axis=(0, 1))
+        places = [q.reshape(-1, q.shape[2]), *_leader_places(run, leader)]
+        low, high = (end([end(each, axis=0) for each in places], axis=0) for end in (np.min, np.max))
         centre, half = np.broadcast_to((low + high) / 2, centre.shape), (high - low) / 2
     half = half + (0.1 * float(half.max()) or 1.0)
     return np.stack([centre - half, centre + half])
+
+
+def _leader_places(run: Run, leader: bool | Leader) -> list[Array]:
+    """Where the leaders that are drawn are at the frames, shape (F, m) each; on a line as agents are drawn there."""
+    chosen = (leader,) if isinstance(leader, Leader) else run.scenario.law.leaders if leader else ()
+    tracks = [leader_track(one, run.t)[0] for one in chosen if one.dimension == run.q.shape[2]]
+    known = [run.scenario.space.wrapped(q[np.isfinite(q).all(axis=1)]) for q in tracks]
+    return [q if q.shape[1] > 1 else np.hstack([q, np.zeros_like(q)]) for q in known if len(q)]

@@ -29,17 +29,18 @@ NEAREST = 1e-6
 MINIMUM_ERROR = 1e-10
 """Relative error of the located minimum: far below the width of a line."""
 
-SAMPLES = 4000
-"""Distances of a curve, geometrically spaced, and as many evenly: a page 7 inches wide has 2100 dots at 300 an inch."""
+SEARCHED = 4000
+"""Distances at which a minimum is looked for, geometrically spaced, and as many evenly: some 650 a decade."""
 
 BEFORE = 1e-12
 """Relative distance from a radius at which the value before a jump is read."""
 
 JUMP = 1e-6
-"""Relative change of a potential that is drawn as a jump: smaller ones are below the width of a line."""
+"""Change of a potential, by the height of the picture, that is drawn as a jump: smaller ones are below the width of a
+line."""
 
-FLAT = 1e-12
-"""Height that a curve counts as having at least when its limits are chosen."""
+HALF = 0.5
+"""Half of the height of an axis over a constant, by the constant; of zero, in units of the axis."""
 
 SAMPLES = 1200
 """Number of points of a curve: more than the pixels of its width."""
@@ -219,7 +220,7 @@ def minimum(psi: Potential, lower: float, upper: float) -> float | None:
 
     top = upper if np.isfinite(upper) else FARTHEST
     floor = max(lower, NEAREST * top)
-    r = np.unique(np.concatenate([np.geomspace(floor, top, SAMPLES), np.linspace(floor, top, SAMPLES)]))[:-1]
+    r = np.unique(np.concatenate([np.geomspace(floor, top, SEARCHED), np.linspace(floor, top, SEARCHED)]))[:-1]
     values = psi(r)
     dips = np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])) + 1
     if len(dips) == 0:
@@ -237,8 +238,8 @@ def _mark_outside(axes: Axes, psi: Potential, inside: float, end: float, outside
         return
     low, high = axes.get_ylim()
     margin = 0.05 * (high - low)
-    axes.set_ylim(min(low, outside - margin), max(high, outside + margin))
-    if abs(before - outside) > JUMP * max(1.0, abs(before)):
+    low, high = axes.set_ylim(min(low, outside - margin), max(high, outside + margin))
+    if abs(before - outside) > JUMP * (high - low):
         axes.plot([inside, inside], [before, outside], color=GREEN, lw=1.4, gid="jump", zorder=4)
         axes.plot([inside], [before], "o", color=BLUE, mfc=theme().ground, ms=4, zorder=5)
         axes.plot([inside], [outside], "o", color=BLUE, ms=4, zorder=5)
@@ -262,7 +263,8 @@ def _window(values: Array) -> tuple[float, float]:
     finite = values[np.isfinite(values)]
     low, high = (float(x) for x in np.quantile(finite, [0.0, 1.0]))
     inner_low, inner_high = (float(x) for x in np.quantile(finite, [0.06, 0.94]))
-    reach = max(inner_high - inner_low, FLAT)
+    # Of a constant but for a few values all are shown.
+    reach = inner_high - inner_low or high - low
     low, high = max(low, inner_low - 0.6 * reach), min(high, inner_high + 0.6 * reach)
-    margin = 0.06 * (high - low) or 0.5
+    margin = 0.06 * (high - low) or HALF * abs(high) or HALF
     return low - margin, high + margin

@@ -9,11 +9,12 @@ import numpy as np
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import given_text
 from flocking.model.checks import number
 from flocking.model.space import OPEN
 from flocking.model.state import State
-from flocking.show.frames import frame_at
-from flocking.show.plane import Outlined, own_outlines
+from flocking.show.frames import frame_at, own_obstacles, time_of
+from flocking.show.plane import Outlined
 from flocking.show.style import COLUMN, axes_or_new, in_style
 from flocking.study.density_maps import DensityMap, density_map
 
@@ -117,14 +118,16 @@ def density(
     if obstacles is not None:
         outlines = [o.outline(OUTLINE_POINTS) for o in obstacles]
     else:
-        outlines = own_outlines(what, stated) if isinstance(what, Run) else []
+        found = own_obstacles(what) if isinstance(what, Run) else []
+        outlines = [o.outline(OUTLINE_POINTS, stated.t) for o in found]
     for outline in outlines:
         axes.fill(*(np.asarray(outline).T / unit), facecolor=STONE, edgecolor=STONE_EDGE, lw=0.35, zorder=0.5)
     axes.set(xlim=(left, right), ylim=(down, up), aspect="equal")
     axes.set_xlabel(f"$x/{unit_name}$" if unit_name else "$x$")
     axes.set_ylabel(f"$y/{unit_name}$" if unit_name else "$y$")
     if bar:
-        scale(axes.figure, shades, axes, low, high)
+        by = "median at agents" if reference is None else given_text(level)
+        scale(axes.figure, shades, axes, low, high, f"density / {by}")
     if title is not False and (text := name if title is True else title):
         axes.set_title(text)
     return axes
@@ -200,7 +203,7 @@ def _mapped(
     area = float(np.prod(np.maximum(sides, LEAST_EXTENT)))
     width = max(size, float(np.sqrt(area / state.n))) if blur is None else blur
     made = density_map(state.q, low=low, high=high, cell=size, blur=width, space=space)
-    return made, state, f"$t = {state.t:.6g}$"
+    return made, state, f"$t = {time_of(what, state.t)}$"
 
 
 def _typical(made: DensityMap) -> float:

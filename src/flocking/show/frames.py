@@ -1,4 +1,4 @@
-"""Choice of a stored frame, and the leader at its time."""
+"""Choice of a stored frame, its time in words, and the leaders and obstacles of its run."""
 
 from __future__ import annotations
 
@@ -6,13 +6,42 @@ import numpy as np
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.formula.safe_digits import time_text
+from flocking.formula.safe_digits import EXACT_DIGITS, given_text, nearest_text, time_text
 from flocking.model.checks import Array, number
 from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.leaders_and_obstacles.obstacles import Obstacle
+from flocking.model.space import OPEN
 from flocking.model.state import State
+from flocking.model.terms.avoidance import ObstacleTerm
 
 SAME_TIME = 1e-9
-"""Relative difference of a requested time from the ends of a run that counts as none."""
+"""Difference of a requested time from the ends of a run that counts as none, relative to the later of them."""
+
+
+DIGITS = 6
+"""Fewest digits of a time above a picture; a convention."""
+
+
+def need_velocities(kind: str, run: Run) -> None:
+    """Refuse to draw velocities of agents of order 1: a run holds zeros in their place.
+
+    Parameters
+    ----------
+    kind
+        What is drawn, for the message.
+    run
+        The run.
+
+    Raises
+    ------
+    InvalidInput
+        When its agents are of order 1.
+    """
+    if run.scenario.agents.order == 1:
+        raise InvalidInput(
+            kind, "run", "must be of agents with velocities", "agents of order 1",
+            "They have none of their own, and no frame holds them: draw positions.",
+        )  # fmt: skip
 
 
 def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> int:
@@ -37,15 +66,46 @@ def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> i
         raise InvalidInput("show", "frame", "must be absent if a time is given", frame)
     if time is not None:
         time = number("show", "time", time)
-        slack = SAME_TIME * max(1.0, abs(time))
-        if not run.t[0] - slack <= time <= run.t[-1] + slack:
-            first, last = (time_text(t, run.t[0], run.t[-1], 6) for t in (run.t[0], run.t[-1]))
-            raise InvalidInput("show", "time", f"must be in the run, from {first} to {last}", time)
+        first, last = float(run.t[0]), float(run.t[-1])
+        slack = SAME_TIME * max(abs(first), abs(last))
+        if not first - slack <= time <= last + slack:
+            span = f"from {given_text(first)} to {given_text(last)}"
+            raise InvalidInput("show", "time", f"must be in the run, {span}", time)
         return int(np.argmin(np.abs(run.t - time)))
     frame = -1 if frame is None else frame
-    if not -count <= frame < count:
+    numbered = isinstance(frame, int | np.integer) and not isinstance(frame, bool)
+    if not numbered or not -count <= frame < count:
         raise InvalidInput("show", "frame", f"must be one of the {count} stored frames", frame)
-    return frame % count
+    return int(frame % count)
+
+
+def time_of(what: Run | State, time: float) -> str:
+    """A time in as many digits as tell the frames of a run apart, at least six.
+
+    Parameters
+    ----------
+    what
+        The run; a state alone has one time.
+    time
+        The time.
+    """
+    if isinstance(what, Run) and len(what.t):
+        return time_text(time, what.t[0], what.t[-1], DIGITS)
+    return nearest_text(time, EXACT_DIGITS) if abs(time) >= 10.0**DIGITS else nearest_text(time, DIGITS)
+
+
+def own_obstacles(what: Run | State) -> list[Obstacle]:
+    """The obstacles in a run's law, each once.
+
+    Parameters
+    ----------
+    what
+        A run; a state has no obstacles.
+    """
+    if not isinstance(what, Run):
+        return []
+    terms = [t for t in what.scenario.law.body_terms if isinstance(t, ObstacleTerm)]
+    return list({id(o): o for term in terms for o in term.obstacles}.values())
 
 
 def leader_at(leader: Leader, time: float) -> tuple[Array, Array]:
@@ -72,7 +132,9 @@ def leaders_at(what: Run | State, state: State, leader: bool | Leader) -> list[t
     elif leader and isinstance(what, Run):
         chosen = what.scenario.law.leaders
     placed = [leader_at(one, state.t) for one in chosen if one.dimension == state.dimension]
-    return [(q, p) for q, p in placed if np.isfinite(q).all()]
+    # In periodic space they are drawn in the box, as agents are.
+    space = what.scenario.space if isinstance(what, Run) else OPEN
+    return [(space.wrapped(q), p) for q, p in placed if np.isfinite(q).all()]
 
 
 def leader_track(leader: Leader, times: Array) -> tuple[Array, Array]:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.arrays import Array, Indices, Links, Reals
+from flocking.arrays import Array, Indices, Links, Reals, Records
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.graphs.connectivity import components
 from flocking.model.observables import closest_pair, link_length_deviation
 from flocking.model.space import Space
 from flocking.model.state import State
+from flocking.show.frames import need_velocities
 from flocking.show.motion import motion_of, thinned
 from flocking.show.plane import pairs_of
 from flocking.show.series import time_axis
@@ -44,7 +45,13 @@ def spread(run: Run, *, axes: Axes | None = None) -> Axes:
         The run.
     axes
         Axes to draw on; a new figure by default.
+
+    Raises
+    ------
+    InvalidInput
+        For agents of order 1, which have no velocities of their own.
     """
+    need_velocities("spread", run)
     motion = motion_of(run)
     away = np.linalg.norm(motion.p - motion.p.mean(axis=1, keepdims=True), axis=2)
     axes = axes_or_new(axes)
@@ -69,22 +76,35 @@ def connectivity(run: Run, *, axes: Axes | None = None) -> Axes:
     Parameters
     ----------
     run
-        The run. One-way links count half; beyond 600 agents only the flocks are counted.
+        The run. One-way links count half; beyond 600 agents only the flocks are counted. Of a run that keeps no links
+        those are counted that it observed.
     axes
         Axes to draw on; a new figure by default.
+
+    Raises
+    ------
+    InvalidInput
+        When the run kept no links and observed none.
     """
+    kept = _keeps_links(run)
+    seen = None if kept else _observed("connectivity", run)
     axes = axes_or_new(axes)
-    matrices = [run.links_at(k) for k in range(len(run.t))]
-    flocks = np.array([int(components(links).max()) + 1 for links in matrices])
-    counts = axes.twinx() if 1 < run.n <= MOST_FOR_SPECTRUM else axes
+    matrices = [run.links_at(k) for k in range(len(run.t))] if kept else []
+    flocks = (
+        np.array([int(components(links).max()) + 1 for links in matrices])
+        if seen is None
+        else np.asarray(seen["flocks"], dtype=np.intp)
+    )
+    t = run.t if seen is None else np.asarray(seen["time"], dtype=np.float64)
+    counts = axes.twinx() if kept and 1 < run.n <= MOST_FOR_SPECTRUM else axes
     if counts is not axes:
         values = _fiedler_values(matrices, flocks)
         axes.plot(run.t, values, color=BLUE, gid="algebraic connectivity")
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel(r"$\lambda_2$", color=BLUE)
         counts.spines["right"].set_visible(True)
-    counts.step(run.t, flocks, where="post", color=VERMILION, lw=1.0, gid="flocks", label="flocks")
-    if not run.scenario.space.is_open:
+    counts.step(t, flocks, where="post", color=VERMILION, lw=1.0, gid="flocks", label="flocks")
+    if kept and not run.scenario.space.is_open:
         wound = [
             int(winding(links, q, run.scenario.space).any(axis=1).sum())
             for links, q in zip(matrices, run.q, strict=True)
@@ -94,7 +114,7 @@ def connectivity(run: Run, *, axes: Axes | None = None) -> Axes:
     counts.set_ylim(0, int(flocks.max()) + 1)
     counts.yaxis.set_major_locator(_integer_locator())
     counts.set_ylabel("flocks", color=VERMILION)
-    return time_axis(axes, run.t)
+    return time_axis(axes, t)
 
 
 @in_style
@@ -106,11 +126,22 @@ def lattice(run: Run, *, axes: Axes | None = None) -> Axes:
     Parameters
     ----------
     run
-        The run. Frames without links have no point.
+        The run. Frames without links have no point. Of a run that keeps no links those are measured that it observed.
     axes
         Axes to draw on; a new figure by default.
+
+    Raises
+    ------
+    InvalidInput
+        When the run kept no links and observed none.
     """
+    seen = None if _keeps_links(run) else _observed("lattice", run)
     axes = axes_or_new(axes)
+    if seen is not None:
+        axes.plot(seen["time"], seen["defect"], color=BLUE, gid="link length deviation")
+        axes.set_ylim(bottom=0.0)
+        axes.set_ylabel("deviation of link lengths")
+        return time_axis(axes, seen["time"])
     values = [link_length_deviation(run.q[k], run.links_at(k), run.scenario.space) for k in range(len(run.t))]
     axes.plot(run.t, values, color=BLUE, gid="link length deviation")
     axes.set_ylim(bottom=0.0)
@@ -154,28 +185,65 @@ def closest(run: Run, *, axes: Axes | None = None) -> Axes:
 
 @in_style
 def links(run: Run, *, axes: Axes | None = None) -> Axes:
-    """Number of links over the frames, with marks for links created and lost between them.
+    """Number of linked pairs over the frames, with marks for links created and lost between them.
+
+    Two agents that see each other are one pair; where links are one-way, the marks count each direction.
 
     Parameters
     ----------
     run
-        The run.
+        The run. Of one that does not record when links switch the number alone is drawn, and of one that keeps no links
+        that which it observed.
     axes
         Axes to draw on; a new figure by default.
+
+    Raises
+    ------
+    InvalidInput
+        When the run kept no links and observed none.
     """
+    seen = None if _keeps_links(run) else _observed("links", run)
     axes = axes_or_new(axes)
-    counts = [len(pairs_of(run.links_at(k))) for k in range(len(run.t))]
-    axes.step(run.t, counts, where="post", color=theme().ink, lw=1.0, gid="count")
-    for kind, color, word, low in (("appear", GREEN, "made", 0.04), ("break", VERMILION, "lost", 0.0)):
-        times = np.unique(_switch_times(run, kind), axis=0)[:, 0]
-        axes.vlines(times, low, low + 0.035, transform=axes.get_xaxis_transform(), colors=color, lw=0.8,
-                    label=f"{len(times)} {word}", gid=word)  # fmt: skip
+    if seen is None:
+        t, counts = run.t, [len(pairs_of(run.links_at(k))) for k in range(len(run.t))]
+    else:
+        t, counts = seen["time"], np.rint(seen["neighbours"] * run.n / 2).astype(int).tolist()
+    axes.step(t, counts, where="post", color=theme().ink, lw=1.0, gid="count")
     top = max([1, *counts])
     axes.set_ylim(-0.12 * top, 1.08 * top)
     axes.yaxis.set_major_locator(_integer_locator())
-    axes.set_ylabel("links")
+    axes.set_ylabel("linked pairs")
+    if not run.fidelity.switches_located:
+        axes.set_title("switches not recorded", fontsize="x-small", loc="right")
+        return time_axis(axes, t)
+    one_way = run.scenario.law.graph.directed
+    for kind, color, word, low in (("appear", GREEN, "made", 0.04), ("break", VERMILION, "lost", 0.0)):
+        times = np.unique(_switch_times(run, kind, one_way), axis=0)[:, 0]
+        said = f"{len(times)} {word}{', one-way' * one_way}"
+        axes.vlines(times, low, low + 0.035, transform=axes.get_xaxis_transform(), colors=color, lw=0.8, label=said,
+                    gid=word)  # fmt: skip
     axes.legend(loc="center right", handlelength=1.0)
-    return time_axis(axes, run.t)
+    return time_axis(axes, t)
+
+
+def _keeps_links(run: Run) -> bool:
+    return run.links.shape[1:] == (run.n, run.n)
+
+
+def _observed(kind: str, run: Run) -> Records:
+    """What a run observed that kept no links.
+
+    Raises
+    ------
+    InvalidInput
+        When it observed nothing.
+    """
+    if run.observables is None or not len(run.observables):
+        raise InvalidInput(
+            kind, "run", "must keep the links of its frames, or observe them", f"a run of {run.n} agents without links",
+            "Large groups keep none: ask the engine to observe, as simulate(..., engine='tiles', observe=True).",
+        )  # fmt: skip
+    return run.observables
 
 
 @in_style
@@ -234,10 +302,12 @@ def _integer_locator() -> Locator:
     return MaxNLocator(6, integer=True)
 
 
-def _switch_times(run: Run, kind: str) -> Array:
-    """Times and pairs of the switches of a kind of the law's graph, each pair once, shape (K, 3)."""
+def _switch_times(run: Run, kind: str, one_way: bool) -> Array:
+    """Times and pairs of the switches of a kind of the law's graph, each pair or one-way link once, shape (K, 3)."""
     chosen = run.switches[(run.switches["kind"] == kind) & (run.switches["graph"] == 0)]
-    first, second = np.minimum(chosen["i"], chosen["j"]), np.maximum(chosen["i"], chosen["j"])
+    first, second = chosen["i"], chosen["j"]
+    if not one_way:
+        first, second = np.minimum(first, second), np.maximum(first, second)
     return np.stack([chosen["time"], first, second], axis=1).astype(np.float64)
 
 

@@ -10,6 +10,7 @@ from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.pair_terms import Gradient
+from flocking.show.frames import need_velocities, time_of
 from flocking.show.motion import motion_of
 from flocking.show.style import BLUE, ORANGE, axes_or_new, in_style, theme
 
@@ -37,24 +38,29 @@ def phase(run: Run, pair: tuple[int, int] | None = None, *, axes: Axes | None = 
     Raises
     ------
     InvalidInput
-        If there is no such pair.
+        If there is no such pair, or agents are of order 1.
     """
+    need_velocities("phase", run)
     i, j = _checked_pair(run, pair)
     motion = motion_of(run)
-    apart, relative = motion.q[:, j] - motion.q[:, i], motion.p[:, j] - motion.p[:, i]
+    # In periodic space to the nearest image.
+    apart = run.scenario.space.displacement(np.asarray(motion.q[:, j] - motion.q[:, i], dtype=np.float64))
+    relative = motion.p[:, j] - motion.p[:, i]
     r = np.linalg.norm(apart, axis=1)
     rate = np.divide((apart * relative).sum(axis=1), r, out=np.full_like(r, np.nan), where=r > 0)
     axes = axes_or_new(axes)
-    potential = next((t.potential for t in run.scenario.law.pair_terms if isinstance(t, Gradient)), None)
+    term = next((t for t in run.scenario.law.pair_terms if isinstance(t, Gradient)), None)
     low, high = float(r.min()), float(r.max())
     margin = 0.08 * (high - low) or 0.5
     low, high = max(low - margin, 0.0), high + margin
-    if potential is not None:
-        _well(axes, potential, low, high, run)
+    if term is not None:
+        law = run.scenario.law
+        radius = float(np.max(law.graphs[law.graph_number(term)].break_radius))
+        _well(axes, term.potential, low, high, radius)
     axes.axhline(0.0, color=theme().faint, lw=0.6)
     axes.plot(r, rate, color=BLUE, lw=1.1, zorder=3, gid="path")
     axes.plot(r[:1], rate[:1], "o", color=BLUE, mfc=theme().ground, ms=5, zorder=4, label="start")
-    axes.plot(r[-1:], rate[-1:], "o", color=BLUE, ms=5, zorder=4, label=f"$t = {run.t[-1]:.6g}$")
+    axes.plot(r[-1:], rate[-1:], "o", color=BLUE, ms=5, zorder=4, label=f"$t = {time_of(run, motion.t[-1])}$")
     axes.set_xlim(low, high)
     axes.set_xlabel(f"$r_{{{i},{j}}}$")
     axes.set_ylabel(r"$\dot{r}$")
@@ -74,8 +80,7 @@ def _checked_pair(run: Run, pair: tuple[int, int] | None) -> tuple[int, int]:
     return i, j
 
 
-def _well(axes: Axes, potential: Potential, low: float, high: float, run: Run) -> None:
-    radius = float(np.max(run.scenario.law.graph.break_radius))
+def _well(axes: Axes, potential: Potential, low: float, high: float, radius: float) -> None:
     r = np.linspace(low, high, SAMPLES)
     inside = r < radius
     if not inside.any():

@@ -16,9 +16,8 @@ from flocking.model.checks import number
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.space import OPEN, Space
 from flocking.model.state import State
-from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.show.agent_colors import DotLook, LineLook, net_colors
-from flocking.show.frames import frame_at, leaders_at
+from flocking.show.frames import frame_at, leaders_at, need_velocities, own_obstacles, time_of
 from flocking.show.motion import motion_of, thinned_path
 from flocking.show.style import COLUMN, GREEN, OUTLINE_POINTS, PURPLE, VERMILION, axes_or_new, in_style, quivers, theme
 
@@ -152,7 +151,8 @@ def net(
     paths = _lift(past) if trails and len(past) > 1 and lives.is_open else None
     given = obstacles if obstacles is not None else ()
     outlines = [] if space else [np.asarray(o.outline(OUTLINE_POINTS), dtype=np.float64) for o in given]
-    own = own_outlines(what, state) if obstacles is None else []
+    found = own_obstacles(what) if obstacles is None else []
+    own = [o.outline(OUTLINE_POINTS, state.t) for o in found] if m == 2 else []
     points = [
         q,
         *(x[None] for x, _ in followed),
@@ -164,7 +164,9 @@ def net(
         seconds = number("net", "seconds_per_arrow", seconds_per_arrow, above=0.0)
     else:
         seconds = min(ARROW_SHARE, 1.0 / np.sqrt(state.n)) * span / top_speed if top_speed > 0 else 0.0
-    notes: list[str] = []
+    if isinstance(what, Run) and color in ("speed", "heading"):
+        need_velocities("net", what)
+    notes = [f"{len(found)} obstacle{'s' * (len(found) > 1)} not drawn"] if found and m != 2 else []
     for outline in (*outlines, *own):
         axes.fill(*outline.T, facecolor=theme().faint, edgecolor=theme().ink, alpha=0.45, lw=0.6, zorder=0.5)
     if paths is not None:
@@ -182,7 +184,7 @@ def net(
         _draw_leader(axes, x, v, seconds if moving else 0.0)
     _frame_axes(axes, points, limits)
     if title is not False:
-        axes.set_title(f"$t = {state.t:.6g}$" if title is True else title)
+        axes.set_title(f"$t = {time_of(what, state.t)}$" if title is True else title)
     if notes:
         axes.annotate("\n".join(notes), (0.02, 0.02), xycoords="axes fraction", fontsize=6, color=theme().ink,
                       va="bottom", gid="notes", zorder=9,
@@ -218,23 +220,6 @@ def _choose(what: Run | State, time: float | None, frame: int | None) -> tuple[S
 def _lift(x: Reals) -> Reals:
     """Two-dimensional positions: agents on a line are drawn on the horizontal axis."""
     return x if x.shape[-1] > 1 else np.concatenate([x, np.zeros_like(x)], axis=-1)
-
-
-def own_outlines(what: Run | State, state: State) -> list[Array]:
-    """Outlines of the obstacles in a run's law, each once, at the time of a state.
-
-    Parameters
-    ----------
-    what
-        A run; a state has no obstacles.
-    state
-        The state.
-    """
-    if not isinstance(what, Run) or state.dimension != 2:
-        return []
-    terms = [t for t in what.scenario.law.body_terms if isinstance(t, ObstacleTerm)]
-    obstacles = {id(o): o for term in terms for o in term.obstacles}
-    return [o.outline(OUTLINE_POINTS, state.t) for o in obstacles.values()]
 
 
 def _span(points: Sequence[Reals]) -> float:

@@ -52,8 +52,8 @@ def plot(
         ``"net"`` at one time, ``"density"`` of a large flock, ``"energy"`` (the ledger), ``"velocities"``,
         ``"positions"`` or ``"errors"`` (one panel per axis, or ``axis=``), ``"phase"`` of a pair, ``"spread"`` of
         velocities, ``"connectivity"``, ``"lattice"`` (deviation of link lengths), ``"closest"`` pair, ``"links"``
-        created and lost, ``"departed"`` energy by its causes, or ``"series"``: a sheet of spread, connectivity, closest
-        pair, links, velocities and the ledger.
+        created and lost, ``"departed"`` energy by its causes, or ``"series"``: a sheet of velocities, their spread,
+        connectivity, closest pair and links, of agents of order 1 of positions instead of velocities.
     save_as
         Path without suffix for SVG and PNG files, or a path that ends in .svg, .png or .pdf; nothing is written by
         default.
@@ -115,9 +115,11 @@ def _draw(run: Run, kind: str, options: Mapping[str, object]) -> Figure:
             width=PAGE if count > 1 else COLUMN, ratio=0.75,
         )  # fmt: skip
     pair = [panel(group_series.closest, run)] if run.n > 1 else []
+    moving = run.scenario.agents.order > 1
+    components = series.velocities if moving else series.positions
     panels = [
-        panel(series.velocities, run, 0), *([panel(series.velocities, run, 1)] if run.q.shape[2] > 1 else []),
-        panel(group_series.spread, run), panel(group_series.connectivity, run), *pair,
+        panel(components, run, 0), *([panel(components, run, 1)] if run.q.shape[2] > 1 else []),
+        *([panel(group_series.spread, run)] if moving else []), panel(group_series.connectivity, run), *pair,
         panel(group_series.links, run),
     ]  # fmt: skip
     return sheet(panels, columns=2, ratio=0.62)

@@ -11,7 +11,7 @@ from flocking.arrays import Array, Reals
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.leaders_and_obstacles.leaders import Leader
-from flocking.show.frames import checked_axis, dimension_name, leader_track
+from flocking.show.frames import checked_axis, dimension_name, leader_track, need_velocities
 from flocking.show.motion import motion_of, thinned
 from flocking.show.style import PALETTE, RED, VERMILION, axes_or_new, in_style, theme
 
@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 ROUNDING = 1e-9
-"""Relative range of values below which they count as constant: their differences are rounding errors."""
+"""Range of values below which they count as constant, relative to the numbers that they are made of: differences are
+then rounding errors. It has no unit, so that small groups in large units are drawn as others are."""
 
-LEAST_MARGIN = 1e-12
-"""Margin of a curve that is zero throughout, so that its axis has a height."""
+HALF = 0.5
+"""Half of the height of an axis whose curves are zero throughout, which have no scale of their own."""
 
 MOST_VECTORS = 500
 """Lines up to which a picture keeps them as vectors: files of more are large and slow to open."""
@@ -54,8 +55,9 @@ def velocities(
     Raises
     ------
     InvalidInput
-        If the run has no such axis or the line is unknown.
+        If the run has no such axis, its agents are of order 1, or the line is unknown.
     """
+    need_velocities("velocities", run)
     axis = checked_axis(run, axis)
     label = f"$p_{{{dimension_name(axis)}}}$"
     return _components(run, motion_of(run).p[:, :, axis], 1, axis, label, axes, leader, agents)
@@ -108,8 +110,9 @@ def velocity_errors(run: Run, axis: int = 0, *, about: str | None = None, axes: 
     Raises
     ------
     InvalidInput
-        If the run has no such axis, or no leader.
+        If the run has no such axis, or no leader, or its agents are of order 1.
     """
+    need_velocities("velocity_errors", run)
     axis = checked_axis(run, axis)
     about = about if about is not None else ("mean" if only_leader(run) is None else "leader")
     reference = _reference(run, about)[1][:, axis]
@@ -118,7 +121,8 @@ def velocity_errors(run: Run, axis: int = 0, *, about: str | None = None, axes: 
     axes = axes_or_new(axes)
     axes.axhline(0.0, color=theme().ink, lw=0.7, ls=LEADER_LINES["dashed"], gid="zero")
     motion = motion_of(run)
-    return agent_lines(axes, motion.t, motion.p[:, :, axis] - reference[:, None], f"$p_{{i,{name}}} - {zero}$")
+    values, label = motion.p[:, :, axis] - reference[:, None], f"$p_{{i,{name}}} - {zero}$"
+    return agent_lines(axes, motion.t, values, label, scale=_largest(motion.p[:, :, axis], reference))
 
 
 @in_style
@@ -137,11 +141,14 @@ def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = N
     Raises
     ------
     InvalidInput
-        If the run has no leader, the leader no position in closed form, or the quantity is unknown.
+        If the run has no leader, the leader no position in closed form, the quantity is unknown, or it is the velocity
+        of agents of order 1.
     """
     if quantity not in ("velocity", "position"):
         raise InvalidInput("centre_errors", "quantity", "must be 'velocity' or 'position'", quantity)
     which = int(quantity == "velocity")
+    if which:
+        need_velocities("centre_errors", run)
     error = _reference(run, "mean")[which] - _reference(run, "leader")[which]
     if not np.isfinite(error).all():
         raise InvalidInput("centre_errors", "quantity", "can be 'position' only if the leader's is known", quantity)
@@ -157,8 +164,9 @@ def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = N
 
 
 def agent_lines(
-    axes: Axes, t: Array, values: Reals, label: str, line: str = "solid", palette: Sequence[str] = PALETTE
-) -> Axes:
+    axes: Axes, t: Array, values: Reals, label: str, line: str = "solid", palette: Sequence[str] = PALETTE,
+    *, scale: float = 0.0,
+) -> Axes:  # fmt: skip
     """Draw a line per agent, ``values`` (F, N) called ``label``, as one collection with the gid ``agents``.
 
     Parameters
@@ -169,6 +177,8 @@ def agent_lines(
         ``"solid"`` or ``"dotted"``.
     palette
         Colours of the agents of a small group.
+    scale
+        Size of the numbers whose differences the values are: what is far smaller than these is drawn as rounding.
     """
     from matplotlib.collections import LineCollection
 
@@ -184,7 +194,7 @@ def agent_lines(
         ),
         autolim=False,
     )  # fmt: skip
-    _cover(axes, values)
+    _cover(axes, values, scale)
     axes.set_ylabel(label)
     return time_axis(axes, t)
 
@@ -224,14 +234,19 @@ def _components(
     return axes
 
 
-def _cover(axes: Axes, values: Reals) -> None:
+def _cover(axes: Axes, values: Reals, scale: float = 0.0) -> None:
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    size = max(abs(low), abs(high), scale)
     # The limits must not magnify rounding errors.
-    margin = max(0.05 * (high - low), ROUNDING * max(abs(low), abs(high)), LEAST_MARGIN)
-    if high - low < ROUNDING * max(1.0, abs(low), abs(high)):
-        margin = 0.5
+    constant = high - low <= ROUNDING * size
+    margin = HALF * (size or 1.0) if constant else 0.05 * (high - low)
     axes.set_ylim(low - margin, high + margin)
+
+
+def _largest(*values: Reals) -> float:
+    """Largest size of the finite numbers among arrays."""
+    return max(float(np.abs(x[np.isfinite(x)]).max(initial=0.0)) for x in values)
 
 
 def _reference(run: Run, about: str) -> tuple[Array, Array]:

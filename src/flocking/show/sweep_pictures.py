@@ -10,10 +10,12 @@ import numpy as np
 
 from flocking.arrays import AnyArray
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import compared_texts, nearest_text, rounded_down, rounded_up
 from flocking.show.style import PALETTE, axes_or_new, figure_of, in_style, save, theme, themed
 from flocking.study.sweeps.plan import label
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -27,6 +29,12 @@ def _need_grid(table: SweepTable, *names: str) -> None:
     for name in names:
         if name not in table.plan.grid:
             raise InvalidInput("sweep picture", "axis", f"must be one of {', '.join(table.plan.grid)}", name)
+
+
+def _of_plane(table: SweepTable, *names: str | None) -> xarray.Dataset:
+    """Means over these parameters; others that have a single value are no axis."""
+    single = [name for name, values in table.plan.grid.items() if name not in names and len(values) == 1]
+    return table.summary().isel(dict.fromkeys(single, 0))
 
 
 def _note_missing(axes: Axes, methods: AnyArray) -> None:
@@ -72,14 +80,20 @@ def share_map(
     """
     _need_grid(table, x, y)
     axes = axes_or_new(axes, width=4.6)
-    found = table.summary().transpose(y, x, ...)
+    found = _of_plane(table, x, y).transpose(y, x, ...)
     means, lows, highs, named = (np.asarray(found[measure + end]) for end in ("", "_low", "_high", "_interval"))
-    top = 1.0 if table.is_share(measure) else float(np.nanmax(means))
-    mesh = axes.imshow(means, origin="lower", aspect="auto", cmap="cividis", vmin=0.0, vmax=top)
+    known = means[np.isfinite(means)]
+    least, top = float(known.min(initial=0.0)), float(known.max(initial=0.0))
+    share = table.is_share(measure)
+    top = 1.0 if share or least == top else top
+    mesh = axes.imshow(means, origin="lower", aspect="auto", cmap="cividis", vmin=least, vmax=top)
     for (row, column), value in np.ndenumerate(means):
-        ink = "white" if value < 0.55 * top else "black"
-        ends = f"{lows[row, column]:.2f}–{highs[row, column]:.2f}" if np.isfinite(lows[row, column]) else "no interval"
-        text = f"{value:.2f}\n{ends}"
+        ink = "white" if value < least + 0.55 * (top - least) else "black"
+        low, high = lows[row, column], highs[row, column]
+        ends = f"{rounded_down(low, 3)}–{rounded_up(high, 3)}" if np.isfinite(low) else "no interval"
+        # What is less than all is not read as all.
+        middle = compared_texts(value, 1.0)[0] if share else nearest_text(value, 3)
+        text = f"{middle}\n{ends}" if np.isfinite(value) else "no run"
         axes.text(column, row, text, ha="center", va="center", color=ink, fontsize=6)
     for name, set_ticks in ((x, axes.set_xticks), (y, axes.set_yticks)):
         values = table.plan.grid[name]
@@ -134,8 +148,11 @@ def bands(
     """
     _need_grid(table, x, *([by] if by else []))
     axes = axes_or_new(axes, width=4.2)
-    found = table.summary()
-    places = np.asarray(table.plan.grid[x], dtype=float)
+    found = _of_plane(table, x, by)
+    values = table.plan.grid[x]
+    counted = all(isinstance(v, bool | int | float) for v in values)
+    # Texts and parts stand side by side.
+    places = np.asarray(values if counted else range(len(values)), dtype=float)
     for k, value in enumerate(table.plan.grid[by] if by else [None]):
         own = found.isel({by: k}) if by else found
         color = PALETTE[k % len(PALETTE)]
@@ -151,7 +168,9 @@ def bands(
             axes.plot(np.repeat(places, each.shape[1]), each.ravel(), ".", color=theme().faint, ms=2, zorder=0)
     if by:
         axes.legend(title=by)
-    if len(places) <= MOST_TICKS:
+    if not counted:
+        axes.set_xticks(places, [label(v) for v in values])
+    elif len(places) <= MOST_TICKS:
         axes.set_xticks(places)
     axes.set_xlabel(x_label or x)
     axes.set_ylabel(y_label or measure)
@@ -207,8 +226,15 @@ def against(
         dots = np.array(chosen).reshape(-1, 2)
         axes.plot(dots[:, 0], dots[:, 1], "o", ms=2.5, alpha=0.7, mew=0, color=PALETTE[k % len(PALETTE)],
                   label=shown(value) if by else None)  # fmt: skip
-    ends = np.array([np.nanmin(pairs), np.nanmax(pairs)])
-    axes.plot(ends, ends, color=theme().ink, lw=0.8, ls="--")
+    drawn = np.array([here[r] for r in order]).reshape(-1, 2)
+    drawn = drawn[(np.isfinite(drawn) & (drawn > 0)).all(axis=1)]
+    if len(drawn):
+        ends = np.array([drawn.min(), drawn.max()])
+        axes.plot(ends, ends, color=theme().ink, lw=0.8, ls="--")
+    if len(drawn) < len(order):
+        # A logarithmic axis has no place for zero, and a run that failed has no value.
+        said = f"{len(drawn)} of {len(order)} runs drawn: others have no positive value"
+        axes.text(1.0, 1.01, said, transform=axes.transAxes, ha="right", va="bottom", fontsize=6, gid="left out")
     axes.set_xscale("log")
     axes.set_yscale("log")
     if by:

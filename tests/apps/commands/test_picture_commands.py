@@ -156,3 +156,13 @@ def test_nothing_is_made_of_a_run_that_was_interrupted(
     assert shown.out == ""
     assert "interrupted" in shown.err
     assert [path.name for path in tmp_path.iterdir()] == ["ten.toml"]
+
+
+def test_a_film_of_a_run_whose_name_has_a_point_has_that_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_run(finished(), tmp_path / "gain-0.5")
+    assert main(["animate", str(folder), "--seconds", "0.1", "--fps", "10"]) == 0
+    made = Path(capsys.readouterr().out.strip())
+    assert made.name in ("gain-0.5.mp4", "gain-0.5.gif")
+    assert made.is_file()

@@ -10,6 +10,7 @@ import pytest
 
 import flocking as fk
 from flocking.apps.cli import main
+from flocking.apps.commands.run_summary import facts, summary
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import write_run
 from tests.engine.storage.stored_runs import finished
@@ -80,3 +81,17 @@ def test_the_name_of_the_cache_folder_is_printed_without_control_characters(tmp_
     said = capsys.readouterr().out
     assert all(line.isprintable() for line in said.splitlines())
     assert "a\\x1b[2J\\u202e" in said
+
+
+def test_times_of_a_late_run_and_shares_are_not_rounded_away() -> None:
+    """Ten million agents without one are not all; a run of seconds that begins years after zero ends when it ends."""
+    late = dataclasses.replace(finished(), t=finished().t + 1e9)
+    late = dataclasses.replace(late, scenario=late.scenario.with_(
+        start=fk.State(late.q[0], late.p[0], 1e9), t_end=1e9 + 2.0
+    ))  # fmt: skip
+    found = summary(late)
+    assert dict(facts(found))["time reached"] == "1000000002"
+    found |= {"flocks": 2, "observed": {"density": 1.0 - 1e-8}}
+    assert dict(facts(found))["flocks at the end"] == "2, the largest with 99.9999 % of the agents"
+    found["observed"] = {"density": 1.0}
+    assert "100 %" in dict(facts(found))["flocks at the end"]

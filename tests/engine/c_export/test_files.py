@@ -159,3 +159,50 @@ def test_no_level_of_optimisation_warns(kept, level, tmp_path):
         flags = [flag for flag in FLAGS if flag not in ("-O1", "-shared", "-fPIC")]
         done = subprocess.run([COMPILER, *flags, level, "-c", "law.c"], cwd=folder, capture_output=True, text=True)
         assert not done.stderr
+
+
+def test_links_of_a_start_that_never_change_are_those_of_the_table():
+    """A start that leaves a pair out, under a graph of links that never change: agents 0 and 2 are not linked."""
+    links = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], dtype=bool)
+    graph = fk.Fixed.complete(3)
+    given = fk.Scenario(law_of(fk.Consensus(), graph=graph), fk.State(START.q, START.p, links=links), 1.0)
+    assert (given.links_at_start[0] == links).all()
+    # Bits of agents 0 to 2, the lowest first.
+    assert "law_fixed0[3][1] = { { 2u }, { 5u }, { 2u } };" in c_files(given)["law.c"]
+
+
+def test_a_start_with_links_that_distances_do_not_give_is_refused():
+    for links, refused in ((np.zeros((3, 3), dtype=bool), True), (LAW.graph.initial(START.q), False)):
+        given = fk.Scenario(LAW, fk.State(START.q, START.p, links=links), 1.0)
+        if refused:
+            with pytest.raises(UnsupportedLaw, match="this start has other links"):
+                c_files(given)
+        else:
+            assert c_files(given) == c_files(scenario())
+
+
+def test_the_readme_says_of_what_world_it_has_no_more_than_it_states():
+    held = scenario(control=fk.Held(0.1, latency=0.03), information=fk.Messages(0.1, delay=0.02))
+    text = c_files(held)["README.md"]
+    (line,) = [x for x in text.splitlines() if x.startswith("Of the world of the scenario")]
+    for part in (held.control, held.information):
+        assert part.summary in line
+    assert "Of the world" not in c_files(scenario())["README.md"]
+    odd = c_files(scenario(name="a `b`\n# of\u00fc"))["README.md"]
+    assert odd.splitlines()[0] == "# The control law of `a 'b' # of\u00fc` in C99"
+
+
+def test_the_readme_of_single_precision_says_that_numbers_are_rounded():
+    said = "to which the declared numbers below are rounded"
+    assert said in c_files(scenario(), float32=True)["README.md"]
+    assert said not in c_files(scenario())["README.md"]
+
+
+@pytest.mark.parametrize(("begin", "said"), [(0.0, "1.2e-07 s at t = 1."), (1e9, "64 s at t = 1000000001.")])
+def test_the_readme_says_how_coarse_the_time_of_a_leader_is_in_single_precision(begin, said):
+    led = law_of(fk.Consensus(), fk.Track(fk.Velocity([1.0, 0.0], start=[0.0, 0.0]), 1.0, 1.0))
+    given = fk.Scenario(led, fk.State(START.q, START.p, begin), begin + 1.0)
+    assert said in c_files(given, float32=True)["README.md"]
+    assert "rounds to" not in c_files(given)["README.md"]
+    alone = fk.Scenario(law_of(fk.Consensus()), fk.State(START.q, START.p, begin), begin + 1.0)
+    assert "The law reads the time" not in c_files(alone, float32=True)["README.md"]

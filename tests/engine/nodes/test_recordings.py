@@ -101,3 +101,36 @@ def test_nothing_in_a_recording_is_unpickled(tmp_path):
             with pytest.raises(InvalidInput):
                 read_samples(tmp_path / f"{name}.mcap")
     assert not harm.exists()
+
+
+def logged(place):
+    """Times at which messages were logged, by topic, and the last frame."""
+    from mcap.reader import make_reader
+
+    found = {"/state": [], "/sample": []}
+    last = {}
+    with place.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            found[channel.topic].append(message.log_time)
+            last[channel.topic] = json.loads(message.data)
+    return found, last
+
+
+def test_frames_and_samples_are_logged_on_one_clock_whenever_the_run_begins(tmp_path):
+    first = scenario(3, 0.5)
+    for begin in (-7.5, 0.0, 100.0):
+        place = tmp_path / f"{begin}.mcap"
+        begun = first.with_(start=fk.State(first.start.q, first.start.p, begin), t_end=begin + 0.5)
+        run = fk.simulate_nodes(begun, processes=False, record=place, progress=False)
+        found, _ = logged(place)
+        assert found["/state"] == [round(1e9 * (t - begin)) for t in run.t]
+        assert sorted(set(found["/sample"])) == [0, 100_000_000, 200_000_000, 300_000_000, 400_000_000]
+        assert np.array_equal(read_samples(place).t, run.t)
+
+
+def test_frames_of_agents_of_order_1_hold_no_velocities(tmp_path):
+    law = fk.Law(fk.Proximity(9.0), [fk.Gradient(fk.Potential("r**2/2"))])
+    slow = scenario(3, 0.5, law=law, agents=fk.Agents(order=1))
+    fk.simulate_nodes(slow, processes=False, record=tmp_path / "slow.mcap", progress=False)
+    assert set(logged(tmp_path / "slow.mcap")[1]["/state"]) == {"t", "q"}
+    assert read_samples(tmp_path / "slow.mcap").p is None

@@ -95,6 +95,8 @@ def test_gsd_of_our_own_and_of_others(tmp_path):
         ("t,id,x\n0,a,1\n0,b,1\n1,a,1\n2,a,2\n2,b,3\n", "none of b at 1"),
         ("t,id,x\n0,a,1\n1,a,1\n2,a,2\n2,a,3\n", "line 5, columns id and t"),
         ("t,id,x,x\n0,a,1,1\n", "different names"),
+        ("t,id,x\n0,a,1\n0, ,2\n", "line 3, column id must name an agent; got 'nothing'"),
+        ("t,id,x\n1700000000.25,a,1\n1700000000.5,a,1\n1700000000.5,a,2\n", "a at 1700000000.5 again"),
         ("t,id,x\n0,a,1,1\n", "line 2 must have 3 columns; got 4"),
         ("t,id,x,y,vx\n0,a,1,1,1\n", "column vy must be in the file"),
         ("t,id,x,z\n0,a,1,1\n", "column y must be in the file"),
@@ -159,3 +161,14 @@ def test_rubbish_is_refused_in_one_message(tmp_path, ending):
     path.write_bytes(b"rubbish" * 100)
     with pytest.raises(fk.InvalidInput, match=f"a.{ending}: file must be"):
         read_samples(path)
+
+
+@pytest.mark.parametrize("names", [["a", ""], ["a", None], [1.0, float("nan")]])
+def test_rows_of_a_parquet_table_without_a_name_are_no_agent(tmp_path, names):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    named = {"t": [0.0, 0.0, 1.0, 1.0, 2.0, 2.0], "id": names * 3, "x": [0.0, 1.0] * 3}
+    parquet.write_table(pyarrow.table({k: pyarrow.array(v) for k, v in named.items()}), tmp_path / "a.parquet")
+    with pytest.raises(fk.InvalidInput, match="row 2, column id must name an agent"):
+        read_samples(tmp_path / "a.parquet")

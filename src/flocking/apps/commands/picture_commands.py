@@ -120,15 +120,15 @@ def animate(
     most_agents
         Largest number of agents a file may ask for.
     """
-    from flocking.show.animate import animate, film_path
+    from flocking.show.animate import SUFFIXES, animate, ffmpeg, film_path
     from flocking.show.style import check_writable
 
     if out is not None:
         check_writable("animate", film_path(out))
     run, place = _run_of("animate", source, seed, most_agents)
-    print(
-        animate(run, place if out is None else out, seconds=seconds, fps=fps, follow=follow, theme=theme, trails=trails)
-    )
+    # The name of a run may have a point, as run-0.5, which begins no ending.
+    target = place.with_name(f"{place.name}{SUFFIXES[0] if ffmpeg() else SUFFIXES[1]}") if out is None else out
+    print(animate(run, target, seconds=seconds, fps=fps, follow=follow, theme=theme, trails=trails))
     return DRAWN
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.runs.run import Run
-from flocking.formula.safe_digits import time_text
+from flocking.formula.safe_digits import rounded_down, time_text
 from flocking.model import observables
 from flocking.model.graphs.connectivity import Links, components
 from flocking.model.space import Space
@@ -26,7 +26,7 @@ def summary(run: Run) -> dict[str, Any]:
         "status": run.status,
         "agents": run.n,
         "dimension": int(run.q.shape[2]),
-        "begun": float(run.scenario.start.t),
+        "begin": run.scenario.start.t,
         "time": float(run.t[last]) if last >= 0 else None,
         "frames": len(run.t),
         "switches": {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)},
@@ -129,7 +129,8 @@ def _flocks(found: dict[str, Any]) -> str:
     """How many flocks, and where it was observed the share of the largest."""
     share = (found.get("observed") or {}).get("density")
     return str(found.get("flocks", "")) + (
-        "" if share is None else f", the largest with {100 * share:.6g} % of the agents"
+        # Rounded down: 100 % is all of them.
+        "" if share is None else f", the largest with {rounded_down(100 * share, 6)} % of the agents"
     )
 
 
@@ -146,8 +147,8 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
     pair = " and ".join(map(str, closest["pair"])) if closest else ""
     linked = closest is not None and closest["of"] == "linked"
 
-    def when(time: float, digits: int) -> str:
-        return time_text(time, found["begun"], time if found["time"] is None else found["time"], digits)
+    def when(time: float, digits: int = 6) -> str:
+        return time_text(time, found["begin"], time if found["time"] is None else found["time"], digits)
 
     return [
         ("scenario", found["scenario"]),
@@ -155,7 +156,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("agents", f"{found['agents']} in {found['dimension']} dimensions"),
         ("engine", _engine(found["provenance"])),
         ("motion", _motion(found["provenance"])),
-        ("time reached", when(found["time"], 6) if found["time"] is not None else ""),
+        ("time reached", when(found["time"]) if found["time"] is not None else ""),
         ("frames", str(found["frames"])),
         ("link switches", switches or found["provenance"].get("switches", "none")),
         ("flocks at the end", _flocks(found)),
@@ -164,7 +165,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("order", f"{found['order']:.6f}" if "order" in found else ""),
         (
             "closest linked pair" if linked else "closest pair",
-            f"{closest['distance']:.6g}, agents {pair}, t = {when(closest['time'], 4)}" if closest else "",
+            f"{closest['distance']:.6g}, agents {pair}, t = {when(closest['time'])}" if closest else "",
         ),
         ("energy", f"{energy['start']:.6g} at the start, {energy['end']:.6g} at the end" if energy else ""),
         ("ledger residual", _residual(found)),

@@ -82,6 +82,7 @@ def showcase(
 
 def _print(title: str, report: Report, summary: StoredSummary, written: list[Path], as_json: bool) -> None:
     from flocking.apps.tables import print_facts, print_table, short
+    from flocking.formula.safe_digits import rounded_down
 
     if as_json:
         print(json.dumps({**summary.facts, "files": [str(path) for path in written]}, indent=2, allow_nan=False))
@@ -90,10 +91,12 @@ def _print(title: str, report: Report, summary: StoredSummary, written: list[Pat
     print_table(("claim", "verdict", "margin", "measured"), rows, title=title)
     print()
     facts = summary.facts
+    # Rounded down: 100 % is all of them.
+    largest = rounded_down(100 * facts["largest"][-1], 4)
     seen: list[tuple[str, str]] = [
         ("agents", f"{facts['agents']:,}"),
         ("steps", f"{facts['provenance']['steps']:,} of {facts['provenance']['step']:g}"),
-        ("in the largest flock", f"{100 * facts['largest'][-1]:.2f} % at the end, of {facts['flocks'][-1]:,} flocks"),
+        ("in the largest flock", f"{largest} % at the end, of {facts['flocks'][-1]:,} flocks"),
     ]
     if "clearance" in facts:
         seen.append(

@@ -230,7 +230,9 @@ def _paper(key: str, article: Paper, found: Reproduction, out: Path) -> str:
         seed = f" Seed {found.runs[name].scenario.seed}." if name in found.runs else ""
         figures = {n: (drawn[n], captions[n]) for n in figures_of(article, name) if n in drawn}
         shown |= cited(judgements, figures)
-        beside = claims_beside_pictures(name, judgements, out / key / CLAIMS, figures, seed)
+        # Of a scenario that was not drawn the folder may hold pictures of an earlier reproduction.
+        pictures = out / key / CLAIMS if name in found.runs else None
+        beside = claims_beside_pictures(name, judgements, pictures, figures, seed)
         certificates = certificates_table(found.runs[name]) if name in found.runs else ""
         system = scenario_section(found.runs[name].scenario) if name in found.runs else ""
         heading = f'{escape(article.title_of(name))} <span class="dim">{escape(_counts(judgements))}</span>'
@@ -272,9 +274,10 @@ def _film(film: Path, title: str) -> str:
 
 def _provenance(found: Reproduction, papers: dict[str, Paper]) -> str:
     tried = [j.tried for j in _all(found)] or [0]
+    asked = found.seeds or min(tried)
     stated = {
         "papers": ", ".join(papers),
-        "command": f"flocking reproduce {' '.join(papers)} --seeds {min(tried)} --first-seed {found.first_seed}",
+        "command": f"flocking reproduce {' '.join(papers)} --seeds {asked} --first-seed {found.first_seed}",
         "seeds": f"from {found.first_seed} on, {min(tried)} to {max(tried)} a scenario, and those of counter-examples",
         "computing time": f"{found.seconds:.0f} s",
     }

@@ -44,7 +44,7 @@ def verdict_words(verdict: Verdict) -> str:
 def claims_beside_pictures(
     name: str,
     judgements: Iterable[Judged],
-    pictures: Path,
+    pictures: Path | None,
     figures: Mapping[str, tuple[Path, str]],
     seed: str = "",
 ) -> str:
@@ -57,7 +57,7 @@ def claims_beside_pictures(
     judgements
         Judgements of its claims.
     pictures
-        Folder of the pictures that were drawn for the claims.
+        Folder of the pictures that were drawn for the claims; None where none were.
     figures
         The paper's figures drawn from this scenario: file and caption, by number.
     seed
@@ -99,11 +99,13 @@ def place_of(name: str, judged: Judged) -> str:
     return f"{name}-claim-{judged.claim.key}"
 
 
-def _picture(name: str, picture: str, pictures: Path, figures: Mapping[str, tuple[Path, str]], seed: str) -> str:
+def _picture(name: str, picture: str, pictures: Path | None, figures: Mapping[str, tuple[Path, str]], seed: str) -> str:
     if picture.startswith("figure-"):
         number = picture.removeprefix("figure-")
         file, caption = figures[number]
         return card(embedded(file, "image/svg+xml"), f"Fig. {number}. {caption}")
+    if pictures is None:
+        return "<div></div>"
     file = pictures / f"{name}-{picture}.svg"
     return card(embedded(file, "image/svg+xml"), f"{CAPTIONS[picture]}{seed}") if file.exists() else "<div></div>"
 

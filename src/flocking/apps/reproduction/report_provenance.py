@@ -57,11 +57,10 @@ def runs_table(rows: Mapping[str, tuple[str, Run]]) -> str:
 
 def _row(anchor: str, title: str, run: Run) -> str:
     s = run.scenario
-    begin, end = (time_text(t, run.t[0], run.t[-1], 6) for t in (run.t[0], run.t[-1]))
     numbers = (
-        run.provenance.get("engine", ""), run.n, begin, end, len(run.t),
-        "none" if s.seed is None else s.seed, f"{s.tolerance:g}", run.provenance.get("steps", "not recorded"),
-        len(run.switches), run.status,
+        run.provenance.get("engine", ""), run.n, *(time_text(run.t[k], run.t[0], run.t[-1], 6) for k in (0, -1)),
+        len(run.t), "none" if s.seed is None else s.seed, f"{s.tolerance:g}",
+        run.provenance.get("steps", "not recorded"), len(run.switches), run.status,
     )  # fmt: skip
     named = zip(COLUMNS, numbers, strict=True)
     cells = "".join(f"<td class='count' data-name='{name}'>{escape(str(x))}</td>" for name, x in named)

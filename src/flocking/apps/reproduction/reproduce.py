@@ -160,7 +160,7 @@ def reproduce(
                 figures += drawn
                 wait.count()
         judgements = {name: found.judgements(p, name) for p in papers.values() for name in p.scenarios()}
-        found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, found.runs, first_seed)
+        found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, found.runs, first_seed, seeds)
         if out is not None:
             wait.note = "writing the report"
             write_file(out / "claims.json", _json(claim_rows(judgements)), "write the claims")

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from flocking.engine.runs.run import Run
+from flocking.formula.safe_digits import percent_text
 from flocking.papers import paper_of
 from flocking.papers.equation_table import RowData
 from flocking.study.claims.claim import Verdict
@@ -30,6 +31,8 @@ class Reproduction:
         Of each scenario the run that is drawn: the first that meets the hypothesis of every claim, or the first.
     first_seed
         The first seed; the others followed one by one.
+    seeds
+        Seeds of a scenario that were asked for; more are tried where few meet a hypothesis.
     """
 
     judgements: dict[str, list[Judgement]]
@@ -38,6 +41,7 @@ class Reproduction:
     seconds: float = 0.0
     runs: dict[str, Run] = field(default_factory=dict)
     first_seed: int = 0
+    seeds: int = 0
 
     @property
     def as_expected(self) -> bool:
@@ -86,8 +90,7 @@ def rate_of(judgement: Judgement) -> str:
         return "counter-example"
     if judgement.verdict != Verdict.OBSERVED:
         return ""
-    share, low, high = judgement.rate
-    return f"{100 * share:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
+    return percent_text(*judgement.rate)
 
 
 def claim_rows(judgements: dict[str, list[Judgement]]) -> list[dict[str, object]]:

@@ -72,12 +72,12 @@ def write_run_page(
         undrawn = _draw(report, Path(folder))
         beside = claims_beside_pictures(run.scenario.name, report.results, Path(folder), {})
     counts = Counter(r.verdict for r in report.results)
-    begin, end = (time_text(t, run.t[0], run.t[-1], 6) for t in (run.t[0], run.t[-1]))
     entries = [("law", "Law and start", ())] if law_declared else []
     entries += [("claims", "Claims", ()), ("provenance", "Provenance", ())]
+    first, last = (time_text(run.t[k], run.t[0], run.t[-1], 6) for k in (0, -1))
     parts = [
         f"<h1>{escape(title)}</h1>\n",
-        f'<p class="dim">Audit of one run: {run.n} agents, t = {begin} to {end}, status: {escape(run.status)}.</p>\n',
+        f'<p class="dim">Audit of one run: {run.n} agents, t = {first} to {last}, status: {escape(run.status)}.</p>\n',
         boxes([(str(count), PLURAL.get(verdict, str(verdict))) for verdict, count in counts.items()]),
         f"<p>{escape(outcome(report))}</p>\n",
         contents(entries),

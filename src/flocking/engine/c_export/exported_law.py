@@ -143,6 +143,12 @@ def _check(scenario: Scenario) -> None:
     if isinstance(scenario.information, Messages) and scenario.information.leader:
         raise UnsupportedLaw("export_c writes leaders as functions of time: it does not receive their messages.")
     check_steering_terms(law.steering_terms)
+    given, start = scenario.start.links, scenario.start
+    if given is not None and law.graph.moves and (given != law.graph.links_in(scenario.space, start.q)).any():
+        raise UnsupportedLaw(
+            "export_c links agents at the start by the distances of their graph; this start has other links. "
+            "Leave its links out."
+        )
     if scenario.agents.discrete and type(scenario.agents) not in WITH_RULES:
         raise UnsupportedLaw(
             f"export_c has no rule by which {type(scenario.agents).__name__} agents set their velocity. "
@@ -210,10 +216,10 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
             "export_c", "scenario", f"must have at most {MOST_NUMBERS} numbers in tables", A.size + W.size
         )
     ranges = tuple((t.range, len(g.obstacles)) for t in law.body_terms if isinstance(t, ObstacleTerm) for g in t.groups)
-    graphs = []
+    graphs, links = [], scenario.links_at_start
     for k, graph in enumerate(law.graphs):
         radii = [np.broadcast_to(np.asarray(x, float), n) for x in (graph.appear_radius, graph.break_radius)]
-        fixed = None if graph.moves else np.asarray(graph.initial(scenario.start.q), dtype=bool)
+        fixed = None if graph.moves else links[k]
         poles = bounding_poles(law, k)
         closed = bool(getattr(graph, "closed", False))
         graphs.append(ExportedGraph(np.stack(radii, axis=1), closed, fixed, poles, averages(law, k)))

@@ -22,7 +22,7 @@ def memory_source(law: ExportedLaw, name: str, c: CSource) -> str:
     """
     x, X, real = f"{name}_", f"{name.upper()}_", f"{name}_real"
     parts = [
-        _seconds(c, x, real) if law.predict or _reads_time(law) else "",
+        _seconds(c, x, real) if law.predict or reads_time(law) else "",
         _bits(x, X, real),
         _linked(law, c, x, X, real),
     ]
@@ -30,7 +30,8 @@ def memory_source(law: ExportedLaw, name: str, c: CSource) -> str:
     return "\n".join(part for part in parts if part)
 
 
-def _reads_time(law: ExportedLaw) -> bool:
+def reads_time(law: ExportedLaw) -> bool:
+    """Whether a formula of an exported ``law`` reads the time, as those of leaders do."""
     f = law.formulas
     stages = [e for group in f.obstacles for stage in group.stages() for e in stage.values()]
     return any(str(s) == "t" for e in [*f.body.force, *stages] for s in e.free_symbols)

@@ -10,9 +10,11 @@ import numpy as np
 from flocking.engine.c_export.elementary_functions import BOUNDS
 from flocking.engine.c_export.exported_law import ExportedLaw
 from flocking.engine.c_export.header import STATUS
+from flocking.engine.c_export.memory_source import reads_time
 from flocking.engine.c_export.projection_source import DOUBLE, SINGLE
 from flocking.engine.c_export.steering_source import steering_latex
 from flocking.engine.runs.provenance import provenance
+from flocking.formula.safe_digits import given_text
 from flocking.model.world.times import NANOSECOND
 
 if TYPE_CHECKING:
@@ -115,6 +117,20 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     receiver = f"used up to an age of {law.expires} ns" if law.expires is not None else "used at any age"
     receiver += ", and moved on with their velocity" if law.predict else ", and held as they were sent"
     limit = "none" if law.limit is None else f"{law.limit!r}; longer forces are scaled back"
+    parts = (scenario.agents, scenario.information, scenario.control)
+    world = "; ".join(part.summary for part in parts if not part.ideal)
+    world = (
+        f"\nOf the world of the scenario ({world}) the source has what this page states, and no more." if world else ""
+    )
+    latest = max(abs(scenario.start.t), abs(scenario.t_end))
+    coarse = (
+        f" The law reads the time in seconds of the scenario, which single precision rounds to "
+        f"{float(np.spacing(np.float32(latest))):.2g} s at t = {given_text(latest)}."
+        if single and reads_time(law)
+        else ""
+    )
+    title = " ".join(scenario.name.replace("`", "'").split()) or "a flock"
+    rounded = ", to which the declared numbers below are rounded" if single else ""
     halvings = (
         f"; the safety filter halves numbers up to {(SINGLE if single else DOUBLE).halvings} times"
         if law.filter is not None
@@ -137,11 +153,11 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
             f"the code is not `{X}_OK` the force is zero and nothing is filtered: brake."
         )
     return f"""\
-# The control law of `{scenario.name or "a flock"}` in C99
+# The control law of `{title}` in C99
 
 Written by flocking. Terms: {terms}. Graphs: {graphs}. {law.n} agents, {law.m} axes,
-at most {law.neighbours} neighbours. Numbers are of {"single" if single else "double"} precision.
-States of neighbours are {receiver}. Largest force: {limit}.
+at most {law.neighbours} neighbours. Numbers are of {"single" if single else "double"} precision{rounded}.
+States of neighbours are {receiver}. Largest force: {limit}.{world}
 
 Build it with `{FLAGS}`, without `-ffast-math`: the results are then the same bits on every processor that follows
 IEEE 754. There is no heap, no library of mathematics, and every loop ends after at most {law.neighbours} neighbours,
@@ -154,7 +170,7 @@ IEEE 754. There is no heap, no library of mathematics, and every loop ends after
 Where more than {law.neighbours} senders are heard, those that are linked are kept, then the nearest; `memory.lost`
 counts messages and states without a slot that the law saw from where the agent acted last.
 {rule}
-Times are nanoseconds from the start of the scenario. Within single precision a leader's time has 24 bits.
+Times are nanoseconds from the start of the scenario.{coarse}
 
 | code | value | meaning |
 | --- | --- | --- |

@@ -65,22 +65,25 @@ class Recording:
             )
 
     def _add(self, topic: str, nanoseconds: int, data: object) -> None:
-        time = max(nanoseconds, 0)
         self._writer.add_message(
-            channel_id=self._channels[topic], log_time=time, publish_time=time, data=json.dumps(data).encode()
-        )
+            channel_id=self._channels[topic], log_time=nanoseconds, publish_time=nanoseconds,
+            data=json.dumps(data).encode(),
+        )  # fmt: skip
 
-    def frame(self, t: float, q: Reals, p: Reals) -> None:
-        """Add a frame of the true motion.
+    def frame(self, t: float, q: Reals, p: Reals | None, *, start: float) -> None:
+        """Add a frame of the true motion; its message is logged as samples are, in nanoseconds from the start.
 
         Parameters
         ----------
         t
             Time of the scenario.
         q, p
-            Positions and velocities, shape (N, m).
+            Positions and velocities, shape (N, m); None for agents of order 1, which have no velocities of their own.
+        start
+            When the scenario starts.
         """
-        self._add(STATE, round(t * PER_SECOND), {"t": t, "q": q.tolist(), "p": p.tolist()})
+        speeds = {} if p is None else {"p": p.tolist()}
+        self._add(STATE, round((t - start) * PER_SECOND), {"t": t, "q": q.tolist(), **speeds})
 
     def sample(self, sample: Sample) -> None:
         """Add a sample that an agent sent.

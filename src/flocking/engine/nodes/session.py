@@ -296,8 +296,10 @@ class NodeSession(SampledSession):
         before = self.records.count
         super()._record_frames(until)
         if self.recording is not None:
+            moving = self.scenario.agents.order > 1
             for k in range(before, self.records.count):
-                self.recording.frame(self.records.t[k], self.records.q[k], self.records.p[k])
+                p = self.records.p[k] if moving else None
+                self.recording.frame(self.records.t[k], self.records.q[k], p, start=self._base)
 
     # What others ask.
 

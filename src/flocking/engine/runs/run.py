@@ -13,6 +13,7 @@ from flocking.arrays import Array, Reals, Records
 from flocking.engine.runs.fidelity import UNSTATED, Fidelity
 from flocking.engine.runs.message_log import GRAPHS_CHANGED, MessageLog, keeping_logs, nanosecond_of
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import given_text, time_text
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -284,7 +285,8 @@ class Run:
     def __repr__(self) -> str:
         """In one line, without the arrays."""
         name = f"{self.scenario.name!r}, " if self.scenario.name else ""
-        span = f"t = {self.t[0]:g} to {self.t[-1]:g}" if len(self.t) else "none stored"
+        first, last = (time_text(self.t[k], self.t[0], self.t[-1], 6) for k in (0, -1)) if len(self.t) else ("", "")
+        span = f"t = {first} to {last}" if first else "none stored"
         size = f"{self.n} agents, {len(self.t)} frames ({span}), {len(self.switches)} switches"
         return f"<Run {name}{size}, {self.status}>"
 
@@ -364,7 +366,8 @@ class Run:
         later = self.provenance.get(GRAPHS_CHANGED)
         if isinstance(later, float) and self.t[frame] <= later:
             raise InvalidInput(
-                "Run", "known_links_at", f"needs a frame after {later:g}, when graphs of the law were replaced",
+                "Run", "known_links_at",
+                f"needs a frame after {given_text(later)}, when graphs of the law were replaced",
                 float(self.t[frame]), "The run states its last law alone.",
             )  # fmt: skip
         # Half a nanosecond off a whole one, where acts are: the time of a frame is rounded.

@@ -37,9 +37,10 @@ def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
     path
         The file; an existing one is replaced.
     to
-        ``"gsd"`` (positions in single precision as its schema requires; double precision, time and ledger in the
-        log), ``"xyz"`` (extended XYZ), ``"npz"`` (all arrays), ``"csv"`` or ``"parquet"`` (observables of
-        every frame). By default determined by the suffix of ``path``.
+        ``"gsd"`` (positions in single precision as its schema requires; times, and positions and velocities in double
+        precision, in the log), ``"xyz"`` (extended XYZ), ``"npz"`` (all arrays), ``"csv"`` or ``"parquet"``
+        (observables of every frame). By default determined by the suffix of ``path``. Agents of order 1 have no
+        velocities of their own: a run holds zeros in their place, which no file states as measured; they are left out.
 
     Raises
     ------
@@ -63,16 +64,18 @@ def observable_table(run: Run) -> dict[str, Array]:
 
     Time, number of links, flocks and share of the largest, closest pair, order, largest deviation from the mean
     velocity, and the mean position and velocity (weighted by mass) by axis. Without link matrices, links and flocks are
-    those recorded during the run, or missing; without frames, the table contains the recorded observables.
+    those recorded during the run, or missing; without frames, the table contains the recorded observables. What is
+    made of velocities is missing for agents of order 1, which have none of their own.
     """
     from collections import defaultdict
 
     rows: dict[str, list[float]] = defaultdict(list)
     masses = run.scenario.agents.masses
     linked = run.links.shape[1:] == (run.n, run.n)
-    seen = run.observables
+    seen, moving = run.observables, _has_velocities(run)
     if seen is not None and len(seen) and not len(run.t):
-        return {name: seen[name].astype(np.float64) for name in seen.dtype.names or ()}
+        names = [name for name in seen.dtype.names or () if moving or name not in OF_VELOCITIES]
+        return {name: seen[name].astype(np.float64) for name in names}
     observed = seen if seen is not None and not linked and np.array_equal(seen["time"], run.t) else None
     for k in range(len(run.t)):
         state = State(run.q[k], run.p[k], float(run.t[k]))
@@ -87,13 +90,24 @@ def observable_table(run: Run) -> dict[str, Array]:
             rows["flocks"].append(observed["flocks"][k])
             rows["largest_flock"].append(observed["density"][k])
         rows["closest_pair"].append(observables.closest_pair(state, run.scenario.space)[0])
-        rows["order"].append(observables.order(state))
-        rows["velocity_spread"].append(observables.velocity_spread(state))
+        if moving:
+            rows["order"].append(observables.order(state))
+            rows["velocity_spread"].append(observables.velocity_spread(state))
         q, p = observables.mean_position(state, masses), observables.mean_velocity(state, masses)
         for axis, name in enumerate(axis_names(len(q))):
             rows[f"mean_{name}"].append(float(q[axis]))
-            rows[f"mean_v{name}"].append(float(p[axis]))
+            if moving:
+                rows[f"mean_v{name}"].append(float(p[axis]))
     return {name: np.array(values, dtype=np.float64) for name, values in rows.items()}
+
+
+OF_VELOCITIES = ("order", "speed", "spread")
+"""Recorded observables that are made of velocities."""
+
+
+def _has_velocities(run: Run) -> bool:
+    """Whether the velocities of a run are those of the agents: of order 1 they are zeros in their place."""
+    return run.scenario.agents.order > 1
 
 
 def axis_names(m: int) -> list[str]:
@@ -126,9 +140,14 @@ def _write_npz(run: Run, path: Path) -> None:
         scenario = json.dumps(to_data(run.scenario))
     except ForeignPart:
         scenario = ""
-    file, columns = io.BytesIO(), {f"column_{name}": values for name, values in run.columns.items()}
+    file, columns = io.BytesIO(), dict[str, AnyArray]()
+    columns |= {f"column_{name}": values for name, values in run.columns.items()}
+    if _has_velocities(run):
+        columns["p"] = run.p
+    if run.observables is not None:
+        columns["observables"] = run.observables
     np.savez_compressed(
-        file, allow_pickle=False, t=run.t, q=run.q, p=run.p, links=run.links, switches=run.switches, trace=run.trace,
+        file, allow_pickle=False, t=run.t, q=run.q, links=run.links, switches=run.switches, trace=run.trace,
         scenario=np.array(scenario), provenance=np.array(json.dumps(run.provenance, default=str)),
         status=np.array(run.status), **columns, **_log_arrays(run),
     )  # fmt: skip
@@ -145,12 +164,13 @@ def _write_xyz(run: Run, path: Path) -> None:
     m = min(run.q.shape[2], 3)
     _check_space(run)
     further = "".join(f":{name}:R:{values.shape[2]}" for name, values in run.columns.items())
-    box = _xyz_box(run)
+    box, moving = _xyz_box(run), _has_velocities(run)
+    named = f"species:S:1:pos:R:3{':velo:R:3' * moving}{further}"
     for k, (t, q, p) in enumerate(zip(run.t, run.q, run.p, strict=True)):
-        lines += [str(run.n), f"Properties=species:S:1:pos:R:3:velo:R:3{further} Time={float(t)!r} {box}"]
+        lines += [str(run.n), f"Properties={named} Time={float(t)!r} {box}"]
         rows = np.zeros((run.n, 6))
         rows[:, :m], rows[:, 3 : 3 + m] = q, p
-        rows = np.hstack([rows, *(values[k] for values in run.columns.values())])
+        rows = np.hstack([rows[:, : 6 if moving else 3], *(values[k] for values in run.columns.values())])
         lines += ["A " + " ".join(repr(x) for x in row) for row in rows.tolist()]
     put(path, ("\n".join(lines) + "\n").encode())
 
@@ -167,7 +187,7 @@ def _xyz_box(run: Run) -> str:
 
 def _box(run: Run) -> list[float]:
     """Lengths of a box about the origin, one per axis: the periods of space, or a length for all positions."""
-    length = float(2 * MARGIN * max(np.abs(run.q).max(initial=0.0), 1.0))
+    length = float(2 * MARGIN * np.abs(run.q).max(initial=0.0)) or 1.0
     lengths = run.scenario.space.lengths or (np.inf,) * run.q.shape[2]
     return [x if np.isfinite(x) else length for x in lengths]
 
@@ -183,7 +203,7 @@ def _write_gsd(run: Run, path: Path) -> None:
     # In the plane the box has no third side; for one axis the box is a square.
     sides = [sides[0], sides[m - 1], 0.0] if m < 3 else sides
     masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), run.n)
-    linked = run.links.shape[1:] == (run.n, run.n)
+    linked, moving = run.links.shape[1:] == (run.n, run.n), _has_velocities(run)
     partial = partial_file(path)
     try:
         with gsd.hoomd.open(str(partial), "w") as file:
@@ -197,7 +217,8 @@ def _write_gsd(run: Run, path: Path) -> None:
                 frame.particles.mass = masses.astype(np.float32)
                 # Positions in the box; the unwrapped ones are in the log.
                 frame.particles.position = _in_space(space.displacement(run.q[k]))
-                frame.particles.velocity = _in_space(run.p[k])
+                if moving:
+                    frame.particles.velocity = _in_space(run.p[k])
                 if linked:
                     i, j = np.nonzero(np.triu(run.links[k] | run.links[k].T))
                     frame.bonds.N, frame.bonds.types = len(i), ["link"]
@@ -207,8 +228,9 @@ def _write_gsd(run: Run, path: Path) -> None:
                     "flocking/time": np.array([run.t[k]]),
                     "flocking/dimension": np.array([m]),
                     "particles/flocking/position": np.ascontiguousarray(run.q[k]),
-                    "particles/flocking/velocity": np.ascontiguousarray(run.p[k]),
                 }
+                if moving:
+                    frame.log["particles/flocking/velocity"] = np.ascontiguousarray(run.p[k])
                 for name, values in run.columns.items():
                     frame.log[f"particles/flocking/{name}"] = np.ascontiguousarray(values[k])
                 file.append(frame)

@@ -13,6 +13,7 @@ from flocking.engine.archives.archive import NPZ_ERRORS
 from flocking.engine.storage.atomic_files import storage_errors
 from flocking.engine.storage.export_formats import axis_names
 from flocking.errors import InvalidInput, StorageError
+from flocking.formula.safe_digits import given_text
 from flocking.model.state import State
 
 LARGEST_CSV = 2**28
@@ -26,7 +27,8 @@ def read_start(path: str | Path, *, frame: int = -1) -> State:
     ----------
     path
         ``.gsd``: any GSD file of the hoomd schema; ``.npz``: arrays ``q`` and, unless at rest, ``p`` of shape (N, m) or
-        (F, N, m); ``.csv``: a row per agent, columns ``x``, ``y``, ``z`` and, unless at rest, ``vx``, ``vy``, ``vz``.
+        (F, N, m); ``.csv``: a row per agent, columns ``x``, ``y``, ``z`` and, unless at rest, ``vx``, ``vy``, ``vz``;
+        a column ``t`` must have one time.
     frame
         Number of the frame in a file with several; the last by default.
 
@@ -66,9 +68,10 @@ def _read_gsd(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
             found = file[_pick(path, len(file), frame)]
     except RuntimeError as error:
         raise StorageError(f"{path}: not a GSD file of the hoomd schema ({error}).") from None
-    exact = [found.log.get(f"particles/flocking/{name}") for name in ("position", "velocity")]
-    if exact[0] is not None and exact[1] is not None:
-        return exact[0], exact[1]
+    places, speeds = (found.log.get(f"particles/flocking/{name}") for name in ("position", "velocity"))
+    if places is not None:
+        # Agents of order 1 have no velocities.
+        return places, np.zeros_like(places) if speeds is None else speeds
     m = int(found.configuration.dimensions)
     return found.particles.position[:, :m], found.particles.velocity[:, :m]
 
@@ -92,15 +95,23 @@ def _read_csv(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
     if path.stat().st_size > LARGEST_CSV:
         raise StorageError(f"{path}: too large for CSV; use NPZ.")
     try:
-        rows = list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines()))
+        reader = csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines())
+        rows = list(reader)
     except (UnicodeDecodeError, csv.Error) as error:
         raise StorageError(f"{path}: not a CSV table ({error}).") from None
     if not rows:
         raise StorageError(f"{path}: contains no rows. It needs a header x,y[,z][,vx,vy[,vz]] and a row per agent.")
     names = [str(name).strip() for name in rows[0]]
+    given = [name.strip() for name in reader.fieldnames or ()]
+    if twice := next((name for name in given if given.count(name) > 1), None):
+        raise StorageError(f"{path}: has two columns called {twice!r}.")
     axes = next((a for m in (3, 2, 1) if set(a := axis_names(m)) <= set(names)), None)
     if axes is None:
         raise StorageError(f"{path}: has no columns x, y; its header is {','.join(names)}.")
+    for name in "xyz":
+        # Of what a column says nothing is dropped without a word.
+        if name not in axes and (found := next((x for x in (name, f"v{name}") if x in names), None)):
+            raise StorageError(f"{path}: has a column {found}, but not every axis before it; its axes are {axes}.")
     speeds = [f"v{name}" for name in axes]
     missing = [name for name in speeds if name not in names]
     if missing and len(missing) < len(speeds):
@@ -111,11 +122,17 @@ def _read_csv(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
         values = []
         for number, row in enumerate(rows, start=2):
             try:
-                values.append(float(row[table[name]]))
-            except (TypeError, ValueError):
+                # Python alone reads 1_000 as a number.
+                values.append(float(row[table[name]].replace("_", "?")))
+            except (TypeError, ValueError, AttributeError):
                 raise StorageError(f"{path}: line {number}, column {name}: no number: {row[table[name]]!r}.") from None
         return values
 
+    if "t" in names and len(times := sorted(set(column("t")))) > 1:
+        raise StorageError(
+            f"{path}: column t has {len(times)} times, from {given_text(times[0])} to {given_text(times[-1])}; a start "
+            "is of one. Keep the rows of one time: each row would be an agent of its own."
+        )
     q = np.array([column(name) for name in axes]).T
     return q, np.zeros_like(q) if missing else np.array([column(name) for name in speeds]).T
 

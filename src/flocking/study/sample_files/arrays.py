@@ -137,7 +137,12 @@ def _read_frames(path: Path, file: gsd.hoomd.HOOMDTrajectory, time_step: float |
     if own and "flocking/dimension" in file[0].log:
         m = int(file[0].log["flocking/dimension"][0])
         check_size(path, count * n * max(m, 1) * 8 * 2, "its positions and velocities")
-    has_velocity = own or all(file.file.chunk_exists(frame=k, name="particles/velocity") for k in (0, count - 1))
+    # What this library wrote of agents of order 1 has no velocities.
+    has_velocity = (
+        OWN_VELOCITY in file[0].log
+        if own
+        else all(file.file.chunk_exists(frame=k, name="particles/velocity") for k in (0, count - 1))
+    )
     t, q, p = np.zeros(count), np.zeros((count, n, m)), np.zeros((count, n, m))
     for k in range(count):
         frame = file[k]
@@ -145,7 +150,7 @@ def _read_frames(path: Path, file: gsd.hoomd.HOOMDTrajectory, time_step: float |
             raise InvalidInput(str(path), f"frame {k}", f"must have {n} particles, as the first", frame.particles.N)
         if own:
             t[k] = frame.log[OWN_TIME][0]
-            for values, name in ((q, OWN_POSITION), (p, OWN_VELOCITY)):
+            for values, name in ((q, OWN_POSITION), (p, OWN_VELOCITY))[: 1 + has_velocity]:
                 if frame.log[name].shape != (n, m):
                     shape = frame.log[name].shape
                     raise InvalidInput(str(path), f"frame {k}, {name}", f"must have the shape {(n, m)}", shape)

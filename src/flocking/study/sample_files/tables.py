@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from array import array as buffer
 from collections import Counter
 from dataclasses import replace
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from flocking.arrays import AnyArray
 from flocking.engine.storage.export_formats import missing_package
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import given_text
 from flocking.model.checks import Array
 from flocking.study.sample_files.samples import (
     LARGEST_FILE,
@@ -85,7 +87,12 @@ def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
             raise InvalidInput(str(path), f"line {lines.line_num}", f"must have {len(header)} columns", len(row))
         for ours, place in zip(needed, places, strict=True):
             values.append(number(path, lines.line_num, columns.name(ours), row[place]))
-        agents.append(known.setdefault(row[agent_place].strip(), len(known)))
+        label = row[agent_place].strip()
+        if not label:
+            raise InvalidInput(
+                str(path), f"line {lines.line_num}, column {columns.name('id')}", "must name an agent", "nothing"
+            )
+        agents.append(known.setdefault(label, len(known)))
         numbers.append(lines.line_num)
         if len(values) * values.itemsize > LARGEST_FILE:
             check_size(path, len(values) * values.itemsize, f"the numbers up to line {lines.line_num}")
@@ -152,8 +159,13 @@ def read_parquet(path: Path, columns: Columns) -> Samples:
     place, speed = (max((storage_rounding(stored[k]) for k in names), default=0.0) for names in (axes, speeds))
     known: dict[str, int] = {}
     numbered = np.array([known.setdefault(str(x), len(known)) for x in listed], dtype=np.int64)
-    if labels.null_count:
-        row = int(np.flatnonzero(labels.is_null().to_numpy(zero_copy_only=False))[0])
+    # No name, an empty one, and what stands for a missing number.
+    nameless = [not x.strip() if isinstance(x, str) else isinstance(x, float) and math.isnan(x) for x in listed]
+    missing = labels.is_null().to_numpy(zero_copy_only=False)
+    if any(nameless):
+        missing = missing | np.isin(labels.indices.to_numpy(zero_copy_only=False), np.flatnonzero(nameless))
+    if missing.any():
+        row = int(np.flatnonzero(missing)[0])
         raise InvalidInput(str(path), f"row {row + 1}, column {columns.name('id')}", "must name an agent", "nothing")
     agents = numbered[labels.indices.to_numpy()]
     rows = np.arange(1, len(agents) + 1)
@@ -229,16 +241,17 @@ def _pivoted(
     time_name = columns.name("t")
     if len(used) < len(key):
         twice = int(np.setdiff1d(np.arange(len(key)), first)[0])
+        who, when = names[order[agents[twice]]], given_text(table[twice, 0])
         raise InvalidInput(
             str(path), f"{place} {rows[twice]}, columns {columns.name('id')} and {time_name}",
-            "must give every agent one row per time", f"{names[order[agents[twice]]]} at {table[twice, 0]:g} again",
+            "must give every agent one row per time", f"{who} at {when} again",
         )  # fmt: skip
     check_times(path, times, f"column {time_name}")
     if len(used) < len(times) * len(names):
         gap = int(np.argmax(np.append(used, -1) != np.arange(len(used) + 1)))
         raise InvalidInput(
             str(path), f"columns {columns.name('id')} and {time_name}", "must give every agent a row at every time",
-            f"none of {names[order[gap % len(names)]]} at {times[gap // len(names)]:g}",
+            f"none of {names[order[gap % len(names)]]} at {given_text(times[gap // len(names)])}",
             "Interpolate to common times, or remove agents without a place at some times.",
         )  # fmt: skip
     shape = (len(times), len(names), m)
