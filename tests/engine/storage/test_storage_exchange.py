@@ -205,6 +205,7 @@ def test_a_start_from_a_table(tmp_path: Path, text: str, q: Any, p: Any) -> None
         ("a.csv", b"x,y,vx,vy,vz\n1,2,3,4,5\n", "a column vz, but not every axis"),
         ("a.csv", b"x,x,y\n1,2,3\n", "two columns called 'x'"),
         ("a.csv", b"t,id,x,y\n0,0,1,2\n0.5,0,3,4\n", "column t has 2 times, from 0 to 0.5"),
+        ("a.csv", b"time,id,x,y\n0,a,1,2\n0.5,a,3,4\n", "column id names 'a' twice"),
         ("a.csv", b"x,y\n1_000,2\n", "line 2, column x: no number: '1_000'"),
         ("a.csv", b"x,y\n1,nan\n", "must be finite"),
         ("a.csv", b"\xff\xfe\x00", "not a CSV table"),

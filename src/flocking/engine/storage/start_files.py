@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,8 +71,9 @@ def _read_gsd(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
         raise StorageError(f"{path}: not a GSD file of the hoomd schema ({error}).") from None
     places, speeds = (found.log.get(f"particles/flocking/{name}") for name in ("position", "velocity"))
     if places is not None:
-        # Agents of order 1 have no velocities.
-        return places, np.zeros_like(places) if speeds is None else speeds
+        # GSD has no second axis of length one, and agents of order 1 have no velocities.
+        q = places[:, None] if places.ndim == 1 else places
+        return q, np.zeros_like(q) if speeds is None else speeds.reshape(q.shape)
     m = int(found.configuration.dimensions)
     return found.particles.position[:, :m], found.particles.velocity[:, :m]
 
@@ -133,6 +135,9 @@ def _read_csv(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
             f"{path}: column t has {len(times)} times, from {given_text(times[0])} to {given_text(times[-1])}; a start "
             "is of one. Keep the rows of one time: each row would be an agent of its own."
         )
+    who = [str(row[table["id"]]).strip() for row in rows] if "id" in names else []
+    if twice := next((x for x, times in Counter(who).items() if times > 1), None):
+        raise StorageError(f"{path}: column id names {twice!r} twice; a start has one row for each agent.")
     q = np.array([column(name) for name in axes]).T
     return q, np.zeros_like(q) if missing else np.array([column(name) for name in speeds]).T
 

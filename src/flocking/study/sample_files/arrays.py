@@ -151,10 +151,11 @@ def _read_frames(path: Path, file: gsd.hoomd.HOOMDTrajectory, time_step: float |
         if own:
             t[k] = frame.log[OWN_TIME][0]
             for values, name in ((q, OWN_POSITION), (p, OWN_VELOCITY))[: 1 + has_velocity]:
-                if frame.log[name].shape != (n, m):
-                    shape = frame.log[name].shape
+                # GSD has no second axis of length one.
+                shape = frame.log[name].shape
+                if shape != (n, m) and not (m == 1 and shape == (n,)):
                     raise InvalidInput(str(path), f"frame {k}, {name}", f"must have the shape {(n, m)}", shape)
-                values[k] = frame.log[name]
+                values[k] = frame.log[name].reshape(n, m)
             continue
         box = np.asarray(frame.configuration.box, dtype=np.float64)
         if box[3:].any():

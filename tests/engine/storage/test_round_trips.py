@@ -1,4 +1,4 @@
-"""Agents of order 1 have no velocities: no file of another program states the zeros in their place as measured."""
+"""Exports come back with all bits, and state nothing that a run does not hold, as velocities of agents of order 1."""
 
 from __future__ import annotations
 
@@ -59,3 +59,19 @@ def test_other_programs_find_no_velocities(drifting: Run, tmp_path: Path) -> Non
     state = fk.read_start(tmp_path / "run.gsd")
     assert np.array_equal(state.q, drifting.q[-1])
     assert not state.p.any()
+
+
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_runs_of_every_dimension_come_back_with_all_their_bits(tmp_path: Path, m: int) -> None:
+    """GSD drops an axis of length one, so that agents on a line came back as no agents at all."""
+    rng = np.random.default_rng(m)
+    law = fk.Law(fk.Proximity(9.0), [fk.Consensus(1.0)])
+    start = fk.State(rng.normal(size=(4, m)), rng.normal(size=(4, m)))
+    run = fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=5), progress=False)
+    for form in ("gsd", "npz"):
+        path = fk.export_run(run, tmp_path / f"run.{form}")
+        samples, last = read_samples(path), fk.read_start(path)
+        assert samples.p is not None
+        for found, expected in ((samples.t, run.t), (samples.q, run.q), (samples.p, run.p)):
+            assert found.tobytes() == expected.tobytes()
+        assert (last.q.tobytes(), last.p.tobytes()) == (run.q[-1].tobytes(), run.p[-1].tobytes())
