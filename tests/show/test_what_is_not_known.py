@@ -8,6 +8,7 @@ import pytest
 import flocking as fk
 from flocking.show import group_series, series
 from flocking.show.phase import phase
+from flocking.show.plot import KINDS
 
 
 @pytest.fixture(scope="module")
@@ -131,3 +132,11 @@ def test_a_still_film_contains_the_leader(led):
         assert (low[0] < place).all()
         assert (high[0] > place).all()
     assert _limits(led, False, leader=False)[1].max() < high.max()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_without_frames_has_no_picture(run, kind):
+    none = {name: getattr(run, name)[:0] for name in ("t", "q", "p", "links", "trace", "switches")}
+    begun = dataclasses.replace(run, status="unfinished", **none)
+    with pytest.raises(fk.InvalidInput, match=r"must contain at least one frame|must keep the links of its frames"):
+        fk.plot(begun, kind)

@@ -44,6 +44,19 @@ def need_velocities(kind: str, run: Run) -> None:
         )  # fmt: skip
 
 
+def no_frames(given: str) -> InvalidInput:
+    """The error of a run that has nothing to draw.
+
+    Parameters
+    ----------
+    given
+        What it is instead.
+    """
+    return InvalidInput(
+        "show", "run", "must contain at least one frame", given, "Resume it, or keep frames when it is simulated."
+    )
+
+
 def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> int:
     """Number of the stored frame nearest to ``time``, or ``frame``, counted from the end if negative.
 
@@ -61,7 +74,7 @@ def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> i
     """
     count = len(run.t)
     if count == 0:
-        raise InvalidInput("show", "run", "must contain at least one frame", run.status)
+        raise no_frames(run.status)
     if time is not None and frame is not None:
         raise InvalidInput("show", "frame", "must be absent if a time is given", frame)
     if time is not None:

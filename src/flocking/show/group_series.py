@@ -227,7 +227,7 @@ def links(run: Run, *, axes: Axes | None = None) -> Axes:
 
 
 def _keeps_links(run: Run) -> bool:
-    return run.links.shape[1:] == (run.n, run.n)
+    return run.links.shape[1:] == (run.n, run.n) and len(run.t) > 0
 
 
 def _observed(kind: str, run: Run) -> Records:

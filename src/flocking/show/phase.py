@@ -10,7 +10,7 @@ from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.pair_terms import Gradient
-from flocking.show.frames import need_velocities, time_of
+from flocking.show.frames import need_velocities, no_frames, time_of
 from flocking.show.motion import motion_of
 from flocking.show.style import BLUE, ORANGE, axes_or_new, in_style, theme
 
@@ -43,6 +43,8 @@ def phase(run: Run, pair: tuple[int, int] | None = None, *, axes: Axes | None = 
     need_velocities("phase", run)
     i, j = _checked_pair(run, pair)
     motion = motion_of(run)
+    if not len(motion.t):
+        raise no_frames(run.status)
     # In periodic space to the nearest image.
     apart = run.scenario.space.displacement(np.asarray(motion.q[:, j] - motion.q[:, i], dtype=np.float64))
     relative = motion.p[:, j] - motion.p[:, i]

@@ -11,7 +11,7 @@ from flocking.arrays import Array, Reals
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.leaders_and_obstacles.leaders import Leader
-from flocking.show.frames import checked_axis, dimension_name, leader_track, need_velocities
+from flocking.show.frames import checked_axis, dimension_name, leader_track, need_velocities, no_frames
 from flocking.show.motion import motion_of, thinned
 from flocking.show.style import PALETTE, RED, VERMILION, axes_or_new, in_style, theme
 
@@ -200,7 +200,15 @@ def agent_lines(
 
 
 def time_axis(axes: Axes, t: Array) -> Axes:
-    """Label the horizontal axis as time and set its limits to the run."""
+    """Label the horizontal axis as time and set its limits to the run.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no time.
+    """
+    if not len(t):
+        raise no_frames("no frames")
     low, high = float(t[0]), float(t[-1])
     axes.set_xlim(low, high if high > low else low + 1.0)
     axes.set_xlabel("$t$")

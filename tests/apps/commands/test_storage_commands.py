@@ -95,3 +95,36 @@ def test_times_of_a_late_run_and_shares_are_not_rounded_away() -> None:
     assert dict(facts(found))["flocks at the end"] == "2, the largest with 99.9999 % of the agents"
     found["observed"] = {"density": 1.0}
     assert "100 %" in dict(facts(found))["flocks at the end"]
+
+
+def test_a_run_that_has_only_begun_is_compared_and_drawn_in_sentences(tmp_path, capsys) -> None:
+    folder = tmp_path / "run"
+    RunWriter.create(folder, finished().scenario).close()
+    assert main(["diff", str(folder), str(folder)]) == 0
+    for kind in ("energy", "links"):
+        assert main(["plot", str(folder), "--kind", kind]) == 2
+    assert main(["export", str(folder), "--to", "csv"]) == 0
+    said = capsys.readouterr().err
+    assert "the run did not reach its end (unfinished); written without frames." in said
+
+
+def test_what_is_drawn_and_written_of_a_cut_run_is_said(tmp_path, capsys) -> None:
+    whole = finished()
+    part = {name: getattr(whole, name)[:5] for name in ("t", "q", "p", "links")}
+    cut = dataclasses.replace(whole, status="interrupted at t = 0.4", accuracy=None, **part)
+    write_run(cut, tmp_path / "cut")
+    for words in (["plot"], ["export", "--to", "xyz"]):
+        assert main([words[0], str(tmp_path / "cut"), *words[1:]]) == 0
+        assert "did not reach its end (interrupted at t = 0.4); " in (said := capsys.readouterr().err)
+        assert "up to t = 0.4 of 2." in said
+    write_run(whole, tmp_path / "whole")
+    assert main(["plot", str(tmp_path / "whole")]) == 0
+    assert "did not reach" not in capsys.readouterr().err
+
+
+def test_numbers_that_are_not_known_are_null_in_json(tmp_path, capsys) -> None:
+    trace = finished().trace.copy()
+    trace["departed"][-1] = float("nan")
+    write_run(dataclasses.replace(finished(), trace=trace), tmp_path / "run")
+    assert main(["info", str(tmp_path / "run"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["ledger_residual"] is None

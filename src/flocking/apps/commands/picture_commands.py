@@ -134,6 +134,7 @@ def animate(
 
 def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int | None) -> tuple[Run, Path]:
     """The run named by a user, and the path of its pictures without kind and ending."""
+    from flocking.apps.commands.run_summary import tell_unfinished
     from flocking.apps.scenario_names import find_scenario
     from flocking.engine.driver.simulate import simulate
     from flocking.engine.driver.waits import Wait, stage
@@ -149,7 +150,9 @@ def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int |
         resolved = folder.resolve()
         with Wait(owner):
             stage("reading the run")
-            return read_run(folder), resolved.with_name(resolved.name)
+            run = read_run(folder)
+        tell_unfinished(run, "drawn")
+        return run, resolved.with_name(resolved.name)
     scenario = find_scenario(source, seed, most_agents)
     try:
         run = simulate(scenario)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from typing import Any, TypedDict
 
@@ -170,3 +171,25 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("energy", f"{energy['start']:.6g} at the start, {energy['end']:.6g} at the end" if energy else ""),
         ("ledger residual", _residual(found)),
     ]
+
+
+def tell_unfinished(run: Run, done: str) -> None:
+    """Say of a run that did not reach its end, on the error output, how far it is used.
+
+    Parameters
+    ----------
+    run
+        The run.
+    done
+        What is done with it, as "drawn".
+    """
+    if run.finished:
+        return
+    start, end = run.scenario.start.t, run.scenario.t_end
+    reached = (
+        f"up to t = {time_text(run.t[-1], start, end, 6)} of {time_text(end, start, end, 6)}" if len(run.t) else ""
+    )
+    print(
+        f"flocking: the run did not reach its end ({run.status}); {done} {reached or 'without frames'}.",
+        file=sys.stderr,
+    )

@@ -72,6 +72,7 @@ def export(
     """
     if to.lower() == "lammps":
         return _export_deck(str(folder), out, step, seed)
+    from flocking.apps.commands.run_summary import tell_unfinished
     from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.storage.export_formats import export_run
     from flocking.engine.storage.stored_runs import read_run
@@ -82,6 +83,7 @@ def export(
         run = read_run(folder)
         stage(f"writing {to.lower()}")
         made = export_run(run, place, to=to)
+    tell_unfinished(run, "written")
     print(made)
     return EQUAL
 

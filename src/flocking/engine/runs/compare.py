@@ -153,6 +153,8 @@ def _apart(x: AnyArray, y: AnyArray, tolerance: float) -> Mask:
 
 
 def _frame_difference(run: Run, x: AnyArray, y: AnyArray, name: str, count: int, tolerance: float) -> Difference | None:
+    if not count:
+        return None
     apart = _apart(x[:count], y[:count], tolerance).reshape(count, run.n, -1).any(axis=-1)
     if not apart.any():
         return None
