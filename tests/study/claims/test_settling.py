@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,11 +12,12 @@ import pytest
 import flocking as fk
 from flocking.papers import paper
 from flocking.study.claims.claim import Claim, Measure, Result, Verdict
-from flocking.study.claims.conclusions.limits import positions_agree
+from flocking.study.claims.conclusions.limits import positions_agree, switching_stops
 from flocking.study.claims.judgement import Judgement
 from flocking.study.claims.settled_run import settled_run, settled_runs
 from flocking.study.claims.settling import configuration_unsettled, limit_of_series
 from flocking.study.evidence import Evidence
+from flocking.study.evidence.links import ITS_FORCE, LEADERS
 from flocking.study.margins.computed_runs import as_computed
 
 T = np.linspace(0.0, 1.0, 401)
@@ -203,7 +205,51 @@ def test_the_oldest_sample_is_read_from_the_log() -> None:
     ideal = made.with_(information=fk.Messages(0.1, delay=0.0), control=fk.Held(0.1))
     assert Evidence(fk.simulate(ideal, progress=False)).oldest_knowledge == (pytest.approx(2.0), 0, 1)
     present = made.with_(information=fk.Instant())
-    assert Evidence(fk.simulate(present, progress=False)).oldest_knowledge is None
+    assert Evidence(fk.simulate(present, progress=False)).oldest_knowledge == (pytest.approx(2.0), 0, ITS_FORCE)
+    always = made.with_(information=fk.Instant(), control=fk.Continuous())
+    assert Evidence(fk.simulate(always, progress=False)).oldest_knowledge is None
+
+
+@pytest.mark.parametrize("control", [fk.Held(0.1, phase=50.0), fk.Held(0.1, latency=30.0), fk.Held(15.0, phase=3.0)])
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_agents_whose_forces_are_held_for_long_show_no_limit(control: fk.Held, at_rest: bool) -> None:
+    """Two springs: nothing acts until 50 or 30, or one force from 3 to 18; of a run of 20 no limit can be read."""
+    law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(1.0)])
+    p = np.zeros((3, 2)) if at_rest else [[0.3, 0.1], [-0.2, 0.4], [0.1, -0.5]]
+    start = fk.State([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0]], p)
+    run = fk.simulate(fk.Scenario(law, start, t_end=17.0, frames=201, control=control), progress=False)
+    report = fk.audit(run)
+    for key in ("velocities-agree", "distances-settle", "forces-vanish"):
+        assert report[key].verdict == Verdict.NOT_YET, (key, report[key])
+    if control.period == 0.1:
+        assert "no force acts that agent 0 computed after 0, before" in report["velocities-agree"].note
+
+
+def test_links_of_agents_that_have_not_acted_may_switch_later() -> None:
+    """They are pushed apart, and stand still until they act."""
+    law = fk.Law(fk.Proximity(2.5), [fk.Gradient(fk.Potential("-r**2/2"))])
+    start = fk.State([[0.0, 0.0], [2.0, 0.0]])
+    for phase, unsettled in ((50.0, True), (0.0, False)):
+        made = fk.Scenario(law, start, t_end=17.0, frames=201, control=fk.Held(0.1, phase=phase))
+        found = switching_stops(Evidence(as_computed(fk.simulate(made, progress=False))))
+        assert bool(found.unsettled) == unsettled
+
+
+def test_ages_of_leaders_and_of_samples_without_a_log() -> None:
+    law = fk.Law(fk.Fixed(2, ()), [fk.Track(fk.Velocity([1.0, 0.0]), 1.0, 2.0)])
+    start = fk.State([[0.0, 0.0], [2.0, 0.0]])
+    world = {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=0.45, leader=True)}
+    led = fk.simulate(fk.Scenario(law, start, t_end=2.05, frames=11, **world), progress=False)
+    # At the tick of 2.0 the newest sample of the leader is of 1.5.
+    assert Evidence(led).oldest_knowledge == (pytest.approx(1.5), 0, LEADERS)
+    for information, age in (
+        (fk.Messages(0.1, delay=0.45, jitter=0.1), 0.65), (fk.Messages(0.1, loss=0.5, expires=0.7), 0.7),
+        (fk.Messages(0.1, delay=0.05, expires=0.7), 0.15), (fk.Messages(0.1, loss=0.5), np.inf),
+    ):  # fmt: skip
+        law = fk.Law(fk.Fixed.complete(2), [fk.Consensus(1.0)])
+        made = fk.Scenario(law, start, t_end=2.05, frames=11, control=fk.Held(0.1), information=information)
+        bare = dataclasses.replace(fk.simulate(made, progress=False), log=None)
+        assert Evidence(bare).oldest_knowledge == (pytest.approx(2.05 - age), -1, -1)
 
 
 def test_late_knowledge_is_as_old_as_its_delay() -> None:

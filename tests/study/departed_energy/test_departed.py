@@ -85,6 +85,19 @@ def test_the_share_of_hold_is_that_of_the_law_at_ticks_against_the_law_now():
     assert abs(departed) > 1e-3
 
 
+@pytest.mark.parametrize("order", [1, 2])
+def test_of_agents_that_have_not_acted_the_law_itself_departs(order):
+    """Two agents on a spring whose first force comes after the end: all of the law's work is missing."""
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("r**2/2"))])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [0.5 if order == 2 else 0.0, 0.0]])
+    bodies = fk.SingleIntegrator() if order == 1 else fk.PointMass()
+    run = fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=3, bodies=bodies, control=fk.Held(0.3, phase=9.0)))
+    causes = fk.departed_causes(run).causes
+    # H = r**2/2 grows with r = 1 + t/2 to 9/8; agents of order 1 stand, and lose the 2 r**2 that flow would dissipate.
+    assert causes["hold"][-1] == pytest.approx(5.0 / 8.0 if order == 2 else 2.0, rel=1e-9)
+    assert all(not values.any() for name, values in causes.items() if name != "hold")
+
+
 def test_it_is_drawn(tmp_path):
     from flocking.show.contents import contents
 

@@ -12,9 +12,10 @@ not the least of them, neither the means nor the largest values of the tenths fa
 errors of its slope, nor do the largest values fall throughout as those series do. These changes are also
 compared with the total change over the run (`OF_ALL`, and `STEADY` again), so that a run too short for its motion does
 not count as settled. Nor does one in which, at the end, an agent acted on what it knew before the last two tenths: then
-it is messages that stand still, or a delay that is as long. Nor, in open space, one at whose end agents without a link
-go on straight lines that bring them into each other's radius within ten such runs. In all other cases the
-verdict is ``not yet``.
+it is messages that stand still, or a delay that is as long. Where forces are held, and one that acts at the end was
+computed before then, nothing shows what agents will do next: no limit counts as reached there either. A limit is not
+missed, in open space, where at the end agents without a link go on straight lines that bring them into each other's
+radius within ten such runs. In all other cases the verdict is ``not yet``.
 
 What falls by less than `ROUNDING` of itself in a tenth of the run, after it has changed much more, is taken for
 constant, and a fall that is hidden by fluctuations, for none: a longer run decides otherwise.
@@ -31,6 +32,7 @@ from numpy.typing import NDArray
 from flocking.arrays import Array, Reals
 from flocking.study.claims.claim import Measure
 from flocking.study.evidence import Evidence
+from flocking.study.evidence.links import ITS_FORCE, LEADERS
 
 LAST = 0.1
 """Share of a run over which a limit must hold, and the share before it which it is compared with."""
@@ -202,7 +204,15 @@ def _old_knowledge(e: Evidence) -> str:
     since, agent, sender = oldest
     if agent < 0:
         return f"agents know others {e.t[-1] - since:.3g} late, longer than the last two tenths of the run"
-    return f"agent {agent} last acted on what it knew of agent {sender} at {since:.3g}, before the last two tenths"
+    if sender == ITS_FORCE:
+        return f"at the end no force acts that agent {agent} computed after {since:.3g}, before the last two tenths"
+    whom = "leaders" if sender == LEADERS else f"agent {sender}"
+    return f"agent {agent} last acted on what it knew of {whom} at {since:.3g}, before the last two tenths"
+
+
+def held_for_long(e: Evidence) -> str:
+    """Why forces at the end are held for too long for a limit to count as reached; empty where they are not."""
+    return _old_knowledge(e) if e.oldest_knowledge is not None and e.oldest_knowledge[2] == ITS_FORCE else ""
 
 
 def _unsettled(e: Evidence, excess: Sequence[Reals], first: Reals, bound: float) -> str:
@@ -212,7 +222,7 @@ def _unsettled(e: Evidence, excess: Sequence[Reals], first: Reals, bound: float)
         return ""
     if late[-1] < 0:
         if (late < 0).all():
-            return "it grows, and would leave the bound again" if _leaves(excess, bound) else ""
+            return "it grows, and would leave the bound again" if _leaves(excess, bound) else held_for_long(e)
         return "reached for less than the last tenth of the run"
     if (late < 0).any():
         return "reached in the last tenth of the run and left again"

@@ -59,7 +59,9 @@ class Works:
         log = world.log
         assert isinstance(world.scenario.control, Held)
         latencies = world.scenario.control.latencies(world.n).tolist()
-        known = act_differences(self._run, world)
+        # The last row is of agents no force of which acts yet.
+        known = np.concatenate([act_differences(self._run, world), np.zeros((len(KNOWLEDGE), 1, world.m))], axis=1)
+        forces = np.concatenate([log.forces, np.zeros((1, world.m))])
         acts: list[tuple[list[float], list[int]]] = [([], []) for _ in range(world.n)]
         for row, (instant, agent, _) in enumerate(log.ticks.tolist()):
             acts[agent][0].append((instant + latencies[agent]) * NANOSECOND)
@@ -70,10 +72,7 @@ class Works:
             middle = 0.5 * (begin + end)
             held = [(bisect_right(times, middle), rows) for times, rows in acts]
             rows = np.array([numbers[k - 1] if k else -1 for k, numbers in held])
-            there = (rows >= 0)[:, None]
-            knowledge, desired = np.where(there, known[:, rows], 0.0), np.where(there, log.forces[rows], 0.0)
-            if len(log.ticks) == 0:
-                knowledge, desired = np.zeros((len(KNOWLEDGE), world.n, world.m)), np.zeros((world.n, world.m))
+            knowledge, desired = known[:, rows], forces[rows]
 
             def sources(seconds: float) -> Array:
                 return np.concatenate([knowledge, self._parts(seconds, middle, desired)])

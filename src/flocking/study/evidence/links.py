@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Reals, Records
-from flocking.engine.runs.message_log import AT_START, PRESENT
+from flocking.engine.runs.message_log import AT_START, LEADER_SENDER, PRESENT
 from flocking.model.graphs.connectivity import Links, components, is_connected
+from flocking.model.world.control import Held
 from flocking.model.world.information import Delayed, Messages
-from flocking.model.world.times import NANOSECOND
+from flocking.model.world.times import NANOSECOND, Instants
 from flocking.study.evidence.basis import MOST_DENSE, NotMeasurable, NotResolvable, RunEvidence
 
 FASTER = 1.25
@@ -22,6 +23,10 @@ FINE = 1e-9
 
 FURTHER_RUNS = 10
 """Further runs of the same length within which agents on straight lines meet for it to count."""
+
+LEADERS, ITS_FORCE = LEADER_SENDER, -2
+"""In place of the agent of whom something was known: the leaders of the law, or nobody, where it is the force of an
+agent that was computed then and is held."""
 
 
 class LinkEvidence(RunEvidence):
@@ -72,26 +77,60 @@ class LinkEvidence(RunEvidence):
 
     @cached_property
     def oldest_knowledge(self) -> tuple[float, int, int] | None:
-        """The oldest sample that an agent used when it acted last: when it was measured, who used it, and of whom.
+        """The oldest of what forces at the end rest on: its time, whose force it is, and of whom it was known.
 
-        By the log where there is one; with `Delayed` knowledge the largest delay before the end, of no agents (-1).
-        None where agents know the present.
+        A sample that an agent used counts from when it was measured, by the log where there is one; of leaders the
+        third number is `LEADERS`. Under held control the force itself counts from when it was computed, of no agent
+        (`ITS_FORCE`), and from the start where none has begun to act. With `Delayed` knowledge, and messages without a
+        log, it is the largest delay before the end, of no agents (-1). None where agents know the present at every
+        moment.
         """
         scenario, log = self.run.scenario, self.run.log
-        known = scenario.information
+        known, begin = scenario.information, scenario.start.t
         if isinstance(known, Delayed):
             return float(self.t[-1]) - known.largest, -1, -1
+        found = self._oldest_force
+        if isinstance(known, Messages) and log is None:
+            found.append((float(self.t[-1]) - _largest_age(known), -1, -1))
         if log is None or not isinstance(known, Messages):
-            return None
+            return min(found, default=None)
         samples, oldest = known.schedule(self.run.n), None
-        agents, back = np.unique(log.ticks[::-1, 1], return_index=True)
-        for agent, act in zip(agents.tolist(), (len(log.ticks) - 1 - back).tolist(), strict=True):
+        acts = np.flatnonzero(log.ticks[:, 0] + self._latencies[log.ticks[:, 1]] < self._end)
+        agents, back = np.unique(log.ticks[acts[::-1], 1], return_index=True)
+        for agent, act in zip(agents.tolist(), acts[len(acts) - 1 - back].tolist(), strict=True):
             uses = log.uses[log.firsts[act] : log.firsts[act] + log.ticks[act, 2]]
-            for _, sender, number in uses[(uses[:, 1] >= 0) & (uses[:, 2] != PRESENT)].tolist():
-                measured = 0 if number == AT_START else int(samples.at(np.array([sender]), np.array([number]))[0])
+            for _, sender, number in uses[uses[:, 2] != PRESENT].tolist():
+                whose = max(sender, 0)  # Leaders send theirs when all agents do.
+                measured = 0 if number == AT_START else int(samples.at(np.array([whose]), np.array([number]))[0])
                 if oldest is None or measured < oldest[0]:
                     oldest = measured, agent, sender
-        return None if oldest is None else (scenario.start.t + oldest[0] * NANOSECOND, *oldest[1:])
+        if oldest is not None:
+            found.append((begin + oldest[0] * NANOSECOND, *oldest[1:]))
+        # Of equal ages that of a sample is named.
+        return min(found, key=lambda x: (x[0], -x[2]), default=None)
+
+    @property
+    def _end(self) -> int:
+        """The nanosecond since the start before which forces have begun that the last frame shows."""
+        return round((float(self.t[-1]) - self.run.scenario.start.t) / NANOSECOND)
+
+    @property
+    def _latencies(self) -> Instants:
+        """Nanoseconds from an act of each agent until its force begins, shape (N,)."""
+        control = self.run.scenario.control
+        return control.latencies(self.run.n) if isinstance(control, Held) else np.zeros(self.run.n, dtype=np.int64)
+
+    @property
+    def _oldest_force(self) -> list[tuple[float, int, int]]:
+        """Under held control when the oldest force that acts at the end was computed; else nothing."""
+        control = self.run.scenario.control
+        if not isinstance(control, Held):
+            return []
+        ticks, agents = control.schedule(self.run.n), np.arange(self.run.n)
+        acted = ticks.count_until(self._end - 1 - self._latencies)
+        computed = np.where(acted > 0, ticks.at(agents, acted - 1), 0)
+        agent = int(computed.argmin())
+        return [(self.run.scenario.start.t + int(computed[agent]) * NANOSECOND, agent, ITS_FORCE)]
 
     @cached_property
     def uncertain_links(self) -> NDArray[np.bool_]:
@@ -304,3 +343,10 @@ class LinkEvidence(RunEvidence):
         """Time of the last link switch; the start when there was none."""
         switches = self.link_switches
         return float(switches["time"][-1]) if len(switches) else float(self.t[0])
+
+
+def _largest_age(messages: Messages) -> float:
+    """Age beyond which no sample is used, where none are lost or those that are come to expire; else infinite."""
+    lossy = messages.loss is not None and not messages.loss.ideal
+    arrived = np.inf if lossy else messages.delay + messages.jitter + float(np.max(messages.period))
+    return min(arrived, np.inf if messages.expires is None else messages.expires)

@@ -15,6 +15,7 @@ from flocking.study.claims.settling import (
     LAST,
     MOVED,
     configuration_unsettled,
+    held_for_long,
     limit_of,
     limit_of_series,
     of_configuration,
@@ -104,6 +105,8 @@ def switching_stops(e: Evidence) -> Measure:
         return measured
     agreement = velocities_agree(e)
     if measured.margin > 0:
+        if why := held_for_long(e):
+            return replace(measured, unsettled=why)
         settled = (agreement.holds and not agreement.unsettled) or not _meets_a_radius(e)
         return measured if settled else replace(measured, unsettled="agents still move past each other")
     times, share = e.link_switches["time"], LAST * (end - start)
