@@ -101,3 +101,38 @@ def test_margins_draw_gusts_with_the_seed_of_the_run_in_every_world():
     assert seeds_in(scenario_to_text(worlds(world="ideal", seed=4))) == [4]
     assert seeds_in(scenario_to_text(worlds(world="loss=0.5", seed=4))) == [4, 4]
     assert worlds(world="ideal", seed=4).agents.seed == 4
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_gusts_within_gusts_stay_independent_with_the_seed_of_the_run(order):
+    """Two of intensity 1: the variance of what they add up to in a time t is 2 t, and 4 t where both are the same."""
+    n = 400
+    inner = fk.SingleIntegrator() if order == 1 else POINT
+    body = fk.Disturbed(fk.Disturbed(inner, 1.0, 0.1, seed=1), 1.0, 0.1, seed=2)
+    law = fk.Law(fk.Fixed(n, ()), [fk.Gradient(fk.Potential("r**2/2"))])
+    start = fk.State(np.zeros((n, 3)) + np.arange(n)[:, None])
+    made = fk.Scenario(law, start, t_end=1.0, frames=2, bodies=body, control=fk.Held(0.5))
+    run = fk.simulate(with_seed_of_run(made, 7), progress=False)
+    found = run.q[-1] - run.q[0] if order == 1 else run.p[-1]
+    # Of 1200 numbers the variance has an error of 1/24 of itself.
+    assert np.var(found) == pytest.approx(2.0, rel=5 / 24)
+
+
+def test_the_outermost_of_parts_within_each_other_has_the_seed_of_the_run():
+    inner = fk.Disturbed(POINT, 1.0, 0.1, seed=1)
+    agents = with_seed_of_run(scenario({"agents": fk.Disturbed(fk.Lagged(inner, 0.1), 1.0, 0.1, seed=2)}), 7).agents
+    assert agents.seed == 7
+    assert agents.body.body.seed not in range(1000)
+    beside = fk.Mixture((inner, fk.Disturbed(POINT, 2.0, 0.1)), [0, 1, 0])
+    assert [x.seed for x in with_seed_of_run(scenario({"agents": beside}), 7).agents.bodies] == [7, 7]
+
+
+def test_gusts_within_gusts_of_one_seed_are_warned_of():
+    inner = fk.Lagged(fk.Disturbed(POINT, 1.0, 0.1), 0.2)
+    with pytest.warns(fk.errors.SuspectInput, match="seed 0 is also that of gusts inside it"):
+        fk.Disturbed(inner, 0.5, 0.2)
+    with pytest.warns(fk.errors.SuspectInput, match="seed 0 is also"):
+        fk.Disturbed(fk.Mixture((POINT, inner), [0, 1, 0]), 0.5, 0.2)
+    fk.Disturbed(inner, 0.5, 0.2, seed=1)
+    fk.Disturbed(inner, 0.0, 0.2)
+    fk.Disturbed(fk.Disturbed(POINT, 0.0, 0.1), 0.5, 0.2)

@@ -8,9 +8,14 @@ from typing import TypeVar
 import numpy as np
 
 from flocking.model.law import Scenario
+from flocking.model.parts.values import LARGEST_SEED
 
 SIZES = ("noise", "loss", "jitter", "diffusion", "sigma")
 """Fields of parts of this library that state how much is random; where all are zero nothing is drawn."""
+
+SEED_STEP = 0x1E3779B97F4A7C15
+"""Difference of the seeds of parts within each other, a convention: large and odd, as no differences of seeds that
+people choose are."""
 
 Part = TypeVar("Part")
 
@@ -29,8 +34,10 @@ def draws_during_runs(scenario: Scenario) -> bool:
 def with_seed_of_run(scenario: Scenario, seed: int) -> Scenario:
     """The ``scenario`` with another seed of all that is drawn during its runs; itself where nothing is.
 
-    Bodies and messages have one seed then, as draws for different purposes are independent. Random weights of a law
-    are no draws of a run: they keep theirs.
+    Bodies and messages have one seed then, as draws for different purposes are independent. Of parts within parts of the
+    same kind, such as gusts before a lag and behind it, only the outermost has it: the others have seeds that follow
+    from it, for draws for one purpose are independent by their seeds alone. Random weights of a law are no draws of a
+    run: they keep theirs.
 
     Parameters
     ----------
@@ -81,10 +88,12 @@ def _inner(part: object) -> dict[str, object]:
     return found
 
 
-def _reseeded(part: Part, seed: int) -> Part:
+def _reseeded(part: Part, seed: int, above: tuple[type, ...] = ()) -> Part:
+    """A part with a ``seed``, inside parts that draw of the kinds ``above``."""
     if isinstance(part, tuple):
-        return tuple(_reseeded(entry, seed) for entry in part)  # type: ignore[return-value]
-    changes = {name: _reseeded(value, seed) for name, value in _inner(part).items() if _draws(value)}
+        return tuple(_reseeded(entry, seed, above) for entry in part)  # type: ignore[return-value]
+    within = (*above, type(part)) if _draws_itself(part) else above
+    changes = {name: _reseeded(value, seed, within) for name, value in _inner(part).items() if _draws(value)}
     if _draws_itself(part):
-        changes["seed"] = seed
+        changes["seed"] = (seed + SEED_STEP * above.count(type(part))) % (LARGEST_SEED + 1)
     return dataclasses.replace(part, **changes) if changes else part  # type: ignore[type-var]

@@ -296,3 +296,65 @@ def test_numbers_that_are_not_finite_are_refused_by_name(whole, number):
     q[3, 2, 1] = number
     with pytest.raises(InvalidInput, match="run must have finite positions"):
         fk.replay(dataclasses.replace(whole, q=q))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e9])
+def test_logs_in_any_unit_of_length_are_judged(size):
+    """Forces, frames and neighbours that are wrong by a fifth of themselves are, whatever they are measured in."""
+    law = fk.Law(fk.Proximity(2.5 * size), [fk.Gradient(fk.Potential("(r - L)**2/2", L=size)), fk.Consensus(1.0)])
+    rng = np.random.default_rng(0)
+    start = fk.State(rng.uniform(0, 3, (5, 2)) * size, rng.normal(size=(5, 2)) * size)
+    information = fk.Messages(0.1, delay=0.05, loss=0.2)
+    made = fk.Scenario(law, start, t_end=1.0, frames=6, control=fk.Held(0.1), information=information)
+    run = fk.simulate(made, progress=False)
+    log, found = run.log, fk.replay(run)
+    assert found.agrees
+    assert not found.undecided
+    forces, q, ticks = log.forces.copy(), run.q.copy(), log.ticks.copy()
+    forces[20] *= 1.2
+    q[4, 0] *= 1.2
+    row = int(np.flatnonzero(ticks[:, 2] > 1)[10])
+    ticks[row, 2] -= 1
+    left_out = {"ticks": ticks, "uses": np.delete(log.uses, int(log.firsts[row]), axis=0)}
+    changes = {"log": dataclasses.replace(log, forces=forces)}, {"q": q}, {"log": dataclasses.replace(log, **left_out)}
+    for changed in changes:
+        assert not fk.replay(dataclasses.replace(run, **changed)).agrees
+
+
+@pytest.mark.parametrize("control", [fk.Held(0.1), fk.Continuous()])
+@pytest.mark.parametrize("known", ["true", "measured"])
+def test_agents_of_order_1_are_sent_at_rest_at_the_start(control, known):
+    """Two that attract each other believe the other one at its first place until 0.3, whatever velocities are given."""
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("r**2/2"))])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 5.0], [0.0, 0.0]])
+    information = fk.Messages(0.1, delay=0.3, predict=True, self_known=known)
+    made = fk.Scenario(
+        law, start, 1.0, frames=11, bodies=fk.SingleIntegrator(), control=control, information=information
+    )
+    run = fk.simulate(made, progress=False)
+    assert not run.q[..., 1].any()
+    found = fk.replay(run)
+    assert found.agrees, found
+    shares = fk.departed_causes(run).causes
+    assert sum(x[-1] for x in shares.values()) == pytest.approx(run.trace["departed"][-1], rel=1e-6)
+
+
+@pytest.mark.parametrize("known", [fk.Delayed(0.1), fk.Messages(0.1)])
+def test_a_run_of_no_length_has_nothing_wrong_in_its_log(known):
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
+    run = fk.simulate(fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), 0.0, frames=2, information=known))
+    assert fk.replay(run).agrees
+
+
+@pytest.mark.parametrize(
+    ("part", "column", "value", "said"),
+    [("ticks", 1, 99, "agents; got 99"), ("uses", 1, 99, "agents; got 99"), ("uses", 1, -3, "agents; got -3"),
+     ("uses", 0, 7, "graphs; got 7"), ("uses", 0, -5, "graphs; got -5")],
+)  # fmt: skip
+def test_logs_of_agents_and_graphs_that_there_are_not_are_refused(whole, part, column, value, said):
+    changed = getattr(whole.log, part).copy()
+    changed[len(changed) // 2, column] = value
+    run = dataclasses.replace(whole, log=dataclasses.replace(whole.log, **{part: changed}))
+    for asked in (fk.replay, fk.departed_causes):
+        with pytest.raises(InvalidInput, match=f"must have a log of its own {said}"):
+            asked(run)

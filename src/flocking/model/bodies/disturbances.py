@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from flocking.arrays import Indices
+from flocking.errors import SuspectInput
 from flocking.model.bodies.body import MotionSymbols
 from flocking.model.bodies.chained_bodies import WrappedBody
 from flocking.model.checks import Array, number, scalar_or_each
@@ -33,7 +35,8 @@ class Disturbed(WrappedBody):
     The force of agent i is constant during each period and drawn anew for the next one, s_i/sqrt(period) times a
     standard normal number along each axis, so that its integral over many periods is that of white noise of intensity
     s_i. Bodies of order 1 get a random velocity instead. Draws are functions of the seed, the agent, the axis and the
-    number of the period, counted from the start of the run. The noise is added to what reaches the body:
+    number of the period, counted from the start of the run: gusts within gusts need seeds of their own, or have the same
+    numbers, of which a `SuspectInput` warns. The noise is added to what reaches the body:
     ``Lagged(Disturbed(PointMass()), tau)`` has wind, ``Disturbed(Lagged(PointMass(), tau))`` a noisy command.
 
     Parameters
@@ -72,6 +75,12 @@ class Disturbed(WrappedBody):
         object.__setattr__(self, "sigma", scalar_or_each("Disturbed", "sigma", self.sigma, least=0.0))
         object.__setattr__(self, "period", number("Disturbed", "period", self.period, above=0.0))
         nanoseconds("Disturbed", "period", self.period, positive=True)
+        if np.any(np.asarray(self.sigma)) and self.seed in _seeds_of_gusts(self.body):
+            warnings.warn(
+                f"Disturbed: seed {self.seed} is also that of gusts inside it, whose draws are the same numbers: such "
+                "gusts add up along one line, s1 + s2, where independent ones add up as squares. Give another seed.",
+                SuspectInput, stacklevel=3,
+            )  # fmt: skip
 
     @property
     def own_lost(self) -> frozenset[str]:
@@ -166,3 +175,12 @@ class Disturbed(WrappedBody):
         """Intensity and period; empty where there is no noise."""
         most = float(np.max(self.sigma))
         return f"gusts of intensity {most:g} every {self.period:g}" if most else ""
+
+
+def _seeds_of_gusts(body: Body) -> set[int]:
+    """Seeds of the gusts in a chain of bodies."""
+    found: set[int] = set()
+    if isinstance(body, Disturbed) and np.any(np.asarray(body.sigma)):
+        found.add(body.seed)
+    inner = getattr(body, "bodies", ()) if not isinstance(body, WrappedBody) else (body.body,)
+    return found.union(*map(_seeds_of_gusts, inner))

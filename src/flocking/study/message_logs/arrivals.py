@@ -97,6 +97,8 @@ class Arrivals:
         """
         if k == AT_START:
             q, p = self.scenario.start.q[agent], self.scenario.start.p[agent]
+            # Agents of order 1 stand still before the start, whatever velocities it gives.
+            p = p if self.motion.order > 1 else np.zeros_like(p)
             return Sample(q, p, q, p, 0, open=False)
         if k == PRESENT:
             q, p = self.motion.state(agent, instant * NANOSECOND, instant)

@@ -83,10 +83,12 @@ class DelayedReplay:
         begun = np.zeros(self.n, dtype=bool)
         for _, is_frame, k in sorted(events):
             if is_frame:
-                for agent in np.flatnonzero(~begun).tolist():
-                    what = "nothing is logged of what it used from the start on"
-                    yield self._finding(0.0, agent, None, what)
-                begun[:] = True
+                # A run that has not left its start has logged nothing.
+                if float(self.run.t[k]) > self.base:
+                    for agent in np.flatnonzero(~begun).tolist():
+                        what = "nothing is logged of what it used from the start on"
+                        yield self._finding(0.0, agent, None, what)
+                    begun[:] = True
                 yield from self._frame(k)
             else:
                 agent = int(self.log.ticks[k, 1])

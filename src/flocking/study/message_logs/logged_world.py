@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.protocol.body_chains import why_not_closed
-from flocking.engine.runs.message_log import MessageLog, keeping_logs
+from flocking.engine.runs.message_log import LEADER, LEADER_SENDER, OWN, MessageLog, keeping_logs
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.distance_graphs import Graph
@@ -25,8 +26,9 @@ from flocking.study.message_logs.leader_arrivals import leader_arrivals
 from flocking.study.message_logs.reference_law import ReferenceLaw
 
 NEAR = 1e-9
-"""Distance from a radius, relative to 1 and to it, within which rounding leaves open whether a link switches, and by
-which stored positions may differ from those of the second computation, relative to 1 and to their size."""
+"""Distance from a radius, relative to a size of the run and to it, within which rounding leaves open whether a link
+switches, and by which stored positions may differ from those of the second computation, relative to the same and to
+their size; see `Sizes`."""
 
 
 def check_run(run: object, asked: str) -> None:
@@ -82,7 +84,8 @@ def logged(run: Run, asked: str = "replay") -> tuple[Scenario, MessageLog]:
     Raises
     ------
     InvalidInput
-        When there is none, or it or the frames hold a number that is not finite.
+        When there is none, it or the frames hold a number that is not finite, or it names agents or graphs that there
+        are not.
     UnsupportedLaw
         When a safety filter changed the forces, or the session was changed while it went on.
     """
@@ -103,7 +106,65 @@ def logged(run: Run, asked: str = "replay") -> tuple[Scenario, MessageLog]:
             raise InvalidInput(
                 asked, "run", f"must have finite {name}", float(wrong), "No run that was computed has others."
             )
+    _check_names(run.log, scenario, asked)
     return scenario, run.log
+
+
+def _check_names(log: MessageLog, scenario: Scenario, asked: str) -> None:
+    """Refuse a log that names agents or graphs that there are not."""
+    graph, sender = log.uses[:, 0], log.uses[:, 1]
+    led = (graph == LEADER) & (sender == LEADER_SENDER)
+    for what, found, wrong in (
+        ("agents", log.ticks[:, 1], log.ticks[:, 1] >= scenario.start.n),
+        ("agents", sender, ~led & ((sender < 0) | (sender >= scenario.start.n))),
+        ("graphs", graph, ~led & ((graph < OWN) | (graph >= len(scenario.law.graphs)))),
+    ):
+        if wrong.any():
+            raise InvalidInput(
+                asked, "run", f"must have a log of its own {what}", int(found[wrong][0]), "The log was changed."
+            )
+
+
+class Sizes(NamedTuple):
+    """Sizes beside which differences of two computations of a run are small.
+
+    They are 1 where motions are integrated, as tolerances of engines are absolute below 1, and no larger where they are
+    in closed form: numbers of a run whose unit is large are compared with each other.
+
+    Parameters
+    ----------
+    place, velocity, force
+        Of positions, of velocities, and of forces, which are velocities of agents of order 1.
+    """
+
+    place: float = 1.0
+    velocity: float = 1.0
+    force: float = 1.0
+
+
+def sizes_of(run: Run, motion: ForcedMotion | IntegratedForcedMotion) -> Sizes:
+    """Sizes for a run whose motion was computed again: of coordinates, and of what agents go in a period.
+
+    A held force of mass times such a length by the squared period makes agents as fast as they can be controlled: the
+    rounding of positions is amplified by the stiffness of a law, up to 1e9 of that force by that length.
+
+    Parameters
+    ----------
+    run
+        The run, whose times alone are read.
+    motion
+        Its motion.
+    """
+    control, start = run.scenario.control, run.scenario.start
+    if motion.error or not isinstance(control, Held):
+        return Sizes()
+    period = float(np.min(control.period))
+    states = [(start.q, start.p), *(motion.states(float(t) - start.t) for t in run.t)]
+    length, speed = (max(float(np.abs(x[k]).max(initial=0.0)) for x in states) for k in (0, 1))
+    length += speed * period
+    mass = float(motion.masses.max()) if motion.order > 1 else 1.0
+    found = length, length / period, mass * length / period**motion.order
+    return Sizes(*(min(1.0, x) for x in found))
 
 
 class LoggedWorld:
@@ -130,6 +191,7 @@ class LoggedWorld:
             self.motion = IntegratedForcedMotion(run, scenario, log)
         else:
             self.motion = ForcedMotion(scenario, log)
+        self.sizes = sizes_of(run, self.motion)
         self.near = NEAR + self.motion.error
         """As `NEAR`, where the motion of the run has errors of steps."""
         self.n, self.m = self.motion.n, self.motion.m

@@ -40,7 +40,8 @@ def replay(run: Run) -> Replay:
     Raises
     ------
     InvalidInput
-        When it is no run, one without a log, or one with numbers that are not finite.
+        When it is no run, one without a log, one with numbers that are not finite, or with a log of agents that there
+        are not.
     UnsupportedLaw
         When a safety filter changed the forces.
 

@@ -16,8 +16,8 @@ from flocking.study.message_logs.logged_world import LoggedWorld
 from flocking.study.message_logs.replay_result import WrongEntry
 
 SAME_FORCE = 1e-7
-"""Difference of two computations of a force, relative to 1 and to it: steep potentials amplify the rounding of
-positions, 1e-16 of them, by up to their second derivative, for which this leaves 1e9."""
+"""Difference of two computations of a force, relative to a size of the run and to it: steep potentials amplify the
+rounding of positions, 1e-16 of them, by up to their second derivative, for which this leaves 1e9."""
 
 STEEP = 100.0
 """Largest change of a force, relative to 1 and to it, over that of positions by which it is taken to change where both
@@ -56,11 +56,14 @@ class SecondComputation:
             if self._is_open(k):
                 continue
             q, p = self.world.motion.states(float(t) - self.world.base)
-            pairs = [("position", q, run.q[k])] + ([] if self.world.motion.order == 1 else [("velocity", p, run.p[k])])
-            for name, again, stored in pairs:
+            sizes = self.world.sizes
+            compared = [("position", q, run.q[k], sizes.place)]
+            if self.world.motion.order > 1:
+                compared.append(("velocity", p, run.p[k], sizes.velocity))
+            for name, again, stored, size in compared:
                 off = np.abs(again - stored).max(axis=1)
                 # By the size of what is computed here: a stored number must not widen what it is compared within.
-                bad = np.flatnonzero(~(off <= self.world.near * (1.0 + np.abs(again).max())))
+                bad = np.flatnonzero(~(off <= self.world.near * (size + np.abs(again).max())))
                 if bad.size:
                     agent = int(bad[0])
                     yield WrongEntry(
@@ -92,7 +95,8 @@ class SecondComputation:
         again = world.force(agent, (own.q, own.p), others, instant, logged.get((LEADER, LEADER_SENDER)))
         stored = self.log.forces[row]
         off = float(np.abs(again - stored).max())
-        if off <= (SAME_FORCE + STEEP * self.world.motion.error) * (1.0 + float(np.abs(again).max())):
+        size = self.world.sizes.force + float(np.abs(again).max())
+        if off <= (SAME_FORCE + STEEP * self.world.motion.error) * size:
             self.undecided += open_
         elif open_:
             self.undecided += 1
@@ -124,7 +128,7 @@ class SecondComputation:
                     offset = world.space.displacement(place - own.q)
                     inside, level = margin_of(graph, world.scenario.agents.headings, (agent, j), near, offset)
                     near = there[j] and inside > 0.0
-                    doubtful = sample.open or own.open or abs(inside) <= world.near * (1.0 + level)
+                    doubtful = sample.open or own.open or abs(inside) <= world.near * (world.sizes.place + level)
                     if there[j] and doubtful:
                         near, undecided = (number, j) in logged, True
                     mine[j] = near
