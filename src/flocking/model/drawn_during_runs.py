@@ -34,10 +34,10 @@ def draws_during_runs(scenario: Scenario) -> bool:
 def with_seed_of_run(scenario: Scenario, seed: int) -> Scenario:
     """The ``scenario`` with another seed of all that is drawn during its runs; itself where nothing is.
 
-    Bodies and messages have one seed then, as draws for different purposes are independent. Of parts within parts of the
-    same kind, such as gusts before a lag and behind it, only the outermost has it: the others have seeds that follow
-    from it, for draws for one purpose are independent by their seeds alone. Random weights of a law are no draws of a
-    run: they keep theirs.
+    Bodies and messages have one seed then, as draws for different purposes are independent. Of parts within parts of
+    the same kind, such as gusts before a lag and behind it, only the outermost has it: the others have seeds that
+    follow from it, for draws for one purpose are independent by their seeds alone. Random weights of a law are no draws
+    of a run: they keep theirs.
 
     Parameters
     ----------

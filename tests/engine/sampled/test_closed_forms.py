@@ -204,3 +204,14 @@ def test_damped_agents_under_a_held_force_move_as_the_exponential_says():
         assert run.q[:, i, 0] == pytest.approx(2.0 / k * (1 - np.exp(-k * run.t / 2.0)), abs=1e-12)
     assert run.q[:, 0, 0] == pytest.approx(run.t)
     assert np.abs(run.residual).max() < 1e-12
+
+
+@pytest.mark.parametrize(("control", "stays"), [(fk.Held(0.1), True), (fk.Continuous(), False)])
+def test_link_memory_between_two_ticks(control, stays):
+    """A sample expires halfway to the next, between the two radii: held control does not look there."""
+    law = fk.Law(fk.Hysteresis(2.0, 0.5), [fk.Gradient(fk.Potential("0*r"))])
+    information = fk.Messages(0.1, expires=0.05)
+    made = fk.Scenario(law, fk.State([[0.0, 0], [1.8, 0]]), 1.0, frames=6, control=control, information=information)
+    run = fk.simulate(made)
+    assert fk.replay(run).agrees
+    assert run.known_links_at(-1)[0, 0, 1] == stays

@@ -134,3 +134,16 @@ def test_ornstein_uhlenbeck_samples_have_the_declared_correlation():
         assert series[first:last].var(axis=(0, 1)) == pytest.approx([1.0, 1.0], abs=0.23 if first == 0 else 0.04)
     across = np.corrcoef(series[-1, :, 0], series[-1, :, 1])[0, 1]
     assert abs(across) < 5 / len(agents) ** 0.5
+
+
+@pytest.mark.parametrize("share", [0.9999, 0.99951, 1.0 - 1e-12])
+def test_what_is_nearly_all_is_not_said_to_be_all(share):
+    assert fk.Messages(0.1, loss=share).summary != fk.Messages(0.1, loss=1.0).summary
+    assert float(fk.Messages(0.1, loss=share).summary.split()[3]) < 1.0
+    assert fk.Messages(0.1, loss=0.3).summary == "messages every 0.1, 0.3 of them lost"
+    assert " 1 of" not in fk.GilbertElliott(0.9995, 0.0001).summary
+
+
+def test_agents_that_differ_are_not_said_to_be_alike():
+    assert fk.Held([0.1, 0.10000001]).summary == "control held for 0.1 to 0.10000001"
+    assert fk.Held([0.1, 0.2]).summary == "control held for 0.1 to 0.2"

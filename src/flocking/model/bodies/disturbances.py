@@ -35,8 +35,8 @@ class Disturbed(WrappedBody):
     The force of agent i is constant during each period and drawn anew for the next one, s_i/sqrt(period) times a
     standard normal number along each axis, so that its integral over many periods is that of white noise of intensity
     s_i. Bodies of order 1 get a random velocity instead. Draws are functions of the seed, the agent, the axis and the
-    number of the period, counted from the start of the run: gusts within gusts need seeds of their own, or have the same
-    numbers, of which a `SuspectInput` warns. The noise is added to what reaches the body:
+    number of the period, counted from the start of the run: gusts within gusts of one seed have the same numbers, of
+    which a `SuspectInput` warns. The noise is added to what reaches the body:
     ``Lagged(Disturbed(PointMass()), tau)`` has wind, ``Disturbed(Lagged(PointMass(), tau))`` a noisy command.
 
     Parameters

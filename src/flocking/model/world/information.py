@@ -32,13 +32,14 @@ class Messages(Information):
 
     A sample is the true position and velocity plus noise, rounded to the resolution. It reaches agent i after the delay
     and a jitter of its own, unless it is lost. Agent i uses the newest sample of each other agent by the time at which
-    it was taken, held as it is or, with ``predict``, moved on with its velocity. A sample that is ``expires``
-    old is discarded, and its sender with it: link memory is cleared, and a link must appear anew. At the start everyone
-    has everyone's exact state. Times are rounded to whole nanoseconds from the start. At one instant samples are taken
-    first, then they arrive, then they expire, then links follow, then controls are computed from what is known. Under
-    continuous control forces and links follow what is known at every moment in between, too. Obstacles are known
-    exactly, and so are leaders unless they send messages too; whether an agent is within range of an obstacle, and its
-    force, follow from the place and velocity that it knows of itself.
+    it was taken, held as it is or, with ``predict``, moved on with its velocity. A sample that is ``expires`` old is
+    discarded, and its sender with it: link memory is cleared, and a link must appear anew. Under held control links
+    follow at the ticks of the receiver alone: one whose sample expired and was replaced between two of them stays as it
+    was. At the start everyone has everyone's exact state. Times are rounded to whole nanoseconds from the start. At one
+    instant samples are taken first, then they arrive, then they expire, then links follow, then controls are computed
+    from what is known. Under continuous control forces and links follow what is known at every moment in between, too.
+    Obstacles are known exactly, and so are leaders unless they send messages too; whether an agent is within range of
+    an obstacle, and its force, follow from the place and velocity that it knows of itself.
 
     Parameters
     ----------

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import compared_texts
 from flocking.model.checks import Array, number, truth
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, Short, add_group
@@ -81,7 +82,8 @@ class Bernoulli(Loss):
     probability
         Probability of a loss, from 0 to 1.
     paired
-        Whether the messages of a sample are lost in both directions at once; else each direction by itself.
+        Whether messages about the samples of two agents that have the same number are lost in both directions at once,
+        also where they are taken at different times; else each direction by itself.
 
     Raises
     ------
@@ -104,7 +106,7 @@ class Bernoulli(Loss):
     @property
     def summary(self) -> str:
         """Share that is lost."""
-        return f"{self.probability:.3g} of them lost"
+        return f"{share_text(self.probability)} of them lost"
 
     def lost(
         self, seed: int, sender: NDArray[np.int64], receiver: NDArray[np.int64], sample: NDArray[np.int64],
@@ -132,7 +134,8 @@ class GilbertElliott(Loss):
     loss_good, loss_bad
         Probabilities of a loss in either state.
     paired
-        Whether both directions of a link share one channel and its losses.
+        Whether both directions of a link share one channel and its losses, by the number of the sample, also where two
+        agents take theirs at different times.
 
     Raises
     ------
@@ -178,7 +181,7 @@ class GilbertElliott(Loss):
     @property
     def summary(self) -> str:
         """Share that is lost in the long run."""
-        return f"{self.stationary_loss:.3g} of them lost in bursts"
+        return f"{share_text(self.stationary_loss)} of them lost in bursts"
 
     @property
     def redraws(self) -> tuple[float, float]:
@@ -251,7 +254,8 @@ class DistanceLoss(Loss):
     floor
         Probability of a loss at no distance, from 0 to 1.
     paired
-        Whether the messages of a sample are lost in both directions at once.
+        Whether messages about the samples of two agents that have the same number are lost by the same draw, also where
+        they are taken at different times.
 
     Raises
     ------
@@ -300,6 +304,17 @@ class DistanceLoss(Loss):
             raise InvalidInput("DistanceLoss", "distance", "must be given", distance)
         i, j = _ordered(self.paired, sender, receiver)
         return np.asarray(uniform(seed, Purpose.LOSS, i, j, sample) < self.probability_at(distance))
+
+
+def share_text(share: float) -> str:
+    """A share in a few digits, and in more where these would say that it is all.
+
+    Parameters
+    ----------
+    share
+        From 0 to 1.
+    """
+    return compared_texts(share, 1.0)[0]
 
 
 def probability(owner: str, name: str, value: object) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import compared_texts
 from flocking.model.checks import Array, scalar_or_each
 
 NANOSECOND = 1e-9
@@ -52,7 +53,7 @@ def nanoseconds(owner: str, name: str, value: float | Array, *, positive: bool =
 
 
 def span(values: ArrayLike) -> str:
-    """One number of all agents in a few digits, or the smallest and the largest of them.
+    """One number of all agents in a few digits, or the smallest and the largest of them, in as many as tell them apart.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def span(values: ArrayLike) -> str:
         One number, or one for each agent.
     """
     found = np.asarray(values, dtype=np.float64)
-    return " to ".join(dict.fromkeys(f"{end:g}" for end in (float(found.min()), float(found.max()))))
+    return " to ".join(dict.fromkeys(compared_texts(found.min(), found.max(), digits=6)))
 
 
 def shared_times(*times: float | Array) -> tuple[int, ...] | None:
