@@ -55,6 +55,8 @@ class Knowledge:
         self.messages = information if isinstance(information, Messages) else None
         self.links = links.copy()
         self.newest = np.full((self.n, self.n), START, dtype=np.int64)
+        self._heard: Instants = np.full(self.n, np.iinfo(np.int64).min // 2, dtype=np.int64)
+        """When each agent last took what had arrived, in nanoseconds: what was lost until then stays so, shape (N,)."""
         self.taken = np.zeros(self.n, dtype=np.int64)
         """How many samples each agent has taken, shape (N,)."""
         self.errors: Array | None = None
@@ -199,14 +201,20 @@ class Knowledge:
         receiver, sender = np.repeat(agents, self.n), np.tile(everyone, len(agents))
         least = min(round(each.delay * PER_SECOND) for each in self.settings)
         number = np.minimum(self.schedule.count_until(time - least), self.taken)[sender] - 1
-        open_ = np.flatnonzero((number > self.newest[receiver, sender]) & (receiver != sender))
+        # Of samples that would have been there before, and are not the newest, all that count were lost.
+        most = max(round(each.delay * PER_SECOND) + round(each.jitter * PER_SECOND) for each in self.settings)
+        before = np.repeat(self._heard[agents], self.n) - most - self.schedule.phase[sender]
+        decided = np.where(before < 0, START, before // self.schedule.period[sender])
+        last = np.maximum(self.newest[receiver, sender], decided)
+        self._heard[agents] = time
+        open_ = np.flatnonzero((number > last) & (receiver != sender))
         while open_.size:
             i, j, k = receiver[open_], sender[open_], number[open_]
             arrived = self.has_arrived(i, j, k, time)
             self.newest[i[arrived], j[arrived]] = k[arrived]
             open_ = open_[~arrived]
             number[open_] -= 1
-            open_ = open_[number[open_] > self.newest[receiver[open_], sender[open_]]]
+            open_ = open_[number[open_] > last[open_]]
 
     def has_arrived(
         self, receiver: NDArray[np.int64], sender: NDArray[np.int64], k: Instants, time: int | Instants

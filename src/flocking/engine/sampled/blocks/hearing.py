@@ -16,6 +16,7 @@ from flocking.engine.sampled.blocks.arrays import (
     BERNOULLI,
     GILBERT_ELLIOTT,
     NONE,
+    Acts,
     Memory,
     Schedules,
     Sending,
@@ -109,14 +110,31 @@ def arrives(
     return NO if drawn(sending.seed, OF_LOSS, one, two, k) < chance else YES
 
 
+def lost_until(schedules: Schedules, sending: Sending, acts: Acts, i: int, j: int) -> int:
+    """Number of the last sample of agent ``j`` that is lost to ``i`` unless it was there when ``i`` last acted.
+
+    Parameters
+    ----------
+    schedules, sending, acts
+        When they measure and act, how messages are sent, and how often ``i`` has acted; for native functions.
+    """
+    if acts.ticked[i] == 0:
+        return START
+    acted = schedules.phase[i] + (acts.ticked[i] - 1) * schedules.period[i]
+    since = acted - sending.delay - sending.jitter - schedules.offset[j]
+    return int(START if since < 0 else since // schedules.sampling[j])
+
+
 @native_apart
-def hear(schedules: Schedules, sending: Sending, memory: Memory, work: Work, instant: int) -> bool:
+def hear(schedules: Schedules, sending: Sending, acts: Acts, memory: Memory, work: Work, instant: int) -> bool:
     """Let agents that act have the newest sample of each other one that is there; whether none was in doubt.
 
     Parameters
     ----------
     schedules, sending, memory, instant
         As for `arrives`.
+    acts
+        How often they have acted.
     work
         States who acts.
     """
@@ -128,8 +146,8 @@ def hear(schedules: Schedules, sending: Sending, memory: Memory, work: Work, ins
         for i in range(n):
             if not work.acting[i] or i == j:
                 continue
-            k = last
-            while k > memory.newest[i, j]:
+            k, lost = last, lost_until(schedules, sending, acts, i, j)
+            while k > memory.newest[i, j] and k > lost:
                 there = arrives(schedules, sending, memory, i, j, k, instant)
                 if there == DOUBT:
                     return False

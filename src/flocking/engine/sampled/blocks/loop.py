@@ -69,7 +69,7 @@ def act(
         count += 1 if work.acting[i] else 0
     if count == 0:
         return True
-    if schedules.messages and not hear(schedules, sending, memory, work, instant):
+    if schedules.messages and not hear(schedules, sending, acts, memory, work, instant):
         return False
     uses = relink_known(schedules, sending, memory, truth, work, instant)
     waiting, logged = truth.counts[WAITING], records.counts[USES]
