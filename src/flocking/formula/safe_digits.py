@@ -88,7 +88,7 @@ def compared_texts(x: SupportsFloat, y: SupportsFloat, digits: int = 3) -> tuple
 
 
 def percent_text(share: float, low: float, high: float) -> str:
-    """A share in whole per cent with its interval, whose ends are rounded outwards; 0 and 100 say none and all.
+    """A share in whole per cent with its interval, whose ends are rounded outwards; 0 and 100 mean none and all.
 
     Parameters
     ----------

@@ -270,7 +270,7 @@ def _film(
 
 
 def _gif_writer(fps: int) -> PillowWriter:
-    """A writer of GIF whose pictures last, together, as long as they are said to."""
+    """A writer of GIF whose pictures last, together, as long as they are meant to."""
     from matplotlib.animation import PillowWriter
 
     class ExactWriter(PillowWriter):

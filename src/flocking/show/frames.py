@@ -93,7 +93,7 @@ def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> i
 
 
 def time_of(what: Run | State, time: float) -> str:
-    """A time in as many digits as tell the frames of a run apart, at least six.
+    """A time in as many digits as distinguish the frames of a run, at least six.
 
     Parameters
     ----------

@@ -347,7 +347,7 @@ class FieldOfView(HeadingGraph, OneRadius):
         return np.ascontiguousarray(checked[:, :, 0])
 
     def cosines(self, n: int) -> Array:
-        """Cosine of the half angle of each of ``n`` agents, `ALL_AROUND` where it sees all around; shape (n,)."""
+        """Cosine of the half angle of each of ``n`` agents, `ALL_AROUND` for a view all around; shape (n,)."""
         return np.broadcast_to(view_cosines(self.half_angle), n).copy()
 
     def start_links(self, q: Array, headings: Array | None = None) -> Links:

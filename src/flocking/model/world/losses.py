@@ -307,7 +307,7 @@ class DistanceLoss(Loss):
 
 
 def share_text(share: float) -> str:
-    """A share in a few digits, and in more where these would say that it is all.
+    """A share in a few digits, and in more where these would round to all.
 
     Parameters
     ----------

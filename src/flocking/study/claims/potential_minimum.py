@@ -28,7 +28,7 @@ FARTHEST_LOGARITHM = 700.0
 
 BESIDE, JUMP = 1e-9, 1e-3
 """Relative distance below a place where a potential reaches a value, and the share of the value by which it is less
-there if it jumps: rounding of numbers that overflow is told from a steep rise."""
+there if it jumps: rounding of numbers that overflow is distinguished from a steep rise."""
 
 
 def distance_of(potential: Potential, value: float, lowest: float, highest: float) -> float:

@@ -1,4 +1,4 @@
-"""By how much an agent sees another one, or does not, by the rule of a graph."""
+"""Margin by which another agent is in view or not, by the rule of a graph."""
 
 from __future__ import annotations
 
