@@ -11,7 +11,7 @@ from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.consensus_certificates import LinearConsensus
 from flocking.study.certificates.linear.directed_consensus import DirectedConsensus
 from flocking.study.certificates.sampled_consensus import SampledConsensus
-from tests.study.certificates.lattice_fates import deformation_fates
+from tests.study.certificates.lattice_scenarios import deformation_fates
 
 FALLEN = 1e-2
 """Share of its first value to which a disagreement must fall where it is promised that it does."""
