@@ -53,7 +53,7 @@ def nanoseconds(owner: str, name: str, value: float | Array, *, positive: bool =
 
 
 def span(values: ArrayLike) -> str:
-    """One number of all agents in a few digits, or the smallest and the largest of them, in as many as distinguish them.
+    """One number of all agents in a few digits, or the smallest and the largest, in as many as distinguish them.
 
     Parameters
     ----------
