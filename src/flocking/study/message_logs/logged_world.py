@@ -125,6 +125,10 @@ def _check_names(log: MessageLog, scenario: Scenario, asked: str) -> None:
             )
 
 
+MOST_SIZES = 64
+"""Frames at which sizes of a run are looked at, about."""
+
+
 class Sizes(NamedTuple):
     """Sizes beside which differences of two computations of a run are small.
 
@@ -159,7 +163,8 @@ def sizes_of(run: Run, motion: ForcedMotion | IntegratedForcedMotion) -> Sizes:
     if motion.error or not isinstance(control, Held):
         return Sizes()
     period = float(np.min(control.period))
-    states = [(start.q, start.p), *(motion.states(float(t) - start.t) for t in run.t)]
+    looked_at = run.t[:: max(1, len(run.t) // MOST_SIZES)]
+    states = [(start.q, start.p), *(motion.states(float(t) - start.t) for t in looked_at)]
     length, speed = (max(float(np.abs(x[k]).max(initial=0.0)) for x in states) for k in (0, 1))
     length += speed * period
     mass = float(motion.masses.max()) if motion.order > 1 else 1.0
