@@ -34,6 +34,7 @@ LEFT_OUT = {
     "tests/repeat.py": "no tests: runs the repetitions",
     "tests/show/test_notebook_in_browser.py": "make test-browser; waits for what a page shows, for a minute at most",
     "tests/show/test_output.py": "runs programs to their end, without limit",
+    "tests/study/certificates/assumptions": "under limits of processor time",
     "tests/study/certificates/random_promises.py": "no tests: a program that goes on until it is stopped",
     "tests/test_floors.py": "runs ruff to its end, without limit",
     "tests/validation": "clocks are printed, not judged",

@@ -4,6 +4,7 @@ import json
 import re
 import time
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from mpmath import mpf
@@ -13,6 +14,8 @@ from flocking.errors import InvalidInput
 from flocking.formula.grammar import Formula
 from flocking.formula.precise import evaluator
 from flocking.papers.potential_definitions import check_potential
+from flocking.study.potentials import potential_check
+from flocking.study.potentials.potential_bounds import Lower, lower_value
 from flocking.study.potentials.potential_shape import shape_of
 from tests.formula.test_grammar import expressions
 from tests.model.potentials.test_potential import SHI, TANNER, ZHOU
@@ -197,7 +200,7 @@ def test_verdicts_do_not_depend_on_units(name: str, energy: float, length: float
     """Of joules and metres for cells as for aircraft: every row and every definition holds or fails alike."""
     psi, radius = SHAPES[name]
     if radius is None:
-        length = min(max(length, 2.0**-20), 2.0**17)  # Only a radius tells the unit of length.
+        length = min(max(length, 2.0**-20), 2.0**17)  # Only a radius gives the unit of length.
     before = check_potential(psi, radius=radius)
     after = check_potential(scaled(psi, energy, length), radius=None if radius is None else radius * length)
     assert [(row.name, row.holds) for row in after.rows] == [(row.name, row.holds) for row in before.rows]
@@ -211,3 +214,70 @@ def test_small_properties_of_potentials_in_small_units_are_seen() -> None:
     free = rows(check_potential(fk.Potential("E*(1/r**2 + log(r**2) - 2)", E=1e-14), radius=2.0), "shi-2009")
     assert free["nonnegative"].holds is False
     assert free["zero slope beyond R"].holds is False
+
+
+SCALED = {
+    "well": ("E*((L/r)^2 + log((r/L)^2))", 4.0),
+    "barrier": ("E*L*(1/r + 1/(R - r))", None),
+    "two wells": ("E*((r/L - 1)^2*(r/L - 2)^2 + 0.1*r/L)", 4.0),
+    "equal wells": ("E*(r/L - 1)^2*(r/L - 2)^2", 4.0),
+    "negative": ("E*((L/r)^2 - L/r)", 3.0),
+    "rising": ("E*r/L", 4.0),
+    "jump": ("where(r < 2*L, E, 3*E)", 2.0),
+}
+"""Formulas of lengths L and energies E, and a radius."""
+
+
+@pytest.mark.parametrize("name", SCALED)
+@pytest.mark.parametrize("units", [(1e-12, 1.0), (1e12, 1.0), (1.0, 1e-13), (1.0, 1e20), (1e3, 1e-15), (1e-9, 1e-21)])
+def test_units_change_no_verdict(name, units):
+    """Values of 1e-13 are not all the same, and a minimum at 1e-12 is one."""
+    formula, reach = SCALED[name]
+
+    def found(length, energy):
+        given = {"L": length, "E": energy} | ({"R": 4 * length} if "R" in formula else {})
+        used = {k: v for k, v in given.items() if k in Formula(formula).names}
+        report = check_potential(fk.Potential(formula, **used), radius=None if reach is None else reach * length)
+        return {row.name: row.holds for row in report.rows} | {d.key: d.holds for d in report.definitions}
+
+    assert found(*units) == found(1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("formula", "options", "lowest"),
+    [
+        ("(r - 2)^2 - 10*exp(-((r - 5)/1e-4)^2)", {}, -1.0),
+        ("1/r + 1/(4 - r) - 50*exp(-((r - 3)/1e-5)^2)", {"radius": 4}, 4 / 3 - 50),
+        ("where(r < 4, 1/r + r, 4.25) - 3*exp(-((r - 2.5)/1e-6)^2)", {"radius": 4}, 0.4 + 2.5 - 3),
+    ],
+)
+def test_a_dip_between_the_places_looked_at_is_found(formula, options, lowest):
+    found = rows(check_potential(formula, **options))
+    assert found["unique minimum"].holds is False
+    assert found["nonnegative"].holds is False
+    where = found["nonnegative"].explanation
+    assert float(where.split()[1]) == pytest.approx(lowest, rel=1e-6, abs=1e-6)
+    # Without it there is nothing to doubt.
+    plain = rows(check_potential(formula.split(" - 10*")[0].split(" - 50*")[0].split(" - 3*")[0], **options))
+    assert plain["unique minimum"].holds is True
+    assert "not proven" not in plain["unique minimum"].explanation + plain["nonnegative"].explanation
+
+
+def test_lower_values_are_found_excluded_or_left_open():
+    square = fk.Potential("(r - 2)^2 + 1")
+    assert lower_value(square, 0.1, 9.0, 1.0 - 1e-9).excluded
+    found = lower_value(square, 0.1, 9.0, 1.5)
+    assert (found.at, found.value) == pytest.approx((2.0, 1.0), abs=1e-7)
+    # No interval about the minimum shows that no value is below it; nor is there one. Nor are there values below 1.
+    for formula, last, value in (("1/r + r", 9.0, 2.0), ("log(r - 1)", 0.9, 0.0)):
+        left = lower_value(fk.Potential(formula), 0.1, last, value)
+        assert not left.excluded
+        assert np.isnan(left.value)
+
+
+def test_what_is_not_proven_of_lower_values_is_said(monkeypatch):
+    monkeypatch.setattr(potential_check, "lower_value", lambda *_: Lower())
+    found = rows(check_potential("1/r + r"))
+    for name in ("unique minimum", "nonnegative"):
+        assert found[name].holds is True
+        assert "searched, not proven" in found[name].explanation

@@ -169,7 +169,7 @@ class PairEnergy:
         it is not above the lower end.
         """
         last = self.end if np.isfinite(self.end) else FARTHEST
-        # Distances that are allowed are at least as large.
+        # All distances that are allowed are at least as large.
         places = POWERS[last > POWERS]
         allowed = self.on(Interval.of(places)).hi <= bound.lo
         return self._edge(bound, float(places[np.argmax(allowed)]) if allowed.any() else last, upper=False)

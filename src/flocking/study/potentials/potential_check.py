@@ -10,7 +10,19 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.model.checks import number
 from flocking.model.potentials.potential import Potential
-from flocking.study.potentials.potential_shape import MOST_MINIMA, SAMPLES, Limit, Minimum, Shape, same, shape_of
+from flocking.study.potentials.potential_bounds import Lower, lower_value
+from flocking.study.potentials.potential_shape import (
+    FARTHEST,
+    MOST_MINIMA,
+    NEAREST,
+    SAME,
+    SAMPLES,
+    Limit,
+    Minimum,
+    Shape,
+    same,
+    shape_of,
+)
 
 SAMPLES_BEYOND = 61
 """Distances beyond the radius at which the slope is computed, four in each decade."""
@@ -112,8 +124,8 @@ _WORDS = {True: "holds", False: "fails", None: "open"}
 NO_RADIUS = "no radius was given and the potential is infinite at none"
 
 ROUNDING = 1e-12
-"""Values above minus this share of how much the potential varies count as nonnegative, and slopes within it of zero as
-zero: rounding lies below it."""
+"""Values above minus this and slopes within it of zero count as nonnegative and zero, relative to the size of the
+potential and to that over the radius: rounding lies below it."""
 
 NEAREST_STEP, LAST_FREE_STEP = 12, 6
 """The slope is taken at R - R/10^k for k up to 12, where R - r has three digits; it must be positive for k > 6."""
@@ -136,23 +148,19 @@ class Properties:
         The radius; None where it is unknown.
     everywhere
         Whether the properties are required on all r > 0, else below the radius.
+    potential
+        The potential itself, of which values between the places looked at are bounded; None where they are not.
     """
 
     shape: Shape
     radius: float | None
     everywhere: bool = False
+    potential: Potential | None = None
 
     @property
     def end(self) -> float:
         """Upper end of the distances."""
         return np.inf if self.everywhere or self.radius is None else self.radius
-
-    @property
-    def variation(self) -> float:
-        """How much the potential varies near its radius, or near its lowest minimum, or near 1."""
-        best = min(self.shape.minima, key=lambda m: m.value, default=None)
-        places = (self.radius, None if best is None else best.at, 1.0)
-        return self.shape.variation(next(x for x in places if x is not None and 0.0 < x < np.inf))
 
     def defined(self) -> PropertyRow:
         """Whether it is real at every sampled distance."""
@@ -166,7 +174,7 @@ class Properties:
     def minima(self) -> list[Minimum]:
         """Local minima."""
         end = self.end
-        return [m for m in self.shape.minima if m.at < end and not same(m.at, end)]
+        return [m for m in self.shape.minima if m.at < end and not same(m.at, end, 0.0)]
 
     def lowest(self) -> tuple[float, float]:
         """Distance and value of the infimum, attained or not."""
@@ -174,8 +182,24 @@ class Properties:
         lows = [(x, v) for x, v in self.shape.lows if not np.isnan(v) and (x < end or x == end == np.inf)]
         edge = None if np.isinf(end) else self.shape.break_at(end)
         if edge is not None and not np.isnan(edge.left[0].value):
-            lows = [low for low in lows if not same(low[0], end)] + [(end, edge.left[0].value)]
-        return min(lows, key=lambda low: low[1], default=(np.nan, np.nan))
+            lows = [low for low in lows if not same(low[0], end, 0.0)] + [(end, edge.left[0].value)]
+        return min([*lows, *self._between(lows)], key=lambda low: low[1], default=(np.nan, np.nan))
+
+    def _between(self, lows: list[tuple[float, float]]) -> list[tuple[float, float]]:
+        """A lower value than those that were found, in a feature too narrow for the search, if there is one."""
+        lower = self._lower(min((value for _, value in lows), default=np.nan))
+        return [] if np.isnan(lower.value) else [(lower.at, lower.value)]
+
+    def _lower(self, low: float) -> Lower:
+        if self.potential is None or not np.isfinite(low):
+            return Lower(excluded=True)
+        value = low - SAME * max(abs(low), self.shape.energy)
+        last = min(self.end * (1.0 - ROUNDING), FARTHEST * self.shape.place)
+        return lower_value(self.potential, min(NEAREST * self.shape.place, 0.5 * last), last, value)
+
+    def _in_words(self, low: float) -> str:
+        """What is not known of lower values."""
+        return "" if self._lower(low).excluded else "; that there are no lower values was searched, not proven"
 
     def unique(self) -> PropertyRow:
         """Whether the smallest value is a minimum at one distance."""
@@ -188,11 +212,10 @@ class Properties:
             text = f"the values fall to {low:.6g} as r -> {where:.6g}" if not np.isnan(low) else "it has no real values"
             return PropertyRow(name, False, f"has no minimum; {text}")
         best = min(minima, key=lambda m: m.value)
-        unit = self.shape.variation(best.at) if best.at > 0.0 else self.variation
-        if low < best.value and not same(low, best.value, unit):
+        if low < best.value and not self.shape.same_values(low, best.value):
             text = f"the lowest minimum is {best.value:.9g}, but the values fall to {low:.6g} as r -> {where:.6g}"
             return PropertyRow(name, False, text)
-        equal = [m for m in minima if same(m.value, best.value, unit)]
+        equal = [m for m in minima if self.shape.same_values(m.value, best.value)]
         others = [m for m in minima if m not in equal]
         if best.flat or len(equal) > 1:
             spots = [f"[{m.at:.9g}, {m.until:.9g}]" if m.flat else f"{m.at:.9g}" for m in equal[:4]]
@@ -202,14 +225,16 @@ class Properties:
         if others:
             spots = [f"{m.value:.6g} at r = {m.at:.6g}" for m in others[:3]]
             text += f"; higher local minima: {', '.join(spots)}" + (" ..." if len(others) > 3 else "")
+        text += self._in_words(low)
         return PropertyRow(name, True, text)
 
     def nonnegative(self) -> PropertyRow:
         """Whether no value is negative."""
         where, low = self.lowest()
         undefined = not self.defined().holds or np.isnan(low)
-        holds = bool(low >= -ROUNDING * self.variation) and not undefined
+        holds = bool(low >= -ROUNDING * self.shape.energy) and not undefined
         text = f"infimum {low:.9g} at r = {where:.9g}" + (", not defined everywhere" if undefined else "")
+        text += self._in_words(low) if holds else ""
         return PropertyRow("nonnegative", holds, text)
 
     def at_zero(self) -> PropertyRow:
@@ -260,7 +285,7 @@ class Properties:
     def differentiable(self) -> PropertyRow:
         """Whether the slope is continuous."""
         end = self.end
-        broken = [b for b in self.shape.breaks if b.order < 1 and b.at < end and not same(b.at, end)]
+        broken = [b for b in self.shape.breaks if b.order < 1 and b.at < end and not same(b.at, end, 0.0)]
         text = "; ".join(str(b) for b in broken[:3]) + (f"; {len(broken) - 3} more" if len(broken) > 3 else "")
         continuous = [b for b in self.shape.breaks if b.order == 1 and b.at < end]
         reason = "; ".join(str(b) for b in continuous[:3]) or f"no break of the slope below {end:.9g}"
@@ -277,7 +302,7 @@ class Properties:
         samples = [R * (1 + 10.0**k) for k in np.linspace(-9, 6, SAMPLES_BEYOND)]
         slopes = [(abs(float(self.shape.slope(x))), x) for x in samples]
         worst = max(slopes, key=lambda pair: np.inf if np.isnan(pair[0]) else pair[0])
-        holds = bool(worst[0] <= ROUNDING * self.shape.variation(R) / R)
+        holds = bool(worst[0] <= ROUNDING * self.shape.energy / R)
         fix = "" if holds else "; Potential.capped(R) makes it constant there"
         return PropertyRow(
             name, holds, f"largest |slope| beyond R = {R:.9g}: {worst[0]:.3g} at r = {worst[1]:.9g}{fix}"
@@ -318,8 +343,8 @@ def check_potential(
 ) -> PotentialReport:
     """Find the properties of a potential, and whether it meets the given definitions.
 
-    Limits are taken with 600 digits from the symbolic formula; breaks and minima are searched on [1e-9, 1e9], in units
-    of a given radius that is beyond 1e4 or 1e-4.
+    Limits are taken with 600 digits from the symbolic formula; breaks and minima are searched on [1e-9, 1e9], or that
+    range times the length of a potential of which all happens at much smaller or larger distances.
     "Unique minimum" means that the smallest value is taken at one distance only; higher local minima are named.
 
     Parameters
@@ -343,7 +368,7 @@ def check_potential(
     if radius is not None:
         radius = number("check_potential", "radius", radius, above=0.0)
     shape = shape_of(potential, radius)
-    below = Properties(shape, radius if radius is not None else shape.singular_point())
+    below = Properties(shape, radius if radius is not None else shape.singular_point(), potential=potential)
     rows = (
         below.defined(), below.unique(), below.nonnegative(), below.at_zero(), below.at_radius(), below.edge(),
         below.increasing(), below.unbounded(), below.smoothness(),

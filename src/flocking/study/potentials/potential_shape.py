@@ -14,13 +14,11 @@ from flocking.formula.identities import MOST_ADDENDS, expanded_addends
 from flocking.formula.precise import evaluator, joint_evaluator, wide_context
 from flocking.model.checks import Array
 from flocking.model.potentials.potential import Potential
+from flocking.study.potentials.potential_units import DISTANCES, energy_of, lengths_of
 
 if TYPE_CHECKING:
     import sympy
     from mpmath import mpf as Number  # noqa: N812
-
-DISTANCES = (1e-6, 1e6)
-"""Nearest and farthest distance at which the formula must have a real value."""
 
 MOST_ROOT_STEPS = 60
 """Most steps of a root's search from a bracket; no root is found where they do not suffice."""
@@ -48,9 +46,7 @@ MOST_STEPS = 5000
 """Steps of the search for a minimum: Brent's method may need the square of the number of bisections."""
 
 NEAREST, FARTHEST = 1e-9, 1e9
-"""Range of distances that is searched for breaks and minima, in units of the radius where that is far from 1."""
-FAR_FROM_ONE = 1e4
-"""Radii that are larger, or smaller than its reciprocal, are the unit of length of the search."""
+"""Range of distances that is searched for breaks and minima."""
 SAMPLES = 97
 """Distances from 1e-6 to 1e6, eight a decade, at which the formula must have a real value."""
 SHRINKING = 0.75
@@ -70,10 +66,7 @@ MOST_BREAKS = 40
 MOST_MINIMA = 60
 """Minima that are located at most, a bound on time."""
 SAME = 1e-10
-"""Difference below which two distances, or two one-sided limits, count as equal: as a share of them, and for limits of
-how much the potential varies nearby."""
-NEARBY = np.geomspace(0.5, 2.0, 41)
-"""Distances, as shares of one, at which it is looked how much a potential varies nearby."""
+"""Relative difference below which two one-sided limits count as equal."""
 
 
 @dataclass(frozen=True)
@@ -104,19 +97,14 @@ class Break:
         The distance.
     left, right
         One-sided limits of value, slope and curvature.
-    variation
-        How much the potential varies nearby, see `variation_at`.
+    units
+        Sizes of value, slope and curvature, see `Shape`.
     """
 
     at: float
     left: tuple[Limit, Limit, Limit]
     right: tuple[Limit, Limit, Limit]
-    variation: float
-
-    @property
-    def units(self) -> tuple[float, float, float]:
-        """Units of value, slope and curvature nearby."""
-        return self.variation, self.variation / self.at, self.variation / self.at / self.at
+    units: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @property
     def order(self) -> int:
@@ -166,8 +154,9 @@ class Shape:
         Distances at which the formula has no real value, in a coarse sample.
     slope
         Slope with many digits.
-    variation
-        How much the potential varies near a distance, see `variation_at`.
+    place, energy
+        Powers of two near a distance at which something happens, and near the values about it: differences are compared
+        with them, so that units change nothing.
     """
 
     zero: Limit
@@ -177,7 +166,8 @@ class Shape:
     lows: tuple[tuple[float, float], ...]
     undefined: tuple[float, ...]
     slope: Callable[[Number], Number]
-    variation: Callable[[float], float]
+    place: float = 1.0
+    energy: float = 1.0
 
     def singular_point(self) -> float | None:
         """First distance at which the value is infinite from below, or None."""
@@ -185,72 +175,79 @@ class Shape:
 
     def break_at(self, radius: float) -> Break | None:
         """The break at ``radius``, or None."""
-        return next((b for b in self.breaks if same(b.at, radius)), None)
+        return next((b for b in self.breaks if same(b.at, radius, 0.0)), None)
+
+    def same_values(self, a: float, b: float) -> bool:
+        """Whether two values ``a`` and ``b`` of the potential agree."""
+        return same(a, b, self.energy)
 
 
-def same(a: float, b: float, unit: float = 0.0) -> bool:
-    """Whether two numbers ``a`` and ``b`` agree to `SAME` of the larger one or of a ``unit``."""
+def same(a: float, b: float, unit: float = 1.0) -> bool:
+    """Whether two numbers ``a`` and ``b`` agree to `SAME`, relative to them and to a ``unit``; 0 of distances."""
     if np.isinf(a) or np.isinf(b):
         return a == b
     return bool(abs(a - b) <= SAME * max(unit, abs(a), abs(b)))
 
 
-def variation_at(potential: Potential, r: float) -> float:
-    """How much a potential varies near a distance: the median of r |slope| where it is not zero; 0 where it all is.
-
-    Parameters
-    ----------
-    potential
-        The potential.
-    r
-        The distance, positive and finite.
-    """
-    places = r * NEARBY
-    sizes = np.abs(places * potential.slope(places))
-    known = sizes[np.isfinite(sizes) & (sizes > 0.0)]
-    return float(np.median(known)) if len(known) else 0.0
-
-
 def shape_of(potential: Potential, radius: float | None = None) -> Shape:
     """Find the shape of ``potential``; ``radius`` counts as a break in any case.
 
-    Breaks and minima are searched on [1e-9, 1e9], in units of the radius if that is beyond 1e4 or 1e-4; at most
-    `MOST_BREAKS` and `MOST_MINIMA` of them.
+    Breaks and minima are searched on [1e-9, 1e9], at most `MOST_BREAKS` and `MOST_MINIMA` of them; where the radius, or
+    all that happens, is beyond 1e-6 or 1e6, on this range times its length.
     """
     import sympy
 
     r = sympy.Symbol("r", positive=True)
+    place, length = lengths_of(potential, radius)
+    energy = energy_of(potential, place)
     # Rational parameters: the limits are those of the numbers a computer holds, not of their decimals.
-    psi = potential.expression(r, {k: sympy.Rational(v) for k, v in potential.parameters.items()})
+    numbers = {k: sympy.Rational(v) for k, v in potential.parameters.items()}
+    psi = potential.expression(sympy.Rational(length) * r if length != 1.0 else r, numbers)
+    psi = psi / sympy.Rational(energy) if energy != 1.0 else psi
     derivatives = (psi, derivative(psi, r), derivative(psi, r, 2))
     functions, jointly = tuple(evaluator(d, r) for d in derivatives), joint_evaluator(derivatives, r)
     context = wide_context()
-    unit = 1.0 if radius is None or 1.0 / FAR_FROM_ONE <= radius <= FAR_FROM_ONE else radius
-    points = _special_points(psi, r, radius, unit)
+    points = _special_points(psi, r, None if radius is None else radius / length)
     tiny = [context.mpf(10) ** (-(2**k)) for k in range(9)]
-    breaks = []
+    breaks, inner = [], (1.0, length / place, (length / place) ** 2)
     for c in points:
         sides = [
             tuple(limit(list(values)) for values in zip(*(jointly(c * (1 + sign * x)) for x in tiny), strict=True))
             for sign in (-1, 1)
         ]
-        at = float(c)
-        breaks.append(Break(at, sides[0], sides[1], variation_at(potential, at)))  # type: ignore[arg-type]
+        breaks.append(Break(float(c), sides[0], sides[1], inner))  # type: ignore[arg-type]
     # At 0 and infinity no digits cancel: exponents alone reach further, and slow powers show their limit.
     far = [context.mpf(10) ** (2**k) for k in range(14)]
-    zero = limit([functions[0](unit / x) for x in far])
-    infinity = limit([functions[0](unit * x) for x in far])
-    pieces = list(_pieces(points, unit))
-    minima = _minima(potential, functions, pieces, breaks, unit)
+    zero = _times(limit([functions[0](1 / x) for x in far]), energy)
+    infinity = _times(limit([functions[0](x) for x in far]), energy)
+
+    def slopes(x: Array) -> Array:
+        return potential.slope(length * x) * (length / energy)
+
+    units = energy, energy / length, energy / length / length
+    found = _minima(slopes, functions, list(_pieces(points)), breaks)
+    # No negative zeros.
+    minima = [Minimum(m.at * length, m.value * energy + 0.0, m.until * length) for m in found]
+    sizes = energy, energy / place, energy / place / place
+    breaks = [Break(b.at * length, _all_times(b.left, units), _all_times(b.right, units), sizes) for b in breaks]
     lows = [(m.at, m.value) for m in minima]
     lows += [(0.0, zero.value), (np.inf, infinity.value)]
     lows += [(b.at, side[0].value) for b in breaks for side in (b.left, b.right)]
-    samples = unit * np.geomspace(*DISTANCES, SAMPLES)
-    undefined = tuple(float(x) for x in samples if context.isnan(functions[0](float(x))))
+    samples = np.geomspace(*DISTANCES, SAMPLES)
+    undefined = tuple(float(x) * length for x in samples if context.isnan(functions[0](float(x))))
     return Shape(
-        zero, infinity, tuple(breaks), tuple(minima), tuple(lows), undefined, functions[1],
-        lambda at: variation_at(potential, at),
+        zero, infinity, tuple(breaks), tuple(minima), tuple(lows), undefined,
+        lambda x: functions[1](x / length) * energy / length, place, energy,
     )  # fmt: skip
+
+
+def _times(limit: Limit, unit: float) -> Limit:
+    return Limit(limit.kind, limit.value * unit)
+
+
+def _all_times(side: tuple[Limit, Limit, Limit], units: tuple[float, float, float]) -> tuple[Limit, Limit, Limit]:
+    value, slope, curvature = (_times(one, unit) for one, unit in zip(side, units, strict=True))
+    return value, slope, curvature
 
 
 def limit(values: list[Number]) -> Limit:
@@ -280,7 +277,7 @@ def limit(values: list[Number]) -> Limit:
     return Limit("none")
 
 
-def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None, unit: float) -> list[Number]:
+def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> list[Number]:
     """Distances where the formula may not be smooth: roots of its conditions, denominators and arguments."""
     import sympy
 
@@ -294,7 +291,7 @@ def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None, unit
         if gap.is_polynomial(r) and expanded_addends(gap) <= MOST_ADDENDS:
             gap = sympy.Poly(gap, r).sqf_part().as_expr()
         value = evaluator(gap, r)
-        rough = _sign_change_brackets(sympy.lambdify(r, gap, "numpy"), unit)
+        rough = _sign_change_brackets(sympy.lambdify(r, gap, "numpy"))
         for a, b in rough[:MOST_BREAKS]:
             root = _root(value, a, b)
             if root is not None and not any(abs(root - c) <= SAME_ROOT * c for c in found):
@@ -302,8 +299,8 @@ def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None, unit
     return sorted(found)[:MOST_BREAKS]
 
 
-def _sign_change_brackets(function: Callable[[Array], Array], unit: float) -> list[tuple[float, float]]:
-    grid = unit * np.geomspace(NEAREST, FARTHEST, GRID)
+def _sign_change_brackets(function: Callable[[Array], Array]) -> list[tuple[float, float]]:
+    grid = np.geomspace(NEAREST, FARTHEST, GRID)
     with np.errstate(all="ignore"):
         signs = np.sign(np.real(function(grid)) + np.zeros_like(grid))
     exact = [(float(x), float(x)) for x in grid[signs == 0][: MOST_BREAKS + 1]]
@@ -326,18 +323,17 @@ def _root(function: Callable[[Number], Number], a: float, b: float) -> Number | 
     return root if low <= root <= high else None
 
 
-def _pieces(points: list[Number], unit: float) -> Iterator[tuple[Number, Number]]:
+def _pieces(points: list[Number]) -> Iterator[tuple[Number, Number]]:
     context = wide_context()
-    first, last = context.mpf(unit * NEAREST), context.mpf(unit * FARTHEST)
-    yield from pairwise([first, *(p for p in points if first < p < last), last])
+    ends = [context.mpf(NEAREST), *(p for p in points if NEAREST < p < FARTHEST), context.mpf(FARTHEST)]
+    yield from pairwise(ends)
 
 
 def _minima(
-    potential: Potential,
+    slopes: Callable[[Array], Array],
     functions: tuple[Callable[[Number], Number], ...],
     pieces: list[tuple[Number, Number]],
     breaks: list[Break],
-    unit: float,
 ) -> list[Minimum]:
     """Minima inside the pieces, at their borders, and flat intervals."""
     value, slope, _ = functions
@@ -348,7 +344,7 @@ def _minima(
         if all(slope(x) == 0 for x in probes):
             flat.append((float(low), float(high)))
         elif len(found) < MOST_MINIMA:
-            found += _inside(potential, value, slope, (low, high), unit)[:MOST_MINIMA]
+            found += _inside(slopes, value, slope, low, high)[:MOST_MINIMA]
     for b in breaks:
         c = wide_context().mpf(b.at)
         before, after = slope(c * (1 - BESIDE)), slope(c * (1 + BESIDE))
@@ -356,43 +352,42 @@ def _minima(
             found.append(Minimum(b.at, b.left[0].value, b.at))
     for low, high in flat:
         level = float(value((low + high) / 2))
-        left = next((b for b in breaks if same(b.at, low)), None)
-        right = next((b for b in breaks if same(b.at, high)), None)
-        if (left is None or _above(left, level, -1)) and (right is None or _above(right, level, 1)):
+        left = next((b for b in breaks if same(b.at, low, 0.0)), None)
+        right = next((b for b in breaks if same(b.at, high, 0.0)), None)
+        if (left is None or _above(left.left, level, -1)) and (right is None or _above(right.right, level, 1)):
             found.append(Minimum(low if left else 0.0, level, high if right else np.inf))
     return sorted(found, key=lambda m: m.at)
 
 
-def _above(end: Break, level: float, direction: int) -> bool:
-    """Whether the potential is not below ``level`` just outside a flat interval, in a direction from its end."""
-    value, slope, curvature = end.left if direction < 0 else end.right
-    of_value, of_slope, _ = end.units
-    if value.kind != "finite" or not same(value.value, level, of_value):
+def _above(side: tuple[Limit, Limit, Limit], level: float, direction: int) -> bool:
+    """Whether the potential is not below ``level`` just outside a flat interval."""
+    value, slope, curvature = side
+    if value.kind != "finite" or not same(value.value, level):
         return value.value > level
-    if slope.kind == "finite" and not same(slope.value, 0.0, of_slope):
+    if slope.kind == "finite" and not same(slope.value, 0.0):
         return slope.value * direction > 0
     return not (curvature.value < 0)
 
 
 def _inside(
-    potential: Potential,
+    slopes: Callable[[Array], Array],
     value: Callable[[Number], Number],
     slope: Callable[[Number], Number],
-    piece: tuple[Number, Number],
-    unit: float,
+    low: Number,
+    high: Number,
 ) -> list[Minimum]:
     from scipy.optimize import brentq
 
     def slope_at(x: float) -> float:
-        return float(potential.slope(x))
+        return float(slopes(np.asarray(x)))
 
-    a, b = map(float, piece)
+    a, b = float(low), float(high)
     near = 10.0 ** -np.arange(1, 13)
-    grid = np.concatenate([unit * np.geomspace(NEAREST, FARTHEST, GRID), a * (1 + near), b * (1 - near)])
+    grid = np.concatenate([np.geomspace(NEAREST, FARTHEST, GRID), a * (1 + near), b * (1 - near)])
     grid = np.unique(grid[(grid > a) & (grid < b)])
-    slopes = potential.slope(grid)
-    known = np.isfinite(slopes)
-    grid, signs = grid[known], np.sign(slopes[known])
+    found_slopes = slopes(grid)
+    known = np.isfinite(found_slopes)
+    grid, signs = grid[known], np.sign(found_slopes[known])
     grid, signs = grid[signs != 0], signs[signs != 0]
     found = []
     for k in np.flatnonzero((signs[:-1] < 0) & (signs[1:] > 0)):

@@ -22,18 +22,18 @@ TRIANGLE = fk.State([[0.0, 0], [1.3, 0], [0.2, 1.1]], [[0.0, 0], [0, 0.2], [0.1,
 
 @contextmanager
 def soon(seconds: float):
-    """An error where something takes longer."""
+    """An error where something takes more processor time."""
 
     def late(*_: object) -> None:
-        raise TimeoutError(f"took more than {seconds:g} s")
+        raise TimeoutError(f"took more than {seconds:g} s of the processor")
 
-    before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(signal.SIGVTALRM, late)
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
 
 
 def test_an_agent_at_its_largest_speed_does_not_make_way():
