@@ -287,3 +287,15 @@ def test_a_gif_has_no_more_pictures_a_second_than_programs_show(run, tmp_path):
     with pytest.raises(fk.InvalidInput, match=r"fps must be at most 50 for a \.gif"):
         fk.animate(run, tmp_path / "film.gif", fps=51)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_film_replaces_what_a_link_leads_to_and_no_pipe(run, tmp_path):
+    (tmp_path / "old.gif").write_bytes(b"old")
+    (tmp_path / "link.gif").symlink_to(tmp_path / "old.gif")
+    fk.animate(run, tmp_path / "link.gif", seconds=0.1, size=1.0, dpi=30, progress=False)
+    assert (tmp_path / "link.gif").is_symlink()
+    assert (tmp_path / "old.gif").read_bytes()[:3] == b"GIF"
+    os.mkfifo(tmp_path / "pipe.gif")
+    with pytest.raises(fk.InvalidInput, match="must be a file"):
+        fk.animate(run, tmp_path / "pipe.gif", progress=False)
+    assert (tmp_path / "pipe.gif").is_fifo()

@@ -127,15 +127,18 @@ def animate(
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput("animate", "path", f"must be writable ({error.strerror})", str(path)) from None
-    # Writers determine the format by the suffix.
+    if target.exists() and not target.is_file() and not target.is_dir():
+        raise InvalidInput("animate", "path", "must be a file, which films are written to", str(path))
+    # What a link leads to is replaced, not the link. Writers determine the format by the suffix.
+    linked = target.resolve() if target.is_symlink() else target
     remove_files_left_over(target)
-    partial = partial_file(target, target.suffix)
+    partial = partial_file(linked, target.suffix)
     import matplotlib
 
     try:
         with themed(theme), matplotlib.rc_context():
             _film(run, partial, frames, fps, follow, size, dpi, progress, options)
-        os.replace(partial, target)
+        os.replace(partial, linked)
     except Exception as error:
         if interrupted(error):
             # The writer fails on a film without pictures.

@@ -206,3 +206,10 @@ def test_the_readme_says_how_coarse_the_time_of_a_leader_is_in_single_precision(
     assert "rounds to" not in c_files(given)["README.md"]
     alone = fk.Scenario(law_of(fk.Consensus()), fk.State(START.q, START.p, begin), begin + 1.0)
     assert "The law reads the time" not in c_files(alone, float32=True)["README.md"]
+
+
+def test_the_readme_says_on_which_point_of_a_body_the_law_acts():
+    text = c_files(scenario(agents=fk.Unicycle(0.2)))["README.md"]
+    assert "Agents are Unicycle: q and p are those of the point on which the law acts" in text
+    assert "(heading) is not read" in text
+    assert "the point on which the law acts" not in c_files(scenario())["README.md"]

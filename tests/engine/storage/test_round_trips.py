@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import os
 from pathlib import Path
 
 import numpy as np
@@ -75,3 +76,30 @@ def test_runs_of_every_dimension_come_back_with_all_their_bits(tmp_path: Path, m
         for found, expected in ((samples.t, run.t), (samples.q, run.q), (samples.p, run.p)):
             assert found.tobytes() == expected.tobytes()
         assert (last.q.tobytes(), last.p.tobytes()) == (run.q[-1].tobytes(), run.p[-1].tobytes())
+
+
+@pytest.mark.parametrize("form", ["csv", "npz", "xyz", "parquet", "gsd"])
+def test_an_export_replaces_no_device_and_no_link(tmp_path: Path, form: str) -> None:
+    """A pipe stays one and is written to, but for GSD, which is refused; of a link the file that it leads to changes."""
+    law = fk.Law(fk.Proximity(9.0), [fk.Consensus(1.0)])
+    run = fk.simulate(fk.Scenario(law, fk.start.box(3, side=1.0, seed=1), t_end=1.0, frames=3), progress=False)
+    pipe, target, link = tmp_path / f"pipe.{form}", tmp_path / "target", tmp_path / f"link.{form}"
+    os.mkfifo(pipe)
+    # Both ends are open, so that nobody waits.
+    end = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
+    try:
+        if form == "gsd":
+            with pytest.raises(fk.StorageError, match="GSD is written to files only"):
+                fk.export_run(run, pipe)
+        else:
+            fk.export_run(run, pipe)
+            assert len(os.read(end, 10)) == 10
+        assert pipe.is_fifo()
+    finally:
+        os.close(end)
+    target.write_bytes(b"old")
+    link.symlink_to(target)
+    fk.export_run(run, link)
+    assert link.is_symlink()
+    assert target.read_bytes() != b"old"
+    assert {x.name for x in tmp_path.iterdir()} == {pipe.name, "target", link.name}

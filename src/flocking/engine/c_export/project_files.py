@@ -122,6 +122,12 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     world = (
         f"\nOf the world of the scenario ({world}) the source has what this page states, and no more." if world else ""
     )
+    beside = ", ".join(column.name for column in scenario.agents.columns)
+    if beside:
+        world += (
+            f"\nAgents are {type(scenario.agents).__name__}: q and p are those of the point on which the law acts, the "
+            f"force is that on it, and what a body has besides ({beside}) is not read. The vehicle moves by that."
+        )
     latest = max(abs(scenario.start.t), abs(scenario.t_end))
     coarse = (
         f" The law reads the time in seconds of the scenario, which single precision rounds to "

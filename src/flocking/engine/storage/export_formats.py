@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flocking.arrays import AnyArray
 from flocking.engine.runs.columns import LOG
 from flocking.engine.runs.run import Run
-from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, put, storage_errors
+from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, storage_errors, write_through
 from flocking.engine.storage.left_overs import partial_file, remove_files_left_over
 from flocking.errors import InvalidInput, StorageError
 from flocking.model import observables
@@ -35,7 +35,7 @@ def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
     run
         The run.
     path
-        The file; an existing one is replaced.
+        The file; an existing one is replaced, and what a link leads to. All but GSD is written to devices and pipes.
     to
         ``"gsd"`` (positions in single precision as its schema requires; times, and positions and velocities in double
         precision, in the log), ``"xyz"`` (extended XYZ), ``"npz"`` (all arrays), ``"csv"`` or ``"parquet"``
@@ -121,7 +121,7 @@ def _write_csv(run: Run, path: Path) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table)
     writer.writerows([repr(float(x)) for x in row] for row in zip(*table.values(), strict=True))
-    put(path, text.getvalue().encode())
+    write_through(path, text.getvalue().encode())
 
 
 def _write_parquet(run: Run, path: Path) -> None:
@@ -132,7 +132,7 @@ def _write_parquet(run: Run, path: Path) -> None:
         raise missing_package("pyarrow", "Parquet") from None
     sink = pyarrow.BufferOutputStream()
     parquet.write_table(pyarrow.table({k: pyarrow.array(v) for k, v in observable_table(run).items()}), sink)
-    put(path, sink.getvalue().to_pybytes())
+    write_through(path, sink.getvalue().to_pybytes())
 
 
 def _write_npz(run: Run, path: Path) -> None:
@@ -151,7 +151,7 @@ def _write_npz(run: Run, path: Path) -> None:
         scenario=np.array(scenario), provenance=np.array(json.dumps(run.provenance, default=str)),
         status=np.array(run.status), **columns, **_log_arrays(run),
     )  # fmt: skip
-    put(path, file.getvalue())
+    write_through(path, file.getvalue())
 
 
 def _log_arrays(run: Run) -> dict[str, AnyArray]:
@@ -172,7 +172,7 @@ def _write_xyz(run: Run, path: Path) -> None:
         rows[:, :m], rows[:, 3 : 3 + m] = q, p
         rows = np.hstack([rows[:, : 6 if moving else 3], *(values[k] for values in run.columns.values())])
         lines += ["A " + " ".join(repr(x) for x in row) for row in rows.tolist()]
-    put(path, ("\n".join(lines) + "\n").encode())
+    write_through(path, ("\n".join(lines) + "\n").encode())
 
 
 def _xyz_box(run: Run) -> str:
@@ -198,6 +198,10 @@ def _write_gsd(run: Run, path: Path) -> None:
     except ImportError:
         raise missing_package("gsd", "GSD") from None
     _check_space(run)
+    # What a link leads to is replaced, as of other formats; frames are found again in a file alone.
+    path = path.resolve() if path.is_symlink() else path
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise StorageError(f"{path}: GSD is written to files only. Choose another name.")
     m = run.q.shape[2]
     sides, space = _box(run), run.scenario.space
     # In the plane the box has no third side; for one axis the box is a square.
