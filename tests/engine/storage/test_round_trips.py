@@ -80,7 +80,7 @@ def test_runs_of_every_dimension_come_back_with_all_their_bits(tmp_path: Path, m
 
 @pytest.mark.parametrize("form", ["csv", "npz", "xyz", "parquet", "gsd"])
 def test_an_export_replaces_no_device_and_no_link(tmp_path: Path, form: str) -> None:
-    """A pipe stays one and is written to, but for GSD, which is refused; of a link the file that it leads to changes."""
+    """A pipe stays one and is written to, but for GSD, which is refused; of a link its file changes."""
     law = fk.Law(fk.Proximity(9.0), [fk.Consensus(1.0)])
     run = fk.simulate(fk.Scenario(law, fk.start.box(3, side=1.0, seed=1), t_end=1.0, frames=3), progress=False)
     pipe, target, link = tmp_path / f"pipe.{form}", tmp_path / "target", tmp_path / f"link.{form}"
