@@ -34,6 +34,9 @@ SUFFIXES = (".mp4", ".gif")
 FASTEST = 240
 """Largest number of pictures per second."""
 
+MILLISECONDS = 10
+"""Milliseconds, in which Pillow takes durations, of a hundredth of a second, in which GIF stores them."""
+
 HUNDREDTHS, SHORTEST = 100, 2
 """Units of a second in which GIF counts how long a picture is shown, and the fewest that programs do not lengthen:
 browsers show pictures of one unit for ten."""
@@ -273,7 +276,7 @@ def _film(
 
 
 def _gif_writer(fps: int) -> PillowWriter:
-    """A writer of GIF whose pictures last, together, as long as they are meant to."""
+    """A writer of GIF whose pictures last, together, as long as was asked for."""
     from matplotlib.animation import PillowWriter
 
     class ExactWriter(PillowWriter):
@@ -284,7 +287,7 @@ def _gif_writer(fps: int) -> PillowWriter:
             first, *others = self._frames
             # Moments at which pictures end, in hundredths, rounded each, so that errors do not add up.
             ends = np.rint(HUNDREDTHS * np.arange(len(self._frames) + 1) / self.fps)
-            lasting = (np.diff(ends) * (1000 // HUNDREDTHS)).astype(int).tolist()
+            lasting = (MILLISECONDS * np.diff(ends)).astype(int).tolist()
             duration = lasting if others else lasting[0]
             first.save(self.outfile, save_all=True, append_images=others, duration=duration, loop=0)
 

@@ -174,7 +174,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def tell_unfinished(run: Run, done: str) -> None:
-    """Print to the error output how far a run that did not reach its end is used.
+    """Print on the error output how far a run is used that did not reach its end.
 
     Parameters
     ----------

@@ -111,7 +111,7 @@ def _read_csv(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
     if axes is None:
         raise StorageError(f"{path}: has no columns x, y; its header is {','.join(names)}.")
     for name in "xyz":
-        # No part of a column is dropped without an error.
+        # No column is dropped in silence.
         if name not in axes and (found := next((x for x in (name, f"v{name}") if x in names), None)):
             raise StorageError(f"{path}: has a column {found}, but not every axis before it; its axes are {axes}.")
     speeds = [f"v{name}" for name in axes]
