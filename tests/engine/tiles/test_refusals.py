@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,16 @@ import pytest
 
 import flocking as fk
 from flocking.engine.tiles.session import TilesOptions, TilesSession
-from flocking.errors import InvalidInput, LinkLost, NotFinite, OutOfPrecision, StepTooLarge, TooCrowded
+from flocking.errors import (
+    InvalidInput,
+    LinkLost,
+    NotFinite,
+    OutOfPrecision,
+    StepTooLarge,
+    TooCrowded,
+    UnsupportedLaw,
+)
+from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from tests.engine.tiles.laws import saber, structural, zhou
 
 LATTICE = fk.start.hexagonal(1000, spacing=0.9, noise=0.05, speed=0.5, seed=1)
@@ -162,3 +172,74 @@ def test_trajectories_with_switching_links_converge_to_the_exact_engine(law: str
         errors.append(np.abs(run.q[-1] - exact.q[-1]).max())
     assert np.log2(errors[0] / errors[-1]) / 3 == pytest.approx(1.0, abs=0.35)
     assert errors[-1] < 2e-3
+
+
+@dataclass(frozen=True)
+class Ring(Graph):
+    """Everybody senses the next one and the one before, at all distances: a graph that no list of pairs states."""
+
+    moves = False
+    appear_radius = 0.0  # type: ignore[assignment]
+    break_radius = np.inf  # type: ignore[assignment]
+
+    def initial(self, q: np.ndarray) -> np.ndarray:
+        n = len(q)
+        away = (np.arange(n)[None] - np.arange(n)[:, None]) % n
+        return np.asarray((away == 1) | (away == n - 1))
+
+
+class Loose(fk.Fixed):
+    """Pairs that are all but the first: its links are not those of its list."""
+
+    def initial(self, q: np.ndarray) -> np.ndarray:
+        return fk.Fixed(self.n, self.edges[1:]).initial(q)
+
+
+@dataclass(frozen=True, eq=False)
+class Gaps(Graph):
+    """Links that appear and break at distances that differ between agents."""
+
+    leave: Any
+    enter: Any
+    directed = True
+    follows_radii = True
+
+    @property
+    def appear_radius(self) -> Any:
+        return self.enter
+
+    @property
+    def break_radius(self) -> Any:
+        return self.leave
+
+    def initial(self, q: np.ndarray) -> np.ndarray:
+        return np.asarray(pair_distances(q) < np.asarray(self.leave)[..., None])
+
+
+EACH = np.linspace(1.2, 1.6, 6)
+
+
+@pytest.mark.parametrize("control", [{}, {"control": fk.Held(0.05)}])
+@pytest.mark.parametrize(
+    ("graph", "why"),
+    [
+        (Ring(), "Ring, whose links never change"), (Loose(6, [(0, 1), (2, 3)]), "Loose, whose links never change"),
+        (Gaps(2.0, EACH), "Gaps, whose links appear and break at different distances"),
+        (Gaps(EACH, 1.0), "Gaps, whose links"), (Gaps(EACH + 0.5, EACH), "Gaps, whose links"),
+    ],
+)  # fmt: skip
+def test_graphs_whose_links_the_kernels_would_not_have_are_refused(
+    graph: Graph, why: str, control: dict[str, Any]
+) -> None:
+    start = fk.State(np.random.default_rng(0).uniform(0, 3, (6, 2)), np.zeros((6, 2)))
+    law = fk.Law(graph, [fk.Gradient(fk.Potential("(r - 1)**2"))])
+    with pytest.raises(UnsupportedLaw, match=why):
+        fk.simulate(fk.Scenario(law, start, t_end=0.1, frames=2, **control), engine="tiles", step=0.01, progress=False)
+
+
+def test_a_graph_of_ones_own_whose_distances_are_one_runs() -> None:
+    """Radii of each agent, without a gap: as `PerAgentRadii`, and as the reference states."""
+    start = fk.State(np.random.default_rng(0).uniform(0, 3, (6, 2)), np.zeros((6, 2)))
+    law = fk.Law(Gaps(EACH, EACH.copy()), [fk.Gradient(fk.Potential("(r - 1)**2"))])
+    session = TilesSession(fk.Scenario(law, start, t_end=0.1, frames=2), TilesOptions(step=0.01))
+    assert session.accelerations() == pytest.approx(fk.evaluate(law, start).u, rel=1e-12, abs=1e-13)

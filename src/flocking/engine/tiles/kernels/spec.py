@@ -11,7 +11,8 @@ import numpy as np
 from flocking.engine.fixed_step.supported_bodies import is_point, refused_in_tiles
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
-from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.all_pairs import Complete
+from flocking.model.graphs.distance_graphs import Fixed, Graph
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 from flocking.model.space import Open, Periodic
@@ -150,8 +151,8 @@ def check_supported(scenario: Scenario) -> None:
     if n > MOST_AGENTS:
         raise UnsupportedLaw(f"The tiled engine numbers agents with 31 bits: {n} are too many.")
     for graph in law.graphs:
-        if graph.moves and not graph.follows_radii:
-            raise refuse(f"the graph {type(graph).__name__}")
+        if what := refused_graph(graph):
+            raise refuse(what)
     for term in law.pair_terms:
         if getattr(term, "functional", False):
             raise refuse(f"{type(term).__name__} with a graph functional")
@@ -162,6 +163,27 @@ def check_supported(scenario: Scenario) -> None:
         for name, value in owned.items():
             if hasattr(value, "matrix") and not isinstance(value, HashedWeights | MatrixWeights):
                 raise refuse(f"the pair weights {type(value).__name__} of {name}")
+
+
+def refused_graph(graph: Graph) -> str:
+    """Description of a graph that kernels do not follow for an error message; empty if they do.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    """
+    name = f"the graph {type(graph).__name__}"
+    if not graph.moves:
+        # Lists of links that never change are made of the pairs of `Fixed`, or of everybody.
+        known = isinstance(graph, Fixed | Complete) and type(graph).initial in (Fixed.initial, Complete.initial)
+        return "" if known else f"{name}, whose links never change and are not a list of pairs"
+    if not graph.follows_radii:
+        return name
+    leave, enter = np.asarray(graph.break_radius), np.asarray(graph.appear_radius)
+    if max(leave.ndim, enter.ndim) and np.any(leave != enter):
+        return f"{name}, whose links appear and break at different distances that differ between agents"
+    return ""
 
 
 def held_refusals(scenario: Scenario) -> Iterator[str]:
