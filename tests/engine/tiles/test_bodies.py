@@ -214,3 +214,31 @@ def test_lammps_refuses_by_name_what_tiles_refuse():
     assert engine_named("lammps").why_not(held) == ""
     why = engine_named("lammps").why_not(held.with_(bodies=fk.Lagged(held.agents, 0.2)))
     assert why.startswith("engine='lammps' runs the kernels of the tiled engine. The tiled engine cannot run Lagged")
+
+
+@pytest.mark.parametrize("begin", [0.0, 1e7, 1e8, 1.7e9, -1.7e9])
+def test_gusts_change_at_their_times_however_late_a_run_begins(begin):
+    """Seconds of an epoch: a nanosecond is less than the rounding of such times, and no gust lasts for two periods."""
+    body = fk.Disturbed(fk.PointMass(), 1.0, period=0.125, seed=3)
+    law = fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)])
+    start = fk.State(np.zeros((1, 2)), np.zeros((1, 2)), begin)
+    scenario = fk.Scenario(law, start, t_end=begin + 1.0, frames=9, agents=body)
+    run = fk.simulate(scenario, engine="tiles", step=0.01, progress=False)
+    pushes = np.diff(run.p[:, 0], axis=0)
+    expected = np.concatenate([body.gust(k, 1, 2) for k in range(8)]) * 0.125
+    assert pushes == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("begin", [1e8, 1.7e9])
+def test_gusts_of_a_tenth_of_a_second_change_in_time_too(begin):
+    """No such time is a binary fraction: velocities differ from those of a run from 0 by the rounding of times."""
+    body = fk.Disturbed(fk.PointMass(), 1.0, period=0.1, seed=3)
+    law = fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)])
+    late, early = (
+        fk.simulate(
+            fk.Scenario(law, fk.State(np.zeros((1, 2)), np.zeros((1, 2)), t), t_end=t + 1.0, frames=11, agents=body),
+            engine="tiles", step=0.01, progress=False,
+        )
+        for t in (begin, 0.0)
+    )  # fmt: skip
+    assert np.abs(late.p - early.p).max() < 1e-5

@@ -8,11 +8,11 @@ from flocking.arrays import Array, Indices, Numbers32
 from flocking.engine.kernels.codegen import array_kernels
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.tiles.kernels.body_motion import further_names
+from flocking.engine.tiles.particles.law_parameters import elapsed
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.errors import LawNotObeyed
 from flocking.model.bodies.body import LIMIT_ROUNDS
 from flocking.model.law import Scenario
-from flocking.model.world.times import PER_SECOND
 
 NUDGE = 2.0**-20
 """Relative change of the numbers of an agent by which it is measured how much rounding them can change its rates."""
@@ -134,8 +134,7 @@ class BodyCheck:
         rows = self._layout.numbers(scenario.agents, since).each
         found = {f"A{k}": np.broadcast_to(np.asarray(x, dtype=np.float64), scenario.start.n)[agents]
                  for k, x in enumerate(rows)}  # fmt: skip
-        elapsed = round((since - scenario.start.t) * PER_SECOND) / PER_SECOND
-        drawn = scenario.agents.drawn(elapsed, scenario.start.n, m)
+        drawn = scenario.agents.drawn(elapsed(scenario, since), scenario.start.n, m)
         for name, row in self._layout.held_rows(m).items():
             found[f"A{row}"] = drawn[name][agents] if name in drawn else np.zeros(len(agents))
         return found

@@ -72,15 +72,25 @@ def _drawn(scenario: Scenario, spec: KernelSpec, t: float) -> list[float | Array
     names = bodies.held(m)
     if not names:
         return []
-    found = bodies.drawn(_elapsed(scenario, t), scenario.start.n, m)
+    found = bodies.drawn(elapsed(scenario, t), scenario.start.n, m)
     return [found.get(name, 0.0) for name in names]
 
 
-def _elapsed(scenario: Scenario, t: float) -> float:
-    """Time since the start in whole nanoseconds, of which periods of gusts are made."""
-    return round((t - scenario.start.t) * PER_SECOND) / PER_SECOND
+def elapsed(scenario: Scenario, t: float) -> float:
+    """Time since the start in whole nanoseconds, of which periods of gusts are made.
+
+    Of late times a nanosecond is less than the rounding: then it is rounded up, so that the gust that begins at a time
+    is in force at it.
+
+    Parameters
+    ----------
+    t
+        The time.
+    """
+    rounding = float(np.spacing(max(abs(t), abs(scenario.start.t))))
+    return round((t - scenario.start.t + rounding) * PER_SECOND) / PER_SECOND
 
 
 def next_gust(scenario: Scenario, t: float) -> float:
     """The first time after ``t`` at which gusts change; infinite where there are none."""
-    return scenario.start.t + scenario.agents.drawn_until(_elapsed(scenario, t))
+    return scenario.start.t + scenario.agents.drawn_until(elapsed(scenario, t))
