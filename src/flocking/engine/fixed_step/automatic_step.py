@@ -8,20 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import AnyArray, Array, Indices
+from flocking.engine.fixed_step.declared_law import weights_of
 from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import STRIDE
 from flocking.engine.protocol.body_chains import chain_of
 from flocking.model.bodies.actuators import Lagged
 from flocking.model.bodies.unicycles import Unicycle
+from flocking.model.graphs.weights import PairWeights
 from flocking.model.law import Scenario
-from flocking.model.terms.pair_terms import Gradient, Term
+from flocking.model.terms.pair_terms import Consensus, Gradient, Term
 from flocking.model.terms.schedules import Schedule
-
-CONTACT = 1e-12
-"""Distance that counts as the least, so that rates at contact are finite; far below any radius of interaction."""
-
-SLOWEST = 1e-9
-"""Rate that counts as the least of a leader's spring: its limit of the step is far above the largest step."""
 
 LEAST_STEPS = 100
 """Least steps of a run however slow its motion, so that its curves have points enough to be drawn."""
@@ -53,8 +49,8 @@ class SampledPairs:
 
     Parameters
     ----------
-    agent
-        First agent of each pair, a number below N; all pairs of these agents are included.
+    agent, other
+        Numbers of the two agents of each pair; all pairs of the first ones are included.
     distance
         Distance of the pair.
     speed
@@ -62,6 +58,7 @@ class SampledPairs:
     """
 
     agent: Indices
+    other: Indices
     distance: Array
     speed: Array
 
@@ -90,8 +87,9 @@ def largest_step(
     limits = [LARGEST, span / LEAST_STEPS if span > 0 else LARGEST, resolving_step(scenario, sampled, scheme)]
     limits += [PERIODS / rate for rate in _rates_of_bodies(scenario) if rate > 0]
     for pairs in sampled:
-        if pairs is not None and len(pairs.agent) and scenario.law.singular_at_zero():
-            closing = float((pairs.speed / np.maximum(pairs.distance, CONTACT)).max())
+        if pairs is not None and scenario.law.singular_at_zero():
+            apart = pairs.distance > 0
+            closing = float((pairs.speed[apart] / pairs.distance[apart]).max(initial=0.0))
             if closing > 0:
                 limits.append(CLOSING / closing)
     reach = singular_reach(scenario.law)
@@ -127,33 +125,35 @@ def resolving_step(
     """
     if scenario.agents.order == 1:
         return _resolving_descent(scenario, sampled, scheme, across=across)
-    n = scenario.start.n
-    limits = [np.inf]
-    mass = float(np.min(scenario.agents.masses))
-    damping = float(np.max(scenario.agents.damping))
+    n, agents = scenario.start.n, scenario.agents
+    masses = np.broadcast_to(np.asarray(agents.masses, dtype=np.float64), n)
+    # Coefficients of what resists motion of each agent, and squares of frequencies.
+    drag = np.broadcast_to(np.asarray(agents.damping, dtype=np.float64), n) / masses
+    fastest = 0.0
     for number, pairs in enumerate(sampled):
         if pairs is None or not len(pairs.agent):
             continue
-        degree = np.bincount(pairs.agent, minlength=n)
         stiff = np.zeros(len(pairs.agent))
         for term in scenario.law.pair_terms:
             if scenario.law.graph_number(term) != number:
                 continue
             if isinstance(term, Gradient):
                 stiff += _stiffness(term, pairs.distance, across)
-            else:
-                damping += _gain(term) * float(degree.max())
-        rate = float(np.sqrt(2.0 * np.bincount(pairs.agent, stiff, minlength=n).max() / mass))
-        if rate > 0:
-            limits.append(PERIODS / rate)
+            elif across or _is_unweighted(term):
+                drag = drag + np.bincount(pairs.agent, _coefficients(term, pairs), minlength=n) / masses
+        fastest = max(fastest, float((2.0 * np.bincount(pairs.agent, stiff, minlength=n) / masses).max()))
+    springs = np.zeros(n)
     for body in scenario.law.body_terms:
+        scale = 1.0 if getattr(body, "per_mass", False) else 1.0 / masses
         for name, value in body.parameters.items():
             if name == "velocity_gain":
-                damping += _largest(value)
+                drag = drag + _largest_of_each(value) * scale
             elif name == "position_gain":
-                limits.append(PERIODS / max(float(np.sqrt(_largest(value))), SLOWEST))
-    if damping > 0:
-        limits.append((DAMPED if scheme == "damped" else DAMPING) * mass / damping)
+                springs = springs + _largest_of_each(value) * scale
+    limits = [np.inf]
+    limits += [PERIODS / float(np.sqrt(square)) for square in (fastest, float(springs.max())) if square > 0]
+    if drag.max() > 0:
+        limits.append((DAMPED if scheme == "damped" else DAMPING) / float(drag.max()))
     return float(min(limits))
 
 
@@ -176,24 +176,39 @@ def _resolving_descent(
 
 
 def _stiffness(term: Gradient, r: Array, across: bool) -> Array:
-    """Curvature of the potential along the pair, and across it; zero at contact, where the force has no direction."""
-    near, far = np.maximum(r * (1 - PROBE), CONTACT), r * (1 + PROBE)
+    """Curvature of the potential along the pair, and across it; zero at contact, where the force has no direction.
+
+    Without ``across`` only what drives pairs back to where they were: what drives them away does not oscillate.
+    """
+    near, far = r * (1 - PROBE), r * (1 + PROBE)
     with np.errstate(all="ignore"):
-        bend = np.abs(term.potential.slope(far) - term.potential.slope(near)) / (far - near)
-        turn = np.abs(term.potential.slope(r)) / np.maximum(r, CONTACT) if across else 0.0
-        return np.where(r > 0, np.where(np.isfinite(bend), bend, 0.0) + turn, 0.0)
+        bend = (term.potential.slope(far) - term.potential.slope(near)) / (far - near)
+        if not across:
+            return np.where((r > 0) & np.isfinite(bend), np.maximum(bend, 0.0), 0.0)
+        turn = np.abs(term.potential.slope(r)) / r
+        return np.where(r > 0, np.where(np.isfinite(bend), np.abs(bend), 0.0) + np.where(r > 0, turn, 0.0), 0.0)
 
 
-def _gain(term: Term) -> float:
+def _is_unweighted(term: Term) -> bool:
+    """Whether the coefficients of a term are known from its numbers alone."""
+    return isinstance(term, Consensus) and not term.weighted and not term.functional
+
+
+def _coefficients(term: Term, pairs: SampledPairs) -> Array:
+    """Coefficients of the velocities of pairs, from gains and pair weights; those of graphs count as 1."""
     values = term.parameters
-    gain = _largest(values.get("gain", 1.0))
+    gain = _largest_of_each(values.get("gain", 1.0))
+    found = np.broadcast_to(gain[pairs.agent] if gain.ndim else gain, len(pairs.agent))
     weights = values.get("weights")
-    if weights is None:
-        return gain
-    return gain * float(getattr(weights, "high", 0.0) or np.max(getattr(weights, "values", 1.0)))
+    return found * weights_of(weights, pairs.agent, pairs.other) if isinstance(weights, PairWeights) else found
 
 
 def _largest(value: object) -> float:
     """Largest value of a gain over time."""
+    return float(np.max(_largest_of_each(value)))
+
+
+def _largest_of_each(value: object) -> Array:
+    """Largest value over time of a gain, one or one for each agent, shape () or (N,)."""
     values = value.values if isinstance(value, Schedule) else [value]
-    return max(float(np.max(np.asarray(v))) for v in values)
+    return np.asarray(np.max([np.asarray(v, dtype=np.float64) for v in values], axis=0))

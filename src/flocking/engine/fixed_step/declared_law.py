@@ -145,12 +145,13 @@ class Declared:
         for number, (k, j, certain) in enumerate(pairs):
             if not len(k):
                 continue
-            d = self._displacement(group.q[j], q[k])[0]
+            d, blur = self._displacement(group.q[j], q[k])
             # In the formulas of the flow, controls take the place of velocities.
             given = _pair_values(d, np.asarray(group.p[j], dtype=np.float64) - u[k], u[k])
             given |= {f"A{x}": row[k] for x, row in enumerate(A)}
-            given |= {f"W{x}": _weights(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
+            given |= {f"W{x}": weights_of(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
             found, off = self._both(f"pair_flow{number}", P, given, len(k))
+            self._blurred((f"pair_flow{number}", P, given, len(k)), found, off, blur)
             still = {**given, "radial": 0.0 * given["radial"], "push": 0.0 * given["push"]}
             parts = self._sizes(f"pair_sizes{number}", P, still, len(k))["along"]
             parts = 2.0 * parts * (2.0 * np.abs(given["push"]) + np.abs(given["radial"])) + np.abs(found["supply"])
@@ -191,7 +192,7 @@ class Declared:
             v = np.asarray(group.p[j], dtype=np.float64) - p[k]
             given = _pair_values(d, v, p[k] - group.frame)
             given |= {f"A{x}": row[k] for x, row in enumerate(A)}
-            given |= {f"W{x}": _weights(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
+            given |= {f"W{x}": weights_of(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
             if averages(self.scenario.law, number):
                 given["functional"] = np.asarray(1.0 / (1.0 + np.bincount(k, minlength=count)), dtype=np.float64)[k]
             found, off = self._both(f"pair{number}", P, given, len(k))
@@ -201,10 +202,8 @@ class Declared:
             one = along[:, None] * direction + found["drag"][:, None] * v
             v_size = np.sqrt((v**2).sum(axis=1))
             magnitude = np.where(r > 0, sizes["along"], 0.0) + sizes["drag"] * v_size
-            rounded = LENGTH_ROUNDING * self.rounding * r
-            self._blurred((f"pair{number}", P, given, len(k)), found, off, rounded if blur is None else rounded + blur)
-            if blur is not None:
-                off["along"] += np.abs(found["along"]) * blur / np.where(r > 0, r, 1.0)
+            self._blurred((f"pair{number}", P, given, len(k)), found, off, blur)
+            off["along"] += np.abs(found["along"]) * blur / np.where(r > 0, r, 1.0)
             doubt = np.where(r > 0, off["along"], 0.0) + off["drag"] * v_size + np.where(certain, 0.0, magnitude)
             # Differences of rounded numbers; the velocities themselves are exact, like the positions.
             for axis in range(m):
@@ -256,16 +255,17 @@ class Declared:
                 np.add.at(powers[:, column], i, values[name])
                 np.add.at(errors[:, column], i, NEAR_OBSTACLES * self.rounding * np.abs(values[name]))
 
-    def _displacement(self, there: AnyArray, here: Array) -> tuple[Array, Array | None]:
+    def _displacement(self, there: AnyArray, here: Array) -> tuple[Array, Array]:
         """Displacements of pairs, shape (K, m), and how far rounding may lead an engine from their lengths.
 
         Differences of neighbouring numbers are exact, those of numbers a length of space apart are not.
         """
         space, difference = self.scenario.space, np.asarray(there, dtype=np.float64) - here
-        if space.is_open:
-            return difference, None
-        d = space.displacement(difference)
-        return d, BLUR * self.rounding * (np.abs(difference) + np.abs(d - difference)).sum(axis=1)
+        d = difference if space.is_open else space.displacement(difference)
+        blur = LENGTH_ROUNDING * np.sqrt((d**2).sum(axis=1))
+        if not space.is_open:
+            blur += BLUR * (np.abs(difference) + np.abs(d - difference)).sum(axis=1)
+        return d, self.rounding * blur
 
     def _blurred(
         self, call: tuple[str, Array, dict[str, Array], int], found: Mapping[str, Array], off: dict[str, Array],
@@ -314,10 +314,19 @@ def _pair_values(d: Array, v: Array, own: Array) -> dict[str, Array]:
     }  # fmt: skip
 
 
-def _weights(weights: PairWeights, i: NDArray[np.integer], j: NDArray[np.integer]) -> Array:
+def weights_of(weights: PairWeights, i: NDArray[np.integer], j: NDArray[np.integer]) -> Array:
+    """Weights of pairs of agents, shape (K,).
+
+    Parameters
+    ----------
+    weights
+        Weights of all pairs.
+    i, j
+        Numbers of the sensing and of the sensed agents, shape (K,).
+    """
     if isinstance(weights, HashedWeights):
         return weights.low + (weights.high - weights.low) * pair_uniform(weights.seed, i, j)
     return np.asarray(getattr(weights, "values")[i, j])  # noqa: B009  of a matrix, which weights have
 
 
-__all__ = ["POWERS", "SAFETY", "Declared", "Group", "Statement"]
+__all__ = ["POWERS", "SAFETY", "Declared", "Group", "Statement", "weights_of"]

@@ -80,7 +80,7 @@ def check_stride(step: float, distance: float, moved: float, *, time: float, age
 def check_ledger(
     step: float, first: Sequence[float], last: Sequence[float], *, order: int, rounding: float, time: float,
     allowed: float = RESIDUAL, at_most: Callable[[], float] = lambda: np.inf, instead: str = "",
-    of_distances: Callable[[], float] = lambda: 0.0,
+    of_places: Callable[[], float] = lambda: 0.0,
 ) -> float:  # fmt: skip
     """Check that the residual of the energy ledger is small enough.
 
@@ -102,9 +102,9 @@ def check_ledger(
         Largest step that may be recommended.
     instead
         Text of an alternative to a smaller step.
-    of_distances
-        Bound on the error of the energy from the rounding of distances; called where the residual is too large. Where
-        agents are at rest at their distances, all energy is such an error.
+    of_places
+        Change of the energy by the rounding of positions; called where the residual is too large. Where agents are at
+        rest at their distances, all energy is such a change.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def check_ledger(
     share = abs(gap) / max(moved, NO_LESS)
     if share <= allowed:
         return 0.0
-    rounded = of_distances()
+    rounded = of_places()
     if not abs(gap) <= 2.0 * rounded:
         smaller = (
             step * (SMALL_GAP * allowed / min(share, LARGEST_GAP)) ** (1.0 / order)

@@ -13,6 +13,7 @@ from flocking.engine.lammps.bodies import AXES, BodyDeck, body_deck
 from flocking.engine.lammps.checks import check_supported
 from flocking.engine.lammps.images import images_of, periods_of
 from flocking.engine.lammps.library import FIRST_ORDER, LONGEST
+from flocking.engine.lammps.neighbours import radius_of
 from flocking.engine.lammps.pairs import PairPart, pair_commands, pair_part, table_text
 from flocking.errors import InvalidInput
 from flocking.model.checks import number
@@ -221,9 +222,7 @@ def make_deck(scenario: Scenario, skin: float | None = None) -> Deck:
     if scenario.agents.order == 1:
         formulas = flow_formulas(formulas)
     P, A, _ = layout.values(scenario.agents, scenario.start.n, scenario.start.t)
-    parts = [
-        pair_part(f, P, float(graph.break_radius)) for f, graph in zip(formulas.pairs, scenario.law.graphs, strict=True)
-    ]
+    parts = [pair_part(f, P, radius_of(graph)) for f, graph in zip(formulas.pairs, scenario.law.graphs, strict=True)]
     reach = max(part.radius for part in parts)
     return Deck(scenario, _skin(scenario, reach, skin), parts, body_deck(formulas, layout, P, scenario.agents), A)
 

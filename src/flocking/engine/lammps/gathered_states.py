@@ -12,7 +12,7 @@ from flocking.engine.kernels.law_kernels import LawKernels, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.motion_source import RATES
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
-from flocking.engine.lammps.neighbours import near_pairs
+from flocking.engine.lammps.neighbours import near_pairs, radius_of
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -35,7 +35,7 @@ class LawOnStates:
     def pairs(self, state: State) -> list[tuple[Indices, Indices]]:
         """Ordered pairs of agents linked under each graph of the law."""
         scenario = self._scenario
-        return [near_pairs(state.q, float(g.break_radius), scenario.space) for g in scenario.law.graphs]
+        return [near_pairs(state.q, radius_of(g), scenario.space) for g in scenario.law.graphs]
 
     def evaluated(
         self, state: State, pairs: Sequence[tuple[Indices, Indices]]

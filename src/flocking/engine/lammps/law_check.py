@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array, Forces, Indices
+from flocking.engine.fixed_step.automatic_step import SAMPLE
 from flocking.engine.fixed_step.certain_pairs import ENTRY_BYTES, certain_pairs, lists_limit, too_crowded
 from flocking.engine.fixed_step.declared_law import Declared, Group, Statement
+from flocking.engine.fixed_step.energy_rounding import energy_rounding
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.lammps.deck import Deck
-from flocking.engine.lammps.neighbours import near_pairs, tree_of
+from flocking.engine.lammps.neighbours import near_pairs, sampled_pairs, tree_of
 from flocking.engine.reference.control import frame_velocity
 from flocking.errors import LawNotObeyed, UnsupportedLaw
 from flocking.model.law import Scenario
@@ -27,6 +29,9 @@ AGENTS = 1024
 
 CLOSEST = 1e-10
 """Distance below which LAMMPS's pair styles omit velocity-dependent forces."""
+
+ROUNDINGS = 4.0
+"""Rounding errors in a difference of positions, in units of the largest coordinate."""
 
 EDGE = 1e-9
 """Relative distance from a radius within which LAMMPS may treat a pair as linked or not."""
@@ -126,7 +131,7 @@ class LawCheck:
             )  # fmt: skip
 
     def energy_rounding(self, state: State) -> float:
-        """Bound on the error of the energy from rounding, of distances above all, estimated from some agents.
+        """Change of the energy by the rounding of positions and of its formulas, estimated from some agents.
 
         Parameters
         ----------
@@ -135,7 +140,10 @@ class LawCheck:
         """
         judged = _judged(state.n)
         errors = self._stated(state, state.p, judged)[0].power_errors[:, :2]
-        return float(errors.sum()) * state.n / len(judged)
+        sampled = sampled_pairs(self.scenario.law, state.q, state.p, self.scenario.space)
+        blur = ROUNDINGS * float(np.finfo(np.float64).eps) * float(np.abs(state.q).max(initial=0.0))
+        share = len(range(0, state.n, max(1, state.n // SAMPLE))) / state.n
+        return float(errors.sum()) * state.n / len(judged) + energy_rounding(self.scenario.law, sampled, blur) / share
 
     def _stated(self, state: State, seen: Array, judged: Indices) -> tuple[Statement, Array]:
         """Forces and powers of the checked agents by the law, and the errors of tables in their forces.

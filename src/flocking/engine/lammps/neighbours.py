@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices, Positions, Velocities
 from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs
+from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
 
@@ -16,6 +17,18 @@ if TYPE_CHECKING:
 
 IMAGE_ROUNDING = 1e-9
 """Relative room of a search among images, whose coordinates are rounded; displacements then decide."""
+
+
+def radius_of(graph: Graph) -> float:
+    """Distance below which two agents are linked: the next number above the radius of a closed graph.
+
+    Parameters
+    ----------
+    graph
+        A graph with one radius.
+    """
+    radius = float(graph.break_radius)
+    return float(np.nextafter(radius, np.inf)) if getattr(graph, "closed", False) else radius
 
 
 def tree_of(q: Array, space: Space = OPEN) -> cKDTree:
@@ -50,12 +63,13 @@ def sampled_pairs(law: Law, q: Positions, p: Velocities, space: Space = OPEN) ->
     chosen = tree.indices[:: max(1, len(q) // SAMPLE)]
     found: list[SampledPairs | None] = []
     for graph in law.graphs:
-        near = tree.query_ball_point(places[chosen], float(graph.break_radius) * (1.0 + IMAGE_ROUNDING))
+        radius = radius_of(graph)
+        near = tree.query_ball_point(places[chosen], radius * (1.0 + IMAGE_ROUNDING))
         rows = [np.asarray(row, dtype=np.intp) for row in near]
         i = np.repeat(chosen, [row.size for row in rows])
         j = np.concatenate(rows)
         distance = np.linalg.norm(space.displacement(q[j] - q[i]), axis=1)
         speed = np.linalg.norm(p[j] - p[i], axis=1)
-        inside = (i != j) & (distance < float(graph.break_radius))
-        found.append(SampledPairs(i[inside], distance[inside], speed[inside]))
+        inside = (i != j) & (distance < radius)
+        found.append(SampledPairs(i[inside], j[inside], distance[inside], speed[inside]))
     return found

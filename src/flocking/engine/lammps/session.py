@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -301,8 +300,9 @@ class LammpsSession(Session):
                 state, observed_state(state, pairs[0], self.scenario.space) if self.options.observe else None
             )
             if self.rows:
-                of_distances = partial(judge.energy_rounding, state)
-                needed = check_ledger_rows(records.ledger, self.step, self.rows, self._sound, of_distances)
+                needed = check_ledger_rows(
+                    records.ledger, self.step, self.rows, self._sound, lambda: judge.energy_rounding(state)
+                )
                 records.energy_rounding = max(records.energy_rounding, needed)
         self._sound = state
 

@@ -96,7 +96,7 @@ def check_strides(
     check_stride(step, float(distance[k]), step * float(speed[k]), time=state.t, agents=pair)
 
 
-def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State, of_distances: Callable[[], float]) -> float:
+def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State, of_places: Callable[[], float]) -> float:
     """Check that the residual of the ledger is small enough; if rows are rare, its integration error is large.
 
     Parameters
@@ -105,8 +105,8 @@ def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State, of_d
         The time step.
     sound
         The last valid state.
-    of_distances
-        Bound on the error of the energy from the rounding of distances, called where it matters.
+    of_places
+        Change of the energy by rounding, called where it matters.
 
     Returns
     -------
@@ -126,5 +126,5 @@ def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State, of_d
     return check_ledger(
         step, ledger.trace[0], last, order=1, rounding=ROUNDING * scale, time=last[0],
         at_most=lambda: _resolves(ledger.scenario, sound), instead=instead,
-        allowed=RESIDUAL if rows == 1 else RARE_RESIDUAL, of_distances=of_distances,
+        allowed=RESIDUAL if rows == 1 else RARE_RESIDUAL, of_places=of_places,
     )  # fmt: skip

@@ -25,7 +25,9 @@ def observation(
         Smallest distance of linked agents; infinite where there is no link.
     """
     n, speed = len(p), np.sqrt((p**2).sum(axis=1))
+    # Links between agents at one place all have the same length, 0.
+    defect = deviation / mean if mean else 0.0
     return (
         t, order_of(p), float(speed.mean()), spread_of(p), len(flock_sizes), float(flock_sizes.max()) / n, links / n,
-        mean, deviation / mean, closest,
+        mean, defect, closest,
     )  # fmt: skip

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine.fixed_step.automatic_step import PERIODS, SAMPLE, SampledPairs, largest_step, resolving_step
+from flocking.engine.fixed_step.energy_rounding import energy_rounding
 from flocking.engine.fixed_step.supported_bodies import is_known
 from flocking.engine.tiles.body_check import BodyCheck
 from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
+from flocking.engine.tiles.particles.displacement import ROUNDINGS
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
-from flocking.model.law import Scenario
+from flocking.model.law import Law, Scenario
 
 FEW = 400
 """Agents sampled where a given step is only tested for gross instability, which needs no accurate estimate."""
@@ -50,13 +52,28 @@ def resolves(particles: ParticleArrays, scenario: Scenario, scheme: str) -> floa
     return resolving_step(scenario, sampled, scheme, across=False)
 
 
+def energy_doubt(particles: ParticleArrays, law: Law) -> float:
+    """Estimated change of the stored energy of all pairs by the rounding of positions, from a sample of tiles."""
+    sampled = [_sampled(particles, number, FEW) for number in range(len(particles.lists))]
+    eps = float(np.finfo(particles.dtype).eps)
+    blur = ROUNDINGS * eps * float(np.abs(particles.X[: particles.m]).max(initial=0.0))
+    share = len(_tiles(particles, FEW)) / max(particles.tiles, 1)
+    own = np.array([energy_rounding(law, sampled, blur) / max(share, 1e-300)])
+    return float(particles.group_sum(own)[0])
+
+
+def _tiles(particles: ParticleArrays, agents: int) -> range:
+    """Tiles of a sample."""
+    return range(0, particles.tiles, max(1, particles.n // agents))
+
+
 def _sampled(particles: ParticleArrays, number: int, agents: int = SAMPLE) -> SampledPairs | None:
     lists, m = particles.lists[number], particles.m
     if lists is None:
         return None
-    i, j = tile_pairs(lists, range(0, particles.tiles, max(1, particles.n // agents)), particles.n)
-
+    i, j = tile_pairs(lists, _tiles(particles, agents), particles.n)
     distance = particles.distances(i, j)
     speed = np.sqrt(((particles.X[m:, j] - particles.X[m:, i]).astype(np.float64) ** 2).sum(axis=0))
     inside = distance < (particles.radii.cutoffs[number] or np.inf)
-    return SampledPairs(i[inside], distance[inside], speed[inside])
+    first, second = (particles.ids[x[inside]].astype(np.int64) for x in (i, j))
+    return SampledPairs(first, second, distance[inside], speed[inside])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from flocking.engine.fixed_step.passing_pairs import check_passing
 from flocking.engine.fixed_step.step_checks import STRIDE, check_ledger, check_stride, step_too_large
 from flocking.engine.runs.run import Closest
 from flocking.engine.tiles.integrators import Integrator
+from flocking.engine.tiles.law_check import LawCheck
 from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.engine.tiles.records import TilesRecorder
@@ -108,10 +109,20 @@ def closest_pair(particles: ParticleArrays, before: Closest, time: float, rows: 
     if not near < min(before.distance, FARTHEST):
         return before
     own = particles.results.tile_extremes[:, 1]
-    pair = particles.agreed_pair(
-        float(own.min(initial=np.inf)), _closest_in(particles, int(np.argmin(own)), rows) if len(own) else None
-    )
+    least = float(own.min(initial=np.inf))
+    pair = particles.agreed_pair(least, _closest_in(particles, int(np.argmin(own)), least, rows) if len(own) else None)
     return before if pair is None else Closest(near, time, pair)
+
+
+def look_at_closest(particles: ParticleArrays, records: TilesRecorder, time: float) -> None:
+    """Record the closest pair of a pass that has left the agents where they were.
+
+    Parameters
+    ----------
+    records
+        Receives the pair.
+    """
+    records.closest_linked = closest_pair(particles, records.closest_linked, time, particles.X)
 
 
 def _nearest(particles: ParticleArrays) -> float:
@@ -214,13 +225,20 @@ def _listed(particles: ParticleArrays, tiles: Sequence[int] | Indices) -> tuple[
     return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
 
 
-def _closest_in(particles: ParticleArrays, tile: int, rows: Reals) -> tuple[int, int] | None:
-    i, j = _listed(particles, [tile])
+def _closest_in(particles: ParticleArrays, tile: int, least: float, rows: Reals) -> tuple[int, int] | None:
+    """Numbers of the linked agents of a tile whose squared distance the kernel found to be the ``least``."""
+    # Lists have pairs that are not linked too; lists without marks have none that is as near.
+    found = [
+        tile_pairs(lists, [tile], particles.n, linked=kind.memory or kind.fixed)
+        for lists, kind in zip(particles.lists, particles.spec.graphs, strict=True)
+        if lists is not None
+    ]
+    i, j = (np.concatenate(x) for x in zip(*found, strict=True))
     if not len(i):
         return None
     apart = rows[: particles.m, j] - rows[: particles.m, i]
     square = (particles.space.displacement(apart.T) ** 2).sum(axis=1)
-    k = int(np.argmin(square))
+    k = int(np.argmin(np.abs(square - least)))
     a, b = int(particles.ids[i[k]]), int(particles.ids[j[k]])
     return (min(a, b), max(a, b))
 
@@ -281,9 +299,8 @@ def resolved(particles: ParticleArrays, out: float) -> bool:
 
 
 def ledger(
-    records: TilesRecorder, scheme: Integrator, particles: ParticleArrays, step: float, time: float,
-    of_distances: Callable[[], float],
-) -> None:  # fmt: skip
+    records: TilesRecorder, scheme: Integrator, particles: ParticleArrays, law_check: LawCheck, step: float, time: float
+) -> None:
     """Check that the residual of the energy ledger is small enough.
 
     Parameters
@@ -292,12 +309,10 @@ def ledger(
         The rows of the ledger.
     scheme
         The integrator, which has the last sums.
-    particles
-        The agents.
+    law_check
+        Estimates what rounding makes of the energy.
     step
         The largest step.
-    of_distances
-        Bound on the error of the energy from the rounding of distances, called where it matters.
     """
     first, trace = records.first, records.trace
     if first is None or trace[-1][0] == first[0]:
@@ -306,6 +321,7 @@ def ledger(
     scale = abs(sums["pairs"]) + abs(sums["bodies"]) + trace[-1][2]
     rounding = ENERGY_ROUNDING * float(np.finfo(particles.dtype).eps) * scale
     needed = check_ledger(
-        step, first, trace[-1], order=scheme.order, rounding=rounding, time=time, of_distances=of_distances
-    )
+        step, first, trace[-1], order=scheme.order, rounding=rounding, time=time,
+        of_places=lambda: law_check.energy_rounding(particles, time),
+    )  # fmt: skip
     records.energy_rounding = max(records.energy_rounding, needed)

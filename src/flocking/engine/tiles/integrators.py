@@ -17,6 +17,7 @@ from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.formula.native.functions import native
+from flocking.model.law import Scenario
 
 SKIN_SPARE = 2.5
 """Ratio of a new skin to the displacement of a stage that left the lists; half of the skin exceeds it by a fourth."""
@@ -103,6 +104,34 @@ class Integrator(ABC):
     @abstractmethod
     def look(self, particles: ParticleArrays, t: float, h: float) -> Reals:
         """Velocities at the time of the positions, shape (m, size), with the ledger updated; ``h`` is the next step."""
+
+    def change_gains(
+        self, particles: ParticleArrays, scenario: Scenario, before: float, t: float, h: float
+    ) -> None:  # fmt: skip
+        """Use the values of scheduled gains from time ``t`` on; what they change of stored energies is a jump.
+
+        Parameters
+        ----------
+        particles
+            The agents at this time.
+        scenario
+            Has the gains.
+        before
+            Time from which the values of now were used.
+        t
+            The time.
+        h
+            The next step.
+        """
+        end = float(np.nextafter(t, np.inf))
+        if not (self.ledger and any(term.switch_times(before, end) for term in scenario.law.body_terms)):
+            particles.pass_switch_time(scenario, t)
+            return
+        self.look(particles, t, h)
+        stored = self.ledger_sums.sums["bodies"]
+        particles.pass_switch_time(scenario, t)
+        self.look(particles, t, h)
+        self.ledger_sums.jumped += self.ledger_sums.sums["bodies"] - stored
 
     def _count(self, particles: ParticleArrays, duration: float) -> None:
         """Add the powers of the last pass to the ledger, once per step."""

@@ -9,6 +9,7 @@ import numpy as np
 from flocking.arrays import Array, Indices, Reals
 from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs, Statement
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
+from flocking.engine.tiles.automatic_step import energy_doubt
 from flocking.engine.tiles.body_check import BodyCheck
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
@@ -145,22 +146,24 @@ class LawCheck:
         found = self._compared(particles, (q, p), places, force, rounding, moment, gaps, remembered=False)
         self._require(found, moment, gaps)
 
-    def energy_rounding(self, particles: ParticleArrays, moment: Moment) -> float:
-        """Bound on the error of the energy from rounding, of distances above all, estimated from some tiles.
+    def energy_rounding(self, particles: ParticleArrays, time: float) -> float:
+        """Change of the energy by the rounding of positions and of its formulas, estimated from some tiles.
 
         Parameters
         ----------
         particles
             The agents, with neighbour lists of a pass over their positions.
-        moment
+        time
             Time of their state.
         """
+        moment = Moment(time, time, 0)
         places = self._places(particles, moment, MOST_TILES)
         m = particles.m
         q, p = (np.asarray(x.T) for x in (particles.X[:m], particles.X[m:]))
         errors = self._declared(particles, (q, p), places, moment, remembered=True).power_errors[:, :2]
         total, count = particles.group_sum(np.array([errors.sum(), float(len(places))]))
-        return float(total) * particles.everyone / max(float(count), 1.0)
+        of_formulas = float(total) * particles.everyone / max(float(count), 1.0)
+        return of_formulas + energy_doubt(particles, self.scenario.law)
 
     def _places(self, particles: ParticleArrays, moment: Moment, most: int = TILES) -> Indices:
         """Indices of the checked agents: evenly spread tiles, others at every check, and that of the closest pair.

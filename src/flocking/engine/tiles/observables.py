@@ -23,8 +23,11 @@ def _root(parent: NDArray[np.int32], i: int | np.int64) -> int | np.int64:
 
 @native
 def _survey(agents, n, box, rows, first, count, remembered, limit, each, parent):  # type: ignore[no-untyped-def]
-    """Join linked agents; returns the number of links, sums of lengths and squared lengths, and the smallest square."""
+    """Join linked agents; returns the number of links, one length, the sums of what others exceed it by and of the
+    squares of that, and the smallest square of a length.
+    """
     links = 0
+    typical = 0.0
     lengths = 0.0
     squares = 0.0
     least = np.inf
@@ -49,20 +52,24 @@ def _survey(agents, n, box, rows, first, count, remembered, limit, each, parent)
                     continue
             elif s >= bound:
                 continue
+            length = np.sqrt(s)
+            if links == 0:
+                typical = length
             links += 1
-            lengths += np.sqrt(s)
-            squares += s
+            # Beside a length of the same size the squares of nearly equal lengths do not cancel.
+            lengths += length - typical
+            squares += (length - typical) * (length - typical)
             least = min(least, s)
             a, b = _root(parent, i), _root(parent, j)
             if a != b:
                 parent[max(a, b)] = min(a, b)
     for i in range(n):
         parent[i] = _root(parent, i)
-    return links, lengths, squares, least
+    return links, typical, lengths, squares, least
 
 
-def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, float, float]]:
-    """Sizes of the flocks under the law's graph; number of links, sums of lengths and squares, smallest square."""
+def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, float, float, float]]:
+    """Sizes of the flocks under the law's graph, and what `_survey` returns."""
     n = particles.n
     lists, graph = particles.lists[0], particles.radii.graphs[0]
     assert lists is not None
@@ -87,7 +94,8 @@ def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, 
 
 def observe(particles: ParticleArrays, t: float, p: Reals) -> tuple[float, ...]:
     """One row of `OBSERVED_FIELDS`; ``p``: velocities, shape (N, m). The lists must be valid."""
-    sizes, (links, lengths, squares, least) = _flock_sizes(particles)
-    mean = lengths / links if links else np.nan
-    deviation = float(np.sqrt(max(squares / links - mean**2, 0.0))) if links else np.nan
+    sizes, (links, typical, lengths, squares, least) = _flock_sizes(particles)
+    more = lengths / links if links else np.nan
+    mean = typical + more
+    deviation = float(np.sqrt(max(squares / links - more**2, 0.0))) if links else np.nan
     return observation(t, p, sizes, links, mean=mean, deviation=deviation, closest=float(np.sqrt(least)))

@@ -191,9 +191,9 @@ class TilesSession(Session):
         return links
 
     def accelerations(self) -> Array:
-        """Current acceleration (order 1: velocity) of every agent, shape (N, m); the state is not changed."""
+        """Current acceleration (order 1: velocity) of every agent, shape (N, m), by the links of now."""
         particles = self._particles
-        self._guarded(lambda: particles.require_lists(self.step))
+        self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
         particles.move(self.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
         return particles.in_order(particles.Y[particles.m :])
 
@@ -237,8 +237,9 @@ class TilesSession(Session):
     def _take_step(self) -> None:
         start, end, count, index = self._plan
         if index >= count:
-            start, end = self.time, self._next_stop()
-            self._particles.pass_switch_time(self.scenario, start)
+            last_start, start, end = start, self.time, self._next_stop()
+            change = self._integrator.change_gains
+            self._guarded(partial(change, self._particles, self.scenario, last_start, start, self.step))
             count, index = steps_between(start, end, self.step), 0
         h = (end - start) / count
         particles, last = self._particles, self._integrator.last
@@ -279,6 +280,7 @@ class TilesSession(Session):
         if not (self.options.keep_frames or self.options.observe):
             self._guarded(lambda: self._integrator.look(self._particles, self.time, self.step))
             checks.links_stay(self._particles, self.step, self.time)
+            checks.look_at_closest(self._particles, self.records, self.time)
             self._update_ledger()
             self.records.skip()
             return
@@ -287,6 +289,7 @@ class TilesSession(Session):
             raise NotFinite("The state became infinite or NaN.", time=self.time)
         checks.links_stay(self._particles, self.step, self.time)
         checks.resolution(self._particles, q, self.time)
+        checks.look_at_closest(self._particles, self.records, self.time)
         self._update_ledger()
         observed = None
         if self.options.observe:
@@ -304,12 +307,9 @@ class TilesSession(Session):
         if self.options.ledger:
             self._add_ledger_row()
             if not self.steps and not np.isfinite(self.records.trace[-1][1]):
-                raise infinite_start(
-                    self.scenario, self.scenario.start, self.records.trace[-1][1], self.options.precision
-                )
-            particles, moment = self._particles, Moment(self.time, self._plan[0], self.steps)
-            rounding = partial(self._law_check.energy_rounding, particles, moment)
-            checks.ledger(self.records, self._integrator, particles, self.step, self.time, rounding)
+                energy, start = self.records.trace[-1][1], self.scenario.start
+                raise infinite_start(self.scenario, start, energy, self.options.precision)
+            checks.ledger(self.records, self._integrator, self._particles, self._law_check, self.step, self.time)
 
     def snapshot(self, *, copied: bool = True) -> TilesSnapshot:
         """Everything needed to continue bit for bit; if not ``copied``, valid only until the session continues."""
@@ -363,7 +363,7 @@ class TilesSession(Session):
         if state is not None:
             if state.q.shape != self.scenario.start.q.shape:
                 raise InvalidInput("TilesSession", "state", "must keep the number of agents", state.q.shape)
-            self._particles = self._new_particles(scenario, state)
+            self._particles = self._new_particles(scenario, replace(state, t=self.time))
             self._set_going()
         elif spec.graphs == particles.spec.graphs:
             if self.scenario.agents.order == 2:

@@ -34,6 +34,12 @@ MOST_COMPARED = 2_000
 ROUNDING, INTERPOLATION_ROUNDING = 1e-12, 1e-9
 """Rounding of a computed ledger and of one integrated over samples, as shares of the largest energy."""
 
+ENERGY_ROUNDING = 1e3
+"""Rounding of the energies of a run with a fixed step, in units of that of its numbers, as its engine takes it."""
+
+RESTING = 16.0
+"""Largest change of a coordinate that is rounding alone, in units of the rounding of the largest one."""
+
 SMALLEST = 1e-14
 """Smallest bound of a residual, for runs without energy. It depends on the unit of energy: no verdict rests on it where
 it alone lets a residual pass.
@@ -73,7 +79,8 @@ class LedgerEvidence(LinkEvidence):
             raise NotResolvable("the run does not state the bound of its ledger")
         size = stated(rule.size, "the bound of its ledger")
         if rule.kind == "share":
-            return size * self.energy_moved + SMALLEST
+            rounding = ENERGY_ROUNDING * float(np.finfo(self.run.q.dtype).eps) * self._largest_energy
+            return size * (self.energy_moved + rounding) + SMALLEST
         if rule.kind == "estimate":
             switch_error = stated(rule.switch_error, "what switches add to its ledger")
             return DOUBT * size + switch_error + INTERPOLATION_ROUNDING * self._largest_energy
@@ -198,7 +205,10 @@ class LedgerEvidence(LinkEvidence):
     @property
     def _at_rest(self) -> bool:
         """Whether agents stay where they are but for rounding, so that their energies are rounding as well."""
-        return bool(len(self.q) and np.abs(self.q - self.q[0]).max() <= ROUNDING * np.abs(self.q).max())
+        if not len(self.q):
+            return False
+        rounding = max(ROUNDING, RESTING * float(np.finfo(self.run.q.dtype).eps))
+        return bool(np.abs(self.q - self.q[0]).max() <= rounding * np.abs(self.q).max())
 
     @property
     def foreign_force(self) -> str:

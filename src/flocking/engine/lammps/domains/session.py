@@ -161,6 +161,7 @@ class DomainSession(TilesSession):
         particles, options = self._particles, self.options
         velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
         checks.links_stay(particles, self.step, self.time)
+        checks.look_at_closest(particles, self.records, self.time)
         self._update_ledger()
         rows: Array | None = None
         if self._shares is not None:
@@ -290,7 +291,7 @@ class DomainSession(TilesSession):
     def accelerations(self) -> Array:
         """Current acceleration (order 1: velocity) of every agent, shape (N, m), on every rank."""
         particles = self._particles
-        self._guarded(lambda: particles.require_lists(self.step))
+        self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
         particles.move(self.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
         found: Array = self.ranks.comm.bcast(particles.gathered(particles.successor[: particles.n, particles.m :]))
         return found

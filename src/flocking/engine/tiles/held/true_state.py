@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from flocking.engine.tiles import checks
 from flocking.engine.tiles.held.held_ledger import at_rest, powers_of
 from flocking.engine.tiles.held.held_particles import HeldParticles
 from flocking.engine.tiles.held.memory import HeldMemory
-from flocking.engine.tiles.law_check import LawCheck, Moment
+from flocking.engine.tiles.law_check import LawCheck
 from flocking.engine.tiles.session import TilesSession
 from flocking.errors import NotFinite
 from flocking.model.state import State
@@ -134,15 +134,16 @@ class HeldTruth(TilesSession):
         scale = abs(sums["pairs"]) + abs(sums["bodies"]) + sums["kinetic"]
         first, last = self.records.first, self.records.trace[-1]
         if first is not None and last[0] > first[0] and self.options.ledger_at == "steps":
-            rounding, moment = checks.ENERGY_ROUNDING * eps * scale, Moment(t, t, self.steps)
-            of_distances = partial(self._law_check.energy_rounding, self._particles, moment)
-            needed = check_ledger(self.step, first, last, order=2, rounding=rounding, time=t, of_distances=of_distances)
+            rounding = checks.ENERGY_ROUNDING * eps * scale
+            needed = check_ledger(
+                self.step, first, last, order=2, rounding=rounding, time=t,
+                of_places=lambda: self._law_check.energy_rounding(self._particles, t),
+            )  # fmt: skip
             self.records.energy_rounding = max(self.records.energy_rounding, needed)
 
     @cached_property
     def _law_check(self) -> LawCheck:
-        points = of_points(self.scenario)
-        return LawCheck(points, self._particles.dtype, motion=False, refuses=False)
+        return LawCheck(of_points(self.scenario), self._particles.dtype, motion=False, refuses=False)
 
     # States.
 

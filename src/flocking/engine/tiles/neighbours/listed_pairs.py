@@ -13,8 +13,8 @@ from flocking.model.graphs.connectivity import Links
 from flocking.model.space import OPEN, Space
 
 
-def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Numbers, Numbers]:
-    """Indices of the ordered pairs in the lists of some tiles."""
+def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int, *, linked: bool = False) -> tuple[Numbers, Numbers]:
+    """Indices of the ordered pairs in the lists of some tiles, or only of those that are marked as linked."""
     none = np.zeros(0, np.int64)
     found = [(none, none)]
     for tile in tiles:
@@ -22,6 +22,8 @@ def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Numbers,
         i = np.broadcast_to(tile * WIDTH + np.arange(WIDTH), entries.shape)
         j = (entries & NUMBER).astype(np.int64)
         keep = (i != j) & (i < n)
+        if linked:
+            keep &= entries > NUMBER
         found.append((i[keep], j[keep]))
     return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
 

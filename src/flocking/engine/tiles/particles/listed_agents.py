@@ -178,6 +178,11 @@ class ListedAgents(AgentArrays):
         if not self.moving:
             self._build_fixed()
             return
+        # Squares of a skin that is given may be infinite: then everybody is listed.
+        with np.errstate(over="ignore"):
+            self._rebuild_moving(step, skin)
+
+    def _rebuild_moving(self, step: float, skin: float | None) -> None:
         self._sort(step, skin)
         sorter, order = self.search.sorter, self.search.sorter.order
         old_place = sorter.arrange(
