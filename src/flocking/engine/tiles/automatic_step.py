@@ -55,10 +55,10 @@ def resolves(particles: ParticleArrays, scenario: Scenario, scheme: str) -> floa
 def energy_doubt(particles: ParticleArrays, law: Law) -> float:
     """Estimated change of the stored energy of all pairs by the rounding of positions, from a sample of tiles."""
     sampled = [_sampled(particles, number, FEW) for number in range(len(particles.lists))]
-    eps = float(np.finfo(particles.dtype).eps)
-    blur = ROUNDINGS * eps * float(np.abs(particles.X[: particles.m]).max(initial=0.0))
-    share = len(_tiles(particles, FEW)) / max(particles.tiles, 1)
-    own = np.array([energy_rounding(law, sampled, blur) / max(share, 1e-300)])
+    blur = ROUNDINGS * float(np.finfo(particles.dtype).eps) * float(np.abs(particles.X[: particles.m]).max(initial=0.0))
+    # A rank of many may have no tile.
+    times = particles.tiles / max(len(_tiles(particles, FEW)), 1)
+    own = np.array([times * energy_rounding(law, sampled, blur)])
     return float(particles.group_sum(own)[0])
 
 
