@@ -64,7 +64,25 @@ RULES: tuple[tuple[str, str, str], ...] = (
         "the times of the snapshots are among the even times that a scenario has by itself",
     ),
     ("tanner_2003_dynamic.pictures.times", "SNAPSHOT_TIMES = with 0.05 at 0", "the first time is left out"),
-    ("theorems.longest_path", "for 50 in", "the upper end of the bracket need only lie beyond the root"),
+    ("heading_gaps", "swap: arguments of np.clip(gap", "the larger one of two numbers may be named in either order"),
+    ("final_distance", "1.05 times np.inf", "infinity times a number is infinite"),
+    *(
+        ("nonsmooth.is_regular", text, "the curvature beside a kink is a bound of rounding, and need not be exact")
+        for text in ("STEPS", "in -1", "r * np.abs(potential.curvature(")
+    ),
+    *(
+        ("structural_nets._descent", f"sign: minus {text}", "only squares of the gradient are read")
+        for text in ("evaluate(", "found")
+    ),
+    (
+        "structural_nets._descent",
+        "without agents = agents",
+        "links are given, and no directed graph weighs by headings",
+    ),
+    *(
+        ("rigid_motion.converse_conditions", text, "a bound of rounding need not be exact")
+        for text in ("1.05 times ROUNDING", "without axis", "in axis")
+    ),
     (
         "Equilibrium._set_pairs",
         "in np.where(self.r > 0",

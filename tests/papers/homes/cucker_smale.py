@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -66,6 +67,9 @@ def scatter():
 def condition():
     get = closed_forms.sufficient_condition
     assert get(1.0, 2.0, 3.0, 0.49) == math.inf
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert get(1.0, 1e-3, 1.0, 0.501) == math.inf, "more than any number"
     assert_allclose(get(9.0, 0.2, 3.0, 0.5, 1.0, 0.5), (0.5 * 3.0) ** 2 / 8 - 0.2)
     beta, gamma, speed = 1.25, 0.3, 0.2
     e = 1 / 1.5
@@ -83,6 +87,7 @@ def two():
     assert_allclose(closed_forms.pair_invariant(np.array([1.0]), np.array([2.0]), 3.0), 2 + 3 * math.pi / 4)
     assert_allclose(closed_forms.pair_invariant(1.0, 2.0), 2 + math.pi / 4)
     assert_allclose(closed_forms.final_distance(1.0, 0.5, 2.0), math.tan(math.pi / 4 + 0.25), rtol=1e-12)
+    assert_allclose(closed_forms.final_distance(0.0, math.pi / 2 - 0.01), 1 / math.tan(0.01), rtol=1e-10)
     assert closed_forms.final_distance(0.0, 1.6) == math.inf
     assert_allclose(closed_forms.final_speed(1.0, 4.0, 2.0), 4.0 - math.pi / 2, rtol=1e-12)
     assert closed_forms.final_speed(0.0, 1.5) == 0.0

@@ -120,6 +120,13 @@ def views():
     space = np.array(turns)
     expected = [[0.5 * np.trace(np.eye(3) - b.T @ a) for b in space] for a in space]
     assert_allclose(heading_gaps(space, "rotation"), expected, atol=1e-12)
+    for seed in range(40):
+        frame = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+        opposite = np.array([frame, frame * [-1.0, -1.0, 1.0]]) * np.linalg.det(frame)
+        found = heading_gaps(opposite, "rotation")
+        assert found.max() <= 2.0, "trace(I - R^T R)/2 is at most 2 in space, whatever the rounding"
+        assert found.min() >= 0.0
+    assert_allclose(heading_gaps(np.array([np.eye(4), -np.eye(4)]), "rotation"), [[0.0, 4.0], [4.0, 0.0]])
     # What is no rotation to nine digits is refused: a shear, another size, a mirror image.
     for off, refused in ((2e-9, True), (0.5e-9, False)):
         for wrong in ([[1.0, off], [0.0, 1.0]], [[1.0 + off / 2, 0.0], [0.0, 1.0]]):
@@ -250,6 +257,13 @@ def algebraic_connectivity():
     assert_allclose(nets.algebraic_connectivity(np.ones((5, 5)) - np.eye(5)), 5.0)
     assert_allclose(nets.algebraic_connectivity([[0.0, 0.3], [0.3, 0.0]]), 0.6)
     assert_allclose(nets.algebraic_connectivity(np.kron(np.eye(2), 1 - np.eye(3))), 0.0, atol=1e-12)
+    for off, refused in ((0.9e-12, False), (1.1e-12, True), (0.5, True)):
+        bent = np.array([[0.0, 3.0 * (1.0 - off)], [3.0, 0.0]])
+        if refused:
+            with pytest.raises(InvalidInput, match="symmetric"):
+                nets.algebraic_connectivity(bent)
+        else:
+            assert_allclose(nets.algebraic_connectivity(bent), 6.0)
 
 
 def connected():

@@ -13,7 +13,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from flocking.engine.driver.simulate import simulate
-from flocking.model.graphs.distance_graphs import Proximity
+from flocking.errors import InvalidInput
+from flocking.model.graphs.distance_graphs import Fixed, Proximity
 from flocking.model.law import Law, Scenario
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
@@ -156,6 +157,12 @@ def corners():
     assert nonsmooth.pairs_at_switch(law, state) == edge
     apart = State(Q * 1.1, P)
     assert nonsmooth.filippov_corners(law, apart).shape == (1, 4, 2)
+    crowd = State(np.arange(14.0)[:, None] * [R, 0.0])
+    with pytest.raises(InvalidInput, match="at most 12 pairs"):
+        nonsmooth.filippov_corners(law, crowd)
+    still = Law(Fixed(14, [(0, 1)]), (Consensus(1.0),))
+    with pytest.raises(InvalidInput, match="at most 12 pairs"):
+        nonsmooth.energy_rates(still, psi.capped(R), crowd)
     links = np.zeros((4, 4), dtype=bool)
     links[2, 3] = links[3, 2] = True
     kept = nonsmooth.filippov_corners(law, State(Q, P, links=links))
@@ -182,6 +189,7 @@ def rates():
     assert found.empty == (low > high)
     smooth = nonsmooth.energy_rates(law, psi.capped(R), State(Q * 0.99, P))
     assert_allclose(smooth.low, smooth.high, atol=1e-8)
+    corners()
     assert not nonsmooth.Rates(1.0, 1.0).empty
     assert nonsmooth.Rates(1.0, 0.9).empty
     gradients()

@@ -132,6 +132,9 @@ def equilibrium():
     links[0, 1] = links[1, 0] = True
     kept = Equilibrium(Law(Proximity(R), (Gradient(PSI),)), State(Q, P, links=links))
     assert_allclose(kept.agent_potentials, [value(math.dist(Q[0], Q[1]))] * 2 + [0.0] * (N - 2), rtol=1e-10)
+    links[1, 0] = False
+    halved = Equilibrium(Law(Proximity(R), (Gradient(PSI),)), State(Q, P, links=links)).hessian
+    assert_allclose(halved, 0.5 * kept.hessian, rtol=1e-12, atol=1e-15)
     other = Equilibrium(Law(Proximity(R), (Gradient(PSI, over=Fixed.complete(N)), Consensus())), state)
     assert_allclose(other.forces, 0.0, atol=1e-15)
     assert other.potentials == []

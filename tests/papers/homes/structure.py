@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
+from flocking.errors import InvalidInput
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
 from flocking.model.graphs.views import Cone
@@ -91,6 +93,10 @@ def weights():
     for i, j, d in linked(lambda d: True):
         expected[i, j] = phi(d) / d if d <= radii[i] else 0.0
     assert_allclose(structure.vote_weights(PerAgentRadii(radii), potential(), STATE), expected, rtol=1e-10)
+    close = structure.vote_weights(Proximity(R), potential(), State(0.1 * Q[:2]))[0, 1]
+    assert_allclose(close, phi(math.dist(0.1 * Q[0], 0.1 * Q[1])) / math.dist(0.1 * Q[0], 0.1 * Q[1]), rtol=1e-10)
+    with pytest.raises(InvalidInput, match="agents 0 and 1 at one place"):
+        structure.vote_weights(Proximity(R), potential(), State(np.zeros((2, 2))))
     smooth = structure.vote_weights(Smooth(R, 0.6), potential(), STATE)
     assert_allclose(smooth, structure.vote_weights(Proximity(R), potential(), STATE), rtol=1e-10)
 
@@ -159,6 +165,14 @@ def defects():
     assert (alone.links, alone.normalized, alone.factor) == (0, 0.0, 0.0)
     one_way = PerAgentRadii(np.array([3.0, 1.0, 1.0, 1.0, 1.0, 1.0]))
     assert structure.defect(one_way, potential(), STATE).links == 2
+    two = structure.defect(PerAgentRadii(np.array([3.5, 3.5, 1.0, 1.0, 1.0, 1.0])), potential(), STATE)
+    slopes = np.zeros((6, 2))
+    for i, j, d in linked(lambda d: d <= 3.5):
+        # The first two alone have links; V has half of what each link stores.
+        if i < 2:
+            slopes[i] += 0.5 * phi(d) * (Q[j] - Q[i]) / d
+            slopes[j] -= 0.5 * phi(d) * (Q[j] - Q[i]) / d
+    assert_allclose(two.gradient_square, (slopes**2).sum(), rtol=1e-10)
     heading = np.array([0.0, 0.2, 2.0, 0.1, 3.0, 0.0])
     seen = structure.defect(Cone(R, 0.5), potential(), STATE, headings=heading)
     alike = [(i, j, d) for i, j, d in linked(lambda d: d <= R) if abs(heading[i] - heading[j]) <= 0.5]
@@ -174,6 +188,12 @@ def defects():
     assert kept.links == 1
     d = math.dist(Q[0], Q[4])
     assert_allclose([kept.potential, kept.gradient_square], [psi(d), 2 * phi(d) ** 2], rtol=1e-10)
+
+
+def normalized():
+    for energy, expected in ((0.02, 100.0), (math.inf, math.nan), (0.0, math.nan), (-1.0, math.nan)):
+        assert_allclose(structure.Defect(6.0, 0.0, 3, energy, 0.01).normalized, expected, rtol=1e-12)
+    defects()
 
 
 def quasi_realizations():
@@ -301,7 +321,7 @@ HOMES = {
     f"{STUDY}.vote_weights": weights,
     f"{STUDY}.vote": votes,
     f"{STUDY}.defect": defects,
-    f"{STUDY}.Defect.normalized": defects,
+    f"{STUDY}.Defect.normalized": normalized,
     f"{STUDY}.is_quasi_realization": quasi_realizations,
     f"{STUDY}.is_realization": realizations,
     f"{STUDY}.deviation": deviations,

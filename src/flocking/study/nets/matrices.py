@@ -118,7 +118,7 @@ def is_balanced(weights: ArrayLike, tolerance: float = 1e-12) -> bool:
         Accepted difference, as a fraction of the largest degree.
     """
     inward, outward = in_degree(weights), out_degree(weights)
-    largest = float(np.maximum(np.abs(inward), np.abs(outward)).max(initial=0.0))
+    largest = float(np.maximum(np.abs(inward), np.abs(outward)).max())
     return bool((np.abs(inward - outward) <= tolerance * largest).all())
 
 
