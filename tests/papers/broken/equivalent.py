@@ -77,7 +77,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     (
         "structural_nets._descent",
         "without agents = agents",
-        "links are given, and no directed graph weighs by headings",
+        "links are given, no directed graph weighs by headings",
     ),
     *(
         ("rigid_motion.converse_conditions", text, "a bound of rounding need not be exact")
