@@ -81,7 +81,13 @@ class LinearConsensus:
         return Hypothesis(statement, fits, type(graph).__name__) if not fits else self.size_hypothesis(statement)
 
     def size_hypothesis(self, statement: str) -> Hypothesis:
-        """Whether the spectrum of a graph, of which something is stated, is that of a small enough matrix."""
+        """Whether the spectrum of the graph is that of a small enough matrix.
+
+        Parameters
+        ----------
+        statement
+            What else is known to hold of the graph, in words.
+        """
         n, graph = self.scenario.start.n, self.scenario.law.graph
         if n > LARGEST_GROUP:
             return Hypothesis(f"at most {LARGEST_GROUP} agents, whose graph has its spectrum enclosed", False, f"{n}")

@@ -25,7 +25,10 @@ PLACES, NARROWED = 33, 20
 """Places of a range at which the lowest value is looked for, and how often it is narrowed to an eighth."""
 
 MOST_BOXES = 16_384
-"""Ranges that a round looks at most at again: a value within rounding of a whole range is not told from lower ones."""
+"""Ranges that a round looks at most at again: values within rounding of the bound cannot be distinguished from it."""
+
+MOST_STORED = 64
+"""Answers that are stored: several definitions ask the same of one potential."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Lower:
     excluded: bool = False
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=MOST_STORED)
 def lower_value(potential: Potential, first: float, last: float, value: float) -> Lower:
     """A distance between two at which a potential is below a value, or the proof that there is none.
 

@@ -46,7 +46,7 @@ def lengths_of(potential: Potential, radius: float | None) -> tuple[float, float
     turns = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)[:MOST_TURNS]
     r = sympy.Symbol("r", positive=True)
     slope = evaluator(derivative(potential.expression(r), r), r)
-    # Many digits tell what is no rounding.
+    # Many digits distinguish a turn from rounding.
     certain = [float(grid[k]) for k in turns if slope(float(grid[k])) * slope(float(grid[k + 1])) < 0]
     inside = [x for x in certain if DISTANCES[0] <= x <= DISTANCES[1]]
     return (inside[0], 1.0) if inside else (certain[0], certain[0]) if certain else (1.0, 1.0)
