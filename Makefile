@@ -217,7 +217,7 @@ TIMED := tests/machines tests/apps/test_commands_in_odd_places.py tests/apps/tes
 	tests/engine/tiles/test_periodic_space.py tests/engine/tiles/test_single_integrators.py \
 	tests/formula/test_cache.py tests/formula/test_grammar.py tests/formula/test_origins.py tests/formula/test_syntax_trees.py tests/formula/native \
 	tests/fuzz tests/papers/test_broken_homes.py tests/model/graphs/test_coincident_starts.py tests/model/terms/test_balances.py \
-	tests/model/leaders_and_obstacles/test_leaders.py tests/show/test_plane.py tests/study/potentials/test_potential_check.py tests/study/certificates/test_hidden_assumptions.py \
+	tests/model/leaders_and_obstacles/test_leaders.py tests/show/test_plane.py tests/study/potentials/test_potential_check.py \
 	tests/study/sweeps tests/engine/tiles/held/test_held_control.py tests/engine/tiles/held/test_messages.py \
 	tests/engine/tiles/held/test_leader_messages.py tests/engine/tiles/held/test_departing_velocities.py \
 	tests/engine/tiles/test_bodies.py tests/engine/tiles/held/test_held_bodies.py
