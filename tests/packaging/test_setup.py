@@ -44,8 +44,8 @@ def test_every_import_of_the_package_is_a_declared_dependency() -> None:
         for found in PROJECT["optional-dependencies"].values()
         for d in found
     }
-    # Matplotlib and SymPy bring these.
-    brought = {"cycler", "mpl_toolkits", "mpmath", "typing_extensions"}
+    # Matplotlib and SymPy bring these; PIL is Pillow.
+    brought = {"PIL", "cycler", "mpl_toolkits", "mpmath", "typing_extensions"}
     given = declared | extras
     known = given | {name.replace("-", "_") for name in given} | brought | {"flocking"} | set(sys.stdlib_module_names)
     known |= {module for module, package in MODULES.items() if package in given}
