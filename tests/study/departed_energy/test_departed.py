@@ -103,7 +103,7 @@ def test_what_departs_by_rounding_alone_is_no_sign_of_a_changed_run(velocity):
     """Three agents at the minimum of their springs, at rest or in uniform motion that samples are moved on with."""
     law = fk.Law(fk.Proximity(5.0), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(1.0)])
     start = fk.State([[0.0, 0.0], [1.0, 0.0], [0.5, 0.75**0.5]], [[velocity, 0.3 * velocity]] * 3)
-    run = fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=11, information=fk.Messages(0.1, predict=True)))
+    run = fk.simulate(fk.Scenario(law, start, t_end=0.3, frames=4, information=fk.Messages(0.1, predict=True)))
     assert max(float(np.abs(x).max()) for x in fk.departed_causes(run).causes.values()) < 1e-14
     if velocity:
         trace = run.trace.copy()
