@@ -11,6 +11,10 @@ from flocking.engine.runs.recorder import Recorder
 from flocking.errors import StepTooLarge
 from flocking.model.checks import NO_LESS
 
+ENERGY_ROUNDING = 1e3
+"""Rounding error of a sum of energies in units of the machine epsilon; a generous bound for sums over many agents,
+which ranks add in any order."""
+
 STRIDE = 0.25
 """Largest motion of a linked pair in one step, relative to its distance, if the potential is singular at contact."""
 

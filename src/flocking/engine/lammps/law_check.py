@@ -13,6 +13,7 @@ from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.lammps.deck import Deck
 from flocking.engine.lammps.neighbours import near_pairs, sampled_pairs, tree_of
 from flocking.engine.reference.control import frame_velocity
+from flocking.engine.tiles.particles.displacement import ROUNDINGS
 from flocking.errors import LawNotObeyed, UnsupportedLaw
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -29,9 +30,6 @@ AGENTS = 1024
 
 CLOSEST = 1e-10
 """Distance below which LAMMPS's pair styles omit velocity-dependent forces."""
-
-ROUNDINGS = 4.0
-"""Rounding errors in a difference of positions, in units of the largest coordinate."""
 
 EDGE = 1e-9
 """Relative distance from a radius within which LAMMPS may treat a pair as linked or not."""

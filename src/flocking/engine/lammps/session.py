@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -292,19 +293,24 @@ class LammpsSession(Session):
             check_passing(state.q, self.step * moving, reach, self.step, time=self.time, space=self.scenario.space)
         if self.rows:
             records.ledger.add(state, pairs)
-        judge = self._judge = self._judge or LawCheck(self.scenario, self.deck)
         if judged and forces is not None:
-            judge.look(state, forces[:, : self.deck.dimension], self._step, fatal=self.plant is None)
+            self._judge = self._judge or LawCheck(self.scenario, self.deck)
+            self._judge.look(state, forces[:, : self.deck.dimension], self._step, fatal=self.plant is None)
         if due:
             records.state_frame(
                 state, observed_state(state, pairs[0], self.scenario.space) if self.options.observe else None
             )
             if self.rows:
                 needed = check_ledger_rows(
-                    records.ledger, self.step, self.rows, self._sound, lambda: judge.energy_rounding(state)
+                    records.ledger, self.step, self.rows, self._sound, partial(self._energy_rounding, state)
                 )
                 records.energy_rounding = max(records.energy_rounding, needed)
         self._sound = state
+
+    def _energy_rounding(self, state: State) -> float:
+        """Change of the energy by rounding, needed where the ledger would fail: most runs never ask for it."""
+        judge = self._judge or LawCheck(self.scenario, self.deck)
+        return judge.energy_rounding(state)
 
     def restart(self) -> Restart | None:
         """The restart data on the first rank; None elsewhere."""

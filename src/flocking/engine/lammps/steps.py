@@ -9,7 +9,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.engine.fixed_step.automatic_step import largest_step
-from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger, check_stride
+from flocking.engine.fixed_step.step_checks import ENERGY_ROUNDING, RESIDUAL, check_ledger, check_stride
 from flocking.engine.fixed_step.step_checks import step_too_large as too_large
 from flocking.engine.lammps.gathered_states import velocities
 from flocking.engine.lammps.neighbours import sampled_pairs
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 
 RARE_RESIDUAL = 0.5
 """Largest residual of the ledger, relative to the energy exchanged, if rows are more than one step apart."""
-
-ROUNDING = 1e3 * float(np.finfo(np.float64).eps)
-"""Relative rounding error of a sum of energies: a generous bound for sums that MPI adds in any order."""
 
 
 def chosen_step(scenario: Scenario, state: State) -> float:
@@ -123,8 +120,9 @@ def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State, of_p
     last = ledger.trace[-1]
     scale = abs(last[1]) + last[2]
     instead = "" if rows == 1 else f"; alternatively use a row of the ledger at every step (ledger=1, now {rows})"
+    rounding = ENERGY_ROUNDING * float(np.finfo(np.float64).eps) * scale
     return check_ledger(
-        step, ledger.trace[0], last, order=1, rounding=ROUNDING * scale, time=last[0],
+        step, ledger.trace[0], last, order=1, rounding=rounding, time=last[0],
         at_most=lambda: _resolves(ledger.scenario, sound), instead=instead,
         allowed=RESIDUAL if rows == 1 else RARE_RESIDUAL, of_places=of_places,
     )  # fmt: skip

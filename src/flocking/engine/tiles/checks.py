@@ -9,7 +9,7 @@ import numpy as np
 from flocking.arrays import Indices, Reals
 from flocking.engine.fixed_step.contact_limits import singular_graphs
 from flocking.engine.fixed_step.passing_pairs import check_passing
-from flocking.engine.fixed_step.step_checks import STRIDE, check_ledger, check_stride, step_too_large
+from flocking.engine.fixed_step.step_checks import ENERGY_ROUNDING, STRIDE, check_ledger, check_stride, step_too_large
 from flocking.engine.runs.run import Closest
 from flocking.engine.tiles.integrators import Integrator
 from flocking.engine.tiles.law_check import LawCheck
@@ -33,9 +33,6 @@ factor 2 is there because the resolved rate is an upper bound from sums; the tru
 MOST_TILES = 4096
 """Largest number of tiles whose pairs are checked one by one after a step, about 65,000 agents; limits the time and
 memory of a check. Tiles with the closest pairs come first, since those pairs approach fastest for their distance."""
-
-ENERGY_ROUNDING = 1e3
-"""Rounding error of a sum of energies in units of the machine epsilon; a generous bound for sums over many agents."""
 
 FARTHEST = 1e15
 """Larger distances are the initial value of a kernel that found no pair."""

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flocking.engine.fixed_step.step_checks import RESIDUAL
+from flocking.engine.fixed_step.step_checks import ENERGY_ROUNDING, RESIDUAL
 from flocking.engine.reference.control import evaluate_each
 from flocking.formula.safe_digits import compared_texts
 from flocking.model.checks import Array
@@ -33,9 +33,6 @@ MOST_COMPARED = 2_000
 
 ROUNDING, INTERPOLATION_ROUNDING = 1e-12, 1e-9
 """Rounding of a computed ledger and of one integrated over samples, as shares of the largest energy."""
-
-ENERGY_ROUNDING = 1e3
-"""Rounding of the energies of a run with a fixed step, in units of that of its numbers, as its engine takes it."""
 
 RESTING = 16.0
 """Largest change of a coordinate that is rounding alone, in units of the rounding of the largest one."""

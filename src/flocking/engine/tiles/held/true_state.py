@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.fixed_step.step_checks import check_ledger, ledger_rule
+from flocking.engine.fixed_step.step_checks import ENERGY_ROUNDING, check_ledger, ledger_rule
 from flocking.engine.protocol.body_chains import of_points
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
@@ -134,7 +134,7 @@ class HeldTruth(TilesSession):
         scale = abs(sums["pairs"]) + abs(sums["bodies"]) + sums["kinetic"]
         first, last = self.records.first, self.records.trace[-1]
         if first is not None and last[0] > first[0] and self.options.ledger_at == "steps":
-            rounding = checks.ENERGY_ROUNDING * eps * scale
+            rounding = ENERGY_ROUNDING * eps * scale
             needed = check_ledger(
                 self.step, first, last, order=2, rounding=rounding, time=t,
                 of_places=lambda: self._law_check.energy_rounding(self._particles, t),
