@@ -65,6 +65,9 @@ _ELEMENTS: dict[str, ir.Type] = {
 
 F8, F4, I8, U8, I4, B1 = (Kind(name) for name in ("f8", "f4", "i8", "u8", "i4", "b1"))
 
+LINE = 64
+"""Bytes of a line of memory, which a processor reads and writes as a whole."""
+
 
 @dataclass(frozen=True)
 class ArrayKind:

@@ -30,6 +30,7 @@ from flocking.formula.native.kinds import (
     F8,
     I4,
     I8,
+    LINE,
     U8,
     Argument,
     Array,
@@ -85,6 +86,9 @@ class _Translator(Expressions):
             types += [part.stored] if isinstance(part, Kind) else [part.stored.as_pointer(), *[I8.type] * part.axes]
         shape = ir.FunctionType(I4.type, [*types, I8.type.as_pointer()])
         function = ir.Function(module, shape, name)
+        # What has no register lies on the stack. Vectors there are read and written whole where they begin with a line
+        # of memory; elsewhere each lies in two lines, and one in two pages, which is slower by a third.
+        function.attributes.alignstack = LINE
         entry = function.append_basic_block("entry")
         begin, leave = function.append_basic_block("begin"), function.append_basic_block("leave")
         super().__init__(module, entry, ir.IRBuilder(begin), wider)

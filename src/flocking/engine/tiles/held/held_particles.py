@@ -19,6 +19,7 @@ from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
 from flocking.engine.tiles.particles.departing_velocities import DepartingVelocities
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.simd.aligned_memory import aligned
 from flocking.model.bodies.body import Body
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -195,8 +196,9 @@ class HeldParticles(ParticleArrays):
                     continue
                 lists = self._lists_of(number)
                 if self.used[number].size != lists.rows.size:
-                    self.used[number] = np.zeros(lists.rows.size, np.uint32)
-                    self.senders[number] = np.empty(lists.rows.size, np.uint32)
+                    self.used[number] = aligned((lists.rows.size,), np.uint32)
+                    self.used[number][:] = 0
+                    self.senders[number] = aligned((lists.rows.size,), np.uint32)
                 self.workers.each(
                     take_senders, self.tiles, lists.rows.reshape(-1), lists.first, lists.count, self.ids,
                     self.senders[number], self.used[number],

@@ -13,6 +13,7 @@ from flocking.engine.tiles.held.news import News, is_plain, loss_numbers, older_
 from flocking.engine.tiles.held.past_speeds import Speeds
 from flocking.engine.tiles.kernels.heard_samples import HeardSamples
 from flocking.engine.tiles.kernels.measure_kernel import MeasureKind, measure_kernel
+from flocking.engine.tiles.simd.aligned_memory import aligned
 from flocking.errors import InvalidInput
 from flocking.formula.native.functions import native
 from flocking.model.law import Scenario
@@ -28,10 +29,6 @@ SURE = 1e-6
 """Share by which a bound on a deviation is enlarged, above the rounding of the sums that it is made of."""
 
 
-ALIGNED = 64
-"""Bytes of a line of memory: rows of samples that begin with one are read in one or two whole lines."""
-
-
 @native
 def _reordered(first, last, rows, order, n, target):  # type: ignore[no-untyped-def]
     """Copy rows of agents in a new order."""
@@ -39,14 +36,6 @@ def _reordered(first, last, rows, order, n, target):  # type: ignore[no-untyped-
         old = order[row if row < n else n - 1]
         for k in range(rows.shape[1]):
             target[row, k] = rows[old, k]
-
-
-def _room(rows: int, columns: int, dtype: type[np.float32] | type[np.float64]) -> Reals:
-    """Memory for rows of samples that begins with a line of memory; its content is arbitrary."""
-    count = rows * columns
-    memory: Reals = np.empty(count + ALIGNED, dtype)
-    begin = -memory.ctypes.data % ALIGNED // memory.itemsize
-    return memory[begin : begin + count].reshape(rows, columns)
 
 
 class Taking(NamedTuple):
@@ -115,7 +104,7 @@ class SampleStore:
         self.depth = -(-self.oldest // least) + 2
         self._agent_bytes, self._memory_limit = columns * np.dtype(dtype).itemsize, memory_limit
         self.check_room()
-        self._rooms: dict[str, Reals] = {"rows": _room((self.depth + 2) * self.size, columns, dtype)}
+        self._rooms: dict[str, Reals] = {"rows": aligned(((self.depth + 2) * self.size, columns), dtype)}
         self.rows: Reals = self._rooms["rows"][: (self.depth + 1) * self.size]
         self.rows[:] = 0.0
         self.rows[self.depth * self.size :] = agents
@@ -203,7 +192,7 @@ class SampleStore:
         old, size = getattr(self, name), self.size
         room = self._rooms.get(name)
         if room is None or not np.shares_memory(old[:1], room):
-            self._rooms[name] = room = _room(len(old) + size, old.shape[1], old.dtype.type)
+            self._rooms[name] = room = aligned((len(old) + size, old.shape[1]), old.dtype.type)
             room[: len(old)] = old
             old = room[: len(old)]
         ahead = bool(np.shares_memory(old[:1], room[:1]))

@@ -16,6 +16,7 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.neighbours.cell_list import Grid
 from flocking.engine.tiles.neighbours.cell_search import TILES_IN_CHUNK, Cells, ListRoom, Reach, search
 from flocking.engine.tiles.neighbours.nearest_image import to_nearest
+from flocking.engine.tiles.simd.aligned_memory import aligned
 from flocking.engine.tiles.simd.reductions import bits_of
 from flocking.engine.tiles.simd.vectors import load, select, store
 from flocking.formula.native.functions import native
@@ -234,5 +235,5 @@ class ListBuilder:
         if spare is not None and len(spare.rows) >= total and len(spare.rows) <= 2 * total + SPARE_ROWS:
             return spare
         return TileLists(
-            np.empty((max(total, 1), WIDTH), np.uint32), np.zeros(self.tiles, np.int64), np.zeros(self.tiles, np.int32)
+            aligned((max(total, 1), WIDTH), np.uint32), np.zeros(self.tiles, np.int64), np.zeros(self.tiles, np.int32)
         )

@@ -8,6 +8,7 @@ from flocking.arrays import AnyArray, Array, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
+from flocking.engine.tiles.simd.aligned_memory import aligned
 from flocking.model.state import State
 
 SPARE_SHARE = 8
@@ -33,8 +34,8 @@ class Room:
     """
 
     def __init__(self, rows: int, m: int, dtype: type[np.float32] | type[np.float64]) -> None:
-        self.agents: Reals = np.empty((rows, 2 * m), dtype)
-        self.successor: Reals = np.empty((rows, 2 * m), dtype)
+        self.agents: Reals = aligned((rows, 2 * m), dtype)
+        self.successor: Reals = aligned((rows, 2 * m), dtype)
         self.ids: Numbers32 = np.zeros(rows, np.int32)
         self.ids_buffer: Numbers32 = np.zeros(rows, np.int32)
         self.spare_ids = self.ids_buffer
