@@ -25,6 +25,9 @@ STEP = 0.01
 SPACING = 7.0
 """Distance of neighbours at the start and at rest."""
 
+BOTH = "ledger on both sides"
+"""End of the name of a row whose ideal steps have a ledger as well."""
+
 SPAN = 20
 """Steps of one turn: two periods of ten steps."""
 
@@ -77,7 +80,9 @@ def per_step(session: Session) -> float:
     return (time.process_time() - begin) / (session.steps - steps)
 
 
-def ratio(n: int, world: dict[str, object], rounds: int, *, ledger_at: str | None) -> tuple[float, float, float]:
+def ratio(
+    n: int, world: dict[str, object], rounds: int, *, ledger_at: str | None, both: bool = False
+) -> tuple[float, float, float]:
     """Time per step over that of the ideal step, least and mean over the turns, and the least ideal one.
 
     Parameters
@@ -89,11 +94,13 @@ def ratio(n: int, world: dict[str, object], rounds: int, *, ledger_at: str | Non
     rounds
         Turns of each.
     ledger_at
-        When the ledger is computed; None for no ledger on either side. The ideal step has none in any case.
+        When the ledger is computed; None for no ledger on either side.
+    both
+        Whether the ideal steps have a ledger too.
     """
     start = start_of(n)
     ideal = ENGINE.open(
-        fk.Scenario(law(), start, t_end=1e3, frames=2), TilesOptions(step=STEP, ledger=False, keep_frames=False)
+        fk.Scenario(law(), start, t_end=1e3, frames=2), TilesOptions(step=STEP, ledger=both, keep_frames=False)
     )
     options = TilesOptions(step=STEP, ledger=ledger_at is not None, ledger_at=ledger_at or "steps", keep_frames=False)
     other = ENGINE.open(fk.Scenario(law(), start, t_end=1e3, frames=2, **world), options)
@@ -115,10 +122,14 @@ def main() -> None:
         rows = [("periodic space", space, None, 1.5)]
         rows += [(name, world, None, 1.5) for name, world in worlds(10 * STEP).items() if name != "all"]
         rows += [("all, ledger at ticks", worlds(10 * STEP)["all"] | space, "ticks", 2.5)]
-        rows += [("all, period of one step, ledger at ticks", worlds(STEP)["all"] | space, "ticks", 6.0)]
+        each = "all, period of one step"
+        rows += [(f"{each}, ledger at ticks", worlds(STEP)["all"] | space, "ticks", 6.0)]
+        rows += [(f"{each}, no ledger", worlds(STEP)["all"] | space, None, 6.0)]
+        rows += [(f"{each}, {BOTH}", worlds(STEP)["all"] | space, "ticks", 6.0)]
         for name, world, ledger_at, asked in rows:
             if given.only is None or name in given.only:
-                found, mean, ideal = ratio(n, world, given.rounds, ledger_at=ledger_at)
+                both = name.endswith(BOTH)
+                found, mean, ideal = ratio(n, world, given.rounds, ledger_at=ledger_at, both=both)
                 more = f"asked: {asked}; means {mean:.2f}; ideal step {1e3 * ideal:.1f} ms"
                 print(f"{n:>8} {name:<42} {found:6.2f}  ({more})", flush=True)
 

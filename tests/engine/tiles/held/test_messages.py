@@ -189,18 +189,21 @@ def test_what_is_kept_of_losses_changes_nothing(loss, period):
 
 
 @pytest.mark.parametrize("loss", [None, fk.Bernoulli(0.3), fk.GilbertElliott(0.2, 0.5), fk.DistanceLoss(2.5)])
-@pytest.mark.parametrize("jitter", [0.12, 0.23])
-def test_late_messages_are_looked_for_until_even_the_latest_would_be_there(loss, jitter):
-    """The messages used, links and motion are those of `sampled`, within a period and over two of them."""
+@pytest.mark.parametrize(("jitter", "tick"), [(0.07, 0.05), (0.12, 0.1), (0.23, 0.1)])
+def test_late_messages_are_looked_for_until_even_the_latest_would_be_there(loss, jitter, tick):
+    """The messages used, links and motion are those of `sampled`, within a period and over two of them.
+
+    At every other of the more frequent ticks one sample is new, whose message may be there or not.
+    """
     law = fk.Law(fk.Hysteresis(2.5, gap=0.3), [fk.Gradient(PSI), fk.Consensus(0.5)])
     information = fk.Messages(0.1, delay=0.02, jitter=jitter, loss=loss, expires=0.6, seed=9)
     made = fk.Scenario(
-        law, fk.start.box(30, side=7, speed=1.0, seed=2), t_end=1.61, frames=2, control=fk.Held(0.1),
+        law, fk.start.box(30, side=7, speed=1.0, seed=2), t_end=1.61, frames=2, control=fk.Held(tick),
         information=information,
     )  # fmt: skip
     session, other = ENGINE.open(made, TilesOptions(step=STEP, ledger=False)), SAMPLED.open(made, SampledOptions())
     late = seen = 0
-    for t in np.arange(0.41, 1.6, 0.1):
+    for t in np.arange(0.51 - tick, 1.6, 0.1):
         session.advance(t)
         other.advance(t)
         assert np.abs(session.state.q - other.state.q).max() < 1e-10

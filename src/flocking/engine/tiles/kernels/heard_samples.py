@@ -195,13 +195,41 @@ class HeardSamples:
         """
         if not self.searches_first(number):
             return []
-        lines = [f"for step in range(count{number}[tile]):"]
-        lines += ["    " + x for x in [*loaded, *self._news(timed=self.jitter), *self._searched(number)]]
+        each = f"for step in range(count{number}[tile]):"
+        lines = [each, *("    " + x for x in [*loaded, *self._news(timed=self.jitter), *self._searched(number)])]
         if not self.alike:
             ahead = ["behind = count - best", *_SLOT_LINES, *_SPOT_LINES, "fetch_ahead(S, spots, 0)"]
             return [*lines, *("    " + x for x in ahead)]
+        if self.loss != "GilbertElliott":
+            one = [each, *("    " + x for x in [*loaded, *self._tried_once(number)])]
+            lines = [
+                "if np.int64(news.counts[0]) == news.tested + 1:",
+                *("    " + x for x in one),
+                "else:",
+                *("    " + x for x in lines),
+            ]
         # Where no sample has come, nothing that was found before changes.
         return ["if np.int64(news.counts[0]) > news.tested:", *("    " + x for x in [*_FETCH_LINES, *lines])]
+
+    def _tried_once(self, number: int) -> list[str]:
+        """Lines of `_searched` for one new sample: its number is the same for all, and nothing is repeated."""
+        lines = [f"receiver, sender = widen(load(ids, base)), widen(load(senders{number}, at))", *self._ends_lines()]
+        lines += ["count, slot0, back = spread(news.counts[0]), spread(news.slots[0]), 0"]
+        lines += ["newest = np.uint64(news.counts[0]) - np.uint64(1)", "came = other"]
+        if self.loss:
+            lines += self._chance_lines()
+            lines += [f"came = came & ({self._draw('LOSS', 'one', 'two', 'newest')} >= chance)"]
+        if self.jitter:
+            late = f"nearest_of({self._draw('JITTER', 'sender', 'receiver', 'newest')} * news.jitter)"
+            lines += ["left = news.ages[0] - news.delay"]
+            lines += ["if left < news.jitter:", f"    came = came & ({late} <= left)"]
+        return [*lines, f"store(used{number}, at, select(came, count, load(used{number}, at)))"]
+
+    def _ends_lines(self) -> list[str]:
+        """Lines that give the two agents whose draw decides on a message."""
+        if self.paired:
+            return ["one = select(sender < receiver, sender, receiver)", "two = sender + receiver - one"]
+        return ["one, two = sender, receiver"]
 
     def _news(self, *, timed: bool) -> list[str]:
         """Lines that load what may have arrived of each neighbour; ``timed``: with ages and periods."""
@@ -229,10 +257,7 @@ class HeardSamples:
             lines += ["tested = np.uint32(news.tested)", "open_ = open_ & (tested < count)"]
         if self.expires:
             lines += ["open_ = open_ & (np.uint32(0) < fresh)"]
-        if self.paired:
-            lines += ["one = select(sender < receiver, sender, receiver)", "two = sender + receiver - one"]
-        else:
-            lines += ["one, two = sender, receiver"]
+        lines += self._ends_lines()
         body = ["trial = count - np.uint32(back)", "number = widen(trial - np.uint32(1))"]
         if self.loss:
             body += self._channel_lines(keeps=keeps) if self.loss == "GilbertElliott" else self._chance_lines()
