@@ -48,19 +48,23 @@ def further_columns(y: Array, first: int, n: int, widths: Mapping[str, int]) -> 
     return found
 
 
-def component_tolerances(state: State, order: int, widths: Mapping[str, int], tolerance: float) -> Array:
+def component_tolerances(
+    state: State, order: int, widths: Mapping[str, int], tolerance: float, duration: float
+) -> Array:
     """Absolute error tolerance of each component of a state vector.
 
     Parameters
     ----------
     state
-        The group at the start; a size below 1 counts as 1.
+        The group at the start; a size below 1 counts as 1, of positions and velocities as in `state_tolerances`.
     order, widths
         As for `joined`.
     tolerance
         The tolerance relative to the sizes of positions, velocities and each column.
+    duration
+        Length of the run.
     """
-    parts = [state_tolerances(state, order, tolerance)]
+    parts = [state_tolerances(state, order, tolerance, duration)]
     for name in widths:
         values = state.columns[name]
         parts.append(np.full(values.size, tolerance * max(1.0, float(np.abs(values).max(initial=0.0)))))

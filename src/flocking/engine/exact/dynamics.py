@@ -10,6 +10,7 @@ import numpy as np
 from flocking.arrays import Indices, Numbers
 from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
 from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.state_tolerances import counted, natural_sizes
 from flocking.engine.adaptive_steps.state_vectors import component_tolerances, further_columns, joined
 from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.switching import LinkState
@@ -397,7 +398,9 @@ class Dynamics:
 
     def tolerances(self, state: State, energy: float) -> Array:
         """Absolute error tolerance of each component, from the size of the group at ``state`` and the ``energy``."""
-        tolerance = self.scenario.tolerance
-        found = component_tolerances(state, self.order, self.columns, tolerance)
-        ledger = np.full(self.departs + LEDGER, tolerance * max(1.0, abs(energy)))
+        tolerance, duration = self.scenario.tolerance, self.scenario.t_end - self.scenario.start.t
+        found = component_tolerances(state, self.order, self.columns, tolerance, duration)
+        speed = natural_sizes(state, duration)[1]
+        moving = 0.5 * float(np.sum(self.scenario.agents.masses * np.ones(self.n))) * speed**2
+        ledger = np.full(self.departs + LEDGER, tolerance * counted(abs(energy), max(abs(energy), moving)))
         return np.concatenate([found, ledger, np.full(len(self._places), found[0])])

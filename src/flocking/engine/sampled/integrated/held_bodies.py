@@ -92,15 +92,16 @@ class HeldBodies:
         none = np.zeros(0, dtype=np.int64)
         self._pairs = free_pairs([(none, none)])
         self._functionals = np.ones((1, self.n))
-        self.tolerances = self._tolerances(start, scenario.tolerance)
+        self.tolerances = self._tolerances(start, scenario)
 
     @property
     def _law(self) -> CompiledLaw:
         return self._kernels.in_force(self.n, self.m, self._pairs, self._slots, self._functionals)
 
-    def _tolerances(self, start: State, tolerance: float) -> Array:
+    def _tolerances(self, start: State, scenario: Scenario) -> Array:
         """Absolute error tolerance of each component: infinite for those of the ledger, which is computed otherwise."""
-        found = component_tolerances(start, self.order, self.widths, tolerance)
+        duration = scenario.t_end - scenario.start.t
+        found = component_tolerances(start, self.order, self.widths, scenario.tolerance, duration)
         return np.concatenate([found, np.full(int(self.departs) + len(RATES), np.inf)])
 
     def hold(self, force: Array) -> None:
