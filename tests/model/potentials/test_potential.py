@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import flocking as fk
 from flocking.errors import FormulaError, InvalidInput
+from flocking.model.potentials.poles import poles
 
 TANNER = fk.Potential("1/r^2 + log(r^2)")
 ZHOU = fk.Potential("1/r + 1/(R - r)", R=4)
@@ -102,6 +103,15 @@ def test_wrapping_leaves_parameters_of_any_name_alone():
 
 def test_smoothing_hides_a_singularity_beyond_it():
     assert ZHOU.smoothed(3, 2)([4.0, 5.0]).tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e-9, 1.0, 1e9])
+def test_kinks_and_poles_are_found_in_every_unit(unit):
+    """Borders and poles that are roots of no polynomial: x^5 - x = 1 and x = cos(x) for x = r/unit."""
+    kink = fk.Potential("where((r/u)^5 - r/u < 1, r, 2)", u=unit)
+    assert kink.kinks() == (pytest.approx(1.1673039782614187 * unit, rel=1e-14),)
+    pole = fk.Potential("1/(cos(r/u) - r/u)^2", u=unit)
+    assert poles(pole) == (pytest.approx(0.7390851332151607 * unit, rel=1e-14),)
 
 
 def test_kinks():

@@ -34,7 +34,7 @@ def poles(potential: Potential) -> tuple[float, ...]:
     """Positive distances r0 with psi(r) unbounded as r -> r0 from below, ascending.
 
     They are zeros of denominators and of arguments of logarithms: exact for polynomials of degree 2 or less, others
-    are searched on [1e-6, 1e6].
+    are searched on [1e-15, 1e15].
     """
     structure = potential.formula.structure
     if not any(sign in structure for sign in ("/", "**", "log(", "tan(")):

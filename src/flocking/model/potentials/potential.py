@@ -26,10 +26,13 @@ if TYPE_CHECKING:
     import sympy
 
 
-SEARCHED = 1e-6, 1e6, 12001
+SEARCHED = 1e-15, 1e15, 30001
 """Range of distances in which roots are searched, and number of points: 1000 per decade."""
 ROOT = 1e-15
 """Relative accuracy of a root, several units in the last place."""
+
+TINY = float(np.finfo(float).tiny)
+"""Absolute accuracy of a root, for which the relative one is to count in every unit."""
 
 MOST_BORDERS = 64
 """Largest number of borders of a condition, such as sin(r) < 0, which has infinitely many."""
@@ -216,7 +219,7 @@ def piece_borders(potential: Potential) -> tuple[float, ...]:
     """Distances where pieces of the formula meet, ascending, from its conditions.
 
     Borders that are roots of a polynomial of degree 2 or less are exact; others are searched on
-    [1e-6, 1e6], and at most `MOST_BORDERS` are kept.
+    [1e-15, 1e15], and at most `MOST_BORDERS` are kept.
     """
     if not any(f"{name}(" in potential.formula.structure for name in ("where", "abs")):
         return ()
@@ -256,7 +259,7 @@ def _sign_changes(gap: Callable[..., Array], values: list[np.float64]) -> list[f
     for k in np.flatnonzero(signs[:-1] * signs[1:] < 0):
         if np.sign(one(grid[k])) * np.sign(one(grid[k + 1])) >= 0.0:
             continue  # so large an argument of a sine that its sign is another one than in an array
-        found.append(float(brentq(one, grid[k], grid[k + 1], rtol=ROOT)))
+        found.append(float(brentq(one, grid[k], grid[k + 1], xtol=TINY, rtol=ROOT)))
         if len(found) >= MOST_BORDERS:
             break
     return sorted(found)[:MOST_BORDERS]
