@@ -73,3 +73,19 @@ def test_agents_almost_in_one_place_at_rest_fly_apart(gap, offset):
     run = fk.simulate(fk.Scenario(law, fk.State(q, 0.0 * q), t_end=10.0, frames=2), engine="exact", progress=False)
     distances = np.linalg.norm(run.q[-1] - np.roll(run.q[-1], 1, axis=0), axis=1)
     assert np.abs(distances - 1.0).max() < 0.1
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-6, 1e-9])
+@pytest.mark.parametrize("jump", [0.0, 0.5])
+def test_jumps_of_potentials_are_in_the_ledger_in_every_unit(length, jump):
+    """Two agents leave each other through a distance where the potential jumps, or where its slope does."""
+    formula = "where(r < b, (r - b)**2 + J, 0)"
+    psi = fk.Potential(formula, b=2.0 * length, J=jump * length**2)
+    start = fk.State(np.array([[0.0, 0.0], [1.0, 0.0]]) * length, np.array([[-1.0, 0.0], [1.0, 0.0]]) * length)
+    scenario = fk.Scenario(fk.Law(fk.Complete(), [fk.Gradient(psi)]), start, t_end=3.0, frames=4)
+    run = fk.simulate(scenario, engine="exact", progress=False)
+    trace = run.trace
+    assert trace["jumped"][-1] == pytest.approx(-jump * length**2, abs=1e-9 * length**2)
+    gap = trace["energy"][-1] - trace["energy"][0] - trace["jumped"][-1] + trace["dissipated"][-1]
+    assert abs(gap) < 1e-8 * length**2
+    assert np.linalg.norm(run.q[-1, 0] - run.q[-1, 1]) > 2.0 * length
