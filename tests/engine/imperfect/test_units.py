@@ -89,3 +89,22 @@ def test_jumps_of_potentials_are_in_the_ledger_in_every_unit(length, jump):
     gap = trace["energy"][-1] - trace["energy"][0] - trace["jumped"][-1] + trace["dissipated"][-1]
     assert abs(gap) < 1e-8 * length**2
     assert np.linalg.norm(run.q[-1, 0] - run.q[-1, 1]) > 2.0 * length
+
+
+@pytest.mark.parametrize(("length", "time"), [(1.0, 1e-6), (1e-9, 1e-6), (1e-6, 1.0)])
+def test_limits_begin_and_end_at_the_same_times_in_every_unit(length, time):
+    """Agents in a row with a largest speed, which begins and ends to act in motion."""
+
+    def moved(length, time):
+        q = np.array([[0.0, 0.0], [2.5, 0.1], [4.6, -0.2]]) * length
+        psi = fk.Potential("k*(r - d)**2/2", k=2.0 / time**2, d=length)
+        body = fk.Limited(fk.PointMass(damping=0.1 / time), speed=length / time)
+        law = fk.Law(fk.Complete(), [fk.Gradient(psi)])
+        scenario = fk.Scenario(law, fk.State(q, 0.0 * q), t_end=6.0 * time, frames=25, agents=body)
+        return fk.simulate(scenario, engine="exact", progress=False)
+
+    whole, run = moved(1.0, 1.0), moved(length, time)
+    speeds = np.linalg.norm(whole.p, axis=2)
+    assert (speeds > 1.0 - 1e-9).any()
+    assert (speeds[8:] < 0.9).any()
+    assert np.abs(run.q / length - whole.q).max() < 1e-7

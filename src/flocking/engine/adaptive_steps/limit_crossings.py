@@ -16,7 +16,8 @@ LOOKED_AT = 8
 """Places of a step at which limits are looked at; the solution is a polynomial of degree 7 there."""
 
 LOCATED = 1e-3
-"""Largest interval in which the time of a change of limits is located, in tolerances of the scenario."""
+"""Largest interval in which the time of a change of limits is located, in tolerances of the scenario; of a step that is
+shorter than this, the share that the tolerance is."""
 
 Signs = Callable[[float, Array], Array]
 """Values of the expressions of all limits at a time and state vector, shape (limits, 2, N)."""
@@ -133,7 +134,8 @@ class HeldNumbers:
             low = high
         else:
             return None
-        finest = max(LOCATED * self._tolerance / length, 4 * float(np.spacing(max(abs(segment.t1), 1.0))) / length)
+        finest = self._tolerance * min(LOCATED / length, 1.0)
+        finest = max(finest, 4 * float(np.spacing(max(abs(segment.t1), length))) / length)
         while high - low > finest:
             middle = 0.5 * (low + high)
             if not low < middle < high:
