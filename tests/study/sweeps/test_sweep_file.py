@@ -188,6 +188,18 @@ def test_faults_of_a_scenario_in_the_file(old, new, place):
     assert place in message, message
 
 
+@pytest.mark.parametrize("later", ['"terms" = [[{kind = "consensus", gain = 3.0}]]', '"terms[00].gain" = [3.0]',
+                                   '"terms[0]" = [{kind = "consensus", gain = 3.0}]'])  # fmt: skip
+def test_a_path_that_replaces_another_one_is_refused(later):
+    """The table would name values that no run had."""
+    path, value = later.split(" = ", 1)
+    message = refusal(WRITTEN.replace("[0.5, 2.0]", f"[0.5, 2.0]\n{later}"))
+    assert message is not None
+    assert f"{path.strip(chr(34))}: must not replace terms[0].gain" in message
+    before = WRITTEN.replace('"terms[0].gain"', f'{path} = {value}\n"terms[0].gain"')
+    assert ("must not replace" in str(refusal(before))) == ("00" in path)
+
+
 def test_limits_give_way_to_an_explicit_word():
     text = OF_A_PAPER.replace("seeds = 3", "seeds = 20000")
     assert parse_sweep(text, FAMILIES, most_runs=120_000).plan.size == 120_000

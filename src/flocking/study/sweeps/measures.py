@@ -23,6 +23,15 @@ Measuring = Callable[[Evidence], object]
 MOST_MEASURES = 1_000
 """Measures a sweep may take of each run."""
 
+LARGEST_COUNT = 2**53
+"""Largest integer of a row: a double holds each one below exactly, and tables of results have columns of doubles."""
+
+SUMMARY_ENDINGS = ("_low", "_high", "_interval", "_count")
+"""Endings of the columns of a summary that are about a measure besides its mean."""
+
+VERDICT = "claim_"
+"""Prefix of the columns that hold verdicts."""
+
 
 def _settling(e: Evidence, t: Array, sizes: Array, what: str) -> float:
     """First time from which sizes stay within `SETTLED` of their largest or of rounding; nan where the end is not.
@@ -212,7 +221,7 @@ def check_names(measures: Collection[str], parameters: Collection[str]) -> None:
     Raises
     ------
     InvalidInput
-        When a name is empty, reserved or that of a parameter, or there are too many.
+        When a name is empty, reserved or that of a parameter or of a column of the results, or there are too many.
     """
     if len(measures) > MOST_MEASURES:
         raise InvalidInput("sweep", "measures", f"must be at most {MOST_MEASURES}", len(measures))
@@ -223,6 +232,18 @@ def check_names(measures: Collection[str], parameters: Collection[str]) -> None:
             raise InvalidInput(
                 "sweep", "measures", "must not have the name of a parameter of the sweep", name, "Give it another name."
             )
+    taken = {name + ending: name for name in measures for ending in SUMMARY_ENDINGS}
+    for name in (*measures, *parameters):
+        if name in taken:
+            raise InvalidInput(
+                "sweep", "measures", f"must leave the name {name!r} to the summary of {taken[name]!r}", name,
+                "Give it another name.",
+            )  # fmt: skip
+        if name.startswith(VERDICT):
+            raise InvalidInput(
+                "sweep", "measures" if name in measures else "grid",
+                f"must not have names that begin with {VERDICT!r}, as the columns of verdicts do", name,
+            )  # fmt: skip
 
 
 def plain_measure(name: str, value: object) -> Measured | int:
@@ -231,12 +252,17 @@ def plain_measure(name: str, value: object) -> Measured | int:
     Raises
     ------
     InvalidInput
-        When it is neither.
+        When it is neither, or a whole number that no double holds.
     """
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
     if not isinstance(value, bool | int | float):
         raise InvalidInput("sweep", f"measures[{name!r}]", "must give one number or a truth value", value)
+    if isinstance(value, int) and abs(value) > LARGEST_COUNT:
+        raise InvalidInput(
+            "sweep", f"measures[{name!r}]", f"must give whole numbers of at most {LARGEST_COUNT}", value,
+            "Columns hold doubles, which are exact up to there: give float(...) for a rounded number.",
+        )  # fmt: skip
     return value
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, KeysView, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput, said
 from flocking.model.checks import integer
+from flocking.model.parts.values import LARGEST_SEED
 from flocking.study.sweeps.recorded_content import content_of, digest_of, is_plain
 from flocking.study.sweeps.sampling import Sample
 
@@ -192,13 +193,17 @@ def make_plan(
             raise InvalidInput(
                 "sweep", f"grid[{name!r}]", "must be a list of values", values, f"Write [{said(values)}]."
             )
+        _check_order(f"grid[{name!r}]", values)
         axes[name] = tuple(_bounded(values, most_runs, f"grid[{name!r}]"))
     if isinstance(seeds, int | np.integer) and not isinstance(seeds, bool):
         checked_seeds: int | tuple[int, ...] = integer("sweep", "seeds", seeds, least=1)
     elif isinstance(seeds, Iterable) and not isinstance(seeds, str | bytes):
+        _check_order("seeds", seeds)
         checked_seeds = tuple(integer("sweep", "seeds", seed, least=0) for seed in _bounded(seeds, most_runs, "seeds"))
         if not checked_seeds:
             raise InvalidInput("sweep", "seeds", "must hold at least one seed", list(checked_seeds))
+        if max(checked_seeds) > LARGEST_SEED:
+            raise InvalidInput("sweep", "seeds", f"must be at most {LARGEST_SEED}", max(checked_seeds))
         if len(set(checked_seeds)) < len(checked_seeds):
             raise InvalidInput("sweep", "seeds", "must not hold a seed twice", list(checked_seeds)[:8])
     else:
@@ -210,6 +215,12 @@ def make_plan(
         integer("sweep", "seed", root, least=0),
         integer("sweep", "most_runs", most_runs, least=1),
     )
+
+
+def _check_order(place: str, values: object) -> None:
+    """Refuse sets: the numbers of the runs, and with them their seeds, follow from the order of values."""
+    if isinstance(values, Set) and not isinstance(values, KeysView):
+        raise InvalidInput("sweep", place, "must be in an order, which a set has not", values, "Pass sorted(...).")
 
 
 def _bounded(values: Iterable[object], most: int, place: str) -> list[object]:

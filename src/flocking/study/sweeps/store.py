@@ -13,6 +13,7 @@ from typing import Any, TypeGuard
 from flocking.engine.storage import atomic_files
 from flocking.engine.storage.left_overs import PARTIAL
 from flocking.errors import StorageError, said
+from flocking.study.sweeps.measures import LARGEST_COUNT
 from flocking.study.sweeps.worker_tasks import LONGEST_MESSAGE, Row
 
 FORMAT = 1
@@ -22,12 +23,13 @@ RECORD = "sweep.json"
 ROWS = "rows"
 VERSIONS = "versions"
 """Name of the versions that made the rows of a chunk."""
+PLAN, RANGES = "plan", "plan.sample.ranges"
+"""Places in a record of what fixes the runs, and of the ranges of drawn points: which column of a draw is a parameter's
+follows from their order."""
 MOST_DIFFERENCES, LONGEST_SHOWN = 20, 100
 """Differences that a message lists, and characters of each value: a message fits on a screen."""
 LARGEST_FILE = 64 * 2**20
 """Bytes of a file of results that is read, a bound on memory: 64 MiB."""
-LARGEST_COUNT = 2**53
-"""Largest integer of a row: a double holds each one below exactly, and tables of results have columns of doubles."""
 _CHUNK = re.compile(r"\d{8}\.json")
 _FIELDS = {"index", "status", "values", "verdicts", "message", "tries", "seconds"}
 
@@ -245,8 +247,18 @@ def _differences(place: str, stored: object, asked: object) -> list[str]:
         found = []
         for name in dict.fromkeys([*stored, *asked]):
             found += _differences(f"{place}.{name}", stored.get(name), asked.get(name))
+        if not found and place == RANGES and list(stored) != list(asked):
+            found.append(f"order of {place}: stored {_shown(list(stored))}, asked for {_shown(list(asked))}")
         return found
-    return [] if stored == asked else [f"{place}: stored {_shown(stored)}, asked for {_shown(asked)}"]
+    return [] if _same(place, stored, asked) else [f"{place}: stored {_shown(stored)}, asked for {_shown(asked)}"]
+
+
+def _same(place: str, stored: object, asked: object) -> bool:
+    """Whether two entries are equal; of a plan also in type: ranges of integers are drawn otherwise than of floats."""
+    if place.partition(".")[0] != PLAN:
+        return stored == asked
+    # NaN, which is not equal to itself, is the same text.
+    return json.dumps(stored, sort_keys=True) == json.dumps(asked, sort_keys=True)
 
 
 def _shown(value: object) -> str:

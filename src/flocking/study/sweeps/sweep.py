@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import fields
 from pathlib import Path
 
 from flocking.engine.driver.registry import check_name
@@ -16,7 +17,7 @@ from flocking.model.parts.seeds import SeedNumber, given_seed
 from flocking.study.claims.claim import Claim
 from flocking.study.sweeps.measures import Measuring, check_names, find_measures, recorded_measure
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
-from flocking.study.sweeps.recorded_content import code_of
+from flocking.study.sweeps.recorded_content import code_of, content_of, digest_of
 from flocking.study.sweeps.sampling import Sample
 from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_rows, read_versions
 from flocking.study.sweeps.table import SweepTable
@@ -24,6 +25,11 @@ from flocking.study.sweeps.worker_pool import WorkerPool, pool
 from flocking.study.sweeps.worker_tasks import Row, Work
 
 Auditing = bool | Sequence[Claim] | Callable[[Run], object]
+
+DIGITS = 12
+"""Hexadecimal digits of the digest of a claim in a record, as of the code of functions: equal ones by chance once in
+3e14.
+"""
 
 
 def sweep(
@@ -242,7 +248,14 @@ def auditing(audit: Auditing) -> Callable[[Run], object] | None:
 def _audit_data(audit: Auditing) -> object:
     if isinstance(audit, bool):
         return audit
-    return code_of(audit) if callable(audit) else [claim.key for claim in audit]
+    return code_of(audit) if callable(audit) else [_claim_data(claim) for claim in audit]
+
+
+def _claim_data(claim: Claim) -> str:
+    """What the record states of a claim: its key, and of one with functions of a user their code and what they hold."""
+    functions = (entry for field in fields(claim) if callable(entry := getattr(claim, field.name)))
+    own = any(not str(getattr(each, "__module__", "")).startswith("flocking.") for each in functions)
+    return f"{claim.key} {digest_of(content_of(claim))[:DIGITS]}" if own else claim.key
 
 
 def _check_call(make: Callable[..., object], plan: Plan) -> None:

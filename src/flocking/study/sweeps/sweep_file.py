@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -308,9 +308,25 @@ class _Reader:
                     else "nothing in [scenario] is drawn at random"
                 )
                 self.report("seeds", f"must be left out: {why}")
+            self._separate(varied)
             self._try(made, grid, sample)
             return made
         return None
+
+    def _separate(self, varied: Sequence[str]) -> None:
+        """Report paths that replace what an earlier one has set: of the same place, or of one around it."""
+        places: dict[str, tuple[str | int, ...]] = {}
+        for path in varied:
+            try:
+                steps = path_steps(path)
+            except RefusedError:  # It is reported where the scenario is tried.
+                continue
+            for other, its in places.items():
+                if its[: len(steps)] == steps:
+                    self.report(
+                        path, f"must not replace {other}, which would change nothing", None, f"Put it before {other}."
+                    )
+            places[path] = steps
 
     def _try(self, make: FileScenario, grid: Mapping[str, list[object]], sample: Sample | None) -> None:
         """Build the scenario of the file with every value of every axis once, the others at their first."""

@@ -17,15 +17,13 @@ from flocking.engine.storage.export_formats import missing_package
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.study.confidence_intervals import check_level, mean_interval, share_interval
+from flocking.study.sweeps.measures import VERDICT
 from flocking.study.sweeps.plan import Plan, label
 from flocking.study.sweeps.worker_tasks import Row
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
-
-CLAIM = "claim_"
-"""Prefix of the columns that hold verdicts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +149,7 @@ class SweepTable:
         for name in self.measures:
             found[name] = [row["values"].get(name) for row in rows]
         for key in self.claims:
-            found[CLAIM + key] = [row["verdicts"].get(key) for row in rows]
+            found[VERDICT + key] = [row["verdicts"].get(key) for row in rows]
         return found
 
     def is_share(self, measure: str) -> bool:
@@ -205,7 +203,7 @@ class SweepTable:
         variables["tries"] = (names, tries.reshape(shape))
         for key in self.claims:
             verdicts = np.array([self.rows[k]["verdicts"].get(key, "") if k in self.rows else "" for k in range(size)])
-            variables[CLAIM + key] = (names, verdicts.reshape(shape))
+            variables[VERDICT + key] = (names, verdicts.reshape(shape))
         return xarray.Dataset(variables, self._coordinates(with_runs=True), {"provenance": json.dumps(self.record)})
 
     def _coordinates(self, *, with_runs: bool) -> dict[str, object]:
