@@ -22,7 +22,8 @@ MOST_RUNS = 100_000
 MOST_NAMES = 100
 """Parameters a sweep may vary."""
 
-RESERVED = ("seed", "replicate", "sample", "status", "message", "seconds", "tries", "run", "runs", "failed")
+RESERVED = ("seed", "replicate", "sample", "status", "message", "seconds", "tries", "run", "runs", "failed",
+            "different")  # fmt: skip
 """Column names of the table of results."""
 
 

@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any, Literal, TypeGuard
 
 from flocking.engine.storage import atomic_files
 from flocking.engine.storage.left_overs import PARTIAL
@@ -23,6 +23,11 @@ RECORD = "sweep.json"
 ROWS = "rows"
 VERSIONS = "versions"
 """Name of the versions that made the rows of a chunk."""
+SCENARIO: Literal["scenario"] = "scenario"
+SCENARIOS = "scenarios"
+"""Names of the digest of a row's scenario, and of those of a chunk by the numbers of their rows: older versions read no
+more entries in a row.
+"""
 PLAN, RANGES = "plan", "plan.sample.ranges"
 """Places in a record of what fixes the runs, and of the ranges of drawn points: which column of a draw is a parameter's
 follows from their order."""
@@ -99,7 +104,9 @@ class Store:
         self._next += 1
 
     def _chunk(self, rows: Sequence[Row]) -> bytes:
-        return _sealed({"rows": list(rows), VERSIONS: self._versions})
+        plain = [{name: entry for name, entry in row.items() if name != SCENARIO} for row in rows]
+        digests = {str(row["index"]): row[SCENARIO] for row in rows if SCENARIO in row}
+        return _sealed({"rows": plain, VERSIONS: self._versions, SCENARIOS: digests})
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -136,10 +143,13 @@ def read_rows(folder: Path, size: int) -> dict[int, Row]:
     """
     found: dict[int, Row] = {}
     for path in _chunks(folder):
-        rows = _opened(path).get("rows")
-        if not isinstance(rows, list) or not all(_is_row(row, size) for row in rows):
+        chunk = _opened(path)
+        rows, digests = chunk.get("rows"), chunk.get(SCENARIOS, {})
+        if not isinstance(rows, list) or not all(_is_row(row, size) for row in rows) or not isinstance(digests, dict):
             raise _damaged(path)
         for row in rows:
+            if isinstance(digest := digests.get(str(row["index"])), str) and digest:
+                row[SCENARIO] = digest
             found.setdefault(row["index"], row)
     return found
 

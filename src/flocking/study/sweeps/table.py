@@ -76,7 +76,15 @@ class SweepTable:
 
         names = [name for name in self.columns if name not in ("message", "tries")]
         rows = zip(*(self.columns[name] for name in names), strict=True)
-        shown = [[escape(f"{x:.4g}" if isinstance(x, float) else str(x)) for x in row] for row in rows]
+        measured = [name in (*self.measures, "seconds") for name in names]
+        # Values of parameters are told in full: two of one axis may differ in a late digit.
+        shown = [
+            [
+                escape(f"{x:.4g}" if short and isinstance(x, float) else str(x))
+                for x, short in zip(row, measured, strict=True)
+            ]
+            for row in rows
+        ]
         return folded(repr(self).strip("<>"), rows_table(names, shown))
 
     def plot(
@@ -174,12 +182,19 @@ class SweepTable:
                 found[index] = float(row["values"][measure])
         return found.reshape(self.plan.points, self.plan.runs_per_point)
 
-    def _measured(self, measure: str) -> list[int]:
-        """How many runs of each point have a value of a measure, known or not."""
-        counts = [0] * self.plan.points
-        for index, row in self.rows.items():
-            counts[index // self.plan.runs_per_point] += measure in row["values"]
-        return counts
+    @cached_property
+    def _different(self) -> list[list[Row]]:
+        """Rows of each point, without those whose scenario and results are those of another: they are one run."""
+        found: list[list[Row]] = [[] for _ in range(self.plan.points)]
+        seen = set()
+        for index in sorted(self.rows):
+            row, point = self.rows[index], index // self.plan.runs_per_point
+            scenario = row.get("scenario", "")
+            key = point, scenario, json.dumps([row["status"], row["values"], row["verdicts"]], sort_keys=True)
+            if not scenario or key not in seen:
+                found[point].append(row)
+            seen.add(key)
+        return found
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
@@ -225,9 +240,11 @@ class SweepTable:
 
         The interval is Clopper and Pearson's for truth values, whose mean is a share, else that of `mean_interval`,
         which needs a number of values (8 at 95 %). ``NAME_interval`` is the method, or why there is no interval; its
-        ends are then nan. Numbers that are nan are left out; ``NAME_count`` counts the others. Where a truth value is
-        unknown (nan) in some runs, which may be those in which it is true, there is no mean, and the interval covers
-        the share whatever it is in them. ``runs`` and ``failed`` count the runs.
+        ends are then nan. Numbers that are nan or of runs that failed are left out; ``NAME_count`` counts the others.
+        Where a truth value is unknown in some runs (nan, or the run failed), which may be those in which it is true,
+        there is no mean, and the interval covers the share whatever it is in them. ``runs`` and ``failed`` count the
+        runs. Those of a point whose scenarios are equal, as where the seed changes nothing, are one run and count once:
+        ``different`` is their number without repetitions.
 
         Parameters
         ----------
@@ -247,23 +264,27 @@ class SweepTable:
         variables: dict[str, object] = {}
         for measure in self.measures:
             share = self.is_share(measure)
-            each = [values[~np.isnan(values)] for values in self.values(measure)]
-            made = self._measured(measure) if share else [len(column_values) for column_values in each]
+            # Of a truth value a run that failed is as unknown as one that leaves it open.
+            made = [len(rows) for rows in self._different]
+            each = [
+                np.array([float(x) for row in rows if (x := row["values"].get(measure, np.nan)) == x], dtype=np.float64)
+                for rows in self._different
+            ]
             found = [
-                share_interval(int(column_values.sum()), total, level, unknown=total - len(column_values))
+                share_interval(int(known.sum()), total, level, unknown=total - len(known))
                 if share
-                else mean_interval(column_values, level)
-                for column_values, total in zip(each, made, strict=True)
+                else mean_interval(known, level)
+                for known, total in zip(each, made, strict=True)
             ]
             columns: dict[str, Sequence[object]] = {
                 "": [
-                    float(column_values.mean()) if len(column_values) and len(column_values) == total else np.nan
-                    for column_values, total in zip(each, made, strict=True)
+                    float(known.mean()) if len(known) and (len(known) == total or not share) else np.nan
+                    for known, total in zip(each, made, strict=True)
                 ],
                 "_low": [interval.low for interval in found],
                 "_high": [interval.high for interval in found],
                 "_interval": [interval.method for interval in found],
-                "_count": [len(column_values) for column_values in each],
+                "_count": [len(known) for known in each],
             }
             for ending, column in columns.items():
                 about = {} if ending else {"level": level}
@@ -272,7 +293,9 @@ class SweepTable:
         for index, row in self.rows.items():
             done[index // self.plan.runs_per_point] += 1
             failed[index // self.plan.runs_per_point] += row["status"] == "failed"
-        variables["runs"], variables["failed"] = (names, done.reshape(shape)), (names, failed.reshape(shape))
+        different = np.array([len(rows) for rows in self._different])
+        for name, counts in (("runs", done), ("failed", failed), ("different", different)):
+            variables[name] = names, counts.reshape(shape)
         return xarray.Dataset(variables, self._coordinates(with_runs=False))
 
     def to_csv(self, path: str | Path) -> Path:

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal, NotRequired, TypedDict
 
 from flocking.engine.driver.registry import Entry, adopt_entries, registered
 from flocking.engine.driver.stalls import Pace
@@ -19,12 +19,16 @@ from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError, InvalidInput, SimulationError
 from flocking.model.law import Scenario
+from flocking.study.sweeps.equal_scenarios import run_digest
 from flocking.study.sweeps.measures import Measured, Measuring, plain_measure
 from flocking.study.sweeps.plan import Task
 
 
 class Row(TypedDict):
-    """Outcome of one run: its number in the plan, status, measured values, verdicts, seconds, and the error message."""
+    """Outcome of one run: its number in the plan, status, measured values, verdicts, seconds, and the error message.
+
+    Where it is known, ``scenario`` is the digest by which runs of equal scenarios are told.
+    """
 
     index: int
     status: Literal["ok", "failed"]
@@ -33,6 +37,7 @@ class Row(TypedDict):
     message: str
     tries: int
     seconds: float
+    scenario: NotRequired[str]
 
 
 LONGEST_MESSAGE = 500
@@ -74,7 +79,9 @@ def run_task(work: Work, task: Task) -> Row:
                 "seconds": 0.0}  # fmt: skip
     doing = "make"
     try:
-        run = _simulated(work, task)
+        scenario = _made(work, task)
+        row["scenario"] = run_digest(scenario)
+        run = _simulated(work, scenario)
         from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
         evidence = Evidence(run)
@@ -110,13 +117,16 @@ def _verdicts(report: object) -> dict[str, str]:
     return {result.claim.key: str(result.verdict) for result in report.results}
 
 
-def _simulated(work: Work, task: Task) -> Run:
-    from flocking.engine.driver.simulate import simulate
-    from flocking.model.law import Scenario
-
+def _made(work: Work, task: Task) -> Scenario:
     scenario = work.make(**task.parameters, seed=task.seed)
     if not isinstance(scenario, Scenario):
         raise InvalidInput("sweep", "make", "must give a Scenario", scenario)
+    return scenario
+
+
+def _simulated(work: Work, scenario: Scenario) -> Run:
+    from flocking.engine.driver.simulate import simulate
+
     run = _followed(scenario, work) if work.gives_up else simulate(scenario, progress=False, **work.options)
     if run.status.startswith("interrupted"):
         raise KeyboardInterrupt
