@@ -45,7 +45,8 @@ class Rate:
     @property
     def text(self) -> str:
         """Verdict and numbers in words, with the interval of the rate of an observation."""
-        counted = f"{self.held} of {self.decided} seeds"
+        left = self.tried - self.decided
+        counted = f"{self.held} of {self.decided} seeds" + (f" ({left} more decide nothing)" if left else "")
         if self.verdict != OBSERVED or not self.decided:
             return f"{self.verdict}: {counted}"
         return f"{counted}: {percent_text(self.held / self.decided, self.interval.low, self.interval.high)}"

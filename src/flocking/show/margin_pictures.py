@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.formula.safe_digits import given_text
 from flocking.show.sheet import sheet
 from flocking.show.style import GREEN, ORANGE, PAGE, VERMILION, axes_or_new, in_style, theme
 from flocking.study.certificates.beside.margin_lines import MarginLine
@@ -112,7 +113,7 @@ def _label(axes: Axes, one: Varied, keys: list[str], levels: list[float]) -> Non
         axes.plot([], [], "o", color=color, ms=4, mfc=theme().ground if state == "open" else color, label=state)
     axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
     axes.set_yticks(np.arange(len(keys)), keys)
-    axes.set_xticks(np.arange(len(levels) + 1), ["ideal", *(f"{level:.3g}" for level in levels)], rotation=SLANT)
+    axes.set_xticks(np.arange(len(levels) + 1), ["ideal", *map(given_text, levels)], rotation=SLANT)
     axes.set_xlim(-0.5, len(levels) + 0.5)
     axes.set_ylim(len(keys) - 0.5, -0.5)
     axes.set_xlabel(one.name)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.arrays import AnyArray
 from flocking.errors import InvalidInput
 from flocking.formula.safe_digits import compared_texts, nearest_text, rounded_down, rounded_up
 from flocking.show.style import PALETTE, axes_or_new, figure_of, in_style, save, theme, themed
@@ -32,16 +31,40 @@ def _need_grid(table: SweepTable, *names: str) -> None:
 
 
 def _of_plane(table: SweepTable, *names: str | None) -> xarray.Dataset:
-    """Means over these parameters; others that have a single value are no axis."""
+    """Means over these parameters; others that have a single value are no axis.
+
+    Raises
+    ------
+    InvalidInput
+        When there are several drawn points, whose values are no grid.
+    """
     single = [name for name, values in table.plan.grid.items() if name not in names and len(values) == 1]
+    if table.plan.sample is not None:
+        if table.plan.sample.count > 1:
+            raise InvalidInput(
+                "sweep picture", "table", "must have no drawn points where a parameter is an axis",
+                f"{table.plan.sample.count} points of {', '.join(table.plan.drawn)}",
+                "Plot a measure over a measure, or take the values from table.columns.",
+            )  # fmt: skip
+        single.append("sample")
     return table.summary().isel(dict.fromkeys(single, 0))
 
 
-def _note_missing(axes: Axes, methods: AnyArray) -> None:
-    """Write above the axes why some means have no interval; `methods` are the methods of the means, any shape."""
-    reasons = sorted({str(m).removeprefix("none: ") for m in methods.ravel() if str(m).startswith("none: ")})
-    if reasons:
-        text = "no 95 % interval: " + "; ".join(reasons)
+def _note_missing(axes: Axes, table: SweepTable, found: xarray.Dataset, measure: str) -> None:
+    """Write above the axes why some means of a measure have no interval, and of how many runs they are not."""
+    methods = [str(method) for method in np.asarray(found[f"{measure}_interval"]).ravel()]
+    reasons = sorted({method.removeprefix("none: ") for method in methods if method.startswith("none: ")})
+    words = ["no 95 % interval: " + "; ".join(reasons)] if reasons else []
+    counted, made = (int(found[name].sum()) for name in (f"{measure}_count", "different"))
+    if counted < made:
+        # A share is then no mean of the others, see `SweepTable.summary`.
+        words.append(
+            f"{made - counted} of {made} runs " + ("unknown" if table.is_share(measure) else "without a value")
+        )
+    if (runs := int(found["runs"].sum())) > made:
+        words.append(f"{runs} runs, {made} different")
+    if words:
+        text = "; ".join(words)
         axes.text(1.0, 1.01, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=6, gid="no interval")
         axes.set_title(axes.get_title(), pad=14)
 
@@ -81,7 +104,8 @@ def share_map(
     _need_grid(table, x, y)
     axes = axes_or_new(axes, width=4.6)
     found = _of_plane(table, x, y).transpose(y, x, ...)
-    means, lows, highs, named = (np.asarray(found[measure + end]) for end in ("", "_low", "_high", "_interval"))
+    means, lows, highs = (np.asarray(found[measure + end]) for end in ("", "_low", "_high"))
+    made = np.asarray(found["runs"])
     known = means[np.isfinite(means)]
     least, top = float(known.min(initial=0.0)), float(known.max(initial=0.0))
     share = table.is_share(measure)
@@ -93,7 +117,9 @@ def share_map(
         ends = f"{rounded_down(low, 3)}–{rounded_up(high, 3)}" if np.isfinite(low) else "no interval"
         # What is less than all is not read as all.
         middle = compared_texts(value, 1.0)[0] if share else nearest_text(value, 3)
-        text = f"{middle}\n{ends}" if np.isfinite(value) else "no run"
+        if np.isnan(value):
+            middle = "no run" if not made[row, column] else "unknown" if np.isfinite(low) else "no value"
+        text = middle if middle.startswith("no ") else f"{middle}\n{ends}"
         axes.text(column, row, text, ha="center", va="center", color=ink, fontsize=6)
     for name, set_ticks in ((x, axes.set_xticks), (y, axes.set_yticks)):
         values = table.plan.grid[name]
@@ -102,7 +128,7 @@ def share_map(
     axes.set_ylabel(y_label or y)
     axes.set_title(title)
     axes.figure.colorbar(mesh, ax=axes, fraction=0.05, pad=0.02)
-    _note_missing(axes, named)
+    _note_missing(axes, table, found, measure)
     return axes
 
 
@@ -153,6 +179,8 @@ def bands(
     counted = all(isinstance(v, bool | int | float) for v in values)
     # Texts and parts stand side by side.
     places = np.asarray(values if counted else range(len(values)), dtype=float)
+    order = np.argsort(places, kind="stable")
+    places, found = places[order], found.isel({x: order})
     for k, value in enumerate(table.plan.grid[by] if by else [None]):
         own = found.isel({by: k}) if by else found
         color = PALETTE[k % len(PALETTE)]
@@ -163,7 +191,7 @@ def bands(
         axes.vlines(places, low, high, color=color, lw=0.8)
         if runs:
             data = table.dataset[measure]
-            data = data.isel({by: k}) if by else data
+            data = (data.isel({by: k}) if by else data).isel({x: order})
             each = np.asarray(data.transpose(x, ...)).reshape(len(places), -1)
             axes.plot(np.repeat(places, each.shape[1]), each.ravel(), ".", color=theme().faint, ms=2, zorder=0)
     if by:
@@ -175,7 +203,7 @@ def bands(
     axes.set_xlabel(x_label or x)
     axes.set_ylabel(y_label or measure)
     axes.set_title(title)
-    _note_missing(axes, np.asarray(found[measure + "_interval"]))
+    _note_missing(axes, table, found, measure)
     return axes
 
 
@@ -216,13 +244,12 @@ def against(
     """
     _need_grid(table, *([by] if by else []))
     axes = axes_or_new(axes, width=4.2, height=3.6)
-    columns = table.columns
     pairs = np.array([(a, b) for a, b in zip(table.values(x).ravel(), table.values(y).ravel(), strict=True)])
     order = sorted(table.rows)
     here = {index: pairs[index] for index in order}
     for k, value in enumerate(table.plan.grid[by] if by else [None]):
-        chosen = [here[r] for r, v in zip(order, columns[by] if by else order, strict=True)
-                  if by is None or v == value]  # fmt: skip
+        # Of values that are no numbers, as of arrays, the texts are equal where these are.
+        chosen = [here[r] for r in order if by is None or label(table.plan.task(r).parameters[by]) == label(value)]
         dots = np.array(chosen).reshape(-1, 2)
         axes.plot(dots[:, 0], dots[:, 1], "o", ms=2.5, alpha=0.7, mew=0, color=PALETTE[k % len(PALETTE)],
                   label=shown(value) if by else None)  # fmt: skip

@@ -140,3 +140,52 @@ def test_means_of_too_few_runs_say_that_they_have_no_interval(file, tmp_path, ca
     head, *lines = (tmp_path / "out" / "sweeps" / "speeds" / "summary.csv").read_text().splitlines()
     assert "closest_interval" in head.split(",")
     assert all('"none: 2 values, 8 needed"' in line for line in lines)
+
+
+SLOW = """
+seeds = {seeds}
+measures = ["convergence_time", "velocity_spread"]
+[scenario]
+t_end = 2
+terms = [{{kind = "consensus", gain = 1.0}}]
+graph = {{kind = "proximity", radius = 2.0}}
+start = {{draw = "box", n = 4, side = 4.0, speed = 1.0, seed = 0}}
+[grid]
+"terms[0].gain" = [1.0, 2.5]
+"""
+
+
+def test_means_of_the_runs_that_got_there_say_so(file, tmp_path, capsys):
+    file.write_text(SLOW.format(seeds=10))
+    assert main(["sweep", str(file), "--workers", "1"]) == 0
+    shown = capsys.readouterr().out
+    lines = (tmp_path / "out" / "sweeps" / "speeds" / "runs.csv").read_text().splitlines()
+    column = lines[0].split(",").index("convergence_time")
+    late = [line.split(",")[column] == "nan" for line in lines[1:]]
+    assert 0 < sum(late) < 20
+    at_most = max(sum(late[:10]), sum(late[10:]))
+    words = f"{sum(late)} of 20 have none, at one point {at_most} of 10"
+    assert f"means of convergence_time are of the runs that have a value: {words}" in shown
+    assert "means of velocity_spread" not in shown
+
+
+@pytest.mark.parametrize(("mean", "low", "high", "share", "shown"), [
+    (0.9996, 0.99841, 0.99996, True, "0.9996"),
+    (1.0, 0.9963, 1.0, True, "1"),
+    (0.5, 0.18709, 0.81291, True, "0.5"),
+    (100000.1, 100000.05, 100000.2, False, "100000.1"),
+    (3.21e-8, 3.2001e-8, 3.2199e-8, False, "3.21e-08"),
+    (-2.0, -3.0049, -1.0, False, "-2"),
+    (0.0, 0.0, 0.0, False, "0"),
+])  # fmt: skip
+def test_means_and_their_intervals_are_told_apart_and_rounded_outwards(mean, low, high, share, shown):
+    from flocking.apps.commands.sweep_commands import _cell
+
+    text = _cell({"m": mean, "m_low": low, "m_high": high}, "m", share, True)
+    middle, _, ends = text.partition(" (")
+    first, last = ends.rstrip(")").split(", ")
+    assert float(first) <= low
+    assert float(last) >= high
+    assert middle == shown
+    assert float(first) == pytest.approx(low, abs=0.02 * (high - low) + 1e-300)
+    assert float(last) == pytest.approx(high, abs=0.02 * (high - low) + 1e-300)

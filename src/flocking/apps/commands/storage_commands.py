@@ -116,6 +116,7 @@ def diff(one: Path, two: Path, *, tolerance: float = 0.0, as_json: Json = False)
     from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.runs.compare import first_difference
     from flocking.engine.storage.stored_runs import read_run
+    from flocking.formula.safe_digits import given_text
 
     with Wait("diff"):
         stage("reading and comparing the runs")
@@ -124,5 +125,6 @@ def diff(one: Path, two: Path, *, tolerance: float = 0.0, as_json: Json = False)
         about = None if found is None else {**vars(found), "first": str(found.first), "second": str(found.second)}
         print_json({"equal": found is None, "first_difference": about})
     else:
-        print("The runs are equal." if found is None else found)
+        within = f" within {given_text(tolerance)}" if tolerance else ""
+        print(f"The runs are equal{within}." if found is None else found)
     return EQUAL if found is None else DIFFERENT

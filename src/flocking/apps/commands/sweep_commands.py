@@ -20,6 +20,8 @@ FINE, FAILED_RUNS, INTERRUPTED = 0, 1, 130
 """Exit codes: success, some runs failed, and, as shells have it, 128 + 2 after the interrupt signal."""
 LONGEST_SUMMARY = 60
 """Rows printed at most, about a screen; the file has all of them."""
+FEWEST_DIGITS = 3
+"""Significant digits of a mean and its interval, by convention; more where the interval is narrow beside its ends."""
 MOST_FAILURES = 100
 """Failures that the JSON output lists; their number is given, and the stored table has all."""
 
@@ -145,7 +147,7 @@ def write_results(table: SweepTable, folder: Path, name: str, level: float) -> l
 def _print(
     table: SweepTable, file: SweepFile, folder: Path, written: list[Path], level: float, seconds: float, as_json: bool
 ) -> None:
-    from flocking.apps.tables import print_table, short
+    from flocking.apps.tables import print_table
     from flocking.study.confidence_intervals import UNKNOWN
 
     failures = table.failures
@@ -164,8 +166,7 @@ def _print(
     cells = []
     for row in rows[:LONGEST_SUMMARY]:
         places = [str(row[name]) for name in head[: len(head) - len(table.measures)]]
-        values = [f"{short(row[m])} ({_ends(row, m)})" if few else short(row[m]) for m in table.measures]
-        cells.append((*places, *values))
+        cells.append((*places, *(_cell(row, m, table.is_share(m), few) for m in table.measures)))
     print_table(head, cells, title=f"{file.name}: means" + (f" with {100 * level:g} % intervals" if few else ""))
     if len(rows) > LONGEST_SUMMARY:
         print(f"... and {len(rows) - LONGEST_SUMMARY} more points in {folder / 'summary.csv'}")
@@ -174,6 +175,10 @@ def _print(
     for measure in table.measures:
         if any(UNKNOWN in row[f"{measure}_interval"] for row in rows):
             print(f"no mean of {measure} where it is unknown in some runs; intervals count these as either")
+        elif not table.is_share(measure) and (left := _left_out(rows, measure)):
+            print(f"means of {measure} are of the runs that have a value: {left}")
+    if (different := sum(row["different"] for row in rows)) < len(table):
+        print(f"{len(table)} runs are {different} different ones: others repeat a scenario, and count once")
     if len(table.versions) > 1:
         named = "; ".join(", ".join(f"{k} {v}" for k, v in made.items()) for made in table.versions)
         print(f"runs were made by several versions: {named}")
@@ -182,12 +187,33 @@ def _print(
         print("  " + ", ".join(f"{name} = {value}" for name, value in failure.items()))
 
 
-def _ends(row: Mapping[str, Any], measure: str) -> str:
-    from flocking.apps.tables import short
+def _left_out(rows: Sequence[Mapping[str, Any]], measure: str) -> str:
+    """How many different runs have no value of a measure, in words; empty where all have one."""
+    missing = [row["different"] - row[f"{measure}_count"] for row in rows]
+    if not any(missing):
+        return ""
+    most = max(range(len(rows)), key=missing.__getitem__)
+    total = sum(row["different"] for row in rows)
+    at_most = f", at one point {missing[most]} of {rows[most]['different']}" if len(rows) > 1 else ""
+    return f"{sum(missing)} of {total} have none{at_most}"
 
-    if row[f"{measure}_low"] is None:
-        return "no interval"
-    return f"{short(row[f'{measure}_low'])}, {short(row[f'{measure}_high'])}"
+
+def _cell(row: Mapping[str, Any], measure: str, share: bool, with_interval: bool) -> str:
+    """A mean with its interval: in so many digits that these differ, and with ends that are rounded outwards."""
+    from flocking.apps.tables import short
+    from flocking.formula.safe_digits import EXACT_DIGITS, compared_texts, nearest_text, rounded_down, rounded_up
+
+    mean, low, high = (row[measure + ending] for ending in ("", "_low", "_high"))
+    digits = FEWEST_DIGITS
+    if low is not None and low < high:
+        resolved = math.log10(max(abs(low), abs(high)) / (high - low))
+        digits = min(EXACT_DIGITS, FEWEST_DIGITS + max(0, math.floor(resolved)))
+    # What is less than all is not read as all.
+    middle = compared_texts(mean, 1.0, digits)[0] if share and mean is not None else ""
+    middle = middle or (short(mean) if mean is None else nearest_text(mean, digits))
+    if not with_interval:
+        return middle
+    return f"{middle} ({'no interval' if low is None else f'{rounded_down(low, digits)}, {rounded_up(high, digits)}'})"
 
 
 def _reasons(rows: Sequence[Mapping[str, Any]], measures: Sequence[str]) -> dict[str, list[str]]:

@@ -84,10 +84,29 @@ def _or_nan(value: float) -> float:
 
 
 def _closest(e: Evidence) -> float:
-    try:
-        return e.closest.distance if e.closest.pair[0] >= 0 else math.nan
-    except NotMeasurable:
-        return math.nan
+    found = _looked_always(e).closest
+    if found.pair[0] < 0:
+        few = (
+            "there is one agent"
+            if e.run.n < 2
+            else "no two agents were linked, and the engine records linked ones only"
+        )
+        raise NotMeasurable(few)
+    return found.distance
+
+
+def _closest_linked(e: Evidence) -> float:
+    found = _looked_always(e).closest_linked
+    if not math.isfinite(found.distance):
+        raise NotMeasurable("no two agents were ever linked")
+    return found.distance
+
+
+def _looked_always(e: Evidence) -> Evidence:
+    """The evidence of a run whose approaches were followed; of others agents may have come closer in between."""
+    if e.fidelity.approaches.looked:
+        raise NotMeasurable(f"agents' distances were recorded only {e.fidelity.approaches.looked}")
+    return e
 
 
 def _switches(e: Evidence, kind: str) -> float:
@@ -125,7 +144,7 @@ MEASURES: dict[str, tuple[str, Measuring]] = {
     "diameter": ("largest distance of two agents at the end", lambda e: float(e.diameter[-1])),
     "closest": ("smallest distance of two agents in the run", _closest),
     "closest_linked": ("smallest distance of two linked agents in the run",
-                       lambda e: _or_nan(e.run.closest_linked.distance)),
+                       _closest_linked),
     "convergence_time": ("time from which the velocities agree", convergence_time),
     "converged": ("whether the velocities agree at the end", lambda e: not math.isnan(convergence_time(e))),
     "following_time": ("time from which the velocities are the leader's", following_time),

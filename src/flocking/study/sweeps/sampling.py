@@ -13,6 +13,9 @@ from flocking.model.parts.seeds import takes_rng
 
 METHODS = ("random", "latin", "sobol")
 
+LARGEST_INTEGER = 2**53
+"""Largest integer that is drawn: points are doubles first, which hold each integer up to there."""
+
 
 @takes_rng
 @dataclass(frozen=True)
@@ -65,6 +68,9 @@ class Sample:
             if name in self.log and low <= 0:
                 raise InvalidInput("Sample", where, "must be above 0 to be drawn by its logarithm", list(ends))
             integers.append(all(isinstance(end, int | np.integer) and not isinstance(end, bool) for end in ends))
+            if integers[-1] and max(abs(int(end)) for end in ends) > LARGEST_INTEGER:
+                rule = f"must have integers of at most {LARGEST_INTEGER} as its ends, up to which doubles hold each"
+                raise InvalidInput("Sample", where, rule, list(ends))
         unknown = [name for name in self.log if name not in self.ranges]
         if unknown:
             raise InvalidInput("Sample", "log", f"must be among {', '.join(self.ranges)}", unknown[0])
@@ -79,9 +85,9 @@ class Sample:
             first, last = (float(low) - 0.5, float(high) + 0.5) if integers else (float(low), float(high))
             if name in self.log:
                 first = max(first, float(low) / 2)
-                values = first * (last / first) ** shares[:, k]
+                values = _between_logarithms(first, last, shares[:, k])
             else:
-                values = first + (last - first) * shares[:, k]
+                values = _between(first, last, shares[:, k])
             if integers:
                 columns[name] = tuple(int(v) for v in np.clip(np.rint(values), low, high))
             else:
@@ -107,8 +113,26 @@ class Sample:
 
     def as_data(self) -> dict[str, object]:
         """Plain data for the record of a sweep."""
-        ranges = {name: list(ends) for name, ends in self.ranges.items()}
+        ranges = {
+            name: [end.item() if isinstance(end, np.generic) else end for end in ends]
+            for name, ends in self.ranges.items()
+        }
         return {
             "method": self.method, "count": int(self.count), "ranges": ranges, "log": sorted(self.log),
             "seed": int(self.seed),
         }  # fmt: skip
+
+
+def _between(first: float, last: float, shares: Array) -> Array:
+    """Numbers by their shares of an interval, whose length may exceed the largest double."""
+    length = last - first
+    return first + length * shares if np.isfinite(length) else (1.0 - shares) * first + shares * last
+
+
+def _between_logarithms(first: float, last: float, shares: Array) -> Array:
+    """Numbers by the shares of their logarithms; the quotient of the ends may exceed the largest double."""
+    with np.errstate(over="ignore"):
+        quotient = float(np.float64(last) / first)
+    if np.isfinite(quotient):
+        return np.asarray(first * quotient**shares)
+    return np.asarray(np.exp(_between(float(np.log(first)), float(np.log(last)), shares)))
