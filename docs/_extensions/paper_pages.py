@@ -118,8 +118,9 @@ def claim_rows(article: Paper, name: str) -> list[tuple[str, ...]]:
 
 
 MEASURED = (
-    "*Measured* are ten seeds, run by run; of one scenario nine, for one run ends early, see {doc}`/two_papers` "
-    "(`make rates` computes them again). A claim that rests on a proof or a "
+    "*Measured* are ten seeds, run by run, or more until five meet the hypotheses; of one scenario nine, for one run "
+    "ends early, see {doc}`/two_papers` (`make rates` computes them again). Seeds that do not meet a hypothesis, or "
+    "whose run leaves a claim open, decide nothing. A claim that rests on a proof or a "
     "counter-example has an expected verdict; one that rests on neither is "
     "an observation, whose rate is given with its 95 % interval (Clopper and Pearson).\n\n"
 )

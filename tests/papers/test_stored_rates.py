@@ -47,7 +47,9 @@ def test_stored_verdicts_are_the_expected_ones(key):
 
 
 def test_the_words_of_a_rate():
-    assert stored_rates.Rate("holds", 9, 9, 10).text == "holds: 9 of 9 seeds"
+    assert stored_rates.Rate("holds", 9, 9, 10).text == "holds: 9 of 9 seeds (1 more decides nothing)"
+    assert stored_rates.Rate("fails", 0, 5, 15).text == "fails: 0 of 5 seeds (10 more decide nothing)"
+    assert stored_rates.Rate("holds", 10, 10, 10).text == "holds: 10 of 10 seeds"
     # Clopper and Pearson: of 0 successes in n the upper end is 1 - 0.025^(1/n).
     assert stored_rates.Rate("observed", 0, 10, 10).text == "0 of 10 seeds: 0 % (0 to 31)"
     assert round(100 * (1 - 0.025 ** (1 / 10))) == 31

@@ -46,7 +46,9 @@ class Rate:
     def text(self) -> str:
         """Verdict and numbers in words, with the interval of the rate of an observation."""
         left = self.tried - self.decided
-        counted = f"{self.held} of {self.decided} seeds" + (f" ({left} more decide nothing)" if left else "")
+        counted = f"{self.held} of {self.decided} seeds" + (
+            f" ({left} more decide{'s' * (left == 1)} nothing)" if left else ""
+        )
         if self.verdict != OBSERVED or not self.decided:
             return f"{self.verdict}: {counted}"
         return f"{counted}: {percent_text(self.held / self.decided, self.interval.low, self.interval.high)}"

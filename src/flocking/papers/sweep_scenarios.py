@@ -6,7 +6,7 @@ from functools import cache, partial
 from typing import TypedDict, Unpack
 
 from flocking.model.law import Scenario
-from flocking.model.parts.values import TRUTH, choice
+from flocking.model.parts.values import TRUTH, Value, choice
 from flocking.study.evidence import Evidence
 from flocking.study.sweeps.parametrised_scenarios import ParametrisedScenario, integer_between, number_between
 
@@ -143,7 +143,10 @@ def sweep_scenarios() -> dict[str, ParametrisedScenario]:
         "zhou-2015-leader": ParametrisedScenario(partial(_zhou, leader=True), zhou),
         "olfati-saber-2003": ParametrisedScenario(_obstacles, obstacles),
     }
-    for name in SETTINGS:
-        options = {"informed": integer_between(0, AGENTS), "compact": TRUTH}
+    for name, setting in SETTINGS.items():
+        options: dict[str, Value] = {"compact": TRUTH}
+        if "some" in (setting.velocity, setting.acceleration):
+            # Where all agents are informed of what anybody is, or none, the number changes nothing.
+            options["informed"] = integer_between(0, AGENTS)
         found[name] = ParametrisedScenario(partial(_shi, name=name), options)
     return found

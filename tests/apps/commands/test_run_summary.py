@@ -31,3 +31,13 @@ def test_times_of_runs_that_begin_late_have_the_digits_that_differ():
     found = passing(1.76e9, "exact")
     assert found["time reached"] == "1760000004"
     assert found["closest pair"].endswith("t = 1760000001")
+
+
+def test_an_energy_that_is_known_for_a_part_of_the_run_is_not_that_at_the_end():
+    """Under held forces two agents leave a barrier at a distance of 1, where the energy is infinite."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Gradient(fk.Potential("-log(1 - r**2)"))])
+    start = fk.State([[0.0, 0.0], [0.5, 0.0]], [[0.0, 0.0], [3.0, 0.0]])
+    run = fk.simulate(fk.Scenario(law, start, t_end=3.0, frames=4, control=fk.Held(0.1)), progress=False)
+    found = summary(run)
+    assert dict(facts(found))["energy"].endswith("at t = 0.1, where the ledger ends")
+    assert found["energy"]["ledger_ends"] == run.trace["time"][-1] == 0.1

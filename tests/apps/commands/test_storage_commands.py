@@ -71,7 +71,11 @@ def test_diff(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert main(["diff", str(folder), str(other), "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
     assert (found["equal"], found["first_difference"]["agent"]) == (False, 7)
+    capsys.readouterr()
     assert main(["diff", str(folder), str(other), "--tolerance", "1e-9"]) == 0
+    assert capsys.readouterr().out == "The runs are equal within 1e-09.\n"
+    assert main(["diff", str(folder), str(other), "--tolerance", "1e-9", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"equal": True, "tolerance": 1e-9, "first_difference": None}
     assert main(["diff", str(folder), str(tmp_path / "none")]) == 2
 
 

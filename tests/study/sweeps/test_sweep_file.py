@@ -330,3 +330,21 @@ def test_seeds_of_runs_are_refused_where_no_part_takes_them():
     text = WRITTEN.replace('"terms[0].gain" = [0.5, 2.0]', '"start.seed" = [11, 12]')
     with pytest.raises(SweepFileError, match=r"seeds: must be left out: every seed in \[scenario\] is varied"):
         parse_sweep(text, FAMILIES)
+
+
+OTHER_VALUES = {
+    "speed": (1.0, 2.0), "complete": (False, True), "start_radius": (1.5, 2.5), "side": (4.0, 6.0), "gain": (1.0, 2.0),
+    "duration": (10.0, 20.0), "length": (100.0, 200.0), "tracking": ("agent", "shared"), "tracking_gain": (1.0, 2.0),
+    "gamma_agents": (True, False), "agents": (20, 30), "informed": (3, 5), "compact": (False, True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_option_of_a_family_changes_its_scenario(family):
+    """An axis that changes nothing would be a table of equal rows with different names."""
+    from flocking.study.sweeps.equal_scenarios import run_digest
+
+    made = FAMILIES[family]
+    for option in made.options:
+        one, other = (run_digest(made.make(seed=1, **{option: value})) for value in OTHER_VALUES[option])
+        assert "" != one != other, option

@@ -9,7 +9,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.runs.run import DOUBT_FIELDS
-from flocking.study.evidence import Evidence, NotResolvable
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 from flocking.study.sweeps.measures import MEASURES
 
 ROW = fk.Scenario(
@@ -115,3 +115,59 @@ def test_a_leaders_velocity_is_followed_from_the_start_by_agents_that_have_it() 
     assert measured(Evidence(run), "following", "following_time") == [True, 0.0]
     nearly = replace(run, p=np.nextafter(run.p, np.inf) + np.spacing(run.p), accuracy=None)
     assert measured(Evidence(nearly), "following", "following_time") == [True, 0.0]
+
+
+def rows(scenario: fk.Scenario, *names: str, engine: str = "auto") -> tuple[dict, str]:
+    """Values and message of the only run of a sweep."""
+    options = {"workers": 1, "progress": False, "engine": engine}
+    (row,) = fk.sweep(lambda seed: scenario, seeds=[0], measures=names, **options).rows.values()
+    assert row["status"] == "ok"
+    return row["values"], row["message"]
+
+
+LEDGER = ("energy", "energy_most", "dissipated", "ledger_closes")
+
+
+def test_the_energy_where_the_ledger_ends_is_not_that_at_the_end() -> None:
+    """Two agents part at 3 under forces that are held for a period of 1/10 and leave the barrier at a distance of 1."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Gradient(fk.Potential("-log(1 - r**2)"))])
+    start = fk.State([[0.0, 0.0], [0.5, 0.0]], [[0.0, 0.0], [3.0, 0.0]])
+    values, message = rows(fk.Scenario(law, start, t_end=3.0, frames=4, control=fk.Held(0.1)), *LEDGER, "energy_start")
+    # At the start the kinetic energy about the centre of mass is 2 * 1.5**2/2, or 9/2 in the frame at rest.
+    kinetic = values["energy_start"] + np.log(1 - 0.5**2)
+    assert any(abs(kinetic - expected) < 1e-12 for expected in (2.25, 4.5))
+    assert all(np.isnan(values[name]) for name in LEDGER)
+    assert "energy: the ledger ends at t = 0.1, before the run" in message
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0.0, 0.3), (1e6, 1e6 + 0.3), (-0.1, 0.2), (1e-8, 4e-8)])
+@pytest.mark.parametrize("engine", ["exact", "sampled", "tiles"])
+def test_ledgers_that_reach_the_end_are_measured_whatever_the_time(begin: float, end: float, engine: str) -> None:
+    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [0.8, 0.0], [0.3, 0.9]], [[0.1, 0.0], [0.0, 0.2], [0.0, 0.0]], begin)
+    world = {"control": fk.Held((end - begin) / 10)} if engine == "sampled" else {}
+    values, _ = rows(fk.Scenario(law, start, t_end=end, frames=3, **world), "energy", "dissipated", engine=engine)
+    assert np.isfinite([values["energy"], values["dissipated"]]).all()
+
+
+def test_a_closest_approach_that_is_not_known_says_why() -> None:
+    law = fk.Law(fk.Proximity(0.1), [fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [10.0, 1.0]], [[1.0, 0.0], [-1.0, 0.0]])
+    scenario = fk.Scenario(law, start, t_end=10.0, frames=3)
+    values, message = rows(scenario, "closest", "closest_linked", engine="exact")
+    assert values["closest"] == pytest.approx(1.0)
+    assert "closest_linked: no two agents were ever linked" in message
+    values, message = rows(scenario, "closest", engine="tiles")
+    assert np.isnan(values["closest"])
+    assert "closest: no two agents were linked, and the engine records linked ones only" in message
+    alone = fk.Scenario(law, fk.State([[0.0, 0.0]]), t_end=0.1, frames=2)
+    assert "closest: there is one agent" in rows(alone, "closest")[1]
+
+
+def test_an_approach_that_was_looked_for_at_times_is_not_the_closest(row: fk.Run) -> None:
+    """LAMMPS sees distances when lists of neighbours are made anew; in between agents may come closer."""
+    approaches = replace(row.fidelity.approaches, looked="when lists of neighbours were made")
+    seen = Evidence(replace(row, fidelity=replace(row.fidelity, approaches=approaches)))
+    for name in ("closest", "closest_linked"):
+        with pytest.raises(NotMeasurable, match="recorded only when lists of neighbours were made"):
+            MEASURES[name][1](seen)

@@ -61,6 +61,9 @@ def summary(run: Run) -> dict[str, Any]:
     if len(run.trace):
         energy = run.trace["energy"]
         found["energy"] = {"start": float(energy[0]), "end": float(energy[-1])}
+        if "ledger ends" in run.provenance:
+            # A link broke or appeared over a barrier, whose energy is infinite.
+            found["energy"]["ledger_ends"] = float(run.trace["time"][-1])
         found["ledger_residual"] = float(np.abs(run.residual).max())
         found["turnover"] = run.turnover
     found["provenance"] = run.provenance
@@ -151,6 +154,8 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
     def when(time: float, digits: int = 6) -> str:
         return time_text(time, found["begin"], time if found["time"] is None else found["time"], digits)
 
+    known = (energy or {}).get("ledger_ends")
+    ended = "at the end" if known is None else f"at t = {when(known)}, where the ledger ends"
     return [
         ("scenario", found["scenario"]),
         ("status", found["status"]),
@@ -168,7 +173,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
             "closest linked pair" if linked else "closest pair",
             f"{closest['distance']:.6g}, agents {pair}, t = {when(closest['time'])}" if closest else "",
         ),
-        ("energy", f"{energy['start']:.6g} at the start, {energy['end']:.6g} at the end" if energy else ""),
+        ("energy", f"{energy['start']:.6g} at the start, {energy['end']:.6g} {ended}" if energy else ""),
         ("ledger residual", _residual(found)),
     ]
 

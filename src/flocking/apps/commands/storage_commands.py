@@ -123,7 +123,7 @@ def diff(one: Path, two: Path, *, tolerance: float = 0.0, as_json: Json = False)
         found = first_difference(read_run(one), read_run(two), tolerance=tolerance)
     if as_json:
         about = None if found is None else {**vars(found), "first": str(found.first), "second": str(found.second)}
-        print_json({"equal": found is None, "first_difference": about})
+        print_json({"equal": found is None, "tolerance": tolerance, "first_difference": about})
     else:
         within = f" within {given_text(tolerance)}" if tolerance else ""
         print(f"The runs are equal{within}." if found is None else found)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Records
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model import observables
@@ -25,6 +25,11 @@ MOST_MEASURES = 1_000
 
 LARGEST_COUNT = 2**53
 """Largest integer of a row: a double holds each one below exactly, and tables of results have columns of doubles."""
+
+ROUNDINGS = 4
+"""Roundings of its size by which the last time of a ledger may differ from the end: it is the sum of the start and of
+the seconds since then, which are the difference of both. That rounds twice, and twice as often is allowed.
+"""
 
 SUMMARY_ENDINGS = ("_low", "_high", "_interval", "_count")
 """Endings of the columns of a summary that are about a measure besides its mean."""
@@ -128,6 +133,20 @@ def _last_switch(e: Evidence) -> float:
     return e.last_switch
 
 
+def _ledger(e: Evidence) -> Records:
+    """The ledger of the whole run: it ends where a link breaks or appears over a barrier, whose energy is infinite."""
+    last, end = float(e.trace["time"][-1]), e.run.scenario.t_end
+    if last < end - ROUNDINGS * float(np.spacing(max(abs(end), abs(e.run.scenario.start.t)))):
+        raise NotMeasurable(f"the ledger ends at t = {e.when(last)}, before the run")
+    return e.trace
+
+
+def _ledger_closes(e: Evidence) -> bool:
+    if e.fidelity.ledger.kind != "forces":
+        _ledger(e)
+    return e.ledger_closes
+
+
 MEASURES: dict[str, tuple[str, Measuring]] = {
     "flocks": ("flocks at the end", lambda e: e.flocks_at_end),
     "density": ("share of the agents in the largest flock at the end",
@@ -150,13 +169,13 @@ MEASURES: dict[str, tuple[str, Measuring]] = {
     "following_time": ("time from which the velocities are the leader's", following_time),
     "following": ("whether the velocities are the leader's at the end", lambda e: not math.isnan(following_time(e))),
     "energy_start": ("energy at the start", lambda e: float(e.trace["energy"][0])),
-    "energy": ("energy at the end", lambda e: float(e.trace["energy"][-1])),
-    "energy_most": ("largest energy at a recorded time", lambda e: float(e.trace["energy"].max())),
-    "dissipated": ("energy dissipated", lambda e: float(e.trace["dissipated"][-1])),
+    "energy": ("energy at the end", lambda e: float(_ledger(e)["energy"][-1])),
+    "energy_most": ("largest energy at a recorded time", lambda e: float(_ledger(e)["energy"].max())),
+    "dissipated": ("energy dissipated", lambda e: float(_ledger(e)["dissipated"][-1])),
     "links_created": ("links that appeared", lambda e: _switches(e, "appear")),
     "links_lost": ("links that broke", lambda e: _switches(e, "break")),
     "last_switch": ("time of the last link switch", _last_switch),
-    "ledger_closes": ("whether the energy ledger closes", lambda e: e.ledger_closes),
+    "ledger_closes": ("whether the energy ledger closes", _ledger_closes),
 }  # fmt: skip
 """What can be measured, by name: a description, and the function of the evidence of a run."""
 
