@@ -6,7 +6,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +15,9 @@ from cyclopts import Parameter
 if TYPE_CHECKING:
     from flocking.study.sweeps.sweep_file import SweepFile
     from flocking.study.sweeps.table import SweepTable
+
+SummaryRow = dict[str, Any]
+"""A point of a sweep: parameters, and what is said of each measure there."""
 
 FINE, FAILED_RUNS, INTERRUPTED = 0, 1, 130
 """Exit codes: success, some runs failed, and, as shells have it, 128 + 2 after the interrupt signal."""
@@ -187,7 +190,7 @@ def _print(
         print("  " + ", ".join(f"{name} = {value}" for name, value in failure.items()))
 
 
-def _left_out(rows: Sequence[Mapping[str, Any]], measure: str) -> str:
+def _left_out(rows: Sequence[SummaryRow], measure: str) -> str:
     """How many different runs have no value of a measure, in words; empty where all have one."""
     missing = [row["different"] - row[f"{measure}_count"] for row in rows]
     if not any(missing):
@@ -198,7 +201,7 @@ def _left_out(rows: Sequence[Mapping[str, Any]], measure: str) -> str:
     return f"{sum(missing)} of {total} have none{at_most}"
 
 
-def _cell(row: Mapping[str, Any], measure: str, share: bool, with_interval: bool) -> str:
+def _cell(row: SummaryRow, measure: str, share: bool, with_interval: bool) -> str:
     """A mean with its interval: in so many digits that these differ, and with ends that are rounded outwards."""
     from flocking.apps.tables import short
     from flocking.formula.safe_digits import EXACT_DIGITS, compared_texts, nearest_text, rounded_down, rounded_up
@@ -216,7 +219,7 @@ def _cell(row: Mapping[str, Any], measure: str, share: bool, with_interval: bool
     return f"{middle} ({'no interval' if low is None else f'{rounded_down(low, digits)}, {rounded_up(high, digits)}'})"
 
 
-def _reasons(rows: Sequence[Mapping[str, Any]], measures: Sequence[str]) -> dict[str, list[str]]:
+def _reasons(rows: Sequence[SummaryRow], measures: Sequence[str]) -> dict[str, list[str]]:
     """Why means have no interval, with the measures that have none for that reason at some point."""
     found: dict[str, list[str]] = {}
     for measure in measures:
@@ -226,7 +229,7 @@ def _reasons(rows: Sequence[Mapping[str, Any]], measures: Sequence[str]) -> dict
     return found
 
 
-def _summary_rows(table: SweepTable, level: float) -> list[dict[str, Any]]:
+def _summary_rows(table: SweepTable, level: float) -> list[SummaryRow]:
     summary = table.summary(level)
     columns = {str(name): summary[name].values.ravel() for name in summary.data_vars}
     rows = []
