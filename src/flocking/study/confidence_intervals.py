@@ -46,17 +46,24 @@ def _none(reason: str) -> Interval:
     return Interval(np.nan, np.nan, f"none: {reason}")
 
 
-def check_level(level: float) -> float:
+def check_level(level: float, owner: str = "summary", name: str = "level") -> float:
     """A level of confidence between 0 and 1.
+
+    Parameters
+    ----------
+    level
+        The level.
+    owner, name
+        Whose parameter it is, and its name there, for messages.
 
     Raises
     ------
     InvalidInput
         When it is not.
     """
-    checked = number("summary", "level", level, above=0.0)
+    checked = number(owner, name, level, above=0.0)
     if checked >= 1:
-        raise InvalidInput("summary", "level", "must be below 1", level)
+        raise InvalidInput(owner, name, "must be below 1", level)
     return checked
 
 

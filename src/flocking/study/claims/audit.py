@@ -95,14 +95,42 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
         The run.
     claims
         The claims; the general ones when absent, each of which states why where it does not apply.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no run, or these are no claims, each with a key of its own.
     """
     from flocking.study.claims.general_claims import GENERAL
 
     if not isinstance(run, Run):
         raise InvalidInput("audit", "run", "must be a Run", run, "Use fk.simulate(scenario).")
-    checked = listed("audit", "claims", GENERAL if claims is None else claims, "must be claims")
-    for claim in checked:
-        if not isinstance(claim, Claim):
-            raise InvalidInput("audit", "claims", "must be claims", claim)
+    checked = check_claims("audit", GENERAL if claims is None else claims)
     evidence = Evidence(run)
     return Report(run, tuple(claim.examine(evidence) for claim in counted(checked, "claims", lambda c: c.key)))
+
+
+def check_claims(owner: str, claims: object, parameter: str = "claims") -> tuple[Claim, ...]:
+    """Claims, each with a key of its own: verdicts are told apart by these.
+
+    Parameters
+    ----------
+    owner, parameter
+        Whose parameter they are, and its name, for messages.
+    claims
+        What was given.
+
+    Raises
+    ------
+    InvalidInput
+        When something else is among them, or two have one key.
+    """
+    checked = listed(owner, parameter, claims, "must be claims")
+    for claim in checked:
+        if not isinstance(claim, Claim):
+            raise InvalidInput(owner, parameter, "must be claims", claim)
+    keys = Counter(claim.key for claim in checked)
+    for key, count in keys.items():
+        if count > 1:
+            raise InvalidInput(owner, parameter, "must have different keys, by which verdicts are told apart", key)
+    return tuple(checked)

@@ -149,12 +149,22 @@ class Margins:
         raise KeyError(f"{quantity}, {conclusion}")
 
     @property
+    def _most_runs(self) -> int:
+        """Number of runs of all seeds in the ideal world and at each level."""
+        return len(self.seeds) * (1 + sum(len(one.levels) for one in self.varied))
+
+    @property
     def notes(self) -> list[str]:
         """What the table rests on, in sentences."""
         share = "every run" if self.share == 1 else f"{100 * self.share:g} % of the runs"
         found = [
             f"Observed on {self.runs} runs, {len(self.seeds)} seed{'s' * (len(self.seeds) != 1)} at a level, the same "
             f"at all. A level counts where {share} shows the conclusion by the end of the run.",
+            *(
+                []
+                if self.runs >= self._most_runs
+                else ["Seeds whose scenarios are equal in a world are one run there."]
+            ),
             "Nothing is known between and beyond the levels tried. Runs that neither show nor refute a conclusion are "
             "open and do not count as showing it.",
             "Runs are taken as computed: what their numerical error may change is not counted.",

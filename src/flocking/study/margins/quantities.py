@@ -84,6 +84,10 @@ class Quantity:
             return level
         return float(f"{round(level / self.resolution) * self.resolution:.{MOST_DIGITS}g}")
 
+    def is_resolved(self, level: float) -> bool:
+        """Whether what is simulated for a ``level`` is that value, to the fourth digit."""
+        return level == 0.0 or abs(self.resolved(level) - level) <= UNRESOLVED * level
+
 
 def rounded_levels(low: float, high: float) -> tuple[float, ...]:
     """The numbers 1, 2 and 5 times a power of ten from ``low`` to ``high``, ascending."""
@@ -209,6 +213,19 @@ def _limits(scenario: Scenario, _: float) -> tuple[float, ...]:
     return rounded_levels(FORCES[1] * largest, FORCES[0] * largest)[::-1]
 
 
+def default_levels(quantity: Quantity, scenario: Scenario, period: float) -> list[float]:
+    """The default grid of a quantity, without levels that would be rounded, as times shorter than a nanosecond.
+
+    Parameters
+    ----------
+    quantity
+        The quantity.
+    scenario, period
+        The scenario and the base period.
+    """
+    return [level for level in quantity.levels(scenario, period) if quantity.is_resolved(level)]
+
+
 def checked_levels(name: str, given: Sequence[float], quantity: Quantity) -> list[float]:
     """The levels of a quantity that are given, in order from the ideal one outwards.
 
@@ -228,7 +245,7 @@ def checked_levels(name: str, given: Sequence[float], quantity: Quantity) -> lis
     if not found or len(set(found)) < len(found):
         raise InvalidInput("margins", f"levels[{name!r}]", "must hold different levels, at least one", list(given))
     for level in found:
-        if level and abs(quantity.resolved(level) - level) > UNRESOLVED * level:
+        if not quantity.is_resolved(level):
             rule = f"must be 0 or whole multiples of {quantity.resolution:g}, to which levels are rounded"
             raise InvalidInput("margins", f"levels[{name!r}]", rule, level)
     return sorted(found, reverse=quantity.falling)

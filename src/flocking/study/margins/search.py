@@ -10,13 +10,14 @@ from flocking.engine.interruption import interrupted
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.checks import integer, number
 from flocking.model.law import Scenario
+from flocking.study.claims.audit import check_claims
 from flocking.study.claims.claim import Claim
 from flocking.study.confidence_intervals import check_level
 from flocking.study.margins.brackets import STEP_TO_IDEAL, Count, between, bracket, open_everywhere, open_from_ideal
 from flocking.study.margins.computed_runs import HYPOTHESIS, Conclusions
 from flocking.study.margins.fingerprints import fingerprint, has_foreign_parts
 from flocking.study.margins.margin_table import Margins, Varied, counts_of
-from flocking.study.margins.quantities import Quantity, base_period, checked_levels, quantity_named
+from flocking.study.margins.quantities import Quantity, base_period, checked_levels, default_levels, quantity_named
 from flocking.study.margins.worlds import IDEAL, Worlds, world_in_words
 from flocking.study.sweeps.recorded_content import digest_of
 
@@ -290,7 +291,8 @@ def find_margins(
         raise InvalidInput("margins", "vary" if seeds else "seeds", "must not be empty", [])
     if len(set(seeds)) < len(seeds):
         raise InvalidInput("margins", "seeds", "must not hold a seed twice", list(seeds)[:8])
-    check_level(confidence)
+    check_level(confidence, "margins", "confidence")
+    claims = check_claims("margins", claims)
     if number("margins", "share", share, above=0.0) > 1:
         raise InvalidInput("margins", "share", "must be at most 1", share)
     if number("margins", "width", width, above=0.0) >= 1:
@@ -312,7 +314,7 @@ def find_margins(
     for name, quantity in chosen.items():
         try:
             given = (levels or {}).get(name)
-            grid = list(quantity.levels(first, base)) if given is None else checked_levels(name, given, quantity)
+            grid = default_levels(quantity, first, base) if given is None else checked_levels(name, given, quantity)
             for level in (grid[0], grid[-1]):
                 scenario = worlds(world=f"{name}={level!r}", seed=seeds[0])
                 start(scenario)

@@ -232,6 +232,7 @@ def auditing(audit: Auditing) -> Callable[[Run], object] | None:
         When ``audit`` is none of these.
     """
     from flocking.study.claims.audit import audit as audit_claims
+    from flocking.study.claims.audit import check_claims
 
     if audit is False or audit is None:
         return None
@@ -240,7 +241,7 @@ def auditing(audit: Auditing) -> Callable[[Run], object] | None:
     if callable(audit):
         return audit
     if isinstance(audit, Sequence) and all(isinstance(claim, Claim) for claim in audit):
-        claims = tuple(audit)
+        claims = check_claims("sweep", audit, "audit")
         return lambda run: audit_claims(run, claims)
     raise InvalidInput("sweep", "audit", "must be true or false, claims, or a function of a run", audit)
 
