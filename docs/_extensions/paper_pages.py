@@ -122,7 +122,8 @@ MEASURED = (
     "ends early, see {doc}`/two_papers` (`make rates` computes them again). Seeds that do not meet a hypothesis, or "
     "whose run leaves a claim open, decide nothing. A claim that rests on a proof or a "
     "counter-example has an expected verdict; one that rests on neither is "
-    "an observation, whose rate is given with its 95 % interval (Clopper and Pearson).\n\n"
+    "an observation, whose rate among the seeds that decide it is given with its 95 % interval (Clopper and "
+    "Pearson).\n\n"
 )
 
 FURTHER_PAGES = {

@@ -4,9 +4,11 @@ import json
 
 import pytest
 
+import flocking as fk
 from flocking.apps.cli import main
 from flocking.apps.scenario_names import find_scenario
 from flocking.papers.showcases.files import TITLES
+from flocking.papers.showcases.shipped import showcase
 from flocking.papers.showcases.stored_summary import StoredSummary
 
 
@@ -27,6 +29,21 @@ def test_showcases_are_scenarios_by_name(capsys):
         made = find_scenario(name, None, None)
         assert made.name == name
         assert (find_scenario(name, 5, None).start.q[0] != made.start.q[0]).all()
+
+
+def test_a_run_of_another_start_or_engine_is_not_passed_off_as_the_one_that_is_asked_for(tmp_path, capsys):
+    chosen = showcase("flock-from-noise")
+    small = {"agents": 60, "until": 0.1}
+    scenario = chosen.scenario(**small)
+    run = chosen.run(tmp_path / "out" / "run", scenario, progress=False, threads=1)
+    again = chosen.run(tmp_path / "out" / "run", chosen.scenario(**small), progress=False)
+    assert (again.q == run.q).all()
+    for other in (chosen.scenario(seed=1, **small), chosen.scenario(agents=60, until=0.05)):
+        with pytest.raises(fk.InvalidInput, match="must not contain another run; got 'flock-from-noise with 60 agents"):
+            chosen.run(tmp_path / "out" / "run", other, progress=False)
+    words = ["showcase", "flock-from-noise", "--agents", "60", "--until", "0.1", "--out", str(tmp_path / "out")]
+    assert main([*words, "--engine", "lammps"]) == 2
+    assert "until 0.1, by tiles" in capsys.readouterr().err
 
 
 @pytest.mark.slow

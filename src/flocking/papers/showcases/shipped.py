@@ -18,6 +18,7 @@ from flocking.papers.showcases.files import TITLES, showcase_scenario
 from flocking.papers.showcases.obstacle_views import CloseView, ObstacleViews
 from flocking.papers.showcases.stored_summary import StoredSummary
 from flocking.study.claims.audit import Report
+from flocking.study.sweeps.equal_scenarios import run_digest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -134,17 +135,18 @@ class Showcase:
         Raises
         ------
         InvalidInput
-            If ``folder`` contains a run of another scenario.
+            If ``folder`` contains a run of another scenario or of another engine.
         """
         from flocking.engine.driver.registry import engine_named
         from flocking.engine.driver.resuming import resume
         from flocking.engine.driver.simulate import simulate
+        from flocking.engine.storage.record import engine_of
         from flocking.engine.storage.stored_runs import read_scenario_of
 
         if folder.exists() and any(folder.iterdir()):
-            found, _ = read_scenario_of(folder)
-            if (found.name, found.start.n, found.t_end) != (scenario.name, scenario.start.n, scenario.t_end):
-                held = f"{found.name} with {found.start.n} agents until {found.t_end:g}"
+            (found, _), (made_by, _) = read_scenario_of(folder), engine_of(folder)
+            held = f"{found.name} with {found.start.n} agents until {found.t_end:g}, by {made_by}"
+            if found.name != scenario.name or made_by != engine or run_digest(found) != run_digest(scenario):
                 raise InvalidInput("showcase", "out", "must not contain another run", held, "Choose another folder.")
             return resume(folder, progress=progress)
         known = engine_named(engine)
