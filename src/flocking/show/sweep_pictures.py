@@ -11,7 +11,7 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.formula.safe_digits import compared_texts, nearest_text, rounded_down, rounded_up
 from flocking.show.style import PALETTE, axes_or_new, figure_of, in_style, save, theme, themed
-from flocking.study.sweeps.plan import label
+from flocking.study.sweeps.plan import label, stand_for_themselves
 
 if TYPE_CHECKING:
     import xarray
@@ -176,7 +176,7 @@ def bands(
     axes = axes_or_new(axes, width=4.2)
     found = _of_plane(table, x, by)
     values = table.plan.grid[x]
-    counted = all(isinstance(v, bool | int | float) for v in values)
+    counted = stand_for_themselves(values) and not isinstance(values[0], str)
     # Texts and parts stand side by side.
     places = np.asarray(values if counted else range(len(values)), dtype=float)
     order = np.argsort(places, kind="stable")

@@ -114,3 +114,17 @@ def test_seeds_that_no_table_holds_are_refused():
     assert run(seeds=[2**63 - 1]).columns["seed"] == [2**63 - 1]
     with pytest.raises(fk.InvalidInput, match="seeds must be at most 9223372036854775807"):
         run(seeds=[1, 2**63])
+
+
+@pytest.mark.parametrize(("values", "told"), [
+    ([1, 2], [1, 2]), ([True, False], [True, False]), (["a", "b"], ["a", "b"]), ([1, 0.5], [1, 0.5]),
+    ([True, 2, 0.5], ["true", "2", "0.5"]), ([1, 1.0], ["1", "1.0"]), ([2**70, 1], [str(2**70), "1"]),
+    ([2**53 + 1, 0.5], [str(2**53 + 1), "0.5"]), ([0.0, -0.0], ["0.0", "-0.0"]), ([2**62, 1], [2**62, 1]),
+])  # fmt: skip
+def test_values_that_a_column_would_merge_or_round_are_told_by_their_texts(values, told, tmp_path):
+    from pyarrow import parquet
+
+    table = run(lambda kind, seed: make(seed=seed), grid={"kind": values})
+    assert list(table.columns["kind"]) == table.dataset.kind.values.tolist() == told
+    assert [type(x) for x in table.columns["kind"]] == [type(x) for x in told]
+    assert parquet.read_table(table.to_parquet(tmp_path / "a.parquet")).column("kind").to_pylist() == told

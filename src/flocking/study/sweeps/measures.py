@@ -14,7 +14,7 @@ from flocking.model import observables
 from flocking.model.terms.body_terms import Track
 from flocking.study.claims.general_claims import SETTLED
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
-from flocking.study.sweeps.plan import RESERVED
+from flocking.study.sweeps.plan import LARGEST_COUNT, RESERVED
 from flocking.study.sweeps.recorded_content import code_of
 
 Measured = float | bool
@@ -22,9 +22,6 @@ Measuring = Callable[[Evidence], object]
 
 MOST_MEASURES = 1_000
 """Measures a sweep may take of each run."""
-
-LARGEST_COUNT = 2**53
-"""Largest integer of a row: a double holds each one below exactly, and tables of results have columns of doubles."""
 
 ROUNDINGS = 4
 """Roundings of its size by which the last time of a ledger may differ from the end: it is the sum of the start and of

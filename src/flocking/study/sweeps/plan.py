@@ -19,6 +19,12 @@ from flocking.study.sweeps.sampling import Sample
 MOST_RUNS = 100_000
 """Runs a sweep may have unless more are allowed."""
 
+BITS = 63
+"""Bits of an integer in a column, besides its sign."""
+
+LARGEST_COUNT = 2**53
+"""Largest integer of a row: a double holds each one below exactly, and tables of results have columns of doubles."""
+
 MOST_NAMES = 100
 """Parameters a sweep may vary."""
 
@@ -246,6 +252,26 @@ def recorded(value: object) -> object:
         # The repr of a long array or of a scenario does not state all its numbers.
         return {"repr": shown} if is_plain(value) else {"repr": shown, "digest": digest_of(content_of(value))[:12]}
     return value
+
+
+def stand_for_themselves(values: Sequence[object]) -> bool:
+    """Whether a column of a table holds the values of an axis as they are: others are told by their labels.
+
+    Parameters
+    ----------
+    values
+        All texts, all truth values, or numbers. Of integers beside floats each must be one in double precision, and no
+        two may be equal there.
+    """
+    if any(all(isinstance(v, kind) for v in values) for kind in (str, bool)):
+        return True
+    numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
+    integers = [v for v in numbers if isinstance(v, int)]
+    if len(numbers) < len(values):
+        return False
+    if len(integers) == len(values):
+        return all(-(2**BITS) <= v < 2**BITS for v in integers)
+    return all(abs(v) <= LARGEST_COUNT for v in integers) and len(set(map(float, numbers))) == len(numbers)
 
 
 def label(value: object) -> str:

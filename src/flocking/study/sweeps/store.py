@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeGuard
 from flocking.engine.storage import atomic_files
 from flocking.engine.storage.left_overs import PARTIAL
 from flocking.errors import StorageError, said
-from flocking.study.sweeps.measures import LARGEST_COUNT
+from flocking.study.sweeps.plan import LARGEST_COUNT
 from flocking.study.sweeps.worker_tasks import LONGEST_MESSAGE, Row
 
 FORMAT = 1

@@ -18,7 +18,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.study.confidence_intervals import check_level, mean_interval, share_interval
 from flocking.study.sweeps.measures import VERDICT
-from flocking.study.sweeps.plan import Plan, label
+from flocking.study.sweeps.plan import Plan, label, stand_for_themselves
 from flocking.study.sweeps.worker_tasks import Row
 
 if TYPE_CHECKING:
@@ -146,8 +146,8 @@ class SweepTable:
         found: dict[str, Sequence[object]] = {"run": order}
         for name in self.plan.names:
             values = [task.parameters[name] for task in tasks]
-            simple = all(isinstance(v, bool | int | float) for v in values) or all(isinstance(v, str) for v in values)
-            found[name] = values if simple else [label(v) for v in values]
+            plain = name not in self.plan.grid or stand_for_themselves(self.plan.grid[name])
+            found[name] = values if plain else [label(v) for v in values]
         found["seed"] = [task.seed for task in tasks]
         rows = [self.rows[index] for index in order]
         found["status"] = [row["status"] for row in rows]
@@ -224,8 +224,7 @@ class SweepTable:
     def _coordinates(self, *, with_runs: bool) -> dict[str, object]:
         found: dict[str, object] = {}
         for name, values in self.plan.grid.items():
-            simple = all(isinstance(v, bool | int | float) for v in values) or all(isinstance(v, str) for v in values)
-            found[name] = list(values) if simple else [label(v) for v in values]
+            found[name] = list(values) if stand_for_themselves(values) else [label(v) for v in values]
         for name, column in self.plan.drawn.items():
             found[name] = ("sample", list(column))
         if with_runs and isinstance(self.plan.seeds, int):
