@@ -111,7 +111,7 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
 
 
 def check_claims(owner: str, claims: object, parameter: str = "claims") -> tuple[Claim, ...]:
-    """Claims, each with a key of its own: verdicts are told apart by these.
+    """Claims, each with a key of its own, as verdicts are kept by their keys.
 
     Parameters
     ----------
@@ -132,5 +132,5 @@ def check_claims(owner: str, claims: object, parameter: str = "claims") -> tuple
     keys = Counter(claim.key for claim in checked)
     for key, count in keys.items():
         if count > 1:
-            raise InvalidInput(owner, parameter, "must have different keys, by which verdicts are told apart", key)
+            raise InvalidInput(owner, parameter, "must have different keys, by which verdicts are kept", key)
     return tuple(checked)

@@ -1,4 +1,4 @@
-"""Scenarios of which a run says the same: those that differ in nothing but names and in seeds that draw nothing."""
+"""Scenarios whose runs are the same: those that differ in nothing but names and in seeds that draw nothing."""
 
 from __future__ import annotations
 

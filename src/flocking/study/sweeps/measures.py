@@ -296,7 +296,7 @@ def plain_measure(name: str, value: object) -> Measured | int:
     if isinstance(value, int) and abs(value) > LARGEST_COUNT:
         raise InvalidInput(
             "sweep", f"measures[{name!r}]", f"must give whole numbers of at most {LARGEST_COUNT}", value,
-            "Columns hold doubles, which are exact up to there: give float(...) for a rounded number.",
+            "Columns hold doubles, which are exact up to there: give a rounded number with a decimal point.",
         )  # fmt: skip
     return value
 

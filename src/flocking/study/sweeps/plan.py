@@ -227,7 +227,7 @@ def make_plan(
 def _check_order(place: str, values: object) -> None:
     """Refuse sets: the numbers of the runs, and with them their seeds, follow from the order of values."""
     if isinstance(values, Set) and not isinstance(values, KeysView):
-        raise InvalidInput("sweep", place, "must be in an order, which a set has not", values, "Pass sorted(...).")
+        raise InvalidInput("sweep", place, "must be in an order, which a set has not", values, "Pass a sorted list.")
 
 
 def _bounded(values: Iterable[object], most: int, place: str) -> list[object]:
@@ -255,7 +255,7 @@ def recorded(value: object) -> object:
 
 
 def stand_for_themselves(values: Sequence[object]) -> bool:
-    """Whether a column of a table holds the values of an axis as they are: others are told by their labels.
+    """Whether a column of a table holds the values of an axis as they are; of others it holds labels.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class SweepTable:
         names = [name for name in self.columns if name not in ("message", "tries")]
         rows = zip(*(self.columns[name] for name in names), strict=True)
         measured = [name in (*self.measures, "seconds") for name in names]
-        # Values of parameters are told in full: two of one axis may differ in a late digit.
+        # Values of parameters are shown in full: two of one axis may differ in a late digit.
         shown = [
             [
                 escape(f"{x:.4g}" if short and isinstance(x, float) else str(x))

@@ -27,7 +27,7 @@ from flocking.study.sweeps.plan import Task
 class Row(TypedDict):
     """Outcome of one run: its number in the plan, status, measured values, verdicts, seconds, and the error message.
 
-    Where it is known, ``scenario`` is the digest by which runs of equal scenarios are told.
+    Where it is known, ``scenario`` is the digest by which runs of equal scenarios are found.
     """
 
     index: int
