@@ -243,6 +243,11 @@ def changed(field: str, index: Any, value: Any) -> Run:
     return dataclasses.replace(finished(), **{field: values})
 
 
+def closest_elsewhere(**fields: Any) -> Run:
+    """The finished run whose closest pair came as close at another time, or was another one."""
+    return dataclasses.replace(finished(), closest_linked=dataclasses.replace(finished().closest_linked, **fields))
+
+
 def test_equal_runs() -> None:
     assert first_difference(finished(), finished()) is None
     elsewhere = dataclasses.replace(finished(), provenance={"machine": "another"})
@@ -272,6 +277,8 @@ def test_the_first_difference_is_found() -> None:
         (lambda: dataclasses.replace(finished(), trace=finished().trace[:4]), "number of ledger rows", None),
         (lambda: dataclasses.replace(finished(), status="interrupted"), "status", None),
         (lambda: dataclasses.replace(finished(), closest_linked=Closest(1.0, 1.0, (0, 1))), "closest linked", None),
+        (lambda: closest_elsewhere(pair=(7, 9)), "closest linked", None),
+        (lambda: closest_elsewhere(time=0.5), "closest linked", None),
         (lambda: dataclasses.replace(finished(), links=np.zeros((21, 0, 0), bool)), "whether links are kept", None),
         (solid, "number of agents and axes", None),
     ],

@@ -16,6 +16,7 @@ from flocking.engine.interruption import Deferred
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError, InvalidInput, RunsFailed, SimulationError
+from flocking.model.checks import integer
 from flocking.model.law import Scenario
 
 WAIT_SECONDS = 0.1
@@ -174,9 +175,7 @@ def _thread_count(threads: int | None) -> int:
         with suppress(AttributeError):
             return len(os.sched_getaffinity(0))
         return os.cpu_count() or 1
-    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
-        raise InvalidInput("simulate_many", "threads", "must be a whole number of at least 1", threads)
-    return threads
+    return integer("simulate_many", "threads", threads, least=1)
 
 
 def _checked(scenarios: Iterable[Scenario]) -> list[tuple[int, Scenario]]:

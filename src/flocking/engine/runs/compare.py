@@ -105,7 +105,7 @@ def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | 
         yield Difference("number of frames", len(one.t), len(two.t), float(longer.t[at]))
     for name in ("closest_linked", "closest_unlinked", "status"):
         x, y = getattr(one, name), getattr(two, name)
-        same = x == y or (name != "status" and abs(x.distance - y.distance) <= tolerance)
+        same = x == y or (name != "status" and tolerance > 0 and abs(x.distance - y.distance) <= tolerance)
         both_none = name != "status" and not np.isfinite([x.distance, y.distance]).any()
         if not (same or both_none):
             yield Difference(name.replace("_", " "), x, y)
