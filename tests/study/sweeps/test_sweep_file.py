@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.model.drawn_during_runs import with_seed_of_run
 from flocking.papers.studies.running import run_file
 from flocking.papers.studies.shipped import STUDIES, study
 from flocking.papers.sweep_scenarios import sweep_scenarios
@@ -312,6 +313,22 @@ def test_a_seed_draws_whatever_is_random_in_the_scenario():
         assert (made.information.seed, made.agents.seed, made.seed) == (seed, seed, seed)
     assert file.record["seeded"] == ["agents.seed", "information.seed"]
     assert "seeded" not in parse_sweep(WRITTEN, FAMILIES).record  # Folders of earlier versions go on.
+
+
+def test_gusts_within_gusts_are_drawn_apart():
+    """With one seed both would draw the same numbers, which add up along one line and not as squares."""
+    inner = '{kind = "disturbed", body = {kind = "point-mass"}, sigma = 0.1, period = 0.1}'
+    body = f'{{kind = "lagged", time_constant = 0.1, body = {inner}}}'
+    text = SEEDED.replace('body = {kind = "point-mass"}', f"body = {body}", 1)
+    file = parse_sweep(text, FAMILIES)
+    made = [file.make(**{"terms[0].gain": 2.0}, seed=seed) for seed in (0, 3, 2**63 - 1)]
+    seeds = [(each.agents.seed, each.agents.body.body.seed, each.information.seed) for each in made]
+    assert [(outer, heard) for outer, _, heard in seeds] == [(0, 0), (3, 3), (2**63 - 1, 2**63 - 1)]
+    for each, (_, within, _) in zip(made, seeds, strict=True):
+        assert within == with_seed_of_run(each, each.seed).agents.body.body.seed
+    assert len({seed for outer, within, _ in seeds for seed in (outer, within)}) == 6
+    assert file.record["nested"] == {"agents.body.body.seed": 1}
+    assert "nested" not in parse_sweep(SEEDED, FAMILIES).record
 
 
 def test_a_seed_that_is_varied_stays_what_the_axis_says():

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from flocking.model.drawn_during_runs import SEED_STEP
 from flocking.model.law import Scenario
-from flocking.model.parts.values import RefusedError, Value
+from flocking.model.parts.values import LARGEST_SEED, RefusedError, Value
 from flocking.study.sweeps.measures import Measuring
 
 
@@ -139,6 +140,15 @@ class FileScenario:
         return [path for path in paths if path not in varied]
 
     @property
+    def nested(self) -> dict[str, int]:
+        """Paths of the seeds of parts inside others of their kind, with the number of these."""
+        from flocking.study.scenario_files.scenario_reader import seeded_tables
+
+        places = list(seeded_tables(self.tables))
+        found = {f"{path}.seed": _number_around(path, table, places) for path, table in places}
+        return {path: number for path, number in found.items() if number}
+
+    @property
     def drawn(self) -> list[str]:
         """Paths of the seeds of drawn starts and graphs."""
         from flocking.study.scenario_files.scenario_reader import drawn_tables, seeded_tables
@@ -147,7 +157,11 @@ class FileScenario:
         return [f"{path}.seed" for path, table in seeded_tables(self.tables) if any(table is each for each in drawn)]
 
     def __call__(self, *, seed: int, **values: object) -> Scenario:
-        """The scenario with values at their paths, and the seed in every part that has one, unless it is varied."""
+        """The scenario with values at their paths, and the seed in every part that has one, unless it is varied.
+
+        A part inside another one of its kind, as gusts within gusts, has a seed that follows from it, as in
+        `flocking.model.drawn_during_runs.with_seed_of_run`: with one seed both would draw the same numbers.
+        """
         import tomli_w
 
         from flocking.study.scenario_files.scenario_file import parse_scenario
@@ -159,7 +173,15 @@ class FileScenario:
             if not isinstance(changed, dict):
                 raise RefusedError("must be the path of a value in [scenario]")
             data = changed
-        seeded = [table for path, table in seeded_tables(data) if f"{path}.seed" not in values]
-        for table in [data, *seeded] if seeded else ():
-            table["seed"] = seed
+        places = list(seeded_tables(data))
+        seeded = [(path, table) for path, table in places if f"{path}.seed" not in values]
+        for path, table in seeded:
+            table["seed"] = (seed + SEED_STEP * _number_around(path, table, places)) % (LARGEST_SEED + 1)
+        if seeded:
+            data["seed"] = seed
         return parse_scenario(tomli_w.dumps(data), source="scenario", most_agents=self.most_agents)
+
+
+def _number_around(path: str, table: Mapping[str, object], places: Sequence[tuple[str, dict[str, object]]]) -> int:
+    """How many of the tables around one at a path are of its kind."""
+    return sum(path.startswith(f"{around}.") and other.get("kind") == table.get("kind") for around, other in places)

@@ -181,6 +181,9 @@ def parse_sweep(
     if isinstance(make, FileScenario) and (seeded := make.seeded(plan.names)) != make.drawn:
         # Not of draws alone, of which earlier versions made the same runs and stored no such record.
         record["seeded"] = seeded
+        if made := make.nested:
+            # Earlier versions gave these the same seed as what is around them.
+            record["nested"] = made
     return SweepFile(
         found.get("name", name), make, plan, measures, reader.more, found.get("audit", False),
         found.get("engine", "auto"), record,
