@@ -244,7 +244,7 @@ def test_what_is_no_list_of_scenarios_is_refused(arguments, words):
 
 @pytest.mark.parametrize("threads", [0, -1, True, 1.5, "2"])
 def test_wrong_numbers_of_threads_are_refused(threads):
-    with pytest.raises(InvalidInput, match="threads must be (an integer|at least 1)"):
+    with pytest.raises(InvalidInput, match=r"threads must be (an integer|at least 1)"):
         simulate_many([zhou(0)], threads=threads)
 
 

@@ -49,3 +49,19 @@ def test_another_conclusion_under_the_key_of_a_claim_is_another_audit(tmp_path):
     assert first.columns["claim_slow"] == run(tmp_path, seeds=[0], audit=[claim(1.0)]).columns["claim_slow"]
     with pytest.raises(StorageError, match="audit"):
         run(tmp_path, seeds=[0], audit=[claim(3.0)])
+
+
+@pytest.mark.parametrize("method", ["random", "latin", "sobol"])
+def test_points_that_other_versions_drew_are_not_passed_off_as_those_of_the_rows(method, tmp_path, monkeypatch):
+    given = {"sample": fk.Sample(method, 20, {"speed": (0.1, 3.0), "n": (2, 9)}, log=["speed"]), "measures": {}}
+    points = given["sample"].points()
+    run(tmp_path, **given)
+    assert fk.read_sweep(tmp_path / "out").plan.drawn == points
+    nearly = {name: tuple(x * (1 + 1e-14) for x in column) for name, column in points.items()}
+    monkeypatch.setattr(fk.Sample, "points", lambda self: nearly)
+    assert len(fk.read_sweep(tmp_path / "out")) == len(run(tmp_path, **given)) == 20
+    other = {name: column[1:] + column[:1] for name, column in points.items()}
+    monkeypatch.setattr(fk.Sample, "points", lambda self: other)
+    for again in (lambda: fk.read_sweep(tmp_path / "out"), lambda: run(tmp_path, **given)):
+        with pytest.raises(StorageError, match="points were drawn by other versions"):
+            again()

@@ -141,7 +141,7 @@ class Plan:
         return (*self.grid, *self.drawn)
 
     @cached_property
-    def drawn(self) -> dict[str, tuple[object, ...]]:
+    def drawn(self) -> dict[str, tuple[float, ...]]:
         """Drawn values, one column per parameter."""
         return self.sample.points() if self.sample else {}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -12,6 +13,12 @@ from flocking.model.checks import Array, integer, listed, number, one_of
 from flocking.model.parts.seeds import takes_rng
 
 METHODS = ("random", "latin", "sobol")
+
+KEPT = 8
+"""Points that the record of a sweep keeps: another sequence of random numbers differs in each of them."""
+
+ROUNDED = 1e-9
+"""Relative difference of a point and a kept one that is rounding: that of powers differs between machines by 1e-15."""
 
 LARGEST_INTEGER = 2**53
 """Largest integer that is drawn: points are doubles first, which hold each integer up to there."""
@@ -76,10 +83,10 @@ class Sample:
             raise InvalidInput("Sample", "log", f"must be among {', '.join(self.ranges)}", unknown[0])
         object.__setattr__(self, "_integers", tuple(integers))
 
-    def points(self) -> dict[str, tuple[object, ...]]:
+    def points(self) -> dict[str, tuple[float, ...]]:
         """The values drawn, one column per parameter."""
         shares = self._shares()
-        columns: dict[str, tuple[object, ...]] = {}
+        columns: dict[str, tuple[float, ...]] = {}
         for k, (name, (low, high)) in enumerate(self.ranges.items()):
             integers = self._integers[k]
             first, last = (float(low) - 0.5, float(high) + 0.5) if integers else (float(low), float(high))
@@ -119,8 +126,30 @@ class Sample:
         }
         return {
             "method": self.method, "count": int(self.count), "ranges": ranges, "log": sorted(self.log),
-            "seed": int(self.seed),
+            "seed": int(self.seed), "first": {name: list(column[:KEPT]) for name, column in self.points().items()},
         }  # fmt: skip
+
+    def draws(self, first: object) -> bool:
+        """Whether the points begin with those that a record keeps as ``first``; rounding of logarithms does not count.
+
+        Parameters
+        ----------
+        first
+            Columns by name, or None in records of versions that kept none.
+        """
+        if first is None:
+            return True
+        own = self.points()
+        if not isinstance(first, dict) or first.keys() != own.keys():
+            return False
+        for name, column in own.items():
+            kept = first[name]
+            if not isinstance(kept, list) or len(kept) != len(column[:KEPT]):
+                return False
+            for mine, other in zip(column, kept, strict=False):
+                if not isinstance(other, int | float) or not math.isclose(mine, other, rel_tol=ROUNDED):
+                    return False
+        return True
 
 
 def _between(first: float, last: float, shares: Array) -> Array:

@@ -14,6 +14,7 @@ from flocking.engine.storage import atomic_files
 from flocking.engine.storage.left_overs import PARTIAL
 from flocking.errors import StorageError, said
 from flocking.study.sweeps.plan import LARGEST_COUNT
+from flocking.study.sweeps.sampling import Sample
 from flocking.study.sweeps.worker_tasks import LONGEST_MESSAGE, Row
 
 FORMAT = 1
@@ -28,9 +29,10 @@ SCENARIOS = "scenarios"
 """Names of the digest of a row's scenario, and of those of a chunk by the numbers of their rows: older versions read no
 more entries in a row.
 """
-PLAN, RANGES = "plan", "plan.sample.ranges"
-"""Places in a record of what fixes the runs, and of the ranges of drawn points: which column of a draw is a parameter's
-follows from their order."""
+PLAN, RANGES, FIRST = "plan", "plan.sample.ranges", "plan.sample.first"
+"""Places in a record: of what fixes the runs; of the ranges of drawn points, whose order fixes which column of a draw
+is that of a parameter; and of the first of these points.
+"""
 MOST_DIFFERENCES, LONGEST_SHOWN = 20, 100
 """Differences that a message lists, and characters of each value: a message fits on a screen."""
 LARGEST_FILE = 64 * 2**20
@@ -40,8 +42,17 @@ _FIELDS = {"index", "status", "values", "verdicts", "message", "tries", "seconds
 
 
 @contextmanager
-def open_store(folder: Path, record: Mapping[str, object]) -> Iterator[Store]:
-    """Open the store of a sweep with this ``record``, new or existing, for one writer.
+def open_store(folder: Path, record: Mapping[str, object], sample: Sample | None = None) -> Iterator[Store]:
+    """Open the store of a sweep, new or existing, for one writer.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    record
+        Record of the sweep.
+    sample
+        Its drawn points, where there are any.
 
     Raises
     ------
@@ -65,7 +76,9 @@ def open_store(folder: Path, record: Mapping[str, object]) -> Iterator[Store]:
             atomic_files.put(folder / RECORD, _sealed(dict(record)))
             atomic_files.settle({folder})
         else:
-            _compare(folder, read_record(folder), json.loads(json.dumps(record)))
+            stored = read_record(folder)
+            _compare(folder, stored, json.loads(json.dumps(record)))
+            check_draws(folder, stored, sample)
             atomic_files.sweep(folder)
         yield Store(folder, record.get("provenance"))
 
@@ -239,6 +252,28 @@ def _damaged(path: Path) -> StorageError:
     )
 
 
+def check_draws(folder: Path, record: Mapping[str, Any], sample: Sample | None) -> None:
+    """Refuse results whose points other versions drew: rows name points by their numbers.
+
+    Parameters
+    ----------
+    folder, record
+        Folder of the sweep, and its record.
+    sample
+        Its drawn points as this version draws them.
+
+    Raises
+    ------
+    StorageError
+        When they are others than those that the record keeps.
+    """
+    if sample is not None and not sample.draws(record[PLAN]["sample"].get("first")):
+        raise StorageError(
+            f"{folder}: its points were drawn by other versions of flocking, NumPy or SciPy, which draw others from "
+            "the same seed. Read it with the versions that it names, or choose another folder."
+        )
+
+
 def _compare(folder: Path, stored: Mapping[str, object], requested: Mapping[str, object]) -> None:
     """Refuse to mix two sweeps, naming everything in which they differ."""
     different = []
@@ -265,6 +300,9 @@ def _differences(place: str, stored: object, asked: object) -> list[str]:
 
 def _same(place: str, stored: object, asked: object) -> bool:
     """Whether two entries are equal; of a plan also in type: ranges of integers are drawn otherwise than of floats."""
+    if place.startswith(f"{FIRST}.") or place == FIRST:
+        # It follows from the rest, see `check_draws`.
+        return True
     if place.partition(".")[0] != PLAN:
         return stored == asked
     # NaN, which is not equal to itself, is the same text.

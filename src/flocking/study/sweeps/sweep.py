@@ -19,7 +19,7 @@ from flocking.study.sweeps.measures import Measuring, check_names, find_measures
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
 from flocking.study.sweeps.recorded_content import code_of, content_of, digest_of
 from flocking.study.sweeps.sampling import Sample
-from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_rows, read_versions
+from flocking.study.sweeps.store import FORMAT, check_draws, open_store, read_record, read_rows, read_versions
 from flocking.study.sweeps.table import SweepTable
 from flocking.study.sweeps.worker_pool import WorkerPool, pool
 from flocking.study.sweeps.worker_tasks import Row, Work
@@ -153,7 +153,7 @@ def _run(
     made_by: list[object] = []
     status = "finished"
     with ExitStack() as stack:
-        store = stack.enter_context(open_store(folder, about)) if folder is not None else None
+        store = stack.enter_context(open_store(folder, about, plan.sample)) if folder is not None else None
         if folder is not None:
             rows.update(read_rows(folder, plan.size))
             made_by = read_versions(folder, read_record(folder)) if rows else []
@@ -218,6 +218,7 @@ def read_sweep(folder: str | Path, *, most_runs: int = MOST_RUNS) -> SweepTable:
             raise ValueError("its dimensions are not those of its grid")
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise StorageError(f"{folder}: the record of the sweep is invalid ({error}).") from None
+    check_draws(folder, record, sample)
     rows = read_rows(folder, plan.size)
     status = "finished" if len(rows) == plan.size else "interrupted"
     return SweepTable(plan, rows, measures, _with_versions(record, read_versions(folder, record)), status)
