@@ -1,12 +1,14 @@
 """What a summary counts: runs that failed, runs that are one run, and names that stand for two things."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
 from scipy.stats import binomtest
 
 import flocking as fk
+from flocking.errors import SuspectInput
 from tests.study.sweeps.sweep_cases import make
 
 
@@ -48,7 +50,8 @@ def test_runs_that_failed_are_left_out_of_means_and_counted():
 @pytest.mark.parametrize("seeds", [20, range(20)])
 def test_runs_of_one_scenario_are_one_run(seeds):
     """A family that ignores its seed shows in twenty runs no more than in one."""
-    found = run(lambda seed: make(seed=0), seeds=seeds).summary()
+    with pytest.warns(SuspectInput, match="20 runs of 1 different scenarios"):
+        found = run(lambda seed: make(seed=0), seeds=seeds).summary()
     assert (float(found["true_low"]), float(found["true_high"])) == pytest.approx(ends(1, 1))
     assert (int(found["true_count"]), int(found["runs"]), int(found["different"])) == (1, 20, 1)
 
@@ -128,3 +131,22 @@ def test_values_that_a_column_would_merge_or_round_are_told_by_their_texts(value
     assert list(table.columns["kind"]) == table.dataset.kind.values.tolist() == told
     assert [type(x) for x in table.columns["kind"]] == [type(x) for x in told]
     assert parquet.read_table(table.to_parquet(tmp_path / "a.parquet")).column("kind").to_pylist() == told
+
+
+@pytest.mark.parametrize(("seeds", "found"), [(range(3), ("name", "size")), (3, ())])
+def test_parameters_that_change_nothing_are_named_where_seeds_are_equal(seeds, found):
+    """A parameter that ``make`` forgets gives columns of equal runs; with other seeds for each point nobody sees it."""
+    grid = {"speed": [0.5, 1.0], "size": [1, 2], "name": ["a", "b"], "single": [1]}
+
+    def forgetful(speed, size, name, single, seed):
+        return make(speed, seed=seed).with_(name=name)
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        table = run(forgetful, grid=grid, seeds=seeds)
+    assert sorted(table.without_effect) == sorted(found)
+    told = [str(each.message) for each in caught if each.category is SuspectInput]
+    assert len(told) == len(found)
+    assert all(any(repr(name) in text for text in told) for name in found)
+    assert run(lambda speed, seed: make(speed * (seed != 1), seed=seed), grid={"speed": [0.5, 1.0]},
+               seeds=range(3)).without_effect == ()  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import fields
@@ -11,7 +12,7 @@ from pathlib import Path
 from flocking.engine.driver.registry import check_name
 from flocking.engine.interruption import answered
 from flocking.engine.runs.run import Run
-from flocking.errors import InvalidInput
+from flocking.errors import InvalidInput, SuspectInput
 from flocking.model.law import Scenario
 from flocking.model.parts.seeds import SeedNumber, given_seed
 from flocking.study.claims.claim import Claim
@@ -115,6 +116,11 @@ def sweep(
         When ``out`` holds another sweep, is damaged, or cannot be written.
     SweepError
         When workers die before they begin a run.
+
+    Warns
+    -----
+    SuspectInput
+        When seeds, or values of a parameter with equal seeds, change no scenario.
     """
     if not callable(make):
         raise InvalidInput("sweep", "make", "must be a function that gives a Scenario", make)
@@ -135,7 +141,21 @@ def sweep(
         "provenance": versions(),
     }  # fmt: skip
     opened = pool(workers, cluster) if shared is None else nullcontext(shared)
-    return _run(plan, work, about, Path(out) if out is not None else None, opened, progress)
+    table = _run(plan, work, about, Path(out) if out is not None else None, opened, progress)
+    if shared is None:  # What makes several sweeps compares the scenarios of all.
+        _warn(table)
+    return table
+
+
+def _warn(table: SweepTable) -> None:
+    """Warn of parameters and seeds that change no scenario."""
+    for name in table.without_effect:
+        rule = f"has values of {name!r} whose scenarios are equal: the parameter changes nothing that is simulated"
+        warnings.warn(f"sweep: grid {rule}.", SuspectInput, stacklevel=3)
+    runs, different = len(table), sum(len(rows) for rows in table.different)
+    if different < runs:
+        rule = f"has {runs} runs of {different} different scenarios at their points: seeds that change nothing"
+        warnings.warn(f"sweep: make {rule}. Equal ones count once in the summary.", SuspectInput, stacklevel=3)
 
 
 def _run(

@@ -325,7 +325,8 @@ class _Reader:
             except RefusedError:  # It is reported where the scenario is tried.
                 continue
             for other, its in places.items():
-                if its[: len(steps)] == steps:
+                # One that is drawn and in the grid is reported with the plan.
+                if its[: len(steps)] == steps and other != path:
                     self.report(
                         path, f"must not replace {other}, which would change nothing", None, f"Put it before {other}."
                     )

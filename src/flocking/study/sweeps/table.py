@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -183,18 +184,42 @@ class SweepTable:
         return found.reshape(self.plan.points, self.plan.runs_per_point)
 
     @cached_property
-    def _different(self) -> list[list[Row]]:
+    def different(self) -> list[list[Row]]:
         """Rows of each point, without those whose scenario and results are those of another: they are one run."""
         found: list[list[Row]] = [[] for _ in range(self.plan.points)]
-        seen = set()
-        for index in sorted(self.rows):
-            row, point = self.rows[index], index // self.plan.runs_per_point
-            scenario = row.get("scenario", "")
-            key = point, scenario, json.dumps([row["status"], row["values"], row["verdicts"]], sort_keys=True)
-            if not scenario or key not in seen:
-                found[point].append(row)
-            seen.add(key)
+        keys = {k: (k // self.plan.runs_per_point, self.rows[k].get("scenario", "")) for k in sorted(self.rows)}
+        often, seen = Counter(keys.values()), set()
+        for index, (point, scenario) in keys.items():
+            row = self.rows[index]
+            if scenario and often[point, scenario] > 1:
+                if (key := (point, scenario, _results(row))) in seen:
+                    continue
+                seen.add(key)
+            found[point].append(row)
         return found
+
+    @cached_property
+    def without_effect(self) -> tuple[str, ...]:
+        """Parameters of the grid that change no scenario, as far as runs with equal seeds show it.
+
+        Scenarios with parts that are not registered are not compared, nor are those of other seeds, which every run
+        has where ``seeds`` is a number.
+        """
+        known = [(k, row["scenario"]) for k, row in sorted(self.rows.items()) if row.get("scenario")]
+        if isinstance(self.plan.seeds, int) or not known:
+            return ()
+        shape, found = tuple(self.plan.lengths.values()), []
+        for axis, (name, values) in enumerate(self.plan.grid.items()):
+            # The number of the run with the same seed and other parameters at the first value.
+            places = np.array(np.unravel_index([k for k, _ in known], shape))
+            places[axis] = 0
+            groups: dict[int, list[str]] = {}
+            for first, (_, digest) in zip(np.ravel_multi_index(tuple(places), shape).tolist(), known, strict=True):
+                groups.setdefault(first, []).append(digest)
+            several = [digests for digests in groups.values() if len(digests) == len(values) > 1]
+            if several and all(len(set(digests)) == 1 for digests in several):
+                found.append(name)
+        return tuple(found)
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
@@ -264,10 +289,10 @@ class SweepTable:
         for measure in self.measures:
             share = self.is_share(measure)
             # Of a truth value a run that failed is as unknown as one that leaves it open.
-            made = [len(rows) for rows in self._different]
+            made = [len(rows) for rows in self.different]
             each = [
                 np.array([float(x) for row in rows if (x := row["values"].get(measure, np.nan)) == x], dtype=np.float64)
-                for rows in self._different
+                for rows in self.different
             ]
             found = [
                 share_interval(int(known.sum()), total, level, unknown=total - len(known))
@@ -292,7 +317,7 @@ class SweepTable:
         for index, row in self.rows.items():
             done[index // self.plan.runs_per_point] += 1
             failed[index // self.plan.runs_per_point] += row["status"] == "failed"
-        different = np.array([len(rows) for rows in self._different])
+        different = np.array([len(rows) for rows in self.different])
         for name, counts in (("runs", done), ("failed", failed), ("different", different)):
             variables[name] = names, counts.reshape(shape)
         return xarray.Dataset(variables, self._coordinates(with_runs=False))
@@ -326,6 +351,11 @@ class SweepTable:
         sink = pyarrow.BufferOutputStream()
         parquet.write_table(table, sink)
         return _put(Path(path), sink.getvalue().to_pybytes())
+
+
+def _results(row: Row) -> str:
+    """What a run gave, as text: of equal values two that are nan are equal too."""
+    return json.dumps([row["status"], row["values"], row["verdicts"]], sort_keys=True)
 
 
 def _alike(column: Sequence[object]) -> Sequence[object]:
