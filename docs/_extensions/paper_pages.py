@@ -13,6 +13,7 @@ import numpy as np
 import sympy
 from text_tables import code, number, plain, table, typeset
 
+from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.law import Scenario
 from flocking.model.typesetting.documentation import summary_of
 from flocking.model.typesetting.law_formulas import law_latex, motion_latex
@@ -149,7 +150,11 @@ def observed_section(key: str) -> str:
         found = stored_observations(name)
         for quantity in found.values:
             interval = found.interval(quantity)
-            reach = interval.method if np.isnan(interval.low) else f"{interval.low:.4g} to {interval.high:.4g}"
+            reach = (
+                interval.method
+                if np.isnan(interval.low)
+                else f"{rounded_down(interval.low, 4)} to {rounded_up(interval.high, 4)}"
+            )
             rows.append((code(name), plain(quantity), plain(f"{found.mean(quantity):.4g}"), plain(reach)))
     if not rows:
         return ""

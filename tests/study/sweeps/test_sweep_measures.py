@@ -9,6 +9,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.runs.run import DOUBT_FIELDS
+from flocking.model.space import OPEN
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 from flocking.study.sweeps.measures import MEASURES
 
@@ -171,3 +172,39 @@ def test_an_approach_that_was_looked_for_at_times_is_not_the_closest(row: fk.Run
     for name in ("closest", "closest_linked"):
         with pytest.raises(NotMeasurable, match="recorded only when lists of neighbours were made"):
             MEASURES[name][1](seen)
+
+
+def test_agents_without_velocities_have_no_order_and_no_speeds() -> None:
+    law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("(r - 1)**2/2"))])
+    start = fk.State([[0.0, 0.0], [0.5, 0.0], [0.3, 0.9]])
+    names = ("order", "speed_spread", "speed", "velocity_spread")
+    values, message = rows(fk.Scenario(law, start, t_end=0.2, frames=3, agents=fk.SingleIntegrator()), *names)
+    assert all(np.isnan(values[name]) for name in names)
+    assert "order: frames of agents of order 1 hold no velocities" in message
+
+
+def test_order_and_speeds_of_agents_that_have_some() -> None:
+    law = fk.Law(fk.Fixed.complete(3), [fk.Consensus(0.0)])
+    start = fk.State([[0.0, 0.0], [0.5, 0.0], [0.3, 0.9]], [[3.0, 0.0], [0.0, 4.0], [0.0, 0.0]])
+    values, _ = rows(fk.Scenario(law, start, t_end=0.2, frames=3), "order", "speed_spread")
+    assert values["order"] == pytest.approx(np.sqrt(0.5))
+    assert values["speed_spread"] == pytest.approx(4.0)
+
+
+def test_the_spread_is_about_the_velocity_of_the_centre_of_mass() -> None:
+    law = fk.Law(fk.Fixed.complete(2), [fk.Consensus(0.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]])
+    values, _ = rows(fk.Scenario(law, start, t_end=0.2, frames=3, agents=fk.Agents([3.0, 1.0])), "velocity_spread")
+    assert values["velocity_spread"] == pytest.approx(0.75)
+    assert "centre of mass" in MEASURES["velocity_spread"][0]
+
+
+def test_the_diameter_in_space_that_repeats_is_to_the_nearest_images() -> None:
+    """Agents at 0.1 and 4.9 in a box of 5 by 5 are 0.2 apart, and no two can be further than half a diagonal."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)])
+    start = fk.State([[0.1, 0.1], [4.9, 0.1]], [[1.0, 0.0], [1.0, 0.0]])
+    scenario = fk.Scenario(law, start, t_end=20.0, frames=3, space=fk.Periodic([5.0, 5.0]))
+    values, _ = rows(scenario, "diameter", "closest")
+    assert values["diameter"] == pytest.approx(0.2) == values["closest"]
+    values, _ = rows(scenario.with_(space=OPEN), "diameter")
+    assert values["diameter"] == pytest.approx(4.8)

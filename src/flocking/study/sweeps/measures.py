@@ -11,6 +11,7 @@ from flocking.arrays import Array, Records
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model import observables
+from flocking.model.state import State
 from flocking.model.terms.body_terms import Track
 from flocking.study.claims.general_claims import SETTLED
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
@@ -104,6 +105,20 @@ def _closest_linked(e: Evidence) -> float:
     return found.distance
 
 
+def _moving(e: Evidence) -> State:
+    """The state at the end of agents with velocities: frames of those of order 1 hold zeros in their place."""
+    return State(e.q[-1], e.p[-1], float(e.t[-1]))
+
+
+def _diameter(e: Evidence) -> float:
+    """Largest distance at the end, in space that repeats to the nearest image, as all distances there."""
+    if e.run.scenario.space.is_open:
+        return float(e.diameter[-1])
+    e.need_few()
+    apart = e.distances(e.q[-1])
+    return float(apart[np.isfinite(apart)].max(initial=0.0))
+
+
 def _looked_always(e: Evidence) -> Evidence:
     """The evidence of a run whose approaches were followed; of others agents may have come closer in between."""
     if e.fidelity.approaches.looked:
@@ -152,12 +167,13 @@ MEASURES: dict[str, tuple[str, Measuring]] = {
     "connected_at_end": ("whether the graph is connected at the end", lambda e: e.flocks_at_end == 1),
     "disconnected_at": ("time at which the graph is first apart; a frame where switches are not located",
                         lambda e: _or_nan(e.falls_apart_at)),
-    "velocity_spread": ("largest difference from the mean velocity at the end", lambda e: float(e.velocity_spread[-1])),
-    "speed_spread": ("largest speed minus the smallest at the end",
-                     lambda e: observables.speed_spread(e.state(-1))),
-    "order": ("length of the mean unit velocity at the end", lambda e: observables.order(e.state(-1))),
+    "velocity_spread": ("largest difference from the velocity of the centre of mass at the end",
+                        lambda e: float(e.velocity_spread[-1])),
+    "speed_spread": ("largest speed minus the smallest at the end", lambda e: observables.speed_spread(_moving(e))),
+    "order": ("length of the mean unit velocity at the end, of the agents that move",
+              lambda e: observables.order(_moving(e))),
     "speed": ("largest speed at the end", lambda e: float(e.speeds[-1])),
-    "diameter": ("largest distance of two agents at the end", lambda e: float(e.diameter[-1])),
+    "diameter": ("largest distance of two agents at the end", _diameter),
     "closest": ("smallest distance of two agents in the run", _closest),
     "closest_linked": ("smallest distance of two linked agents in the run",
                        _closest_linked),
