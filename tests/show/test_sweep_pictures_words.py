@@ -108,3 +108,18 @@ def test_levels_of_margins_are_told_apart():
 def test_a_table_in_a_notebook_tells_values_apart():
     shown = sweep({"x": [1.00001, 1.00002]}, {"one": lambda run: 1.0 / 3.0}, seeds=1)._repr_html_()
     assert all(text in shown for text in (">1.00001<", ">1.00002<", ">0.3333<"))
+
+
+def test_no_two_values_look_alike():
+    measures = {"a": lambda run: 1.0 + run.scenario.seed, "b": lambda run: 2.0 + run.scenario.seed}
+    table = sweep({"x": [1.0, 2.0], "kind": list(range(20))}, measures, seeds=range(2))
+    for axes in (table.plot("x", "a", "kind").axes[0], table.plot("a", "b", "kind").axes[0]):
+        looks = {
+            line.get_label(): (line.get_color(), line.get_linestyle(), line.get_marker())
+            for line in axes.lines
+            if not line.get_label().startswith("_")
+        }
+        assert len(looks) == len(set(looks.values())) == 20
+    many = sweep({"x": [1.0], "kind": list(range(60))}, measures, seeds=range(1))
+    with pytest.raises(fk.InvalidInput, match="hue must have at most"):
+        many.plot("x", "a", "kind")

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
     from flocking.study.sweeps.table import SweepTable
 
+LINES, DOTS = ("-", "--", ":", "-."), "o^sD"
+"""Dashes of curves and shapes of dots, others after each round of the colours, so that no two values look alike."""
+
 MOST_TICKS = 8
 """Largest number of values of an axis with a tick each; more labels would overlap."""
 
@@ -67,6 +70,17 @@ def _note_missing(axes: Axes, table: SweepTable, found: xarray.Dataset, measure:
         text = "; ".join(words)
         axes.text(1.0, 1.01, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=6, gid="no interval")
         axes.set_title(axes.get_title(), pad=14)
+
+
+def _look(number: int) -> tuple[str, int]:
+    """Colour of a value by its number, and how often the colours were all used before it."""
+    turn, place = divmod(number, len(PALETTE))
+    if turn >= len(LINES):
+        raise InvalidInput(
+            "sweep picture", "hue", f"must have at most {len(LINES) * len(PALETTE)} values, that look different",
+            number + 1, "Name another parameter as hue, or draw fewer values.",
+        )  # fmt: skip
+    return PALETTE[place], turn
 
 
 @in_style
@@ -183,9 +197,9 @@ def bands(
     places, found = places[order], found.isel({x: order})
     for k, value in enumerate(table.plan.grid[by] if by else [None]):
         own = found.isel({by: k}) if by else found
-        color = PALETTE[k % len(PALETTE)]
+        color, turn = _look(k)
         middle, low, high = (np.asarray(own[measure + end]) for end in ("", "_low", "_high"))
-        axes.plot(places, middle, "o-", color=color, ms=3, label=shown(value) if by else None)
+        axes.plot(places, middle, LINES[turn], marker="o", color=color, ms=3, label=shown(value) if by else None)
         axes.fill_between(places, low, high, color=color, alpha=0.2, lw=0)
         # A band is drawn between neighbours that both have an interval; an error bar shows isolated ones.
         axes.vlines(places, low, high, color=color, lw=0.8)
@@ -250,8 +264,8 @@ def against(
     for k, value in enumerate(table.plan.grid[by] if by else [None]):
         # Of values that are no numbers, as of arrays, the texts are equal where these are.
         chosen = [here[r] for r in order if by is None or label(table.plan.task(r).parameters[by]) == label(value)]
-        dots = np.array(chosen).reshape(-1, 2)
-        axes.plot(dots[:, 0], dots[:, 1], "o", ms=2.5, alpha=0.7, mew=0, color=PALETTE[k % len(PALETTE)],
+        dots, (color, turn) = np.array(chosen).reshape(-1, 2), _look(k)
+        axes.plot(dots[:, 0], dots[:, 1], DOTS[turn], ms=2.5, alpha=0.7, mew=0, color=color,
                   label=shown(value) if by else None)  # fmt: skip
     drawn = np.array([here[r] for r in order]).reshape(-1, 2)
     drawn = drawn[(np.isfinite(drawn) & (drawn > 0)).all(axis=1)]
