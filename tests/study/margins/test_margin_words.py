@@ -34,6 +34,7 @@ def test_runs_of_equal_scenarios_are_said_to_be_one():
     ({"claims": [slow(9.0), slow(-1.0)]}, "margins: claims must have different keys.* got 'slow'"),
     ({"claims": [3]}, "margins: claims must be claims; got 3"),
     ({"claims": "slow"}, "margins: claims must be claims"),
+    ({"most_runs": 8}, "margins: most_runs must be at least 9, the runs of the ideal world and of the first levels"),
     ({"confidence": 2}, "margins: confidence must be below 1; got 2"),
 ])  # fmt: skip
 def test_what_cannot_be_told_apart_is_refused(options, words):

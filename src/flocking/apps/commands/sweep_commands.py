@@ -58,7 +58,7 @@ def sweep(
     most_agents
         Largest number of agents a scenario in the file may ask for; one million by default.
     level
-        Level of confidence of the intervals.
+        Level of confidence of the intervals in tables; pictures have 95 %.
     as_json
         Print JSON.
     """

@@ -117,6 +117,9 @@ class Search:
         for name in names:
             groups.setdefault(self._different(name), []).append(name)
         size = sum(len(seeds) * len(found) for seeds, found in groups.items())
+        if not turn and size > self._most:
+            rule = f"must be at least {size}, the runs of the ideal world and of the first levels"
+            raise InvalidInput("margins", "most_runs", rule, self._most, "Allow more, or name fewer levels or seeds.")
         if self.runs + size > self._most:
             self.status = f"{self._most} runs did not suffice"
             return False
@@ -268,7 +271,7 @@ def find_margins(
     confidence
         Level of confidence of the intervals.
     most_runs
-        Largest number of runs; where they do not suffice, brackets stay wider.
+        Largest number of runs, at least those of the first levels; where they do not suffice, brackets stay wider.
     out
         Folder of the results. The same call goes on with those that it holds.
     workers, cluster, progress
