@@ -1,6 +1,7 @@
 """What a summary counts: runs that failed, runs that are one run, and names that stand for two things."""
 
 import math
+import time
 import warnings
 
 import numpy as np
@@ -150,3 +151,40 @@ def test_parameters_that_change_nothing_are_named_where_seeds_are_equal(seeds, f
     assert all(any(repr(name) in text for text in told) for name in found)
     assert run(lambda speed, seed: make(speed * (seed != 1), seed=seed), grid={"speed": [0.5, 1.0]},
                seeds=range(3)).without_effect == ()  # fmt: skip
+
+
+def test_means_of_the_largest_numbers_are_between_their_ends():
+    sizes = [1e308, 1.2e308, 1.1e308, -1e308, 1.3e308, 1e308, 1.2e308, 1.4e308]
+    found = run(seeds=range(8), measures={"size": lambda run: sizes[run.scenario.seed]}).summary()
+    assert float(found["size"]) == pytest.approx(sum(x / 8 for x in sizes))
+    assert float(found["size_low"]) < float(found["size"]) < float(found["size_high"])
+
+
+def test_texts_that_no_file_encodes_are_written_as_escapes(tmp_path):
+    from pyarrow import parquet
+
+    def failing(kind, seed):
+        raise ValueError("no file \udcff")
+
+    table = run(failing, grid={"kind": ["a", "\udcfe"]}, out=tmp_path / "out")
+    assert len(fk.read_sweep(tmp_path / "out")) == 2
+    text = table.to_csv(tmp_path / "runs.csv").read_text(encoding="utf-8")
+    assert "\\udcff" in text
+    assert "\\udcfe" in text
+    assert parquet.read_table(table.to_parquet(tmp_path / "a.parquet")).column("kind").to_pylist() == ["a", "\\udcfe"]
+
+
+def test_messages_that_are_cut_off_say_so():
+    def failing(seed):
+        raise ValueError("x" * 600)
+
+    (row,) = run(failing, seeds=[0]).rows.values()
+    assert len(row["message"]) == 500
+    assert row["message"].endswith("x ...")
+
+
+def test_a_value_twice_among_many_is_found_soon():
+    begin = time.process_time()
+    with pytest.raises(fk.InvalidInput, match="must not hold a value twice; got '59999'"):
+        run(grid={"speed": [*range(60_000), 59_999]})
+    assert time.process_time() - begin < 10

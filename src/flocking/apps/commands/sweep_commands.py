@@ -134,7 +134,7 @@ def write_results(table: SweepTable, folder: Path, name: str, level: float) -> l
     from importlib.util import find_spec
 
     from flocking.papers.studies.shipped import STUDIES
-    from flocking.study.sweeps.table import write_csv
+    from flocking.study.sweeps.table_files import write_csv
 
     written = [table.to_csv(folder / "runs.csv")]
     if find_spec("pyarrow") is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterable, KeysView, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
@@ -99,7 +100,7 @@ class Plan:
                 raise InvalidInput("sweep", f"grid[{name!r}]", "must hold at least one value", list(values))
             labels = [label(value) for value in values]
             if len(set(labels)) < len(labels):
-                twice = next(x for x in labels if labels.count(x) > 1)
+                twice = Counter(labels).most_common(1)[0][0]
                 raise InvalidInput("sweep", f"grid[{name!r}]", "must not hold a value twice", twice)
         if self.size > self.most_runs:
             raise InvalidInput(

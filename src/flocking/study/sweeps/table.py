@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,6 +18,7 @@ from flocking.model.checks import Array
 from flocking.study.confidence_intervals import check_level, mean_interval, share_interval
 from flocking.study.sweeps.measures import VERDICT
 from flocking.study.sweeps.plan import Plan, label, stand_for_themselves
+from flocking.study.sweeps.table_files import alike, put, write_csv
 from flocking.study.sweeps.worker_tasks import Row
 
 if TYPE_CHECKING:
@@ -302,7 +301,7 @@ class SweepTable:
             ]
             columns: dict[str, Sequence[object]] = {
                 "": [
-                    float(known.mean()) if len(known) and (len(known) == total or not share) else np.nan
+                    _mean(known) if len(known) and (len(known) == total or not share) else np.nan
                     for known, total in zip(each, made, strict=True)
                 ],
                 "_low": [interval.low for interval in found],
@@ -346,44 +345,22 @@ class SweepTable:
             from pyarrow import parquet
         except ImportError:
             raise missing_package("pyarrow", "Parquet") from None
-        arrays = {name: pyarrow.array(_alike(column)) for name, column in self.columns.items()}
+        arrays = {name: pyarrow.array(alike(column)) for name, column in self.columns.items()}
         table = pyarrow.table(arrays).replace_schema_metadata({"flocking": json.dumps(self.record)})
         sink = pyarrow.BufferOutputStream()
         parquet.write_table(table, sink)
-        return _put(Path(path), sink.getvalue().to_pybytes())
+        return put(Path(path), sink.getvalue().to_pybytes())
+
+
+def _mean(values: Array) -> float:
+    """The mean of numbers, whose sum may exceed the largest double."""
+    with np.errstate(over="ignore"):
+        mean = float(values.mean())
+    if np.isfinite(mean) or not np.isfinite(values).all():
+        return mean
+    return float((values / len(values)).sum())
 
 
 def _results(row: Row) -> str:
     """What a run gave, as text: of equal values two that are nan are equal too."""
     return json.dumps([row["status"], row["values"], row["verdicts"]], sort_keys=True)
-
-
-def _alike(column: Sequence[object]) -> Sequence[object]:
-    """A column whose entries have one type: numbers of several types become floats."""
-    kinds = {type(entry) for entry in column if entry is not None}
-    if len(kinds) < 2 or str in kinds:
-        return column
-    return [float(entry) if isinstance(entry, bool | int | float) else None for entry in column]
-
-
-def write_csv(path: Path, rows: Sequence[Mapping[str, object]], head: Sequence[str] | None = None) -> Path:
-    """Write a table to the file ``path``, one line for each of ``rows``, under the names in ``head`` or their own.
-
-    Raises
-    ------
-    StorageError
-        When it cannot be written.
-    """
-    text = io.StringIO()
-    names = list(rows[0]) if head is None else list(head)
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    for row in rows:
-        writer.writerow(["" if row[name] is None else row[name] for name in names])
-    return _put(path, text.getvalue().encode())
-
-
-def _put(path: Path, content: bytes) -> Path:
-    from flocking.engine.storage.atomic_files import write_file
-
-    return write_file(path, content, "write the table")

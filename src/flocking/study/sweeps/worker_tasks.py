@@ -93,7 +93,7 @@ def run_task(work: Work, task: Task) -> Row:
             except (NotMeasurable, NotResolvable) as reason:
                 row["values"][name] = math.nan
                 unknown.append(f"{name}: {reason}")
-        row["message"] = "; ".join(unknown)[:LONGEST_MESSAGE]
+        row["message"] = _cut("; ".join(unknown))
         doing = "audit"
         if work.audit is not None:
             row["verdicts"] = _verdicts(work.audit(run))
@@ -102,9 +102,14 @@ def run_task(work: Work, task: Task) -> Row:
             raise KeyboardInterrupt from error
         text = str(error) if isinstance(error, FlockingError) else f"{type(error).__name__}: {error}"
         where = f"{doing}: " if doing != "make" else ""
-        row |= {"status": "failed", "values": {}, "verdicts": {}, "message": f"{where}{text}"[:LONGEST_MESSAGE]}
+        row |= {"status": "failed", "values": {}, "verdicts": {}, "message": _cut(f"{where}{text}")}
     row["seconds"] = time.perf_counter() - begin
     return row
+
+
+def _cut(text: str) -> str:
+    """A message that is no longer than what is stored, with dots where its end is left out."""
+    return text if len(text) <= LONGEST_MESSAGE else f"{text[: LONGEST_MESSAGE - 4]} ..."
 
 
 def _verdicts(report: object) -> dict[str, str]:
