@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+import flocking as fk
 from flocking.apps.lab.experiment.clock import Clock
 from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.apps.lab.live.measuring import Measuring
@@ -139,3 +140,19 @@ def test_a_fault_of_a_judgement_stays_until_one_succeeds(measuring) -> None:
     assert "ValueError: no" in made.content()["fault"]
     made._guarded(made.judge, clock.frame)
     assert made.fault == ""
+
+
+def test_agents_without_velocities_have_no_spread_of_them() -> None:
+    """States of agents of order 1 hold zeros in the place of velocities, and no spread of 0."""
+    law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("(r - 1)**2/2"))])
+    start = fk.State([[0.0, 0.0], [0.5, 0.0], [0.3, 0.9]])
+    clock = Clock([Experiment(fk.Scenario(law, start, t_end=2.0, agents=fk.SingleIntegrator()))])
+    clock.begin()
+    try:
+        made = Measuring(clock, lambda: None)
+        step(clock, 0.5)
+        made._read(clock.frame)
+        assert np.isnan(made.numbers[0]["velocity spread"])
+        assert np.isfinite(made.numbers[0]["energy"])
+    finally:
+        clock.close()

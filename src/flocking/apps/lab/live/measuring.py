@@ -260,5 +260,7 @@ def _numbers(frame: Frame, k: int) -> dict[str, float]:
     if rows:
         since = next((row for row in rows if row[0] >= frame.changed_at[k]), rows[-1])
         found = ledger(since, rows[-1]) | {"departed": LedgerRow(*rows[-1]).departed}
-    measures = measured(frame.states[k], rows[-1][1] if rows else math.nan, frame.scenarios[k].space)
+    scenario = frame.scenarios[k]
+    energy, moving = rows[-1][1] if rows else math.nan, scenario.agents.order > 1
+    measures = measured(frame.states[k], energy, scenario.space, velocities=moving)
     return {name: measures[name] for name in NAMES} | found

@@ -35,8 +35,8 @@ LEDGER = ("dissipated", "supplied", "jumped", "residual")
 NAMES = ("energy", "velocity spread", "connectivity", "flocks", "closest pair", "defect")
 
 
-def measured(state: State, energy: float, space: Space = OPEN) -> dict[str, float]:
-    """Numbers of one moment by their `NAMES`; NaN for what a group is too large for.
+def measured(state: State, energy: float, space: Space = OPEN, *, velocities: bool = True) -> dict[str, float]:
+    """Numbers of one moment by their `NAMES`; NaN for what a group is too large for, or does not have.
 
     ``defect`` is the relative standard deviation of linked distances.
 
@@ -46,9 +46,12 @@ def measured(state: State, energy: float, space: Space = OPEN) -> dict[str, floa
         Energy of the scenario at that moment.
     space
         The space of the agents.
+    velocities
+        Whether the agents have velocities: states of those of order 1 hold zeros in their place.
     """
-    found = dict.fromkeys(NAMES, float("nan"))
-    found |= {"energy": energy, "velocity spread": observables.velocity_spread(state)}
+    found = dict.fromkeys(NAMES, float("nan")) | {"energy": energy}
+    if velocities:
+        found["velocity spread"] = observables.velocity_spread(state)
     found["closest pair"] = observables.closest_pair(state, space)[0]
     if state.links is None:
         return found
