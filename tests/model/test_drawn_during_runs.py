@@ -7,6 +7,7 @@ import pytest
 
 import flocking as fk
 from flocking.model.drawn_during_runs import draws_during_runs, with_seed_of_run
+from flocking.model.parts.description import registered_names
 from flocking.study.margins.fingerprints import fingerprint
 from flocking.study.scenario_files.scenario_file import scenario_to_text
 
@@ -136,3 +137,31 @@ def test_gusts_within_gusts_of_one_seed_are_warned_of():
     fk.Disturbed(inner, 0.5, 0.2, seed=1)
     fk.Disturbed(inner, 0.0, 0.2)
     fk.Disturbed(fk.Disturbed(POINT, 0.0, 0.1), 0.5, 0.2)
+
+
+SEEDED = {
+    "HashedWeights": lambda seed: fk.HashedWeights(0.1, 1.0, seed),
+    "Heading": lambda seed: fk.Heading(0.03, seed=seed),
+    "Impulsive": lambda seed: fk.Impulsive(seed=seed),
+    "Disturbed": lambda seed: fk.Disturbed(fk.PointMass(), 0.1, 0.1, seed),
+    "VelocityUnit": lambda seed: fk.VelocityUnit(0.1, seed=seed),
+    "Messages": lambda seed: fk.Messages(0.1, seed=seed),
+    "Fixes": lambda seed: fk.Fixes(0.1, seed=seed),
+}  # fmt: skip
+"""Parts whose draws are functions of their seed."""
+
+
+def test_all_parts_with_a_seed_are_tried():
+    library = {name for name, kind in registered_names().items() if kind.builds.__module__.startswith("flocking.")}
+    assert {name for name in library if "seed" in registered_names()[name].fields} == {*SEEDED, "Scenario"}
+
+
+@pytest.mark.parametrize("part", SEEDED)
+def test_seeds_that_draw_nothing_of_their_own_are_refused(part):
+    """Above 2^63 - 1 no file holds them, and some draw what another one does; others ended a run with a traceback."""
+    made = SEEDED[part]
+    assert [made(seed).seed for seed in (0, np.int64(7), 2**63 - 1)] == [0, 7, 2**63 - 1]
+    for seed, rule in ((3.5, "an integer"), (True, "an integer"), ("a", "an integer"), (None, "an integer"),
+                       (-1, "at least 0"), (2**63, "at most 9223372036854775807"), (2**64, "at most")):  # fmt: skip
+        with pytest.raises(fk.InvalidInput, match=f"seed must be {rule}"):
+            made(seed)

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, integer, number
+from flocking.model.checks import Array, array, number
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, Short, add_group
 from flocking.model.parts.registration import register_part
+from flocking.model.parts.seeds import stored_seed
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -136,7 +137,7 @@ class HashedWeights(PairWeights):
     def __post_init__(self) -> None:
         low = number("HashedWeights", "low", self.low, least=0.0)
         number("HashedWeights", "high", self.high, least=low)
-        integer("HashedWeights", "seed", self.seed, least=0)
+        object.__setattr__(self, "seed", stored_seed("HashedWeights", self.seed))
 
     def matrix(self, n: int) -> Array:
         """All weights, shape (n, n), with a zero diagonal."""

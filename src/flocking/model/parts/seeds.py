@@ -51,6 +51,27 @@ def generator_from(owner: str, seed: int | np.random.Generator | None, rng: Rng 
     return np.random.default_rng(integer(owner, name, given, least=0))
 
 
+def stored_seed(owner: str, seed: object) -> int:
+    """The seed of a part, from 0 to `LARGEST_SEED`: draws of larger ones are those of others, and no file holds them.
+
+    Parameters
+    ----------
+    owner
+        The part, for messages.
+    seed
+        What was given.
+
+    Raises
+    ------
+    InvalidInput
+        If it is no integer, or out of this range.
+    """
+    found = integer(owner, "seed", seed, least=0)
+    if found > LARGEST_SEED:
+        raise InvalidInput(owner, "seed", f"must be at most {LARGEST_SEED}", found)
+    return found
+
+
 def seed_from(owner: str, rng: object) -> int:
     """The seed of a part whose draws are functions of an integer, from its ``rng``.
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, axes_of, check_each, integer, number, one_of, scalar_or_each, truth
+from flocking.model.checks import Array, axes_of, check_each, number, one_of, scalar_or_each, truth
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
+from flocking.model.parts.seeds import stored_seed
 from flocking.model.symmetries import DRAWN, SYMMETRIES
 from flocking.model.world.control import Control, Held
 from flocking.model.world.knowledge import INSTANT, Information, Instant, delays_of_pairs
@@ -136,9 +137,7 @@ class Messages(Information):
             object.__setattr__(self, "expires", number("Messages", "expires", self.expires, above=0.0))
             nanoseconds("Messages", "expires", self.expires, positive=True)
         object.__setattr__(self, "predict", truth("Messages", "predict", self.predict))
-        object.__setattr__(self, "seed", integer("Messages", "seed", self.seed, least=0))
-        if self.seed > values.LARGEST_SEED:
-            raise InvalidInput("Messages", "seed", f"must be at most {values.LARGEST_SEED}", self.seed)
+        object.__setattr__(self, "seed", stored_seed("Messages", self.seed))
         one_of("Messages", "self_known", self.self_known, SELF_KNOWN)
         object.__setattr__(self, "leader", truth("Messages", "leader", self.leader))
         if self.leader:
