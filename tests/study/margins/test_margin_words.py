@@ -57,3 +57,6 @@ def test_default_levels_are_those_that_are_simulated():
         levels = default_levels(quantities()[name], short, 1e-9)
         assert levels
         assert all(round(level * 1e9) == pytest.approx(level * 1e9, rel=1e-9) for level in levels), name
+    tiny = short.with_(t_end=1e-9)
+    with pytest.raises(fk.InvalidInput, match="must be given: of the default grid none is a whole multiple of 1e-09"):
+        default_levels(quantities()["period"], tiny, 1e-9)

@@ -222,8 +222,17 @@ def default_levels(quantity: Quantity, scenario: Scenario, period: float) -> lis
         The quantity.
     scenario, period
         The scenario and the base period.
+
+    Raises
+    ------
+    InvalidInput
+        When none is left.
     """
-    return [level for level in quantity.levels(scenario, period) if quantity.is_resolved(level)]
+    found = [level for level in quantity.levels(scenario, period) if quantity.is_resolved(level)]
+    if not found:
+        rule = f"must be given: of the default grid none is a whole multiple of {quantity.resolution:g}"
+        raise InvalidInput("margins", f"levels[{quantity.name!r}]", rule, list(quantity.levels(scenario, period)))
+    return found
 
 
 def checked_levels(name: str, given: Sequence[float], quantity: Quantity) -> list[float]:
