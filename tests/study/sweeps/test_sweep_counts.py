@@ -188,3 +188,11 @@ def test_a_value_twice_among_many_is_found_soon():
     with pytest.raises(fk.InvalidInput, match="must not hold a value twice; got '59999'"):
         run(grid={"speed": [*range(60_000), 59_999]})
     assert time.process_time() - begin < 10
+
+
+def test_groups_beyond_a_size_are_not_compared():
+    from flocking.study.sweeps.equal_scenarios import run_digest
+
+    few = make(n=5)
+    assert run_digest(few) == run_digest(few, most_agents=5) != ""
+    assert run_digest(few, most_agents=4) == ""
