@@ -123,3 +123,10 @@ def test_no_two_values_look_alike():
     many = sweep({"x": [1.0], "kind": list(range(60))}, measures, seeds=range(1))
     with pytest.raises(fk.InvalidInput, match="hue must have at most"):
         many.plot("x", "a", "kind")
+
+
+def test_truth_values_on_an_axis_are_words():
+    table = sweep({"whole": [True, False]}, {"seed_of_run": lambda run: float(run.scenario.seed)}, seeds=8)
+    axes = table.plot("whole", "seed_of_run").axes[0]
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["true", "false"]
+    assert axes.lines[0].get_ydata() == pytest.approx(table.summary()["seed_of_run"].to_numpy())

@@ -190,7 +190,7 @@ def bands(
     axes = axes_or_new(axes, width=4.2)
     found = _of_plane(table, x, by)
     values = table.plan.grid[x]
-    counted = stand_for_themselves(values) and not isinstance(values[0], str)
+    counted = stand_for_themselves(values) and not isinstance(values[0], str | bool)
     # Texts and parts stand side by side.
     places = np.asarray(values if counted else range(len(values)), dtype=float)
     order = np.argsort(places, kind="stable")
