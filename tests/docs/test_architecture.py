@@ -19,6 +19,7 @@ MOST_LINES = 72
 ENGINES = ("exact", "sampled", "delayed", "discrete", "tiles", "lammps")
 
 HOMES = {
+    "change which laws a paper's claims are about": "def of_stated_law(",
     "change what agents know of leaders by messages": "class LeaderNews",
     "change how large groups log what they used": "class UsedSamples",
     "change how large groups know leaders by messages": "class KnownLeaders",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 from flocking.engine.runs.run import Run
 from flocking.model.bodies.point_bodies import is_point_mass
@@ -28,20 +29,28 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
     return audit_claims(run, paper_claims(run.scenario.name) if claims is None and isinstance(run, Run) else claims)
 
 
+@lru_cache(maxsize=8)
 def _beyond_theorems(e: Evidence) -> str:
-    """Why the theorems of the papers are not about a run: they assume point masses, open space and an ideal world."""
+    """Why the theorems of a paper are not about a run by the name of one of its scenarios.
+
+    They assume point masses, open space, an ideal world, and a law of the paper's form.
+    """
     scenario = e.run.scenario
     if not scenario.space.is_open:
         return f"space is {type(scenario.space).__name__}, not open"
     if world := scenario.imperfections:
         return f"the theorem assumes an ideal world: {world}"
-    return "" if is_point_mass(scenario.agents) else f"agents are {type(scenario.agents).__name__}, not point masses"
+    if not is_point_mass(scenario.agents):
+        return f"agents are {type(scenario.agents).__name__}, not point masses"
+    key = paper_of(scenario.name)
+    return paper(key).assumes(scenario) if key else ""
 
 
 def paper_claims(scenario: str) -> tuple[Claim, ...] | None:
     """Claims about a paper's scenario by its name; None for any other name.
 
-    All assume point masses in open space and an ideal world; elsewhere their conclusions are measured by themselves.
+    All assume point masses in open space, an ideal world, and a law of the paper's form; elsewhere their conclusions
+    are measured by themselves.
     """
     key = paper_of(scenario)
     if not key or scenario not in paper(key).scenarios():

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
+from flocking.papers.assumptions import Assumption, nothing
 from flocking.papers.equation_files import has_table, read_statements
 from flocking.papers.equation_table import Erratum, Row, errata_of
 from flocking.papers.grounds import ClaimsOf
@@ -51,6 +52,9 @@ class Paper:
         Titles of scenarios by their names, such as ``"Fig. 9: a hundred agents gather around a sink"``.
     questions
         What is asked of each scenario, by its name, in one sentence that the claims about it answer.
+    assumes
+        Why a scenario by the name of one of its own is not of the law, the agents or the energy that its claims are
+        about; empty where it is. By default the name says all.
     """
 
     key: str
@@ -67,6 +71,7 @@ class Paper:
     potential_definition: Definition | None = None
     titles: Mapping[str, str] = field(default_factory=dict)
     questions: Mapping[str, str] = field(default_factory=dict)
+    assumes: Assumption = nothing
 
     def __repr__(self) -> str:
         """In one line: what it is cited as."""

@@ -11,6 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.testing import assert_allclose
 
+from flocking.model.leaders_and_obstacles.leaders import Path
+from flocking.model.terms.body_terms import Track
 from flocking.papers import paper
 from flocking.study.claims.claim import Basis, Origin, Verdict
 
@@ -113,11 +115,11 @@ def shi(key: str) -> None:
     listed(key)
     t = np.linspace(0.0, 20.0, 201)
     guide = np.stack([np.sin(t), np.cos(t)], axis=1)
-    leader = SimpleNamespace(along=lambda _: (guide, guide))
+    leader = Path(("sin(t)", "cos(t)"))
     # Two agents, one of which goes with the leader; their spread stays too.
     seen = SimpleNamespace(
         t=t, p=np.stack([guide, guide + 1.0], axis=1), velocity_spread=np.ones(len(t)),
-        law=SimpleNamespace(leaders=[leader]), oldest_knowledge=None, yet_to_meet="", path_about_mean=np.inf,
+        oldest_knowledge=None, yet_to_meet="", path_about_mean=np.inf,
         run=SimpleNamespace(scenario=SimpleNamespace(rest_frame="neighbours are late")),
     )  # fmt: skip
     for name in paper(key).scenarios():
@@ -135,6 +137,8 @@ def shi(key: str) -> None:
                 "granted" if always else "connected_throughout" if kept else "fell_apart"
             )
             about = {"tracks": "v0", "no-tracking": "v0", "agree": "v*", "no-flocking": "v*"}.get(claim.key)
+            gains = {12: (1.0, 0.0), 15: (1.0, 1.0)}.get(law, (0.5, 0.0))
+            seen.law = SimpleNamespace(body_terms=(Track(leader, velocity_gain=gains[0], position_gain=gains[1]),))
             if about:
                 found = claim.conclusion(seen)  # type: ignore[arg-type]
                 assert found.note.startswith(f"|v_i - {about}| is")

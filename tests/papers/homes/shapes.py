@@ -60,7 +60,7 @@ ASKED = {
     "tanner-2003-fixed": ("differentiable", "nonnegative", "radially unbounded", "infinite at 0", "unique minimum"),
     "tanner-2003-dynamic": ("nonnegative", "infinite at 0", "unique minimum", "increasing near R"),
     "shi-2009": ("differentiable", "nonnegative", "infinite at 0", "unique minimum", "zero slope beyond R"),
-    "zhou-2015": ("unique minimum", "infinite at 0", "infinite at R"),
+    "zhou-2015": ("nonnegative", "unique minimum", "infinite at 0", "infinite at R"),
 }
 """Items of each paper's definition of a potential."""
 
@@ -75,12 +75,12 @@ def definitions():
     tanner = Potential("1/r**2 + log(r**2)")
     zhou = Potential("1/r + 1/(R - r)", R=4.0)
     cases = (
-        (tanner, None, "TTTT---TT", ("TTTTT", "TTT-", "TTTT-", "TT-"), None),
-        (tanner.capped(2.0), 2.0, "TTTTFFTFF", ("FTFTT", "TTTT", "FTTTT", "TTF"), 2.0),
-        (zhou, None, "TTTTTFTFF", ("FFFTF", "TTTT", "FFTFF", "TTT"), 4.0),
-        (Potential("(r - 1)**2"), 3.0, "TTTFFTTTT", ("TTTFT", "TFTT", "TTFTF", "TFF"), 3.0),
-        (Potential("-1/r"), 3.0, "TFFFFTTFT", ("TFFFF", "FFFT", "TFFFF", "FFF"), 3.0),
-        (Potential("r**2"), 3.0, "TFTFFTTTT", ("TTTFF", "TFFT", "TTFFF", "FFF"), 3.0),
+        (tanner, None, "TTTT---TT", ("TTTTT", "TTT-", "TTTT-", "TTT-"), None),
+        (tanner.capped(2.0), 2.0, "TTTTFFTFF", ("FTFTT", "TTTT", "FTTTT", "TTTF"), 2.0),
+        (zhou, None, "TTTTTFTFF", ("FFFTF", "TTTT", "FFTFF", "TTTT"), 4.0),
+        (Potential("(r - 1)**2"), 3.0, "TTTFFTTTT", ("TTTFT", "TFTT", "TTFTF", "TTFF"), 3.0),
+        (Potential("-1/r"), 3.0, "TFFFFTTFT", ("TFFFF", "FFFT", "TFFFF", "FFFF"), 3.0),
+        (Potential("r**2"), 3.0, "TFTFFTTTT", ("TTTFF", "TFFT", "TTFFF", "TFFF"), 3.0),
     )
     for psi, radius, properties, items, judged_at in cases:
         found = check_potential(psi, radius=radius, definitions=tuple(known.values()))

@@ -36,6 +36,18 @@ def centre_motion():
         place, velocity = shi_forms.centre_motion(law, t, x, v)
         assert_allclose(place, y[:, :2], atol=1e-8)
         assert_allclose(velocity, y[:, 2:], atol=1e-8)
+        # Times need not begin with the start, nor the start be at 0.
+        place, velocity = shi_forms.centre_motion(law, t[4:], x, v)
+        assert_allclose(np.hstack([place, velocity]), y[4:], atol=1e-8)
+        place, velocity = shi_forms.centre_motion(law, t[6:], y[3, :2], y[3, 2:], start_time=t[3])
+        assert_allclose(np.hstack([place, velocity]), y[6:], atol=1e-8)
+    for given, words in (
+        ((12, t, x, v, 1.0, 0.5), "r0"),
+        ((8, t, x, v, 1.0, 0.5), "r0"),
+        ((15, t, x, v, 0.0, 1.0), "h0"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            shi_forms.centre_motion(*given)
     any_gains([shi_forms.centre_motion(law, np.arange(9.0), np.array([0.4, -0.3]), np.array([1.0, 2.0]), 0.6,
                                        2.5 if law == 15 else None) for law in (8, 12, 15)])  # fmt: skip
     free_motion()
@@ -95,6 +107,9 @@ def jordan():
         assert_allclose(P[1], [J[0, 0], J[1, 1] + equal], atol=1e-12)
         assert (J[0, 0].real, J[0, 0].imag) >= (J[1, 1].real, J[1, 1].imag)
         assert np.iscomplexobj(P) == (r0 > h0 * h0 / 4 * (1 + 1e-14))
+    for given in ((math.nan, 1.0), (1.0, math.inf), (-1.0, 1.0), ("1", 1.0)):
+        with pytest.raises(InvalidInput):
+            shi_forms.jordan_form(*given)  # type: ignore[arg-type]
     # Eigenvalues count as equal where they differ by rounding: h0^2/4 - r0 up to 4 eps h0^2, here 31.84 steps of r0.
     h0, step = math.sqrt(4 * 1.99), np.finfo(float).eps
     for steps, joined in ((31, 1.0), (32, 0.0), (-31, 1.0), (-32, 0.0)):
@@ -115,6 +130,9 @@ def steady():
         assert_allclose(shi_forms.steady_velocity_error(12, h0), 1 / math.sqrt(1 + h0**2), rtol=1e-12)
         assert_allclose(shi_forms.steady_velocity_error(15, h0, r0), 1 / math.sqrt((r0 - 1) ** 2 + h0**2), rtol=1e-12)
         assert_allclose(shi_forms.steady_velocity_error(8, h0), 0.0, atol=1e-12)
+    for law in (8, 12):
+        with pytest.raises(InvalidInput, match="r0"):
+            shi_forms.steady_velocity_error(law, 1.0, 2.0)
     assert_allclose(shi_forms.steady_velocity_error(12), 1 / math.sqrt(2), rtol=1e-12)
     assert_allclose(shi_forms.steady_velocity_error(15), 1.0, rtol=1e-12)
 
@@ -184,7 +202,8 @@ def shi_scenario():
     assert shi.scenario().seed == 0
     few = shi.scenario(seed=1, informed=2).law.terms[2]
     assert np.count_nonzero(few.velocity_gain) == 2
-    for wrong, words in (({"name": "shi-2009-nobody"}, "name"), ({"figure": 13}, "figure")):
+    informed = [({"informed": wrong}, "informed") for wrong in (-3, 11, 2.5, True)]
+    for wrong, words in (({"name": "shi-2009-nobody"}, "name"), ({"figure": 13}, "figure"), *informed):
         with pytest.raises(InvalidInput, match=words):
             shi.scenario(**wrong)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flocking.papers.assumptions import of_stated_law
 from flocking.papers.description import Paper
 from flocking.papers.olfati_saber_2003.closed_forms import (
     contraction,
@@ -24,6 +25,7 @@ PAPER = Paper(
     claims=claims,
     figures=figures,
     studies=("olfati-saber-density",),
+    assumes=of_stated_law(scenarios, any_feedback=frozenset({KEY})),
     titles={
         "olfati-saber-2003": "Figs. 7 and 8: a hundred agents pass six obstacles",
         "olfati-saber-2003-sink": "Fig. 9: a hundred agents gather around a sink",

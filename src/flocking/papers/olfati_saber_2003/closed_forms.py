@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.model.checks import Array
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, array, number
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink
+
+ROUNDING = 1e-12
+"""Positions on the boundary may be inside by their rounding."""
 
 
 def translational_energy(q: Array, p: Array, leader: Leader) -> float:
@@ -62,9 +66,24 @@ def contraction(q: Array, centre: Array, radius: float) -> Array:
     -------
     Array
         Factors, shape (N,), between 0 and 1.
+
+    Raises
+    ------
+    InvalidInput
+        If a position is inside the ball, or a value is not finite.
     """
-    away = np.linalg.norm(np.asarray(q) - centre, axis=1) - radius
-    return np.asarray(radius / (radius + away))
+    _, distance, radius = _outside("contraction", q, centre, radius)
+    return np.asarray(radius / distance)
+
+
+def _outside(owner: str, q: Array, centre: Array, radius: float) -> tuple[Array, Array, float]:
+    """Vectors to the centre of a ball, their lengths, and its radius, for positions outside."""
+    size = number(owner, "radius", radius, above=0.0)
+    inward = array(owner, "centre", centre, ndim=1) - array(owner, "q", q, ndim=2)
+    distance = np.linalg.norm(inward, axis=1)
+    if not (distance >= size * (1.0 - ROUNDING)).all():
+        raise InvalidInput(owner, "q", "must be outside the ball", f"a position {distance.min():.6g} from its centre")
+    return inward, distance, size
 
 
 def contraction_rate(q: Array, p: Array, centre: Array, radius: float) -> Array:
@@ -83,7 +102,12 @@ def contraction_rate(q: Array, p: Array, centre: Array, radius: float) -> Array:
     -------
     Array
         Rates, shape (N,).
+
+    Raises
+    ------
+    InvalidInput
+        If a position is inside the ball, or a value is not finite.
     """
-    inward = centre - np.asarray(q)
-    distance = np.linalg.norm(inward, axis=1)
+    inward, distance, radius = _outside("contraction_rate", q, centre, radius)
+    p = array("contraction_rate", "p", p, ndim=2)
     return np.asarray(radius * (p * inward).sum(axis=1) / distance**3)

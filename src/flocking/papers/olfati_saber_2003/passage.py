@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine.runs.run import Run
-from flocking.papers.obstacle_passages import between_frames
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.papers.obstacle_passages import between_frames, obstacles_of
 from flocking.papers.olfati_saber_2003 import system
 
 
@@ -13,6 +14,21 @@ def gap_width() -> float:
     """Width of the gap between the last two obstacles, d_56."""
     b, radius = system.OBSTACLES[:2, -2:].T, system.OBSTACLES[2, -2:]
     return float(np.linalg.norm(b[1] - b[0]) - radius.sum())
+
+
+def has_gap(run: Run) -> bool:
+    """Whether the last two obstacles of a run's law are those of (59)."""
+    last = obstacles_of(run)[-2:]
+    if len(last) < 2 or not all(isinstance(o, Ball) for o in last):
+        return False
+    expected = [(*column[:2], column[2]) for column in system.OBSTACLES[:, -2:].T]
+    times = run.t[[0, -1]]
+    return all(
+        np.array_equal(np.append(o.centre.at(float(t))[0], o.radius), known)
+        for o, known in zip(last, expected, strict=True)
+        for t in times
+        if isinstance(o, Ball)
+    )
 
 
 def through_gap(run: Run) -> int:

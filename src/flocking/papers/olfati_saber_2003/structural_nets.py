@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, number
+from flocking.model.checks import Array, array, integer, number
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from flocking.model.potentials.potential import Potential
@@ -35,8 +35,14 @@ def is_realization(q: Array, distance: float, radius: float, tolerance: float = 
         d_alpha and r.
     tolerance
         Accepted deviation, as a fraction of ``distance``.
+
+    Raises
+    ------
+    InvalidInput
+        If a position is not finite.
     """
-    links = pair_distances(np.asarray(q, dtype=np.float64)) <= radius * (1.0 + 1e-12)
+    q = array("is_realization", "q", q, ndim=2)
+    links = pair_distances(q) <= radius * (1.0 + 1e-12)
     return deviation(q, links, distance) <= tolerance * distance
 
 
@@ -150,9 +156,11 @@ def vote(weights: Array, q: Array, agent: int, tolerance: float = 1e-12) -> Vote
     Raises
     ------
     InvalidInput
-        If a weight or a position is not finite.
+        If a weight or a position is not finite, or there is no such agent.
     """
     q = array("vote", "q", q, ndim=2)
+    if integer("vote", "agent", agent, least=0) >= len(q):
+        raise InvalidInput("vote", "agent", f"must be below {len(q)}, the number of agents", agent)
     row = array("vote", "weights", weights, ndim=2)[agent]
     up, down = np.maximum(row, 0.0), np.minimum(row, 0.0)
     positive, negative = float(up.sum()), float(down.sum())

@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model import starts
+from flocking.model.checks import one_of
 from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Graph, Proximity
 from flocking.model.graphs.smooth_graphs import Smooth
@@ -138,8 +139,14 @@ def obstacle_scenario(
         Corner and sides of the start region; it decides the density after the obstacles.
     agents
         Number of agents.
+
+    Raises
+    ------
+    InvalidInput
+        If the tracking is none of these, or a value is out of range.
     """
     leader = Velocity(DESIRED_VELOCITY)
+    one_of("olfati-saber-2003", "tracking", tracking, ("agent", "shared"))
     shared = tracking == "shared"
     follow = Track(leader, velocity_gain=tracking_gain, shared=shared, saturated=shared)
     avoid = Avoid(

@@ -9,15 +9,15 @@ import numpy as np
 
 from flocking.model.checks import Array
 from flocking.model.potentials.potential import Potential
-from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.terms.pair_terms import Gradient
 from flocking.papers.grounds import claims_by_name
 from flocking.papers.obstacle_passages import never_inside, rejoins, splits
-from flocking.papers.olfati_saber_2003 import passage, system
+from flocking.papers.olfati_saber_2003 import passage
 from flocking.papers.olfati_saber_2003.grounds import grounds
 from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH, scenarios
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below, happens
+from flocking.study.claims.conclusions.leaders import tracking
 from flocking.study.claims.settling import limit_of, limit_of_configuration, limit_of_series, of_configuration
 from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
@@ -55,12 +55,20 @@ def dense_at_end(e: Evidence) -> Measure:
     )
 
 
+def desired_velocity(e: Evidence) -> Array:
+    """p_d at the end, the velocity of the run's own leader."""
+    desired = tracking(e).leader.at(float(e.t[-1]))[1]
+    if not desired.any():
+        raise NotMeasurable("the leader is at rest: there is no desired direction")
+    return np.asarray(desired)
+
+
 @about(Subject.VELOCITIES)
 def velocities_near_desired(e: Evidence) -> Measure:
     """Largest |p_i - p_d| at the end, against |p_d|."""
-    desired = np.asarray(system.DESIRED_VELOCITY)
-    off = np.linalg.norm(e.p - desired, axis=2).max(axis=1) / np.linalg.norm(desired)
-    return replace(below(float(off[-1]), SAME, f"velocities within {off[-1]:.1e} of |p_d|"), everywhere=False)
+    desired = desired_velocity(e)
+    off = float(np.linalg.norm(e.p[-1] - desired, axis=1).max() / np.linalg.norm(desired))
+    return replace(below(off, SAME, f"velocities within {off:.1e} of |p_d|"), everywhere=False)
 
 
 @about(Subject.VELOCITIES)
@@ -68,13 +76,15 @@ def headings_agree(e: Evidence) -> Measure:
     """Largest heading angle against the desired direction, at the end."""
     from flocking.model.observables import headings
 
-    desired = float(np.arctan2(system.DESIRED_VELOCITY[1], system.DESIRED_VELOCITY[0]))
-    off = float(np.abs(np.angle(np.exp(1j * (headings(e.state(-1)) - desired)))).max())
+    x, y = desired_velocity(e)
+    off = float(np.abs(np.angle(np.exp(1j * (headings(e.state(-1)) - np.arctan2(y, x))))).max())
     return replace(below(off, SAME, f"headings within {off:.1e} rad"), everywhere=False)
 
 
 def squeezes(e: Evidence) -> Measure:
     """Number of agents that pass between the last two obstacles."""
+    if not passage.has_gap(e.run):
+        raise NotMeasurable("the last two obstacles are not those of (59)")
     through = passage.through_gap(e.checked)
     return happens(above(through, 2.5, f"{through} agents pass the gap of {passage.gap_width():g}"))
 
@@ -134,11 +144,11 @@ def becomes_connected(e: Evidence) -> Measure:
 
 
 def centred(e: Evidence) -> Measure:
-    """Distance of the centre of mass from the sink at the end, against the side of the start box."""
-    off = np.linalg.norm(e.q.mean(axis=1), axis=1)
-    return limit_of_series(
-        e, e.t, off, general.SETTLED * system.SINK_BOX, lambda d: f"centre of mass {d:.1e} from the sink"
-    )
+    """Distance of the centre of mass from the sink at the end, against that of the farthest agent at first."""
+    sink = tracking(e).leader.along(e.t)[0]
+    off = np.linalg.norm(e.q.mean(axis=1) - sink, axis=1)
+    wide = float(np.linalg.norm(e.q[0] - sink[0], axis=1).max())
+    return limit_of_series(e, e.t, off, general.SETTLED * wide, lambda d: f"centre of mass {d:.1e} from the sink")
 
 
 def rigid(e: Evidence) -> Measure:
@@ -162,13 +172,17 @@ def _crossings(e: Evidence, frame: int) -> int:
 
 def triangular(e: Evidence) -> Measure:
     """Fraction of triangles among the bounded faces; if links cross there are no faces."""
-    from flocking.study.nets.rigidity import triangle_share
+    from flocking.study.nets.rigidity import faces, triangle_share
+
+    crossed = _crossings(e, -1) > 0
+    if not crossed and not faces(e.q[-1], e.end_links):
+        raise NotMeasurable("the net has no bounded face at the end")
 
     def others(frame: int) -> float:
         return 1.0 if _crossings(e, frame) else 1 - triangle_share(e.q[frame], e.links_at(frame))
 
     def note(rest: float) -> str:
-        return "links cross: there are no faces" if rest == 1 else f"{1 - rest:.3f} of the faces are triangles"
+        return "links cross: there are no faces" if crossed else f"{1 - rest:.3f} of the faces are triangles"
 
     return limit_of_configuration(e, 1 - DOMINANT, others, note)
 
@@ -188,11 +202,14 @@ def little_defect(e: Evidence) -> Measure:
 
 
 def realizes(e: Evidence) -> Measure:
-    """Largest deviation of a link's length from d_alpha at the end."""
+    """Largest deviation of a link's length from d_alpha at the end, the distance where the potential is least."""
     from flocking.papers.olfati_saber_2003.structural_nets import deviation
+    from flocking.study.claims.potential_minimum import smallest_value
+
+    distance, _ = smallest_value(potential_of(e), _radius(e))
 
     def off(frame: int) -> float:
-        return deviation(e.q[frame], e.links_at(frame), system.DISTANCE) / system.DISTANCE
+        return deviation(e.q[frame], e.links_at(frame), distance) / distance
 
     return limit_of(e, REALIZED, off, lambda most: f"lengths within {most:.1e} of d_alpha")
 
@@ -274,7 +291,7 @@ def settles_as_flock(e: Evidence) -> Measure:
 @about(Subject.LEDGER, lasting=True)
 def jumps_by_h0(e: Evidence) -> Measure:
     """Each jump of H_s against h_0 times links created less links lost."""
-    h0 = link_energy()
+    h0 = link_energy(e)
     jumps = np.diff(e.trace["jumped"])
     jumps = jumps[jumps != 0]
     expected = h0 * (e.links_created - e.links_lost)
@@ -282,9 +299,13 @@ def jumps_by_h0(e: Evidence) -> Measure:
     return below(off, 1e-6, f"{len(jumps)} jumps equal {h0:.4g} within {off:.1e}")
 
 
-def link_energy() -> float:
-    """h_0 = psi_alpha(r - d_alpha), what a link costs where it appears (31)."""
-    return float(structural_potential(system.DISTANCE, system.ATTRACTION, system.REPULSION)(system.RADIUS))
+def link_energy(e: Evidence) -> float:
+    """h_0 = psi_alpha(r - d_alpha), what a link of the run's law costs where it appears (31)."""
+    return float(potential_of(e)(_radius(e)))
+
+
+def _radius(e: Evidence) -> float:
+    return float(np.max(np.asarray(e.law.graph.break_radius)))
 
 
 def some_switch(e: Evidence) -> Measure:

@@ -53,7 +53,8 @@ def steady_velocity_error(law: int, h0: float | None = None, r0: float | None = 
     Raises
     ------
     InvalidInput
-        If the law is not one of these, or a gain is out of range: h0 is positive, since without it no motion settles.
+        If the law is not one of these, or a gain is out of range: h0 is positive, since without it no motion settles,
+        and r0 is 0 under (8) and (12), which feed back no position.
     """
     h, r, g = _gains("steady_velocity_error", law, h0, r0)
     number("steady_velocity_error", "h0", h, above=0.0)
@@ -64,6 +65,8 @@ def _gains(owner: str, law: int, h0: float | None, r0: float | None) -> tuple[fl
     h, r, g = feedback(law)
     h = h if h0 is None else number(owner, "h0", h0, least=0.0)
     r = r if r0 is None else number(owner, "r0", r0, least=0.0)
+    if r and law != 15:
+        raise InvalidInput(owner, "r0", f"must be 0 under law ({law})", r0, "Law (15) feeds back the position.")
     return h, r, g
 
 
@@ -82,9 +85,16 @@ def _response(h0: float, r0: float, g: float) -> complex:
 
 
 def centre_motion(
-    law: int, t: Array, x_start: Array, v_start: Array, h0: float | None = None, r0: float | None = None
+    law: int,
+    t: Array,
+    x_start: Array,
+    v_start: Array,
+    h0: float | None = None,
+    r0: float | None = None,
+    *,
+    start_time: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Position and velocity of the centre of mass for v0 = (sin t, cos t), start at t = 0 and x0(0) = 0.
+    """Position and velocity of the centre of mass for v0 = (sin t, cos t) and x0(0) = 0.
 
     Solution of (9) under law (8), of (13) under (12), and of (16) under (15).
 
@@ -95,9 +105,11 @@ def centre_motion(
     t
         Times, shape (F,).
     x_start, v_start
-        Initial position and velocity, shape (2,) each.
+        Position and velocity at the start, shape (2,) each.
     h0, r0
         Gains on the velocity and the position error, in 1/s and 1/s^2; by default those of the simulations.
+    start_time
+        Time of the start.
 
     Returns
     -------
@@ -107,23 +119,25 @@ def centre_motion(
     Raises
     ------
     InvalidInput
-        If the law is not one of these, a gain is negative, or a shape is wrong.
+        If the law is not one of these, a gain is negative, r0 is not 0 under (8) or (12), h0 is 0 and r0 is 1, or a
+        shape is wrong.
     """
     h0, r0, g = _gains("centre_motion", law, h0, r0)
-    t = array("centre_motion", "t", t, ndim=1)
+    if h0 == 0.0 and r0 == 1.0:
+        raise InvalidInput("centre_motion", "h0", "must be above 0 for r0 = 1, where the leader resonates", h0)
+    t, begin = array("centre_motion", "t", t, ndim=1), number("centre_motion", "start_time", start_time)
     x_start, v_start = _vectors("centre_motion", ("x_start", x_start), ("v_start", v_start))
     if len(x_start) != 2:
         raise InvalidInput("centre_motion", "x_start", "must be a point of the plane", list(x_start))
     # sin t = Re(-i e^{it}), cos t = Re(e^{it}); x0 = (1 - cos t, sin t) has a constant part (1, 0).
     phases = np.array([-1j, 1.0])
-    turning = np.exp(1j * t)[:, None] * phases
     ratio = _response(h0, r0, g)
-    v_steady = ratio * turning
-    x_steady = v_steady / 1j
+    v_steady, v_first = (ratio * np.exp(1j * time)[:, None] * phases for time in (t, np.array([begin])))
+    x_steady, x_first = v_steady / 1j, v_first / 1j
     constant = np.array([1.0, 0.0]) if r0 else np.zeros(2)
-    x_rest = x_start - x_steady[0].real - constant
-    v_rest = v_start - v_steady[0].real
-    x_free, v_free = _free_motion(h0, r0, t, x_rest, v_rest)
+    x_rest = x_start - x_first[0].real - constant
+    v_rest = v_start - v_first[0].real
+    x_free, v_free = _free_motion(h0, r0, t - begin, x_rest, v_rest)
     return x_steady.real + constant + x_free, v_steady.real + v_free
 
 
@@ -220,7 +234,13 @@ def jordan_form(h0: float, r0: float) -> tuple[Array, Array]:
     -------
     tuple of Array
         P and J, shape (2, 2) each; complex if the eigenvalues are.
+
+    Raises
+    ------
+    InvalidInput
+        If a gain is negative or not finite.
     """
+    h0, r0 = number("jordan_form", "h0", h0, least=0.0), number("jordan_form", "r0", r0, least=0.0)
     discriminant = h0 * h0 / 4 - r0
     if abs(discriminant) <= 4 * np.finfo(float).eps * h0 * h0:
         both = -h0 / 2

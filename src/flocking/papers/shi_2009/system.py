@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flocking.errors import InvalidInput
 from flocking.model import starts
-from flocking.model.checks import Array, one_of
+from flocking.model.checks import Array, integer, number, one_of
 from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
@@ -67,8 +67,9 @@ def potential(a: float = STRENGTH, b: float = STRENGTH, R: float = SENSING_RADIU
     Raises
     ------
     InvalidInput
-        If a condition is not met.
+        If a condition is not met, or a value is not a finite number.
     """
+    a, b, R = (number("potential", name, value) for name, value in (("a", a), ("b", b), ("R", R)))
     if not (a > 0 and b > a / math.e):
         raise InvalidInput("potential", "b", f"must be above a/e = {a / math.e:.6g}, and a above 0", b)
     if not math.sqrt(b / a) < R:
@@ -139,10 +140,12 @@ def scenario(
     Raises
     ------
     InvalidInput
-        If the paper has no such figure, or there is no such scenario.
+        If the paper has no such figure, there is no such scenario, or ``informed`` is no number of agents.
     """
     check_figure(figure, LAST_FIGURE)
     one_of("scenario", "name", name, SETTINGS)
+    if integer("shi-2009", "informed", informed, least=0) > AGENTS:
+        raise InvalidInput("shi-2009", "informed", f"must be at most {AGENTS}, the number of agents", informed)
     if figure is not None:
         shown = {9: "7", 12: "10"}.get(figure, str(figure))
         name = next((n for n, s in SETTINGS.items() if s.figure == shown), KEY)

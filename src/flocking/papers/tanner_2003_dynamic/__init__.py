@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flocking.papers.assumptions import of_stated_law
 from flocking.papers.description import Paper
 from flocking.papers.tanner_2003_dynamic.pictures import figures
 from flocking.papers.tanner_2003_dynamic.system import (
@@ -17,6 +18,11 @@ from flocking.papers.tanner_2003_dynamic.theorems import claims
 from flocking.study.potentials.potential_check import Definition
 from flocking.study.potentials.potential_check import Properties as Rule
 
+DEFINITION = Definition(
+    KEY, "Tanner II, Definition IV.2", False, (Rule.nonnegative, Rule.at_zero, Rule.unique, Rule.increasing)
+)
+"""The paper's definition of a potential."""
+
 PAPER = Paper(
     key=KEY,
     title="Stable Flocking of Mobile Agents, Part II: Dynamic Topology",
@@ -28,9 +34,8 @@ PAPER = Paper(
     claims=claims,
     figures=figures,
     studies=("tanner-connectivity",),
-    potential_definition=Definition(
-        KEY, "Tanner II, Definition IV.2", False, (Rule.nonnegative, Rule.at_zero, Rule.unique, Rule.increasing)
-    ),
+    potential_definition=DEFINITION,
+    assumes=of_stated_law(scenarios, DEFINITION),
     titles={
         "tanner-2003-dynamic": "Sec. VII: ten agents, linked while closer than R",
     },

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from flocking.papers.assumptions import of_stated_law
 from flocking.papers.description import Paper
 from flocking.papers.tanner_2003_fixed.pictures import figures
 from flocking.papers.tanner_2003_fixed.system import KEY, potential, scenario, scenarios
 from flocking.papers.tanner_2003_fixed.theorems import claims, longest_path
 from flocking.study.potentials.potential_check import Definition
 from flocking.study.potentials.potential_check import Properties as Rule
+
+DEFINITION = Definition(
+    KEY,
+    "Tanner I, Definition IV.3",
+    True,
+    (Rule.differentiable, Rule.nonnegative, Rule.unbounded, Rule.at_zero, Rule.unique),
+)
+"""The paper's definition of a potential."""
 
 PAPER = Paper(
     key=KEY,
@@ -19,12 +28,8 @@ PAPER = Paper(
     scenarios=scenarios,
     claims=claims,
     figures=figures,
-    potential_definition=Definition(
-        KEY,
-        "Tanner I, Definition IV.3",
-        True,
-        (Rule.differentiable, Rule.nonnegative, Rule.unbounded, Rule.at_zero, Rule.unique),
-    ),
+    potential_definition=DEFINITION,
+    assumes=of_stated_law(scenarios, DEFINITION),
     titles={
         "tanner-2003-fixed": "Sec. V: ten agents in a random connected graph",
         "tanner-2003-fixed-complete": "The same with every pair linked",

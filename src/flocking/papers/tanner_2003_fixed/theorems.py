@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flocking.model.checks import integer, number
 from flocking.model.potentials.potential import Potential
 from flocking.papers.grounds import claims_by_name
 from flocking.papers.tanner_2003_fixed.grounds import grounds
@@ -35,7 +36,15 @@ def longest_path(potential: Potential, links: int, c: float) -> float:
     -------
     float
         The length for the larger branch of the inverse, infinite where the potential never stores as much.
+
+    Raises
+    ------
+    InvalidInput
+        If the number of links is negative, or the level is not finite.
+    NotResolvable
+        If the level is below the least value of the potential.
     """
+    links, c = integer("longest_path", "links", links, least=0), number("longest_path", "c", c)
     return links * farthest_distance(potential, c) if links else 0.0
 
 
@@ -49,10 +58,16 @@ def distances_bounded(e: Evidence) -> Measure:
 def _stated(scenario: str) -> Sequence[Claim]:
     complete = scenario == COMPLETE
     connected = general.starts_connected
-    fails, holds = Verdict.FAILS, Verdict.HOLDS
+    fails = Verdict.FAILS
     too_rigid = "Stationary only: in the plane ten agents cannot all be 1 apart."
     sometimes = "Stationary only: most of the drawn graphs are sparse enough for it, some are too rigid."
-    unseen = "Unlinked agents do not see each other; some end at the same point."
+    if complete:
+        all_apart = Claim("all-apart", "Remark IV.5", "No two agents collide.", general.all_apart)
+    else:
+        all_apart = Claim("all-apart", "see Remark IV.5",
+                          "Unlinked agents too stay as far apart as the energy keeps linked ones.",
+                          unlinked_keep_distance, expected=fails, origin=Origin.OWN,
+                          reason="Unlinked agents do not see each other; some end at the same point.")  # fmt: skip
     return (
         Claim("energy", "(9)", "dW/dt = -v^T (L x I) v: the dissipation is the Laplacian form.",
               general.ledger_residual, dynamic=False),
@@ -60,10 +75,7 @@ def _stated(scenario: str) -> Sequence[Claim]:
         Claim("velocities-agree", THEOREM, "All velocities become the same.", general.velocities_agree, connected),
         Claim("linked-apart", THEOREM, "Collisions between linked agents are avoided.", general.linked_apart,
               connected),
-        Claim("all-apart", "Remark IV.5" if complete else "see Remark IV.5", "No two agents collide, linked or not.",
-              general.all_apart if complete else unlinked_keep_distance,
-              expected=holds if complete else fails, reason="" if complete else unseen,
-              origin=Origin.PAPER if complete else Origin.OWN),
+        all_apart,
         Claim("stationary", THEOREM, "The limit is stationary: the forces of every agent balance.",
               general.forces_vanish, connected),
         Claim("minimal", THEOREM, "The limit minimises every agent's potential V_i.", general.agents_at_their_minimum,
@@ -85,9 +97,11 @@ claims = claims_by_name(scenarios, _stated, lambda name: grounds(name == COMPLET
 @about(Subject.CLOSEST, lasting=True)
 def unlinked_keep_distance(e: Evidence) -> Measure:
     """Closest unlinked pair against the distance the energy forbids to linked ones."""
+    found = e.closest_unlinked
+    if not np.isfinite(found.distance):
+        return Measure(np.inf, 0.0, "every pair is linked")
     c = float(e.trace["energy"][0])
     forbidden = distance_of(e.potential, c, -40.0, float(np.log(smallest_value(e.potential)[0])))
-    found = e.closest_unlinked
     i, j = found.pair
     note = f"unlinked agents {i}, {j} at {found.distance:.2g}; linked ones never below {forbidden:.2g}"
     return Measure(found.distance - forbidden, e.error_of(found), note)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flocking.papers.assumptions import of_stated_law
 from flocking.papers.description import Paper
 from flocking.papers.zhou_2015.bounds import largest_energy, most_new_links
 from flocking.papers.zhou_2015.pictures import figures
@@ -9,6 +10,11 @@ from flocking.papers.zhou_2015.system import KEY, potential, scenario, scenarios
 from flocking.papers.zhou_2015.theorems import claims
 from flocking.study.potentials.potential_check import Definition
 from flocking.study.potentials.potential_check import Properties as Rule
+
+DEFINITION = Definition(
+    KEY, "Zhou, psi and its properties (i), (ii)", False, (Rule.nonnegative, Rule.unique, Rule.at_zero, Rule.at_radius)
+)
+"""The paper's definition of a potential."""
 
 PAPER = Paper(
     key=KEY,
@@ -21,7 +27,8 @@ PAPER = Paper(
     claims=claims,
     figures=figures,
     studies=("zhou-bound",),
-    potential_definition=Definition(KEY, "Zhou, rules (i)-(ii)", False, (Rule.unique, Rule.at_zero, Rule.at_radius)),
+    potential_definition=DEFINITION,
+    assumes=of_stated_law(scenarios, DEFINITION),
     titles={
         "zhou-2015": "Ten agents without a leader",
         "zhou-2015-leader": "Ten agents with a virtual leader",

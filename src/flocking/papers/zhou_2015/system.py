@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from flocking.model import starts
+from flocking.model.checks import number
 from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Hysteresis
 from flocking.model.law import Law, Scenario
@@ -38,6 +39,8 @@ LEADER_GAIN = 1.0
 """c_1, the same for all agents."""
 DURATION = 100.0
 """Not in the paper."""
+LONGEST = 1e6
+"""Durations are below it: frames are kept every half second."""
 
 
 def potential(radius: float = RADIUS) -> Potential:
@@ -88,9 +91,10 @@ def scenario(
     Raises
     ------
     InvalidInput
-        If the paper has no such figure.
+        If the paper has no such figure, or the duration is negative or not below `LONGEST`.
     """
     check_figure(figure, LAST_FIGURE)
+    duration = number("zhou-2015", "duration", duration, least=0.0, below=LONGEST)
     net, times = graph(), frame_times(duration)
     start = starts.box(
         AGENTS, side=side, speed=LARGEST_COMPONENT, velocities="box", seed=seed, connected_under=net

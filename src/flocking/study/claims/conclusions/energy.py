@@ -20,6 +20,9 @@ SUPPLY_ROUNDING = 1e-12
 DRIFT_TOLERANCES = 100
 """The mean velocity may change by this many tolerances: as many as a ledger may be open by, see `LEDGER_FACTOR`."""
 
+LEAST = float(np.finfo(np.float64).smallest_subnormal)
+"""The margin of what is at its bound and may be: the least positive number."""
+
 ROUNDING = 1e-9
 """Relative error of energies and speeds that is rounding: sums over some thousand agents and ten thousand rows."""
 
@@ -130,14 +133,19 @@ def at_most(e: Evidence, name: str, seen: float, bound: float) -> Measure:
     if found is None:
         largest, limit = compared_texts(seen, bound)
         note = f"largest {name} at {len(e.t)} frames {largest}, bound {limit}"
-        known = not seen < bound or e.sampled
+        known = seen > bound or e.sampled
         error = 0.0 if known else np.inf
         if e.sampled:
             error += 2.0 * (e.velocity_error + e.position_error) * float(np.sqrt(e.q.shape[2]))
-        return below(seen, bound, note if known else f"{note}; nothing is known between", error)
+        return _no_more(seen, bound, note if known else f"{note}; nothing is known between", error)
     value, error = max(seen, found.value), max(found.error, ROUNDING * bound)
     largest, limit = compared_texts(value, bound)
-    return below(value, bound, f"largest {name} {largest} at t = {e.when(found.time, 3)}, bound {limit}", error)
+    return _no_more(value, bound, f"largest {name} {largest} at t = {e.when(found.time, 3)}, bound {limit}", error)
+
+
+def _no_more(value: float, bound: float, note: str, error: float) -> Measure:
+    """A measure that holds when ``value <= bound``: what is exactly at its bound, as 0 at rest, does not exceed it."""
+    return Measure(bound - value if value != bound else LEAST, error, note)
 
 
 def needs_ideal(e: Evidence) -> str:
