@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -42,6 +43,7 @@ def test_the_energy_is_held_against_its_bound() -> None:
     # Of three agents one link is missing at most.
     found = zhou.energy_bounded(ledger([2.0, 9.0, 5.0], [0.0, 7.5, 7.5]))
     assert_allclose(found.margin, 2.0 + PRICE - 9.0, atol=2e-6)
+    assert found.note == "largest 9, bound 12.26"
     for largest, holds in ((2.0, True), (2.1, False)):
         assert zhou.energy_bounded(ledger([2.0, largest], [0.0, 0.0], n=2)).holds is holds
 
@@ -55,11 +57,14 @@ def test_new_links_are_counted_and_priced(unit: float) -> None:
         seen.potential = psi
         found = zhou.new_links_cost_the_same(seen)
         assert found.holds is holds, (created, paid)
+        allowed = 1e-6 * unit * max(PRICE, paid)
+        assert_allclose(found.margin, allowed - unit * abs(paid - created * PRICE), rtol=1e-6, atol=1e-12 * unit)
         assert f"{created} new links" in found.note
     for created, holds in ((3, True), (4, False)):
         # Four agents that are connected lack three links at most.
         seen = ledger([1.0], [0.0], n=4, seen_created=created, links_created=created,
                       numbers=lambda kind, k=created: (k, k))  # fmt: skip
+        assert zhou.new_links_bounded(seen).margin == 3.5 - created
         assert zhou.new_links_bounded(seen).holds is holds
         seen = ledger(
             [1.0],
@@ -71,8 +76,10 @@ def test_new_links_are_counted_and_priced(unit: float) -> None:
             doubt_note=lambda kind: "in doubt",
         )
         assert zhou.new_links_bounded(seen).holds is None
+        assert zhou.new_links_bounded(seen).margin == 0.5
     sampled = ledger([1.0], [0.0], n=4, seen_created=4)
     sampled.switches_known = False
+    assert zhou.new_links_bounded(sampled).margin == -0.5
     assert zhou.new_links_bounded(sampled).holds is False
 
 
@@ -80,6 +87,7 @@ def test_unlinked_agents_are_held_against_the_radius_of_new_links() -> None:
     for distance, holds in ((3.9, True), (3.9 - 1e-6, False), (3.95, True)):
         seen = evidence(law=zhou_law(), closest_unlinked=Closest(distance, 1.0, (0, 1)), error_of=lambda found: 0.0)
         assert zhou.unlinked_apart(seen).holds is holds
+        assert zhou.unlinked_apart(seen).note.startswith(f"closest unlinked pair {distance:.7g}"[:29])
 
 
 def led(q: np.ndarray, p: np.ndarray, law: fk.Law) -> SimpleNamespace:
@@ -103,7 +111,7 @@ def closed_form(gain: float, off: float = 0.0) -> SimpleNamespace:
     return led(q[:, None] + sides, np.repeat(p[:, None], 2, axis=1), zhou_law(velocity_gain=gain))
 
 
-@pytest.mark.parametrize("gain", [0.7, 2.0, 0.0])
+@pytest.mark.parametrize("gain", [0.05, 0.7, 2.0, 0.0])
 def test_the_place_beside_the_leader_is_the_integral_of_its_law(gain: float) -> None:
     assert zhou.leader_offset(closed_form(gain)).holds
     assert zhou.leader_offset(closed_form(gain, off=1e-2)).holds is False
@@ -125,6 +133,14 @@ def test_a_leader_is_met_or_followed() -> None:
         place = guide + (np.array([0.5, -0.25]) - 10.0) * (left + (1 - left) * np.exp(-T))[:, None]
         meets = led(np.repeat(place[:, None], 2, axis=1), np.ones((len(T), 2, 2)), seen.law)
         assert zhou.leader_met(meets).holds is holds
+        apart = math.hypot(9.5, 10.25)
+        assert_allclose(zhou.leader_met(meets).margin, (0.01 - left) * apart, atol=1e-9)
+    # Three agents, of which one keeps a fifth of its difference; and a group that follows from the start.
+    fade = (0.2 + 0.8 * np.exp(-T))[:, None] * np.array([0.0, 3.0])
+    p = np.stack([np.tile([3.0, 1.0], (len(T), 1)), np.array([3.0, 1.0]) + fade, np.tile([3.0, 2.0], (len(T), 1))], 1)
+    assert_allclose(zhou.velocities_follow(led(np.zeros_like(p), p, seen.law)).margin, 0.01 - 1 / 3, atol=1e-9)
+    same = np.tile([3.0, 1.0], (len(T), 2, 1))
+    assert zhou.velocities_follow(led(np.zeros_like(same), same, seen.law)).margin == 0.01
     slow = led(np.zeros((len(T), 2, 2)), np.tile([[3.0, 1.0], [3.0, 2.0]], (len(T), 1, 1)), seen.law)
     assert zhou.velocities_follow(slow).holds is False
 
@@ -146,7 +162,7 @@ def test_speeds_relative_to_the_leader_are_bounded() -> None:
     goal = np.array([3.0, 1.0])
     for fast in (1.0, 9.0):
         seen = ledger([2.0, 2.0], [0.0, 0.0])
-        seen.t, seen.p = T, goal + np.tile([[fast, 0.0], [0.0, 0.5]], (len(T), 1, 1))
+        seen.t, seen.p = T, goal + np.tile([[fast, 0.0], [fast, -0.0], [0.0, 0.5]], (len(T), 1, 1))
         seen.largest = lambda name, f=fast: SimpleNamespace(value=f, error=0.0, time=0.0)
         assert_allclose(zhou.relative_speeds_bounded(seen).margin, math.sqrt(2 * (2.0 + PRICE)) - fast, rtol=1e-9)
 
@@ -155,6 +171,7 @@ def test_agents_come_together_where_the_group_shrinks() -> None:
     for left, holds in ((0.0, True), (0.3, False)):
         seen = evidence(t=T, diameter=5.0 * (left + (1 - left) * np.exp(-T)))
         assert zhou.agents_coincide(seen).holds is holds
+        assert_allclose(zhou.agents_coincide(seen).margin, 5.0 * (0.01 - left), atol=1e-9)
 
 
 TANNER = fk.Potential("1/r**2 + log(r**2)")
@@ -169,12 +186,13 @@ def contact(energy: float) -> float:
     return low
 
 
-def near(distance: float, pair: tuple[int, int], n: int = 4) -> SimpleNamespace:
+def near(distance: float, pair: tuple[int, int], scale: float = 1.0) -> SimpleNamespace:
     found = Closest(distance, 1.0, pair)
-    law = fk.Law(fk.Proximity(2.0), (fk.Gradient(TANNER),))
+    potential = fk.Potential("k/r**2 + k*log(r**2)", k=scale)
+    law = fk.Law(fk.Proximity(2.0), (fk.Gradient(potential),))
     return evidence(
-        run=SimpleNamespace(n=n, trace={"energy": np.array([12.0, 3.0])}), law=law,
-        equilibrium=SimpleNamespace(potentials=[TANNER]), closest=found, closest_unlinked=found,
+        run=SimpleNamespace(n=4, trace={"energy": np.array([12.0, 3.0]) * scale}), law=law,
+        equilibrium=SimpleNamespace(potentials=[potential]), closest=found, closest_unlinked=found,
         error_of=lambda _: 0.0,
     )  # fmt: skip
 
@@ -183,11 +201,12 @@ def test_agents_are_held_against_the_distance_that_the_energy_forbids() -> None:
     found = fixed.unlinked_keep_distance(near(0.1, (1, 2)))
     assert_allclose(found.margin, 0.1 - contact(12.0), rtol=1e-6)
     assert "agents 1, 2" in found.note
+    assert_allclose(fixed.unlinked_keep_distance(near(0.1, (1, 2), 2.5)).margin, 0.1 - contact(12.0), rtol=1e-6)
     linked = fixed.unlinked_keep_distance(near(math.inf, (-1, -1)))
-    assert (linked.margin, linked.note) == (math.inf, "every pair is linked")
-    # Of four agents six pairs share Q: five of them store 1 at least.
-    for distance in (0.2, 0.5):
-        found = dynamic.without_collision(near(distance, (0, 3)))
+    assert (linked.margin, linked.error, linked.note) == (math.inf, 0.0, "every pair is linked")
+    # Of four agents six pairs share Q: five of them store the least value, 1 times the scale.
+    for distance, scale in ((0.2, 1.0), (0.5, 1.0), (0.3, 2.5)):
+        found = dynamic.without_collision(near(distance, (0, 3), scale))
         assert_allclose(found.margin, distance - contact(12.0 - 5.0), rtol=1e-6)
 
 
@@ -204,7 +223,7 @@ def turning(h0: float, r0: float, *, late: float = 0.0, off: float = 0.0) -> Sim
     y = solve_ivp(rate, (t[0], t[-1]), [0.4, -0.3, 1.0, 2.0], "DOP853", t_eval=t, rtol=1e-12, atol=1e-12).y.T
     y[-1] += off
     track = fk.Track(fk.Path(("sin(t)", "cos(t)")), r0, h0, per_mass=True)
-    masses = np.array([0.25, 0.75])
+    masses = np.array([0.5, 1.5])
     sides = np.array([[0.75, 0.0], [-0.25, 0.0]])
     found = evidence(
         t=t, q=y[:, None, :2] + sides, mean_velocity=y[:, 2:], masses=masses,
@@ -228,10 +247,51 @@ def test_the_centre_of_mass_is_held_against_the_gains_of_the_run(law: int, h0: f
     assert shi.tracks_turning_leader(seen).holds is False
 
 
+def errors(amplitude: np.ndarray, t: np.ndarray) -> SimpleNamespace:
+    """Two agents of which one follows (sin t, cos t), and the other is off by an amplitude."""
+    guide = np.stack([np.sin(t), np.cos(t)], axis=1)
+    p = np.stack([guide, guide + amplitude[:, None] * np.array([0.6, -0.8])], axis=1)
+    track = fk.Track(fk.Path(("sin(t)", "cos(t)")), velocity_gain=1.0)
+    return evidence(
+        t=t, p=p, velocity_spread=amplitude / 2, law=fk.Law(fk.Proximity(4.0), (track,)), mean_velocity=p.mean(axis=1),
+        run=SimpleNamespace(scenario=SimpleNamespace(rest_frame="")),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("late", [0.0, 3.0])
+def test_errors_are_the_largest_of_the_last_period(late: float) -> None:
+    t = T + late
+    for before, last in ((6.2, 0.25), (6.4, 0.005)):
+        # A swing before the end, within the last period of 2 pi or before it.
+        amplitude = np.where(np.abs(t - t[-1] + before) < 0.01, 1.0, 0.02)
+        amplitude[0] = 4.0
+        for conclusion, first in ((shi.tracks_leader, 4.0), (shi.velocities_agree, 2.0)):
+            found = conclusion(errors(amplitude, t))
+            assert_allclose(found.margin, 0.01 - last, atol=1e-9)
+            assert f"is {first * last:.1e} over the last period" in found.note
+    for conclusion in (shi.tracks_leader, shi.velocities_agree):
+        assert_allclose(conclusion(errors(np.zeros(len(t)), t)).margin, 0.01, atol=1e-12)
+    for lasts, short in ((12.5, True), (12.6, False)):
+        few = late + np.linspace(0.0, lasts, 401)
+        assert ("two periods" in shi.tracks_leader(errors(np.full(401, 0.1), few)).unsettled) == short
+
+
+def test_the_steady_error_is_that_of_the_last_period() -> None:
+    steady = 1 / math.sqrt(2.0)
+    for off in (0.0005, 0.002):
+        amplitude = np.where(T[-1] - 6.4 > T, 0.3, steady + off)
+        seen = errors(2 * amplitude, T)
+        found = shi.steady_error(12)(seen)
+        assert_allclose(found.margin, 1e-3 * steady - off, atol=1e-9)
+        assert found.note == f"|v* - v0| = {steady + off:.6f}, closed form {steady:.6f}"
+    few = np.linspace(0.0, 12.5, 401)
+    assert "two periods" in shi.steady_error(12)(errors(np.full(401, 2 * steady), few)).unsettled
+
+
 def test_other_leaders_have_no_such_closed_form() -> None:
     seen = turning(1.0, 0.0)
     conclusions = shi.centre_follows(12), shi.steady_error(12), shi.tracks_turning_leader
-    for leader in (fk.Path(("0.5", "0*t")), fk.Path(("sin(t)", "sin(t)")), fk.Velocity([1.0, 0.0, 0.0])):
+    for leader in (fk.Path(("0.5", "0*t")), fk.Path(("sin(t)", "cos(t) + 1e-6")), fk.Velocity([1.0, 0.0, 0.0])):
         seen.law = fk.Law(seen.law.graph, (fk.Track(leader, 0.0, 1.0),))
         for conclusion in conclusions:
             with pytest.raises(NotMeasurable, match="sin t, cos t"):
@@ -250,9 +310,11 @@ def test_other_leaders_have_no_such_closed_form() -> None:
 
 def flock(p: list[list[float]], goal: list[float]) -> SimpleNamespace:
     velocities = np.tile(np.array(p, dtype=float), (len(T), 1, 1))
-    law = fk.Law(system.hard_net(), (*system.alpha_terms(), fk.Track(fk.Velocity(goal))))
-    state = fk.State(np.zeros_like(velocities[-1]), velocities[-1])
-    return evidence(t=T, p=velocities, law=law, state=lambda frame: state)
+    # At first all go the other way, and so does a leader that turns round; at the end nobody does.
+    velocities[:200] *= -1.0
+    where = [f"where(t < 20, {-x}, {x})" for x in goal]
+    law = fk.Law(system.hard_net(), (*system.alpha_terms(), fk.Track(fk.Path(where))))
+    return evidence(t=T, p=velocities, law=law, state=lambda frame: fk.State(0 * velocities[frame], velocities[frame]))
 
 
 def test_velocities_and_headings_are_held_against_the_leader_of_the_run() -> None:
@@ -260,9 +322,11 @@ def test_velocities_and_headings_are_held_against_the_leader_of_the_run() -> Non
         speed = math.hypot(*goal)
         turned = [[speed * math.cos(angle + a), speed * math.sin(angle + a)] for a in (0.0, 0.07)]
         found = olfati.headings_agree(flock(turned, goal))
-        assert_allclose(found.margin, olfati.SAME - 0.07, rtol=1e-9)
+        assert_allclose(found.margin, 0.1 - 0.07, rtol=1e-9)
+        assert not found.everywhere
         found = olfati.velocities_near_desired(flock(turned, goal))
-        assert_allclose(found.margin, olfati.SAME - 2 * math.sin(0.035), rtol=1e-9)
+        assert_allclose(found.margin, 0.1 - 2 * math.sin(0.035), rtol=1e-9)
+        assert not found.everywhere
         assert olfati.velocities_near_desired(flock([[1.2 * x for x in goal]], goal)).holds is False
         assert olfati.headings_agree(flock([[-x for x in goal]], goal)).holds is False
     for conclusion in (olfati.headings_agree, olfati.velocities_near_desired):
@@ -276,11 +340,12 @@ def test_the_gap_is_that_of_the_last_two_obstacles() -> None:
     assert passage.has_gap(run)
     *others, avoid = scenario.law.terms
     balls = avoid.obstacles
-    moved = fk.Ball([200.0, 55.0], 20.0)
-    for changed in ((*balls[:-1], moved), balls[:-1], (*balls, fk.Ball([0.0, 0.0], 1.0)), balls[-1:]):
-        from dataclasses import replace
-
-        other = scenario.with_(law=fk.Law(scenario.law.graph, (*others, replace(avoid, obstacles=changed))))
+    leaving = fk.Ball(fk.Velocity([1.0, 0.0], start=[200.0, 50.0]), 20.0)
+    placed = [fk.Ball([200.0, 55.0], 20.0), fk.Ball([200.0, 50.0], 21.0), leaving, fk.Wall([200.0, 30.0], [0.0, -1.0])]
+    last = [(*balls[:-1], other) for other in placed]
+    for changed in (*last, balls[:-1], (*balls, fk.Ball([0.0, 0.0], 1.0)), balls[-1:]):
+        law = fk.Law(scenario.law.graph, (*others, replace(avoid, obstacles=changed)))
+        other = scenario.with_(law=law, t_end=0.1, frames=2)
         seen = SimpleNamespace(run=fk.simulate(other, progress=False))
         assert not passage.has_gap(seen.run)
         with pytest.raises(NotMeasurable, match="obstacles"):
@@ -304,6 +369,8 @@ def lattice(q: list[list[float]], links: list[tuple[int, int]], d: float = 7.0) 
     for i, j in links:
         matrix[i, j] = matrix[j, i] = True
     places = np.tile(np.array(q, dtype=float), (len(T), 1, 1))
+    # At first all agents are in a line, where links cross nothing and hold nothing.
+    places[:3] = np.stack([np.arange(len(q)) * 7.0, np.zeros(len(q))], axis=1)
     gradient = fk.Gradient(fk.structural_potential(d))
     law = fk.Law(fk.Proximity(1.2 * d, closed=True), (gradient, fk.Consensus()))
     return evidence(
@@ -339,8 +406,12 @@ def test_faces_are_counted_where_there_are_any() -> None:
     assert (found.holds, found.note) == (False, "0.000 of the faces are triangles")
     found = olfati.triangular(lattice(SQUARE, [*ring, (0, 2), (1, 3)]))
     assert (found.holds, found.note) == (False, "links cross: there are no faces")
-    assert olfati.planar(lattice(SQUARE, [*ring, (0, 2), (1, 3)])).holds is False
-    assert olfati.planar(lattice(SQUARE, ring)).holds
+    assert olfati.planar(lattice(SQUARE, [*ring, (0, 2), (1, 3)])).margin == -0.5
+    assert olfati.planar(lattice(SQUARE, ring)).margin == 0.5
+    # A triangle on a square: half of the faces.
+    found = olfati.triangular(lattice([*SQUARE, [3.5, 13.0]], [*ring, (2, 4), (3, 4)]))
+    assert_allclose(found.margin, 0.5 - 0.75, atol=1e-12)
+    assert found.note == "0.500 of the faces are triangles"
     with pytest.raises(NotMeasurable, match="no bounded face"):
         olfati.triangular(lattice(SQUARE, ring[:3]))
 
@@ -352,6 +423,12 @@ def test_rigidity_and_density_and_defect_are_those_of_the_end() -> None:
     assert olfati.rigid(lattice(SQUARE, [*ring, (0, 2)])).margin == 0.5
     for links, share in ((ring, 1.0), (ring[:2], 0.75), ([], 0.25)):
         assert_allclose(olfati.dense_at_end(lattice(SQUARE, links)).margin, share - 0.9, atol=1e-12)
+    # Two agents 7.7 apart: mu_n = (psi + 2 w phi^2)/h_0, w = 0.01.
+    c, z = 4 / (2 * math.sqrt(5.0)), 0.7
+    psi = 3 * (math.hypot(1, z + c) - math.hypot(1, c)) - 2 * z
+    phi = 3 * (z + c) / math.hypot(1, z + c) - 2
+    found = olfati.little_defect(lattice([[0.0, 0.0], [7.7, 0.0]], [(0, 1)]))
+    assert_allclose(found.margin, 0.5 - (psi + 0.02 * phi**2) / h0(7.0), rtol=1e-9)
 
 
 def test_jumps_are_multiples_of_h0() -> None:
@@ -360,8 +437,17 @@ def test_jumps_are_multiples_of_h0() -> None:
         ([0.0, each, each, 2 * each, each], 2, 1, True),
         ([0.0, 1.001 * each], 1, 0, False),
         ([0.0, each], 2, 0, False),
+        ([0.0, 0.0], 0, 0, True),
+        ([0.0, each, 2 * each, 3 * each, 2 * each], 3, 1, True),
     ):
         seen = lattice([[0.0, 0.0], [7.0, 0.0]], [(0, 1)])
         seen.trace = {"jumped": np.array(jumped)}
         seen.links_created, seen.links_lost = created, lost
         assert olfati.jumps_by_h0(seen).holds is holds
+    assert_allclose(olfati.jumps_by_h0(seen_with([0.0, each], 3)).margin, 1e-6 - 2.0, rtol=1e-9)
+
+
+def seen_with(jumped: list[float], created: int) -> SimpleNamespace:
+    seen = lattice([[0.0, 0.0], [7.0, 0.0]], [(0, 1)])
+    seen.trace, seen.links_created, seen.links_lost = {"jumped": np.array(jumped)}, created, 0
+    return seen
