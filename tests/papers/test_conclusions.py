@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import flocking as fk
-from flocking.engine.runs.run import Closest
+from flocking.engine.runs.run import SWITCH_FIELDS, Closest
 from flocking.papers.olfati_saber_2003 import passage, system
 from flocking.papers.olfati_saber_2003 import theorems as olfati
 from flocking.papers.shi_2009 import theorems as shi
@@ -431,23 +431,42 @@ def test_rigidity_and_density_and_defect_are_those_of_the_end() -> None:
     assert_allclose(found.margin, 0.5 - (psi + 0.02 * phi**2) / h0(7.0), rtol=1e-9)
 
 
-def test_jumps_are_multiples_of_h0() -> None:
-    each = h0(7.0)
-    for jumped, created, lost, holds in (
-        ([0.0, each, each, 2 * each, each], 2, 1, True),
-        ([0.0, 1.001 * each], 1, 0, False),
-        ([0.0, each], 2, 0, False),
-        ([0.0, 0.0], 0, 0, True),
-        ([0.0, each, 2 * each, 3 * each, 2 * each], 3, 1, True),
-    ):
-        seen = lattice([[0.0, 0.0], [7.0, 0.0]], [(0, 1)])
-        seen.trace = {"jumped": np.array(jumped)}
-        seen.links_created, seen.links_lost = created, lost
-        assert olfati.jumps_by_h0(seen).holds is holds
-    assert_allclose(olfati.jumps_by_h0(seen_with([0.0, each], 3)).margin, 1e-6 - 2.0, rtol=1e-9)
-
-
-def seen_with(jumped: list[float], created: int) -> SimpleNamespace:
+def switching(links: list[int], jumps: list[float], extra: float = 0.0) -> SimpleNamespace:
+    """Two rows of the ledger at each switching time, before and after its jump; links appear, or break if negative."""
     seen = lattice([[0.0, 0.0], [7.0, 0.0]], [(0, 1)])
-    seen.trace, seen.links_created, seen.links_lost = {"jumped": np.array(jumped)}, created, 0
+    each = [(2.0 + k, "appear" if n > 0 else "break") for k, n in enumerate(links) for _ in range(abs(n))]
+    seen.link_switches = np.zeros(len(each), SWITCH_FIELDS)
+    for row, (time, kind) in enumerate(each):
+        seen.link_switches[row]["time"], seen.link_switches[row]["kind"] = time, kind
+    times = np.repeat(2.0 + np.arange(len(jumps)), 2)
+    after = np.repeat(np.cumsum([0.0, *jumps]), 2)[1:-1]
+    end = after[-1] if len(after) else 0.0
+    seen.trace = {"time": np.array([0.0, *times, 40.0]), "jumped": np.array([0.0, *after, end + extra])}
     return seen
+
+
+def test_jumps_are_h0_for_each_link() -> None:
+    each = h0(7.0)
+    for links, jumps, off in (
+        ([1, 1, -1], [each, each, -each], 0.0),
+        # Two links at one time, as in a symmetric group.
+        ([2, -1, -3], [2 * each, -each, -3 * each], 0.0),
+        ([], [], 0.0),
+        ([1], [1.001 * each], 1e-3),
+        ([1, 1], [each, 0.0], 1.0),
+        ([-1], [each], 2.0),
+        ([1, -1], [-each, each], 2.0),
+    ):
+        found = olfati.jumps_by_h0(switching(links, jumps))
+        assert_allclose(found.margin, 1e-6 - off, atol=1e-12)
+        assert found.note.startswith(f"{len(jumps)} jumps equal {each:.4g}")
+    assert_allclose(olfati.jumps_by_h0(switching([1], [each], 0.5 * each)).margin, 1e-6 - 0.5, atol=1e-12)
+
+
+def test_a_symmetric_group_jumps_by_two_links_at_once() -> None:
+    """Two pairs approach at the same time, so that two links appear at once (31)."""
+    q = np.array([[0.0, 0.0], [9.0, 0.0], [100.0, 0.0], [109.0, 0.0]])
+    start = fk.State(q, [[0.5, 0.0], [-0.5, 0.0]] * 2)
+    scenario = system.free_scenario(0, agents=4).with_(start=start, t_end=4.0, frames=41)
+    found = fk.audit(fk.simulate(scenario, progress=False))["jumps"]
+    assert found.verdict == "holds", found.note

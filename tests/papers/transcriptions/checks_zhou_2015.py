@@ -88,8 +88,8 @@ def relative_control(u):
 def definition(found):
     least, items = found
     near(least, r / 2, 1e-6)
-    # A unique minimum, infinite at 0, infinite at r.
-    assert items == ((True,) * 3, (True, False, False), (False, False, False))
+    # Nonnegative, a unique minimum, infinite at 0, infinite at r.
+    assert items == ((True,) * 4, (True, True, False, False), (False,) * 4)
 
 
 def potential(found):
