@@ -194,10 +194,10 @@ def _feedback(found: Track, known: Track, any_feedback: bool) -> str:
         value, stated = getattr(found, name), getattr(known, name)
         if isinstance(value, Schedule):
             return f"the theorem is about gains that do not change, and {name} does"
-        now, wanted = _informed(value), _informed(stated)
+        now, then = _informed(value), _informed(stated)
         exact = name == "acceleration_gain"
-        if now != wanted and (exact or (wanted, now) not in ENOUGH):
-            return f"the theorem is about a law with {name} above 0 for {wanted} of the agents, not {now}"
+        if now != then and (exact or (then, now) not in ENOUGH):
+            return f"the theorem is about a law with {name} above 0 for {then} of the agents, not {now}"
         if exact and not np.isin(np.asarray(value), (0.0, 1.0)).all():
             return f"the theorem is about {name} 1 or 0, not {_range(np.asarray(value))}"
         if np.ndim(stated) == 0 and np.ptp(np.asarray(value)) > 0.0:
