@@ -1,7 +1,7 @@
 """Whether a scenario has the law, the agents and the energy that a paper's claims are about.
 
 A scenario keeps its name when its parts are changed: by `Scenario.with_`, in a scenario file, a sweep, or the lab. The
-theorems speak of the law by its form, not by its numbers: of any positive gain, radius or number of agents, and of any
+theorems are about the form of the law, not its numbers: any positive gain, radius or number of agents, and any
 potential that meets the paper's definition.
 """
 
@@ -30,14 +30,14 @@ GAINS = ("position_gain", "velocity_gain", "acceleration_gain")
 """The gains of a term that follows a leader."""
 
 ENOUGH = {("none", "none"), ("some", "some"), ("some", "all"), ("all", "all")}
-"""Who is informed: as the theorem says, and as it may be. One informed agent is enough where some are."""
+"""Who is informed: as in the theorem, and as it may be. One informed agent is enough where some are."""
 
 Assumption = Callable[[Scenario], str]
 """Why a scenario is not of the law that a paper's claims are about; empty where it is."""
 
 
 def nothing(_: Scenario) -> str:
-    """No assumption about the law: the name of a scenario says all."""
+    """No assumption about the law: the name of a scenario is enough."""
     return ""
 
 

@@ -54,7 +54,7 @@ class Paper:
         What is asked of each scenario, by its name, in one sentence that the claims about it answer.
     assumes
         Why a scenario by the name of one of its own is not of the law, the agents or the energy that its claims are
-        about; empty where it is. By default the name says all.
+        about; empty where it is. By default the name is enough.
     """
 
     key: str
