@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
 MOST_BITS = 4096
 """Numbers beyond two to this power are not raised to powers: double precision ends at 1024."""
+LARGEST_INTEGER = 2**53
+"""Integers up to here are exact in double precision."""
+FLOAT_DIGITS = 17
+"""Decimal digits of a float that is one of double precision when rounded."""
 
 
 def to_sympy(formula: Formula, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
@@ -114,6 +118,25 @@ def _bounded(value: sympy.Expr) -> sympy.Expr:
         if exponent + bits > MOST_BITS:
             raise OverflowError
     return value
+
+
+def with_floats(expression: sympy.Basic, variable: sympy.Symbol) -> sympy.Basic:
+    """The expression with floats for its constants: NumPy has no root of an integer of twenty digits.
+
+    Parameters
+    ----------
+    expression
+        The expression; integers that doubles hold, such as exponents, stay.
+    variable
+        What it is a function of.
+    """
+    import sympy
+
+    if variable in expression.free_symbols:
+        parts = expression.args
+        return expression.func(*(with_floats(part, variable) for part in parts)) if parts else expression
+    small = isinstance(expression, sympy.Integer) and abs(expression) <= LARGEST_INTEGER
+    return expression if small or not isinstance(expression, sympy.Expr) else expression.evalf(FLOAT_DIGITS)
 
 
 def from_sympy(expression: sympy.Expr, owner: str = "formula") -> Formula:

@@ -29,7 +29,7 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
     return audit_claims(run, paper_claims(run.scenario.name) if claims is None and isinstance(run, Run) else claims)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=1)
 def _beyond_theorems(e: Evidence) -> str:
     """Why the theorems of a paper are not about a run by the name of one of its scenarios.
 

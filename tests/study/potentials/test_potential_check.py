@@ -65,6 +65,14 @@ def test_shis_well_is_two_deep_and_once_differentiable(a):
     assert shape.infinity.value - shape.minima[0].value == pytest.approx(2, abs=1e-12)
 
 
+@pytest.mark.parametrize(("a", "b", "R"), [(0.1, 0.3, 4.0), (0.07, 0.06, 3.0), (1 / 3, 0.7, 2.5), (0.05, 0.05, 4.0)])
+def test_shis_potential_is_judged_for_any_coefficients(a, b, R):
+    """sqrt(b/a) of two floats is a root of a fraction of integers with twenty digits."""
+    psi = fk.papers.shi_2009.potential(a, b, R)
+    assert verdicts(psi, radius=R, definition="shi-2009") == {"shi-2009": True}
+    assert [float(x.at) for x in shape_of(psi, R).breaks] == pytest.approx([(b / a) ** 0.5, R], rel=1e-12)
+
+
 def test_zhous_potential_is_judged_at_its_own_radius():
     report = check_potential(ZHOU.with_parameters(R=0.1))
     assert report.radius == 0.1

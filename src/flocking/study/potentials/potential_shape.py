@@ -12,6 +12,7 @@ import numpy as np
 from flocking.formula.derivatives import derivative
 from flocking.formula.identities import MOST_ADDENDS, expanded_addends
 from flocking.formula.precise import evaluator, joint_evaluator, wide_context
+from flocking.formula.symbolic import with_floats
 from flocking.model.checks import Array
 from flocking.model.potentials.potential import Potential
 from flocking.study.potentials.potential_units import DISTANCES, energy_of, lengths_of
@@ -291,7 +292,7 @@ def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> l
         if gap.is_polynomial(r) and expanded_addends(gap) <= MOST_ADDENDS:
             gap = sympy.Poly(gap, r).sqf_part().as_expr()
         value = evaluator(gap, r)
-        rough = _sign_change_brackets(sympy.lambdify(r, gap, "numpy"))
+        rough = _sign_change_brackets(sympy.lambdify(r, with_floats(gap, r), "numpy"))
         for a, b in rough[:MOST_BREAKS]:
             root = _root(value, a, b)
             if root is not None and not any(abs(root - c) <= SAME_ROOT * c for c in found):
