@@ -12,6 +12,7 @@ from functools import cache, lru_cache
 
 import numpy as np
 
+from flocking.formula.safe_digits import compared_texts, given_text
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis
@@ -97,7 +98,7 @@ def _bodies(scenario: Scenario, stated: Scenario) -> str:
 
 def _range(values: Array) -> str:
     low, high = float(np.min(values)), float(np.max(values))
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+    return given_text(low) if low == high else f"{given_text(low)} to {given_text(high)}"
 
 
 def _named(part: object) -> str:
@@ -217,7 +218,5 @@ def _energy(scenario: Scenario, stated: Energy) -> str:
     at_radius = float(gradient.potential(_reach(law)))
     if abs(energy.unlinked - at_radius) <= SAME * abs(at_radius):
         return ""
-    return (
-        f"the theorem is about pairs that store {at_radius:.6g} where they have no link, the potential at the radius, "
-        f"not {energy.unlinked:.6g}"
-    )
+    right, given = compared_texts(at_radius, energy.unlinked, 6)
+    return f"the theorem is about pairs without a link that store {right}, the potential at the radius, not {given}"

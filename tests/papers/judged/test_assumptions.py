@@ -60,6 +60,7 @@ HALF = np.repeat([1.0, 0.0], 5)
 OTHER: dict[str, tuple[str, Change, str]] = {
     "one agent": (Z, alone, "one agent"),
     "mass": (T1, lambda s: s.with_(agents=fk.PointMass(0.1)), "mass 1, not 0.1"),
+    "nearly": (T1, lambda s: s.with_(agents=fk.PointMass(1.0 + 2**-40)), "mass 1, not 1.0000000000009095"),
     "masses": (Z, lambda s: s.with_(agents=fk.PointMass(np.linspace(1.0, 2.0, 10))), "mass 1, not 1 to 2"),
     "damping": (T2, lambda s: s.with_(agents=fk.PointMass(1.0, 0.5)), "without damping"),
     "first order": (T1, lambda s: s.with_(agents=fk.SingleIntegrator()), "SingleIntegrator, not point masses"),
@@ -95,7 +96,7 @@ OTHER: dict[str, tuple[str, Change, str]] = {
     "damped": (f"{S}-uniform", lambda s: law(s, Compensate=None), "a law with Compensate"),
     "frame": (f"{S}-uniform", lambda s: s.with_(energy=replace(s.energy, frame="lab", leader=None)), "in the frame"),
     "other leader": (ZL, lambda s: law(s, Track=track(leader=fk.Velocity([1.0, 0.0]))), "leader that is followed"),
-    "plateau": (T2, lambda s: law(s, graph=fk.Proximity(3.0)), "store 2.30834 where they have no link"),
+    "plateau": (T2, lambda s: law(s, graph=fk.Proximity(3.0)), "store 2.30834, the potential at the radius"),
     "free pairs": (Z, lambda s: s.with_(energy=replace(s.energy, unlinked=0.5)), "linked pairs alone"),
 }  # fmt: skip
 """Name of the scenario, how it is changed, and words of the reason why its claims are not about the result."""

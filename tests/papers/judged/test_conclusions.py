@@ -18,6 +18,7 @@ from flocking.papers.shi_2009 import theorems as shi
 from flocking.papers.tanner_2003_dynamic import theorems as dynamic
 from flocking.papers.tanner_2003_fixed import theorems as fixed
 from flocking.papers.zhou_2015 import theorems as zhou
+from flocking.study.claims import general_claims as general
 from flocking.study.evidence import NotMeasurable
 from tests.papers.homes.measures import evidence
 
@@ -208,6 +209,30 @@ def test_agents_are_held_against_the_distance_that_the_energy_forbids() -> None:
     for distance, scale in ((0.2, 1.0), (0.5, 1.0), (0.3, 2.5)):
         found = dynamic.without_collision(near(distance, (0, 3), scale))
         assert_allclose(found.margin, distance - contact(12.0 - 5.0), rtol=1e-6)
+
+
+def chain(length: float, unlinked: float, *, over: float = 0.0) -> SimpleNamespace:
+    """Three agents in a chain of two links, at all times, each link ``over`` its least value in the first agent."""
+    each = 1 / length**2 + math.log(length**2)
+    rest = SimpleNamespace(
+        i=np.array([0, 1, 1, 2]), potentials=[TANNER], agent_potentials=np.array([each + over, 2 * each, each])
+    )
+    energy = SimpleNamespace(unlinked=unlinked)
+    return evidence(
+        t=T, law=fk.Law(fk.Proximity(2.0), (fk.Gradient(TANNER),)), equilibrium=rest, equilibrium_at=lambda _: rest,
+        run=SimpleNamespace(n=3, scenario=SimpleNamespace(energy=energy)),
+    )  # fmt: skip
+
+
+def test_potentials_of_agents_count_pairs_without_a_link_where_the_paper_does() -> None:
+    minimal = general.agents_at_their_minimum
+    assert_allclose(minimal(chain(1.0, 0.0)).margin, 1e-3, atol=1e-9)
+    assert_allclose(minimal(chain(1.0, 0.0, over=0.5)).margin, 1e-3 - 0.5 / 2, atol=1e-9)
+    # U_i of the outer agents has V_R of the pair that they make, U_i at its minimum has 1 for every pair.
+    outer = 0.25 + math.log(4.0)
+    found = minimal(chain(1.0, outer))
+    assert_allclose(found.margin, 1e-3 - (outer - 1) / (1 + outer), atol=1e-9)
+    assert found.note == f"an agent's potential is {outer - 1:.3g} above its minimum"
 
 
 def turning(h0: float, r0: float, *, late: float = 0.0, off: float = 0.0) -> SimpleNamespace:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flocking.model.checks import NO_LESS
+from flocking.model.checks import NO_LESS, Array
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.terms.pair_terms import Gradient
 from flocking.study.claims.claim import Measure, above
@@ -22,6 +22,7 @@ from flocking.study.claims.settling import (
 )
 from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence
+from flocking.study.potentials.equilibrium import Equilibrium
 
 SETTLED = 1e-2
 """A quantity counts as zero in the limit when it fell to this fraction of its largest value in the run."""
@@ -195,17 +196,28 @@ def potential_is_minimal(e: Evidence) -> Measure:
 
 
 def agents_at_their_minimum(e: Evidence) -> Measure:
-    """Whether every agent's V_i is at the sum of its links' smallest values."""
+    """Whether every agent's V_i is at the sum of its pairs' smallest values.
+
+    V_i is of the links, and of all others too where pairs without a link store an energy (Tanner II U_i, Shi V^i).
+    """
     from flocking.study.claims.potential_minimum import smallest_value
 
     reach = float(np.max(np.asarray(e.law.graph.break_radius)))
     lowest = sum(smallest_value(p, reach)[1] for p in e.equilibrium.potentials)
-    scale = max(float(np.abs(e.equilibrium.agent_potentials).max(initial=0.0)), NO_LESS)
+    unlinked = e.run.scenario.energy.unlinked
+
+    def potentials(found: Equilibrium) -> tuple[Array, Array]:
+        """V_i of every agent, and the number of pairs in it."""
+        degree = np.bincount(found.i, minlength=e.run.n).astype(float)
+        if not unlinked:
+            return found.agent_potentials, degree
+        return found.agent_potentials + (e.run.n - 1 - degree) * unlinked, np.full(e.run.n, e.run.n - 1.0)
+
+    scale = max(float(np.abs(potentials(e.equilibrium)[0]).max(initial=0.0)), NO_LESS)
 
     def excess(frame: int) -> float:
-        found = e.equilibrium_at(frame)
-        degree = np.bincount(found.i, minlength=e.run.n)
-        return float((found.agent_potentials - degree * lowest).max(initial=0.0)) / scale
+        each, pairs = potentials(e.equilibrium_at(frame))
+        return float((each - pairs * lowest).max(initial=0.0)) / scale
 
     return limit_of(
         e, STATIONARY, excess, lambda worst: f"an agent's potential is {worst * scale:.3g} above its minimum"
