@@ -16,6 +16,7 @@ from flocking.formula.safe_digits import compared_texts, given_text
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis
+from flocking.model.graphs.weights import MatrixWeights
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Path
 from flocking.model.potentials.potential import Potential
@@ -176,7 +177,13 @@ def _alignment(found: Consensus) -> str:
         return f"the theorem is about one positive gain of Consensus for all agents, not {values}"
     if found.weights is not None and not found.weights.symmetric:
         return "the theorem is about weights w_ij = w_ji"
+    if isinstance(found.weights, MatrixWeights) and not _between_all(found.weights.values):
+        return "the theorem is about weights w_ij above 0 between all agents"
     return ""
+
+
+def _between_all(weights: Array) -> bool:
+    return bool((weights[~np.eye(len(weights), dtype=bool)] > 0.0).all())
 
 
 def _informed(gain: object) -> str:

@@ -53,6 +53,12 @@ def lopsided(n: int = 10) -> np.ndarray:
     return weights
 
 
+def separate(n: int = 10) -> np.ndarray:
+    weights = np.ones((n, n))
+    weights[0, 1] = weights[1, 0] = 0.0
+    return weights
+
+
 T1, T2, Z, ZL = "tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "zhou-2015-leader"
 S, SINK, FREE = "shi-2009", "olfati-saber-2003-sink", "olfati-saber-2003-free"
 HALF = np.repeat([1.0, 0.0], 5)
@@ -72,6 +78,7 @@ OTHER: dict[str, tuple[str, Change, str]] = {
     "no gain": (Z, lambda s: law(s, Consensus=gain(0.0)), "one positive gain"),
     "uneven gain": (Z, lambda s: law(s, Consensus=gain([1.0] * 9 + [2.0])), "not 1 to 2"),
     "weights": (Z, lambda s: law(s, Consensus=track(weights=lopsided())), "w_ij = w_ji"),
+    "no weight": (Z, lambda s: law(s, Consensus=track(weights=separate())), "above 0 between all"),
     "another graph": (Z, lambda s: law(s, Consensus=track(over=fk.Proximity(9.0))), "has its own"),
     "a further term": (T1, lambda s: s.with_(law=fk.Law(s.law.graph, (*s.law.terms, fk.Track(fk.Sink([0.0, 0.0]))))),
                        "without Track"),
@@ -118,7 +125,7 @@ def test_claims_are_not_about_another_law_by_the_same_name(case: str) -> None:
 SAME: dict[str, tuple[str, Change]] = {
     "gain": (Z, lambda s: law(s, Consensus=gain(2.5))),
     "equal gains": (Z, lambda s: law(s, Consensus=gain([0.5] * 10))),
-    "weights": (Z, lambda s: law(s, Consensus=track(weights=np.ones((10, 10)) + np.eye(10)))),
+    "weights": (Z, lambda s: law(s, Consensus=track(weights=np.ones((10, 10)) - np.eye(10)))),
     "group": (Z, lambda s: s.with_(start=fk.State([[0.0, 0.0], [1.5, 0.2]], [[0.1, 0.0], [0.0, 0.2]]))),
     "space": (T2, lambda s: s.with_(start=fk.State(np.eye(3), 0.1 * np.ones((3, 3))))),
     "gap": (Z, lambda s: law(s, graph=fk.Hysteresis(4.0, 0.5))),
