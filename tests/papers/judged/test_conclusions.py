@@ -245,7 +245,8 @@ def turning(h0: float, r0: float, *, late: float = 0.0, off: float = 0.0) -> Sim
         return np.concatenate([y[2:], -h0 * (y[2:] - guide) - r0 * (y[:2] - place)])
 
     t = T + late
-    y = solve_ivp(rate, (t[0], t[-1]), [0.4, -0.3, 1.0, 2.0], "DOP853", t_eval=t, rtol=1e-12, atol=1e-12).y.T
+    method, close = ("LSODA", 1e-11) if h0 > 10.0 else ("DOP853", 1e-12)
+    y = solve_ivp(rate, (t[0], t[-1]), [0.4, -0.3, 1.0, 2.0], method, t_eval=t, rtol=close, atol=close).y.T
     y[-1] += off
     track = fk.Track(fk.Path(("sin(t)", "cos(t)")), r0, h0, per_mass=True)
     masses = np.array([0.5, 1.5])
@@ -259,7 +260,11 @@ def turning(h0: float, r0: float, *, late: float = 0.0, off: float = 0.0) -> Sim
     return found
 
 
-@pytest.mark.parametrize(("law", "h0", "r0"), [(12, 1.0, 0.0), (12, 2.0, 0.0), (15, 1.0, 1.0), (15, 0.8, 3.0)])
+GAINS = [(12, 1.0, 0.0), (12, 2.0, 0.0), (12, 150.0, 0.0), (15, 1.0, 1.0), (15, 0.8, 3.0)]
+"""Law, h0 and r0; a large h0 leaves an error below a hundredth of that of the start."""
+
+
+@pytest.mark.parametrize(("law", "h0", "r0"), GAINS)
 @pytest.mark.parametrize("late", [0.0, 3.0])
 def test_the_centre_of_mass_is_held_against_the_gains_of_the_run(law: int, h0: float, r0: float, late: float) -> None:
     seen = turning(h0, r0, late=late)
@@ -269,7 +274,9 @@ def test_the_centre_of_mass_is_held_against_the_gains_of_the_run(law: int, h0: f
     found = shi.steady_error(law)(seen)
     assert found.holds
     assert f"closed form {steady:.6f}" in found.note
-    assert shi.tracks_turning_leader(seen).holds is False
+    tracked = shi.tracks_turning_leader(law)(seen)
+    assert tracked.holds is False
+    assert_allclose(tracked.margin, 0.01 - 1.0, atol=1e-4)
 
 
 def errors(amplitude: np.ndarray, t: np.ndarray) -> SimpleNamespace:
@@ -315,7 +322,7 @@ def test_the_steady_error_is_that_of_the_last_period() -> None:
 
 def test_other_leaders_have_no_such_closed_form() -> None:
     seen = turning(1.0, 0.0)
-    conclusions = shi.centre_follows(12), shi.steady_error(12), shi.tracks_turning_leader
+    conclusions = shi.centre_follows(12), shi.steady_error(12), shi.tracks_turning_leader(12)
     for leader in (fk.Path(("0.5", "0*t")), fk.Path(("sin(t)", "cos(t) + 1e-6")), fk.Velocity([1.0, 0.0, 0.0])):
         seen.law = fk.Law(seen.law.graph, (fk.Track(leader, 0.0, 1.0),))
         for conclusion in conclusions:
