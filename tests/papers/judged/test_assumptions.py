@@ -61,6 +61,7 @@ def separate(n: int = 10) -> np.ndarray:
 
 T1, T2, Z, ZL = "tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "zhou-2015-leader"
 S, SINK, FREE = "shi-2009", "olfati-saber-2003-sink", "olfati-saber-2003-free"
+T2_INSIDE = fk.Potential("1/r**2 + log(r**2)")
 HALF = np.repeat([1.0, 0.0], 5)
 
 OTHER: dict[str, tuple[str, Change, str]] = {
@@ -91,6 +92,10 @@ OTHER: dict[str, tuple[str, Change, str]] = {
     "forces weighted": ("olfati-saber-2003-smooth", lambda s: law(s, Gradient=track(weighting="force")),
                         "weights of the energy"),
     "some informed": (ZL, lambda s: law(s, Track=track(velocity_gain=HALF)), "velocity_gain above 0 for all"),
+    "slightly uneven": (Z, lambda s: law(s, Consensus=gain([1.0] * 9 + [1.01])), "not 1 to 1.01"),
+    "slightly uneven pull": (ZL, lambda s: law(s, Track=track(velocity_gain=1.0 + 0.01 * HALF)), "one velocity_gain"),
+    "plateau beside": (T2, lambda s: s.with_(energy=replace(s.energy, unlinked=s.energy.unlinked * (1 + 1e-7))),
+                       "the potential at the radius"),
     "uneven pull": (ZL, lambda s: law(s, Track=track(velocity_gain=1.0 + HALF)), "one velocity_gain"),
     "nobody": (S, lambda s: law(s, Track=track(velocity_gain=0.0)), "for some of the agents, not none"),
     "all know": (f"{S}-partial", lambda s: law(s, Track=track(acceleration_gain=1.0)), "not all"),
@@ -128,6 +133,10 @@ SAME: dict[str, tuple[str, Change]] = {
     "weights": (Z, lambda s: law(s, Consensus=track(weights=np.ones((10, 10)) - np.eye(10)))),
     "group": (Z, lambda s: s.with_(start=fk.State([[0.0, 0.0], [1.5, 0.2]], [[0.1, 0.0], [0.0, 0.2]]))),
     "space": (T2, lambda s: s.with_(start=fk.State(np.eye(3), 0.1 * np.ones((3, 3))))),
+    "small gain": (Z, lambda s: law(s, Consensus=gain(0.02), graph=fk.Hysteresis(4.0, 0.01))),
+    "other radius": (T2, lambda s: law(s, graph=fk.Proximity(3.0)).with_(
+        energy=replace(s.energy, unlinked=float(T2_INSIDE(3.0)) * (1 + 1e-12)))),
+    "order": (T2, lambda s: s.with_(law=fk.Law(s.law.graph, s.law.terms[::-1]))),
     "gap": (Z, lambda s: law(s, graph=fk.Hysteresis(4.0, 0.5))),
     "potential": (T1, lambda s: law(s, Gradient=potential("2/r**2 + 3*log(r**2)"))),
     "scaled": (Z, lambda s: law(s, Gradient=potential("k/r + k/(R - r)", k=3.0, R=4.0))),
