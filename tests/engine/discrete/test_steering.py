@@ -175,3 +175,37 @@ def test_steering_terms_in_files(tmp_path):
     assert read.law == boid.law
     assert read.agents.update == "forward"
     assert replace(read.agents, update="sequential").in_turn
+
+
+@pytest.mark.filterwarnings("ignore::flocking.errors.SuspectInput")
+@pytest.mark.parametrize("update", ["forward", "sequential"])
+@pytest.mark.parametrize("space", [fk.Open(), fk.Periodic([5.0, 5.0, np.inf, 6.0])])
+def test_agents_steer_in_more_dimensions_than_a_cell_list_has(update, space):
+    rng = np.random.default_rng(4)
+    start = fk.State(rng.uniform(-3.0, 8.0, (9, 4)), rng.normal(size=(9, 4)))
+    law = fk.Law(fk.Proximity(2.0), [fk.Cohesion(1.0, 2.4, total="sum")])
+    body, control = fk.Impulsive(update=update), fk.Held(0.5)
+    run = fk.simulate(fk.Scenario(law, start, 1.0, agents=body, control=control, frames=3, space=space), progress=False)
+    sides = np.array([5.0, 5.0, np.inf, 6.0]) if space.lengths else np.full(4, np.inf)
+    q, p = start.q.copy(), start.p.copy()
+    for k in range(3):
+        assert_allclose(run.q[k], q, atol=1e-12)
+        old_q, old_p = q.copy(), p.copy()
+        for i in range(9):
+            seen_q = q if update == "sequential" else old_q
+            d = seen_q - seen_q[i]
+            d = np.where(np.isfinite(sides), d - np.where(np.isfinite(sides), sides, 1.0) * np.round(d / sides), d)
+            near = np.linalg.norm(d, axis=1) < 2.4
+            p[i] = old_p[i] + 0.5 * d[near].sum(axis=0)
+            q[i] = old_q[i] + 0.5 * p[i]
+
+
+@pytest.mark.filterwarnings("ignore::flocking.errors.SuspectInput")
+def test_too_many_agents_in_more_dimensions_are_refused_in_a_sentence(monkeypatch):
+    from flocking.engine.discrete import law_in_force
+
+    monkeypatch.setattr(law_in_force, "MOST_DENSE", 8)
+    start = fk.State(np.zeros((9, 4)), np.ones((9, 4)))
+    law = fk.Law(fk.Proximity(2.0), [fk.Cohesion(1.0, 2.4)])
+    with pytest.raises(fk.InvalidInput, match="more than 8 agents that steer in more than 3 dimensions"):
+        fk.simulate(fk.Scenario(law, start, 1.0, agents=fk.Impulsive(), control=fk.Held(0.5)), progress=False)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array, Indices
-from flocking.engine.discrete.cell_pairs import CellPairs
-from flocking.engine.discrete.linked_pairs import Neighbours
+from flocking.engine.discrete.cell_pairs import AXES, CellPairs
+from flocking.engine.discrete.linked_pairs import MOST_DENSE, Neighbours
 from flocking.engine.fixed_step.declared_law import POWERS, SAFETY, Declared, Group, LinkedPairs, Statement
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.kernels.codegen import compiled_kernels
@@ -17,7 +17,7 @@ from flocking.engine.kernels.law_kernels import LawKernels, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.reference.steering import WIDER, everyone, farthest, seen_by, steering_forces, within
-from flocking.errors import LawNotObeyed
+from flocking.errors import InvalidInput, LawNotObeyed
 from flocking.model.bodies.discrete_bodies import Heading
 from flocking.model.graph_functional import averages, graph_functional, uses_functional
 from flocking.model.law import Scenario
@@ -87,7 +87,14 @@ class DiscreteLaw:
         self._reach = farthest(self.law.steering_terms)
         heard = getattr(scenario.information, "range", None)
         self._reach = heard if heard is not None else self._reach
-        self._search = CellPairs(scenario.space, self._reach * WIDER, self.n) if self._reach else None
+        self._search: CellPairs | None = None
+        if self._reach and self.m > AXES and self.n > MOST_DENSE:
+            raise InvalidInput(
+                "start", "engine", f"must be another one for more than {MOST_DENSE} agents that steer in more than "
+                f"{AXES} dimensions", f"'discrete' for {self.n}", "It compares all pairs there at every tick.",
+            )  # fmt: skip
+        if self._reach and self.m <= AXES:
+            self._search = CellPairs(scenario.space, self._reach * WIDER, self.n)
         self._kernels = LawKernels(compiled_kernels(self.layout, self.m), 2)
         self._obstacles = ObstacleDistances(self.law)
         begin = scenario.start.t
@@ -138,11 +145,11 @@ class DiscreteLaw:
         return np.asarray(u + self._steering(q, p, known)) if self.law.steering_terms else u
 
     def _steering(self, q: Array, p: Array, known: Known | None = None) -> Array:
-        """Forces of the steering terms, shape (N, m), on agents that a cell list finds."""
-        none, agents = np.zeros(0, dtype=np.int64), np.arange(self.n)
-        others = (none, none) if self._search is None else self._search.near(q)[:2]
+        """Forces of the steering terms, shape (N, m), on agents that a cell list finds, beyond its axes all pairs."""
+        agents, space = np.arange(self.n), self.scenario.space
+        others = everyone(agents, q, self._reach, space) if self._search is None else self._search.near(q)[:2]
         if known is None:
-            seen = seen_by(agents, others, q, p, self.scenario.space)
+            seen = seen_by(agents, others, q, p, space)
         else:
             seen = known.seen(agents, within(others, agents, q, known.range))
         found = np.zeros((self.n, self.m))
@@ -172,7 +179,9 @@ class DiscreteLaw:
             found[number] = graph_functional(self.law, number, each.matrix(each.pairs))
         return found
 
-    def judged(self, step: int, neighbours: list[Neighbours], q: Array, slack: float = EDGE * UNIT) -> Judged | None:
+    def judged(
+        self, step: int, neighbours: list[Neighbours], q: Array, slack: float = EDGE * UNIT, *, at_start: bool = False
+    ) -> Judged | None:
         """Agents whose forces are to be compared, and their links by distances from all agents; None for no law.
 
         Parameters
@@ -183,13 +192,15 @@ class DiscreteLaw:
             Linked pairs of each graph before agents came to ``q``, shape (N, m).
         slack
             Relative difference of a distance from a radius within which a link is uncertain.
+        at_start
+            Whether nobody has moved yet.
         """
         if self._others:
             return None
         count = min(CHECKED, self.n, max(1, MOST_COMPARED // self.n))
         first = int(step * SPREAD * self.n) % self.n
         agents: Indices = np.unique((first + np.arange(count) * self.n // count) % self.n).astype(np.int64)
-        return agents, [each.seen_by(agents, q, slack) for each in neighbours]
+        return agents, [each.seen_by(agents, q, slack, at_start=at_start) for each in neighbours]
 
     def compare(
         self, judged: Judged, t: float, state: tuple[Array, Array], u: Array, gaps: LawGaps, known: Known | None = None,

@@ -47,6 +47,7 @@ class Neighbours:
         self._remembers = bool((self._enter != self._leave).any())
         self._search = CellPairs(space, reach, self.n)
         self._first, self._pairs = q, None if given is None else _of_matrix(given)
+        self._states_start = given is not None or not self._sparse
 
     @property
     def pairs(self) -> tuple[Indices, Indices]:
@@ -63,7 +64,12 @@ class Neighbours:
         if not self._sparse:
             return _of_matrix(self.graph.links_in(self.space, q))
         i, j, r = self.near(q)
-        linked = r < self._leave[i] if np.ndim(self.graph.break_radius) else np.asarray(self.graph.among(r), dtype=bool)
+        if not np.ndim(self.graph.break_radius):
+            linked = np.asarray(self.graph.among(r), dtype=bool)
+        elif getattr(self.graph, "closed", False):
+            linked = r <= self._leave[i]
+        else:
+            linked = r < self._leave[i]
         return i[linked], j[linked]
 
     def near(self, q: Array) -> tuple[Indices, Indices, Array]:
@@ -115,7 +121,9 @@ class Neighbours:
         found[pairs] = True
         return found
 
-    def seen_by(self, agents: Indices, q: Array, slack: float) -> tuple[Indices, Indices, Mask]:
+    def seen_by(
+        self, agents: Indices, q: Array, slack: float, *, at_start: bool = False
+    ) -> tuple[Indices, Indices, Mask]:
         """Links of some agents by a comparison with all others, for a check of the cell list.
 
         Parameters
@@ -126,13 +134,15 @@ class Neighbours:
             Positions, shape (N, m).
         slack
             Relative difference of a distance from a radius within which a link is uncertain.
+        at_start
+            Whether nobody has moved yet: links that the start gives, or a matrix of the graph, are then as stated.
 
         Returns
         -------
         tuple of arrays
             Places in ``agents``, the agents sensed, and whether the link is certain.
         """
-        if not self.graph.moves:
+        if not self.graph.moves or (at_start and self._states_start):
             place = np.flatnonzero(np.isin(self.pairs[0], agents))
             k = np.searchsorted(agents, self.pairs[0][place])
             return k, self.pairs[1][place], np.ones(len(k), dtype=bool)

@@ -204,8 +204,9 @@ class DiscreteSession(Session):
         memory, t = self.memory, self.time
         agents = np.flatnonzero(ticking)
         step, state = self.steps + 1, (memory.q, memory.p)
-        judged = self._law.judged(step, self.neighbours, memory.q) if is_due(step) else None
-        if memory.instant:
+        at_start = not memory.instant
+        judged = self._law.judged(step, self.neighbours, memory.q, at_start=at_start) if is_due(step) else None
+        if not at_start:
             # At the start links are those that a start has, which may differ at the radius itself.
             for each in self.neighbours:
                 each.move(memory.q)
@@ -298,12 +299,14 @@ class DiscreteSession(Session):
             if self._instant(t) > until:
                 return
             q = self._positions(t)
-            records.frame(t, q, self.memory.p, self._links(q) if records.with_links else None)
+            records.frame(t, q, self.memory.p, self._links(t, q) if records.with_links else None)
 
-    def _links(self, q: Array) -> Links:
-        """Links of the law's graph with agents at ``q``, shape (N, m), from those of the last instant."""
+    def _links(self, t: float, q: Array) -> Links:
+        """Links of the law's graph at a time with agents at ``q``, shape (N, m), from those of the last instant."""
         first = self.neighbours[0]
-        return first.matrix(first.after(q))
+        # Sorted agents keep no pairs; theirs at the start are those by distance.
+        stated = self._instant(t) == 0 and self._headings is None
+        return first.matrix(first.pairs if stated else first.after(q))
 
     # What others ask.
 
@@ -311,7 +314,7 @@ class DiscreteSession(Session):
     def state(self) -> State:
         """State at the session's time; with links of up to 2,000 agents."""
         q = self._positions(self.time)
-        return State(q, self.memory.p.copy(), self.time, self._links(q) if self.n <= MOST_LINKED else None)
+        return State(q, self.memory.p.copy(), self.time, self._links(self.time, q) if self.n <= MOST_LINKED else None)
 
     def accelerations(self) -> Array:
         """Zeros, shape (N, m): velocities change at ticks alone."""
