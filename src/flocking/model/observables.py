@@ -54,7 +54,12 @@ def spread_of(p: Reals) -> float:
 
 def speed_spread(state: State) -> float:
     """Largest speed minus the smallest."""
-    return float(np.ptp(np.linalg.norm(state.p, axis=1)))
+    return speed_spread_of(state.p)
+
+
+def speed_spread_of(p: Reals) -> float:
+    """Largest speed minus the smallest, of velocities of shape (N, m)."""
+    return float(np.ptp(np.linalg.norm(p, axis=1)))
 
 
 def order(state: State) -> float:

@@ -170,7 +170,8 @@ def test_threads_change_nothing(scheme):
     runs = [tiled(crowd(), step=0.01, scheme=scheme, threads=k, observe=True) for k in (1, 2, 5)]
     for other in runs[1:]:
         for name in ("q", "trace", "observables"):
-            assert (getattr(runs[0], name) == getattr(other, name)).all()
+            # Bytes: velocities of these agents are not numbers.
+            assert getattr(runs[0], name).tobytes() == getattr(other, name).tobytes()
     assert runs[0].provenance["rebuilds"] > 2
 
 

@@ -10,7 +10,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.runs.run import Run
+from flocking.engine.runs.run import OF_VELOCITIES, Run
 from flocking.formula.safe_digits import rounded_down, time_text
 from flocking.model import observables
 from flocking.model.graphs.connectivity import Links, components
@@ -45,7 +45,9 @@ def summary(run: Run) -> dict[str, Any]:
                 found["winding"] = _winding(state.links, run.q[last], run.scenario.space)
     seen = run.observables
     if seen is not None and len(seen):
-        found["observed"] = {name: _number(seen[name][-1]) for name in seen.dtype.names or ()}
+        # Runs of earlier versions hold zeros in the place of those of velocities.
+        known = {name: has_velocities or name not in OF_VELOCITIES for name in seen.dtype.names or ()}
+        found["observed"] = {name: _number(seen[name][-1]) if is_known else None for name, is_known in known.items()}
         found.setdefault("flocks", int(seen["flocks"][-1]))
         if has_velocities:
             found.setdefault("order", float(seen["order"][-1]))

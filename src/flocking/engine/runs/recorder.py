@@ -14,7 +14,15 @@ from flocking.engine.runs.columns import GROWING
 from flocking.engine.runs.frame_parts import FramePart
 from flocking.engine.runs.message_log import LogRecorder
 from flocking.engine.runs.new_records import NewRecords, RecordLayout, RecordTables, stacked_columns
-from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, Closest, Run, SwitchRow, ledger_of
+from flocking.engine.runs.run import (
+    OBSERVED_FIELDS,
+    OF_VELOCITIES,
+    SWITCH_FIELDS,
+    Closest,
+    Run,
+    SwitchRow,
+    ledger_of,
+)
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 
@@ -87,6 +95,7 @@ class Recorder:
     ) -> None:
         self.frame_times = scenario.frame_times
         self.n, self.m = scenario.start.q.shape
+        self._moving = scenario.agents.order > 1
         self.precision, self.dtype = precision, np.dtype(precision)
         self.keep_frames, self.with_errors, self.observe, self.lets_go = keep_frames, with_errors, observe, lets_go
         small = self.n <= MOST_LINKED and len(self.frame_times) * self.n**2 <= MOST_LINK_BYTES
@@ -174,7 +183,7 @@ class Recorder:
             Further columns of the agents by name, shape (N, width) each.
         """
         if observed is not None:
-            self.observed.append(observed)
+            self.observed.append(observed if self._moving else _without_velocities(observed))
         if not self.keep_frames:
             self.skip()
             return
@@ -336,3 +345,11 @@ class Recorder:
     def frame_errors(self) -> Array:
         """Errors of positions and velocities at the frames in memory, shape (F, 2)."""
         return np.array(self.errors[: len(self.t)], dtype=np.float64).reshape(len(self.t), 2)
+
+
+def _without_velocities(observed: tuple[float, ...]) -> tuple[float, ...]:
+    """An observation of agents that have no velocities of their own: zeros stand in their place."""
+    return tuple(
+        np.nan if name in OF_VELOCITIES else value
+        for name, value in zip(OBSERVED_FIELDS.names or (), observed, strict=True)
+    )

@@ -106,7 +106,11 @@ OBSERVED_FIELDS = np.dtype(
 )  # fmt: skip
 """Fields of an observation: polarisation, mean speed, largest deviation from the mean velocity, number of flocks,
 share of the agents in the largest one, mean number of neighbours, mean length of a link, standard deviation of the
-lengths over their mean (0 in a perfect lattice), and the smallest distance of linked agents."""
+lengths over their mean (0 in a perfect lattice), and the smallest distance of linked agents. Lengths are those of all
+ordered pairs: a link counts twice where it is mutual, once where it is one-way."""
+
+OF_VELOCITIES = ("order", "speed", "spread")
+"""Those that are made of velocities: NaN for agents of order 1, which have none of their own."""
 
 
 @dataclass(frozen=True)

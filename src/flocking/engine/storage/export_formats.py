@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray
 from flocking.engine.runs.columns import LOG
-from flocking.engine.runs.run import Run
+from flocking.engine.runs.run import OF_VELOCITIES, Run
 from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, storage_errors, write_through
 from flocking.engine.storage.left_overs import partial_file, remove_files_left_over
 from flocking.errors import InvalidInput, StorageError
@@ -99,10 +99,6 @@ def observable_table(run: Run) -> dict[str, Array]:
             if moving:
                 rows[f"mean_v{name}"].append(float(p[axis]))
     return {name: np.array(values, dtype=np.float64) for name, values in rows.items()}
-
-
-OF_VELOCITIES = ("order", "speed", "spread")
-"""Recorded observables that are made of velocities."""
 
 
 def _has_velocities(run: Run) -> bool:

@@ -44,7 +44,10 @@ class MotionEvidence(RunEvidence):
 
     @cached_property
     def velocity_spread(self) -> Array:
-        """Largest |p_i - mean| at each frame, shape (F,); the recorded observable where the run has no frames."""
+        """Largest |p_i - mean| at each frame, shape (F,); the recorded observable where the run has no frames.
+
+        Raises as `p` does, for agents of order 1.
+        """
         if self._observed_spread:
             return np.asarray(self.run.observables["spread"])  # type: ignore[index]
         offsets = self.p - self.mean_velocity[:, None, :]
@@ -70,8 +73,8 @@ class MotionEvidence(RunEvidence):
 
     @property
     def _observed_spread(self) -> bool:
-        seen = self.run.observables
-        return not len(self.run.t) and seen is not None and len(seen) > 0 and not np.ptp(self.masses)
+        seen, moving = self.run.observables, self.run.scenario.agents.order > 1
+        return not len(self.run.t) and seen is not None and len(seen) > 0 and not np.ptp(self.masses) and moving
 
     @cached_property
     def speeds(self) -> Array:
