@@ -145,8 +145,8 @@ class Law(LawCell):
         common = SYMMETRIES
         for term in self.terms:
             common &= term.symmetries
-        if any(g.directed for g in self.graphs):
-            common -= {"momentum"}
+        for graph in self.graphs:
+            common &= graph.symmetries
         return common
 
     def singular_at_zero(self) -> bool:

@@ -24,7 +24,7 @@ from flocking.engine.reference.known_neighbours import (
     known_and_linked,
 )
 from flocking.errors import InvalidInput
-from flocking.model.bodies.discrete_bodies import FACTOR
+from flocking.model.bodies.vector_lengths import FACTOR
 from flocking.model.checks import Array, integer, number, truth
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from flocking.arrays import Indices, Links
+from flocking.arrays import Indices
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body, MotionSymbols
+from flocking.model.bodies.vector_lengths import lowered, scaled
 from flocking.model.checks import Array, one_of, scalar_or_each
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
@@ -77,6 +78,16 @@ class DiscreteBody(Body):
         if self.update != "shuffled":
             return np.arange(n)
         return np.argsort(uniform(self.seed, Purpose.TURN, np.arange(n), 0, tick), kind="stable")
+
+    @property
+    def draws(self) -> bool:
+        """Whether it draws numbers at a tick, which are others for other agents."""
+        return False
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Those of any body; relabelling only where agents act together and draw nothing."""
+        return super().symmetries - ({"relabelling"} if self.in_turn or self.draws else set())
 
     @abstractmethod
     def updated(self, p: Array, u: Array, period: Array, agents: Indices, tick: Indices) -> Array:
@@ -204,6 +215,11 @@ class Heading(DiscreteBody):
     def parameters(self) -> dict[str, float | Array]:
         """Speed and noise."""
         return {"speed": self.speed, "noise": self.noise}
+
+    @property
+    def draws(self) -> bool:
+        """Whether there is noise."""
+        return bool(np.any(np.asarray(self.noise)))
 
     @property
     def summary(self) -> str:
@@ -377,44 +393,3 @@ def _within(vectors: Array, limit: float | Array | None, agents: Indices) -> Arr
     with np.errstate(over="ignore"):
         longer = np.linalg.norm(vectors, axis=1) > most
     return scaled(vectors, longer, most)
-
-
-LARGE, FACTOR = 2.0**500, 2.0**-520
-"""Length above which a vector is made smaller before it is squared, and the power of two by which.
-
-Squares of shorter vectors are finite, and those of all finite ones by the power.
-"""
-
-
-def lowered(vectors: Array) -> tuple[Array, Array]:
-    """Vectors and their lengths, shapes (K, m) and (K,); those whose squares may overflow are made smaller before.
-
-    Parameters
-    ----------
-    vectors
-        The vectors, shape (K, m).
-    """
-    with np.errstate(over="ignore"):
-        length = np.linalg.norm(vectors, axis=1)
-    large = length > LARGE
-    if not large.any():
-        return vectors, length
-    smaller = np.where(large[:, None], vectors * FACTOR, vectors)
-    return smaller, np.linalg.norm(smaller, axis=1)
-
-
-def scaled(vectors: Array, which: Links, length: float | Array) -> Array:
-    """Vectors, shape (K, m), some of them with another length.
-
-    Parameters
-    ----------
-    vectors
-        The vectors, shape (K, m).
-    which
-        Which of them, shape (K,); none of these is zero.
-    length
-        Their new length, one for all or shape (K,).
-    """
-    smaller, sizes = lowered(vectors)
-    share = (length / np.where(which, sizes, 1.0))[:, None]
-    return np.where(which[:, None], smaller * share, vectors)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.bodies.body import Body, Column, Limit, MotionSymbols
+from flocking.model.bodies.body import MOVES_ON, Body, Column, Limit, MotionSymbols
 from flocking.model.checks import Array, array, check_each
 from flocking.model.parts.registration import register_part
 
@@ -253,8 +253,9 @@ class Mixture(Body):
 
     @property
     def symmetries(self) -> frozenset[str]:
-        """Those that all bodies keep."""
-        return frozenset.intersection(*(body.symmetries for body in self.bodies))
+        """Those that all bodies keep; of order 1 momentum only where all agents have one mass."""
+        uneven = self.order < MOVES_ON and np.ptp(np.asarray(self.masses))
+        return frozenset.intersection(*(body.symmetries for body in self.bodies)) - ({"momentum"} if uneven else set())
 
     def check_count(self, n: int) -> None:
         """Check that kinds, and values of each agent, are given for ``n`` agents.

@@ -10,7 +10,8 @@ import numpy as np
 
 from flocking.arrays import Indices
 from flocking.errors import InvalidInput
-from flocking.model.bodies.discrete_bodies import DiscreteBody, scaled
+from flocking.model.bodies.discrete_bodies import DiscreteBody
+from flocking.model.bodies.vector_lengths import scaled
 from flocking.model.checks import Array, integer, number, scalar_or_each, truth
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
@@ -101,6 +102,11 @@ class VelocityUnit(DiscreteBody):
             raise InvalidInput(owner, "substeps", f"must be at most {MOST_SUBSTEPS}", self.substeps)
         object.__setattr__(self, "seed", stored_seed(owner, self.seed))
         self.check_fields()
+
+    @property
+    def draws(self) -> bool:
+        """Whether there is noise."""
+        return self.diffusion > 0.0
 
     @property
     def parameters(self) -> dict[str, float | Array]:

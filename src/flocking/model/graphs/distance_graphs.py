@@ -19,6 +19,7 @@ from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.parts.seeds import Rng, generator_from
 from flocking.model.space import OPEN, Space
+from flocking.model.symmetries import SYMMETRIES
 
 if TYPE_CHECKING:
     import networkx
@@ -139,6 +140,12 @@ class Graph(ABC):
     def structure(self) -> tuple[object, ...]:
         """Everything that determines the formulas of this graph, without the values of its parameters."""
         return ("hard",)
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Symmetries that its links keep: not momentum if one-way, nor relabelling with radii for each agent."""
+        each = np.ndim(self.appear_radius) or np.ndim(self.break_radius)
+        return SYMMETRIES - ({"momentum"} if self.directed else set()) - ({"relabelling"} if each else set())
 
     def kinks(self) -> tuple[float, ...]:
         """Distances at which the weight has a kink."""
@@ -290,6 +297,12 @@ class Fixed(Graph):
     def break_radius(self) -> float:
         """No link ever breaks."""
         return np.inf
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """As of all graphs; relabelling only where every agent is linked to every other."""
+        most = self.n * (self.n - 1) // (1 if self.directed else 2)
+        return super().symmetries - (set() if len(self.edges) == most else {"relabelling"})
 
     def initial(self, q: Array) -> Links:
         """The given links, for all positions ``q``."""

@@ -36,6 +36,11 @@ class HeadingGraph(Graph):
 
     sees_headings = True
 
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """As of all graphs, but rotation: headings stay as they are where positions turn."""
+        return super().symmetries - {"rotation"}
+
     def initial(self, q: Array) -> Links:
         """Not defined by positions ``q`` alone.
 
@@ -148,6 +153,11 @@ class Cone(HeadingGraph, OneRadius):
         """Whether values differ between agents."""
         return bool(np.ndim(self.radius) or np.ndim(self.opening))
 
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Rotation too, for headings are compared with headings; relabelling only with one opening."""
+        return (super().symmetries | {"rotation"}) - ({"relabelling"} if np.ndim(self.opening) else set())
+
     def allowed(self, headings: Array | None) -> Links:
         """Pairs whose headings differ by no more than the opening, shape (N, N)."""
         n = 0 if headings is None else len(headings)
@@ -256,6 +266,11 @@ class SmoothCone(HeadingGraph, OneRadius):
         one_of("SmoothCone", "measure", self.measure, MEASURES)
 
     @property
+    def symmetries(self) -> frozenset[str]:
+        """Rotation too, for headings are compared with headings."""
+        return super().symmetries | {"rotation"}
+
+    @property
     def view(self) -> HeadingWeights:
         """The factor of the headings."""
         return HeadingWeights(self.opening, self.onset, bump_named("SmoothCone", self.bump), self.measure)
@@ -331,6 +346,12 @@ class FieldOfView(HeadingGraph, OneRadius):
             object.__setattr__(self, name, value)
         if (np.asarray(self.half_angle) > np.pi).any():
             raise InvalidInput("FieldOfView", "half_angle", "must be at most pi", self.half_angle)
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Rotation only with a view all around, relabelling only with one half angle."""
+        around = {"rotation"} if np.all(np.asarray(self.half_angle) == np.pi) else set()
+        return (super().symmetries | around) - ({"relabelling"} if np.ndim(self.half_angle) else set())
 
     def directions(self, headings: Array | None) -> Array:
         """Unit vectors of the headings, shape (N, m): (cos, sin) of angles, the first column of rotation matrices.
