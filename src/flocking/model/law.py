@@ -295,6 +295,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
                 raise InvalidInput("Scenario", name, f"must be {SORTS[kind]}", getattr(self, name))
         object.__setattr__(self, "t_end", checked_end(self.t_end, self.start.t))
         object.__setattr__(self, "tolerance", checked_tolerance(self.tolerance))
+        object.__setattr__(self, "seed", None if self.seed is None else seeds.seed_number("Scenario", self.seed))
         object.__setattr__(self, "frames", checked_frames(self.frames, self.start.t, self.t_end))
         for part in (self.agents, self.information, self.control):
             part.check_count(self.start.n)

@@ -16,7 +16,7 @@ from flocking.model.bodies.vector_lengths import lowered, scaled
 from flocking.model.checks import Array, one_of, scalar_or_each
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
-from flocking.model.parts.seeds import stored_seed
+from flocking.model.parts.seeds import seed_number
 from flocking.model.world.control import Control, Held
 from flocking.model.world.random_numbers import Purpose, normal_axes, uniform
 
@@ -208,7 +208,7 @@ class Heading(DiscreteBody):
         object.__setattr__(self, "noise", scalar_or_each("Heading", "noise", self.noise, least=0.0))
         one_of("Heading", "noise_kind", self.noise_kind, NOISES, "must be 'angular' or 'vectorial'")
         one_of("Heading", "update", self.update, UPDATES, UPDATE_RULE)
-        object.__setattr__(self, "seed", stored_seed("Heading", self.seed))
+        object.__setattr__(self, "seed", seed_number("Heading", self.seed))
         self.check_fields()
 
     @property
@@ -347,7 +347,7 @@ class Impulsive(DiscreteBody):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, scalar_or_each("Impulsive", name, getattr(self, name), above=0.0))
         one_of("Impulsive", "update", self.update, UPDATES, UPDATE_RULE)
-        object.__setattr__(self, "seed", stored_seed("Impulsive", self.seed))
+        object.__setattr__(self, "seed", seed_number("Impulsive", self.seed))
         self.check_fields()
 
     @property

@@ -16,7 +16,7 @@ from flocking.model.bodies.chained_bodies import WrappedBody
 from flocking.model.checks import Array, number, scalar_or_each
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
-from flocking.model.parts.seeds import stored_seed
+from flocking.model.parts.seeds import seed_number
 from flocking.model.symmetries import DRAWN
 from flocking.model.world.random_numbers import Purpose, normal_axes
 from flocking.model.world.times import PER_SECOND, nanoseconds
@@ -76,7 +76,7 @@ class Disturbed(WrappedBody):
         object.__setattr__(self, "sigma", scalar_or_each("Disturbed", "sigma", self.sigma, least=0.0))
         object.__setattr__(self, "period", number("Disturbed", "period", self.period, above=0.0))
         nanoseconds("Disturbed", "period", self.period, positive=True)
-        object.__setattr__(self, "seed", stored_seed("Disturbed", self.seed))
+        object.__setattr__(self, "seed", seed_number("Disturbed", self.seed))
         if np.any(np.asarray(self.sigma)) and self.seed in _seeds_of_gusts(self.body):
             warnings.warn(
                 f"Disturbed: seed {self.seed} is also that of gusts inside it, whose draws are the same numbers: such "

@@ -15,7 +15,7 @@ from flocking.model.bodies.vector_lengths import scaled
 from flocking.model.checks import Array, integer, number, scalar_or_each, truth
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
-from flocking.model.parts.seeds import stored_seed
+from flocking.model.parts.seeds import seed_number
 from flocking.model.world.control import Control
 from flocking.model.world.random_numbers import Purpose, normal_axes
 
@@ -100,7 +100,7 @@ class VelocityUnit(DiscreteBody):
         object.__setattr__(self, "substeps", integer(owner, "substeps", self.substeps, least=1))
         if self.substeps > MOST_SUBSTEPS:
             raise InvalidInput(owner, "substeps", f"must be at most {MOST_SUBSTEPS}", self.substeps)
-        object.__setattr__(self, "seed", stored_seed(owner, self.seed))
+        object.__setattr__(self, "seed", seed_number(owner, self.seed))
         self.check_fields()
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 
 from flocking.arrays import Indices
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, axes_of, integer, listed, number
+from flocking.model.checks import Array, axes_of, integer, listed, number, truth
 from flocking.model.graphs.connectivity import Links, is_connected
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.parts import values
@@ -226,8 +226,7 @@ class Fixed(Graph):
 
     def __post_init__(self) -> None:
         integer("Fixed", "n", self.n, least=1)
-        if not isinstance(self.directed, bool | np.bool_):
-            raise InvalidInput("Fixed", "directed", "must be True or False", self.directed)
+        object.__setattr__(self, "directed", truth("Fixed", "directed", self.directed))
         pairs = set()
         for edge in listed("Fixed", "edges", self.edges, "must be pairs of agents"):
             if axes_of(edge) != 1 or np.shape(edge) != (2,):
@@ -359,6 +358,7 @@ class Proximity(OneRadius):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", number("Proximity", "radius", self.radius, above=0.0))
+        object.__setattr__(self, "closed", truth("Proximity", "closed", self.closed))
 
     def among(self, distance: Array) -> Links:
         """Pairs at a ``distance`` below the radius, or at it."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, check_each, number
+from flocking.model.checks import Array, array, check_each, number, truth
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph, OneRadius, pair_distances
 from flocking.model.parts.registration import register_part
@@ -140,6 +140,7 @@ class PerAgentRadii(Graph):
                 "PerAgentRadii", "radii", "must be positive", f"{float(radii[agent]):g} for agent {agent}"
             )
         object.__setattr__(self, "radii", radii)
+        object.__setattr__(self, "closed", truth("PerAgentRadii", "closed", self.closed))
 
     @property
     def appear_radius(self) -> Array:

@@ -13,7 +13,7 @@ from flocking.model.checks import Array, array, number
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, Short, add_group
 from flocking.model.parts.registration import register_part
-from flocking.model.parts.seeds import stored_seed
+from flocking.model.parts.seeds import seed_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -137,7 +137,7 @@ class HashedWeights(PairWeights):
     def __post_init__(self) -> None:
         low = number("HashedWeights", "low", self.low, least=0.0)
         number("HashedWeights", "high", self.high, least=low)
-        object.__setattr__(self, "seed", stored_seed("HashedWeights", self.seed))
+        object.__setattr__(self, "seed", seed_number("HashedWeights", self.seed))
 
     def matrix(self, n: int) -> Array:
         """All weights, shape (n, n), with a zero diagonal."""

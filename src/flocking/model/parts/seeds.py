@@ -30,6 +30,29 @@ HALF = np.uint64(1)
 REPRODUCIBLE = "Give an integer or a numpy.random.SeedSequence: the seed is written into files and records of runs."
 
 
+def seed_number(owner: str, seed: object) -> int:
+    """A seed that is stored, in files too, and of which draws are functions: an integer of 63 bits.
+
+    Parameters
+    ----------
+    owner
+        The owner, for messages.
+    seed
+        The seed.
+
+    Raises
+    ------
+    InvalidInput
+        If it is no integer, negative or above `LARGEST_SEED`.
+    """
+    found = integer(owner, "seed", seed, least=0)
+    if found > LARGEST_SEED:
+        raise InvalidInput(
+            owner, "seed", f"must be at most {LARGEST_SEED}", seed, "Give rng=numpy.random.SeedSequence(...) of it."
+        )
+    return found
+
+
 def generator_from(owner: str, seed: int | np.random.Generator | None, rng: Rng | None) -> np.random.Generator:
     """The generator of a function that stores no seed.
 
@@ -49,27 +72,6 @@ def generator_from(owner: str, seed: int | np.random.Generator | None, rng: Rng 
     if isinstance(given, np.random.Generator) or (name == "rng" and isinstance(given, np.random.SeedSequence)):
         return np.random.default_rng(given)
     return np.random.default_rng(integer(owner, name, given, least=0))
-
-
-def stored_seed(owner: str, seed: object) -> int:
-    """The seed of a part, from 0 to `LARGEST_SEED`: draws of larger ones are those of others, and no file holds them.
-
-    Parameters
-    ----------
-    owner
-        The part, for messages.
-    seed
-        What was given.
-
-    Raises
-    ------
-    InvalidInput
-        If it is no integer, or out of this range.
-    """
-    found = integer(owner, "seed", seed, least=0)
-    if found > LARGEST_SEED:
-        raise InvalidInput(owner, "seed", f"must be at most {LARGEST_SEED}", found)
-    return found
 
 
 def seed_from(owner: str, rng: object) -> int:

@@ -208,8 +208,8 @@ class Avoid(ObstacleTerm):
         for name in ("repulsion", "attraction"):
             if not isinstance(getattr(self, name), Potential):
                 raise InvalidInput("Avoid", name, "must be a Potential", getattr(self, name))
-        truth("Avoid", "gamma_agents", self.gamma_agents)
-        truth("Avoid", "fading_damping", self.fading_damping)
+        for name in ("gamma_agents", "fading_damping"):
+            object.__setattr__(self, name, truth("Avoid", name, getattr(self, name)))
         if self.sigma_norm is not None:
             object.__setattr__(self, "sigma_norm", number("Avoid", "sigma_norm", self.sigma_norm, above=0.0))
         if self.gamma_agents and self.leader is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.model.checks import Array, scalar_or_each
+from flocking.model.checks import Array, scalar_or_each, truth
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
 from flocking.model.parts.registration import register_part
 from flocking.model.symmetries import SYMMETRIES
@@ -117,6 +117,8 @@ class Track(BodyTerm):
                     scalar_or_each("Track", name, each, least=0.0)
             else:
                 object.__setattr__(self, name, scalar_or_each("Track", name, value, least=0.0))
+        for name in ("per_mass", "shared", "saturated"):
+            object.__setattr__(self, name, truth("Track", name, getattr(self, name)))
 
     @property
     def uses_means(self) -> bool:  # type: ignore[override]

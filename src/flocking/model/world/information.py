@@ -11,7 +11,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, axes_of, check_each, number, one_of, scalar_or_each, truth
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
-from flocking.model.parts.seeds import stored_seed
+from flocking.model.parts.seeds import seed_number
 from flocking.model.symmetries import DRAWN, SYMMETRIES
 from flocking.model.world.control import Control, Held
 from flocking.model.world.knowledge import INSTANT, Information, Instant, delays_of_pairs
@@ -137,7 +137,7 @@ class Messages(Information):
             object.__setattr__(self, "expires", number("Messages", "expires", self.expires, above=0.0))
             nanoseconds("Messages", "expires", self.expires, positive=True)
         object.__setattr__(self, "predict", truth("Messages", "predict", self.predict))
-        object.__setattr__(self, "seed", stored_seed("Messages", self.seed))
+        object.__setattr__(self, "seed", seed_number("Messages", self.seed))
         one_of("Messages", "self_known", self.self_known, SELF_KNOWN)
         object.__setattr__(self, "leader", truth("Messages", "leader", self.leader))
         if self.leader:

@@ -12,7 +12,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
-from flocking.model.parts.seeds import stored_seed
+from flocking.model.parts.seeds import seed_number
 from flocking.model.symmetries import DRAWN, SYMMETRIES
 from flocking.model.world.information import Information
 from flocking.model.world.random_numbers import Purpose, normal_pairs
@@ -73,7 +73,7 @@ class Fixes(Information):
             object.__setattr__(self, name, number("Fixes", name, getattr(self, name), least=0.0))
         if self.range is not None:
             object.__setattr__(self, "range", number("Fixes", "range", self.range, above=0.0))
-        object.__setattr__(self, "seed", stored_seed("Fixes", self.seed))
+        object.__setattr__(self, "seed", seed_number("Fixes", self.seed))
         late = int(nanoseconds("Fixes", "delay", self.delay))
         if late % int(nanoseconds("Fixes", "period", self.period)):
             raise InvalidInput(
