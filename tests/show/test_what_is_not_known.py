@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.storage.export_formats import observable_table
 from flocking.show import group_series, series
 from flocking.show.phase import phase
 from flocking.show.plot import KINDS
@@ -55,6 +56,27 @@ def test_runs_without_links_show_what_they_observed_or_nothing():
     for kind in ("links", "connectivity", "lattice"):
         with pytest.raises(fk.InvalidInput, match=f"{kind}: run must keep the links of its frames"):
             fk.plot(blind, kind)
+
+
+def test_one_way_links_that_were_observed_are_not_halved():
+    """Observations count the neighbours of each agent: how many pairs have a link both ways is not among them."""
+    law = fk.Law(fk.PerAgentRadii(np.linspace(0.5, 3.0, 30)), [fk.Consensus(1.0)])
+    scenario = fk.Scenario(law, fk.start.box(30, side=5.0, speed=1.0, seed=1), t_end=0.2, frames=3)
+    seen = fk.simulate(scenario, engine="tiles", observe=True, progress=False)
+    bare = dataclasses.replace(seen, links=seen.links[:, :0, :0])
+    drawn = group_series.links(bare)
+    (line,) = [x for x in drawn.lines if x.get_gid() == "count"]
+    assert list(line.get_ydata()) == [int(links.sum()) for links in seen.links]
+    assert drawn.get_ylabel() == "one-way links"
+    (whole,) = [x for x in group_series.links(seen).lines if x.get_gid() == "count"]
+    pairs = [int(np.triu(links | links.T).sum()) for links in seen.links]
+    assert list(whole.get_ydata()) == pairs
+    assert observable_table(seen)["links"].tolist() == pairs
+    assert "links" not in observable_table(bare)
+    assert observable_table(bare)["flocks"].tolist() == observable_table(seen)["flocks"].tolist()
+    (line,) = [x for x in group_series.lattice(bare).lines if x.get_gid() == "link length deviation"]
+    (whole,) = [x for x in group_series.lattice(seen).lines if x.get_gid() == "link length deviation"]
+    assert line.get_ydata() == pytest.approx(whole.get_ydata(), rel=1e-6)
 
 
 def test_switches_that_nobody_recorded_are_not_counted_as_none(run):

@@ -44,6 +44,8 @@ def test_what_stands_outside_is_smoothed_in():
     ("q", "change"),
     [
         (np.zeros((3, 3)), {}),
+        (np.full((3, 2), np.nan), {}),
+        (np.zeros((3, 2)), {"space": fk.Periodic([9.0, 9.0, 9.0])}),
         (np.zeros((3, 2)), {"high": (0.0, 1.0)}),
         (np.zeros((3, 2)), {"cell": 0.0}),
         (np.zeros((3, 2)), {"cell": 1e-6}),
@@ -72,3 +74,22 @@ def test_where_space_repeats_every_image_counts(lengths, blur):
     assert made.agents > 300
     box = density_map(moved, low=(0, 0), high=sides, cell=0.25, blur=blur, space=fk.Periodic(sides.tolist()))
     assert box.agents == pytest.approx(300)
+
+
+@pytest.mark.parametrize("low", [(0.0, 0.0), (-1.0, -1.0), (-1.5, 0.5), (2.7, -0.1), (3.0, 4.0), (-0.3, 1.1)])
+@pytest.mark.parametrize("cell", [1.0, 0.5, 0.1])
+@pytest.mark.parametrize("blur", [0.0, 0.3])
+def test_a_map_of_one_box_holds_every_agent_once_wherever_it_begins(low, cell, blur):
+    """Agents at the border have an image at both ends of the box, of which one is on the map."""
+    q = np.stack(np.meshgrid(np.arange(0.0, 3.0, 0.1), np.arange(4.0)), axis=-1).reshape(-1, 2)
+    high = (low[0] + 3.0, low[1] + 4.0)
+    made = density_map(q, low=low, high=high, cell=cell, blur=blur, space=fk.Periodic([3.0, 4.0]))
+    assert made.values.size == round(12.0 / cell**2)
+    assert made.agents == pytest.approx(len(q), abs=1e-9)
+    if not blur and cell == 1.0:
+        assert made.values.sum(axis=1).tolist() == [30.0] * 4
+
+
+def test_agents_on_the_upper_border_of_open_space_are_on_the_map():
+    q = np.array([[1.0, 2.0], [1e300, -1e300], [1.1, 2.0]])
+    assert density_map(q, low=(0, 0), high=(1, 2), cell=0.5).agents == 1.0

@@ -6,7 +6,7 @@ import pytest
 
 import flocking as fk
 from flocking.errors import InvalidInput
-from flocking.study.hexatic_order import hexatic, hexatic_map, largest_share
+from flocking.study.hexatic_order import hexatic, hexatic_map, largest_share, neighbour_pairs
 
 
 def lattice(angle, n=400):
@@ -104,3 +104,40 @@ def test_a_lattice_that_fills_a_box_is_perfect_everywhere():
 def test_a_reach_over_half_a_box_is_refused():
     with pytest.raises(InvalidInput, match="less than half of 4"):
         hexatic(np.zeros((2, 2)), 2.0, fk.Periodic([9.0, 4.0]))
+
+
+def test_agents_at_one_place_have_no_direction_to_each_other():
+    """They are no neighbours: their directions would be those of the first axis, whatever way space is turned."""
+    q = np.array([[0.0, 0.0], [0.0, 0.0], [0.3, 0.4], [5.0, 5.0], [5.0, 5.0]])
+    for space in (fk.Open(), fk.Periodic([20.0, 20.0])):
+        order, count = hexatic(q, 1.0, space)
+        assert count.tolist() == [1, 1, 2, 0, 0]
+        assert order == pytest.approx([(0.6 + 0.8j) ** 6] * 3 + [0.0, 0.0])
+    # They are linked, and count in a flock.
+    assert largest_share(q, 1.0) == (2, 0.6)
+    images = np.array([[0.0, 0.0], [20.0, 0.0]])
+    assert hexatic(images, 1.0, fk.Periodic([20.0, 20.0]))[1].tolist() == [0, 0]
+
+
+def test_pairs_at_the_reach_are_neighbours():
+    q = np.array([[0.0, 0.0], [1.0, 0.0], [2.5, 0.0]])
+    assert neighbour_pairs(q, 1.0).tolist() == [[0, 1]]
+    assert len(neighbour_pairs(q, np.nextafter(1.0, 0.0))) == 0
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (lambda: hexatic([[0.0, 0.0], [np.nan, 1.0]], 1.0), "q must be finite"),
+        (lambda: neighbour_pairs([[0.0, 0.0], [np.inf, 1.0]], 1.0), "q must be finite"),
+        (lambda: neighbour_pairs(np.zeros(4), 1.0), "q must have 2 axes"),
+        (lambda: neighbour_pairs(np.zeros((2, 2)), np.nan), "reach must be finite"),
+        (lambda: neighbour_pairs(np.zeros((2, 2)), np.nan, fk.Periodic([3.0, 3.0])), "reach must be finite"),
+        (lambda: largest_share(np.zeros((2, 2)), -1.0), "reach must be greater than 0"),
+        (lambda: largest_share(np.zeros((0, 2)), 1.0), "q must hold at least 1 agent"),
+        (lambda: neighbour_pairs(np.zeros((2, 2)), 1.0, fk.Periodic([9.0, 9.0, 9.0])), "lengths must be 2"),
+    ],
+)
+def test_what_gives_no_neighbours_is_refused_in_a_sentence(function, words):
+    with pytest.raises(InvalidInput, match=words):
+        function()

@@ -98,6 +98,24 @@ def test_a_row_around_the_box_winds_along_its_axis_alone_and_nothing_winds_in_op
     assert winding(np.ones((5, 5), dtype=bool), q, fk.Open()).tolist() == [[False, False]]
 
 
+@pytest.mark.parametrize(
+    ("links", "q", "space", "words"),
+    [
+        (np.zeros((2, 2)), np.zeros((2, 2)), fk.Periodic([1.0, 1.0, 1.0]), "space lengths must be 2"),
+        (np.zeros((3, 3)), np.zeros((2, 2)), SPACE, r"links must have shape \(2, 2\)"),
+        ([[0, 1], [1]], np.zeros((2, 2)), SPACE, r"links must have shape \(2, 2\)"),
+        (np.zeros((2, 2)), np.full((2, 2), np.nan), SPACE, "q must be finite"),
+    ],
+)
+def test_what_cannot_wind_is_refused_in_a_sentence(links, q, space, words):
+    with pytest.raises(fk.InvalidInput, match=words):
+        fk.winding(links, q, space)
+
+
+def test_positions_may_be_lists():
+    assert fk.winding([[0, 1], [1, 0]], [[0.0, 0.0], [1.0, 0.0]], fk.Periodic([9.0, None])).tolist() == [[False, False]]
+
+
 def test_the_closest_pair_may_be_across_the_border():
     for seed in range(10):
         for lengths in (LENGTHS, (5.0, np.inf)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Reals
+from flocking.arrays import Indices, Reals
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links, components
 from flocking.model.space import OPEN, Space
@@ -14,7 +14,9 @@ from flocking.model.state import State
 def headings(state: State) -> Array:
     """Heading angle of each agent's velocity in the plane, in (-pi, pi], 0 at rest (Tanner (2)); shape (N,)."""
     # Adding zero makes zeros positive: by negative ones the angle would be -pi, and pi at rest.
-    return np.asarray(np.arctan2(state.p[:, 1] + 0.0, state.p[:, 0] + 0.0))
+    found = np.arctan2(state.p[:, 1] + 0.0, state.p[:, 0] + 0.0)
+    # Angles just above -pi are rounded to it.
+    return np.asarray(np.where(found > -np.pi, found, np.pi))
 
 
 def mean_position(state: State, masses: Array | float = 1.0) -> Array:
@@ -49,7 +51,7 @@ def velocity_spread(state: State) -> float:
 
 def spread_of(p: Reals) -> float:
     """Largest |p_i - mean p| of velocities, shape (N, m)."""
-    return float(np.sqrt(((p - p.mean(axis=0)) ** 2).sum(axis=1).max()))
+    return float(_lengths(p - p.mean(axis=0)).max())
 
 
 def speed_spread(state: State) -> float:
@@ -59,7 +61,7 @@ def speed_spread(state: State) -> float:
 
 def speed_spread_of(p: Reals) -> float:
     """Largest speed minus the smallest, of velocities of shape (N, m)."""
-    return float(np.ptp(np.linalg.norm(p, axis=1)))
+    return float(np.ptp(_lengths(p)))
 
 
 def order(state: State) -> float:
@@ -69,11 +71,26 @@ def order(state: State) -> float:
 
 def order_of(p: Reals) -> float:
     """Polarisation of velocities, shape (N, m), without those of agents at rest; 0 if all agents are."""
-    speed = np.sqrt((p**2).sum(axis=1))
-    moving = speed > 0
+    moving = np.any(p, axis=1)
     if not moving.any():
         return 0.0
-    return float(np.linalg.norm((p[moving] / speed[moving, None]).mean(axis=0)))
+    near_one = _scaled(p[moving])[0]
+    return float(np.linalg.norm((near_one / np.sqrt((near_one**2).sum(axis=1))[:, None]).mean(axis=0)))
+
+
+def _scaled(vectors: Reals) -> tuple[Reals, Indices]:
+    """Vectors, shape (N, m), by powers of two, so that their squares are floating-point numbers; and these, shape (N,).
+
+    Powers of two change no digits.
+    """
+    powers = np.frexp(np.abs(vectors).max(axis=1))[1]
+    return np.ldexp(vectors, -powers[:, None]), powers
+
+
+def _lengths(vectors: Reals) -> Array:
+    """Lengths of vectors, shape (N, m), of any size."""
+    near_one, powers = _scaled(vectors)
+    return np.asarray(np.ldexp(np.sqrt((near_one**2).sum(axis=1)), powers))
 
 
 def flocks(links: Links) -> int:
@@ -84,18 +101,18 @@ def flocks(links: Links) -> int:
 def link_length_deviation(q: Reals, links: Links, space: Space = OPEN) -> float:
     """Root mean square deviation of the lengths of links from their mean, relative to it; nan without links.
 
-    It is zero where all links have one length, as in a lattice.
+    It is zero where all links have one length, as in a lattice. A mutual link counts twice, a one-way link once.
 
     Parameters
     ----------
     q
         Positions, shape (N, m).
     links
-        Link matrix, shape (N, N); one-way links count as links.
+        Link matrix, shape (N, N).
     space
         Space of the agents.
     """
-    i, j = np.nonzero(np.triu(links | links.T))
+    i, j = np.nonzero(links)
     if len(i) == 0:
         return float("nan")
     r = np.linalg.norm(space.displacement(np.asarray(q)[i] - np.asarray(q)[j]), axis=1)

@@ -187,7 +187,8 @@ def closest(run: Run, *, axes: Axes | None = None) -> Axes:
 def links(run: Run, *, axes: Axes | None = None) -> Axes:
     """Number of linked pairs over the frames, with marks for links created and lost between them.
 
-    Two agents that see each other are one pair; where links are one-way, the marks count each direction.
+    Two agents that see each other are one pair; where links are one-way, the marks count each direction, and so does
+    the number of a run that keeps no links, "one-way links" then.
 
     Parameters
     ----------
@@ -203,20 +204,20 @@ def links(run: Run, *, axes: Axes | None = None) -> Axes:
         When the run kept no links and observed none.
     """
     seen = None if _keeps_links(run) else _observed("links", run)
+    one_way = run.scenario.law.graph.directed
     axes = axes_or_new(axes)
     if seen is None:
         t, counts = run.t, [len(pairs_of(run.links_at(k))) for k in range(len(run.t))]
     else:
-        t, counts = seen["time"], np.rint(seen["neighbours"] * run.n / 2).astype(int).tolist()
+        t, counts = seen["time"], np.rint(seen["neighbours"] * run.n / (1 if one_way else 2)).astype(int).tolist()
     axes.step(t, counts, where="post", color=theme().ink, lw=1.0, gid="count")
     top = max([1, *counts])
     axes.set_ylim(-0.12 * top, 1.08 * top)
     axes.yaxis.set_major_locator(_integer_locator())
-    axes.set_ylabel("linked pairs")
+    axes.set_ylabel("linked pairs" if seen is None or not one_way else "one-way links")
     if not run.fidelity.switches_located:
         axes.set_title("switches not recorded", fontsize="x-small", loc="right")
         return time_axis(axes, t)
-    one_way = run.scenario.law.graph.directed
     for kind, color, word, low in (("appear", GREEN, "made", 0.04), ("break", VERMILION, "lost", 0.0)):
         times = np.unique(_switch_times(run, kind, one_way), axis=0)[:, 0]
         said = f"{len(times)} {word}{', one-way' * one_way}"

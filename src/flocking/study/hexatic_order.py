@@ -10,29 +10,37 @@ from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, number
+from flocking.model.checks import Array, array, number
 from flocking.model.space import OPEN, Space
 
 
 def neighbour_pairs(q: Array, reach: float, space: Space = OPEN) -> NDArray[np.int64]:
-    """Pairs of agents closer than ``reach``, each once, shape (K, 2).
+    """Pairs of agents no farther apart than ``reach``, each once, shape (K, 2).
 
     Parameters
     ----------
     q
         Positions, shape (N, m).
     reach
-        Largest distance of neighbours.
+        Largest distance of neighbours; positive.
     space
         Space of the agents: distances are those to nearest images.
 
     Raises
     ------
     InvalidInput
-        When an agent may be within reach of several images of another: the reach is half a length of space or more.
+        When there is no agent, a number is not finite, the reach is not positive, or an agent may be within reach of
+        several images of another: the reach is half a length of space or more.
     """
     from scipy.spatial import cKDTree
 
+    q, reach = array("neighbour_pairs", "q", q, ndim=2), number("neighbour_pairs", "reach", reach, above=0.0)
+    if not len(q):
+        raise InvalidInput("neighbour_pairs", "q", "must hold at least 1 agent", f"shape {q.shape}")
+    if space.lengths and len(space.lengths) != q.shape[1]:
+        raise InvalidInput(
+            "neighbour_pairs", "space", f"lengths must be {q.shape[1]}, one for each axis", list(space.lengths)
+        )
     if 2.0 * reach >= min(space.lengths, default=np.inf):
         raise InvalidInput(
             "neighbour_pairs", "reach", f"must be less than half of {min(space.lengths):g}, after which space repeats",
@@ -48,7 +56,8 @@ def hexatic(q: Array, reach: float, space: Space = OPEN) -> tuple[NDArray[np.com
     """Hexatic order of every agent: the mean of exp(6 i angle) over the directions to its neighbours.
 
     Its size is 1 in a perfect triangular lattice and falls at grain boundaries, defects and edges; its angle over 6
-    is the direction of the lattice, modulo 60 degrees.
+    is the direction of the lattice, modulo 60 degrees. Agents at the same place have no direction to each other, and
+    are no neighbours.
 
     Parameters
     ----------
@@ -67,13 +76,15 @@ def hexatic(q: Array, reach: float, space: Space = OPEN) -> tuple[NDArray[np.com
     Raises
     ------
     InvalidInput
-        When agents are not in the plane, or the reach is not positive or too large for `neighbour_pairs`.
+        When agents are not in the plane, or as `neighbour_pairs` does.
     """
-    q = np.asarray(q, dtype=np.float64)
-    if q.ndim != 2 or q.shape[1] != 2:
+    q = array("hexatic", "q", q, ndim=2)
+    if q.shape[1] != 2:
         raise InvalidInput("hexatic", "q", "must have shape (N, 2)", q.shape)
     pairs, n = neighbour_pairs(q, number("hexatic", "reach", reach, above=0.0), space), len(q)
     offset = space.displacement(q[pairs[:, 1]] - q[pairs[:, 0]])
+    elsewhere = np.any(offset, axis=1)
+    pairs, offset = pairs[elsewhere], offset[elsewhere]
     angle = 6.0 * np.arctan2(offset[:, 1], offset[:, 0])
     # Opposite directions have the same sixth power: a pair adds the same to both.
     total = _sum(pairs, np.cos(angle), n) + 1j * _sum(pairs, np.sin(angle), n)

@@ -63,9 +63,10 @@ def observable_table(run: Run) -> dict[str, Array]:
     """Observables of every frame, by name, shape (F,) each.
 
     Time, number of links, flocks and share of the largest, closest pair, order, largest deviation from the mean
-    velocity, and the mean position and velocity (weighted by mass) by axis. Without link matrices, links and flocks are
-    those recorded during the run, or missing; without frames, the table contains the recorded observables. What is
-    made of velocities is missing for agents of order 1, which have none of their own.
+    velocity, and the mean position and velocity (weighted by mass) by axis. Links are pairs of which one agent senses
+    the other. Without link matrices, links and flocks are those recorded during the run, or missing, as links are where
+    they are one-way, of which each counts in the record; without frames, the table contains the recorded observables.
+    What is made of velocities is missing for agents of order 1, which have none of their own.
     """
     from collections import defaultdict
 
@@ -86,7 +87,8 @@ def observable_table(run: Run) -> dict[str, Array]:
             rows["flocks"].append(observables.flocks(links))
             rows["largest_flock"].append(observables.density(links))
         elif observed is not None:
-            rows["links"].append(round(observed["neighbours"][k] * run.n / 2))
+            if not run.scenario.law.graph.directed:
+                rows["links"].append(round(observed["neighbours"][k] * run.n / 2))
             rows["flocks"].append(observed["flocks"][k])
             rows["largest_flock"].append(observed["density"][k])
         rows["closest_pair"].append(observables.closest_pair(state, run.scenario.space)[0])

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.model.checks import Array
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, array, axes_of
 from flocking.model.graphs.connectivity import Links, components
 from flocking.model.space import Space
 
@@ -30,6 +31,11 @@ def winding(links: Links, q: Array, space: Space) -> NDArray[np.bool_]:
     NDArray
         A row for each flock, in the order of `flocking.model.graphs.connectivity.components`.
 
+    Raises
+    ------
+    InvalidInput
+        When links are not those of the agents, positions not finite, or space has another number of axes.
+
     Examples
     --------
     >>> import flocking as fk
@@ -38,6 +44,11 @@ def winding(links: Links, q: Array, space: Space) -> NDArray[np.bool_]:
     >>> fk.winding(~np.eye(3, dtype=bool), q, fk.Periodic([3.0, 9.0]))
     array([[ True, False]])
     """
+    q = array("winding", "q", q, ndim=2)
+    if axes_of(links) != 2 or np.shape(links) != (len(q), len(q)):
+        raise InvalidInput("winding", "links", f"must have shape ({len(q)}, {len(q)})", links)
+    if space.lengths and len(space.lengths) != q.shape[1]:
+        raise InvalidInput("winding", "space", f"lengths must be {q.shape[1]}, one for each axis", list(space.lengths))
     links = np.asarray(links, dtype=bool)
     labels, either = components(links), np.asarray(links | links.T)
     found = np.zeros((int(labels.max(initial=-1)) + 1, q.shape[1]), dtype=bool)
