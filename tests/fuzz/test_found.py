@@ -16,7 +16,7 @@ from flocking.engine.storage import record
 from flocking.engine.storage.stored_runs import read_run, write_run
 from flocking.errors import FormulaError, InvalidInput, StorageError
 from flocking.formula.grammar import Formula
-from flocking.model import starts
+from flocking.model.graphs import connectivity
 from tests.engine.storage.stored_runs import finished
 
 PSI = fk.Potential("1/r")
@@ -110,7 +110,7 @@ def test_a_leader_without_real_velocity_is_nowhere() -> None:
 
 
 def test_a_connected_draw_gives_up_by_pairs_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(starts, "MOST_PAIRS", 90_000)
+    monkeypatch.setattr(connectivity, "MOST_PAIRS", 90_000)
     with pytest.raises(InvalidInput, match="no connected graph of 30 agents in 100 draws"):
         fk.start.box(30, side=1e6, seed=0, connected_under=fk.Proximity(1.0))
     with pytest.raises(InvalidInput, match="must be at most 10000 where the start must be connected"):

@@ -57,9 +57,9 @@ def test_a_hexagonal_start_has_the_spacing():
 
 
 def test_an_unreachable_start_says_so(monkeypatch):
-    from flocking.model import starts
+    from flocking.model.graphs import connectivity
 
-    monkeypatch.setattr(starts, "MOST_DRAWS", 20)
+    monkeypatch.setattr(connectivity, "MOST_DRAWS", 20)
     with pytest.raises(InvalidInput, match="no connected graph of 10 agents in 20 draws"):
         fk.start.box(10, side=1000, seed=0, connected_under=fk.Proximity(1))
 

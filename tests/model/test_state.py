@@ -48,6 +48,8 @@ def test_one_agent_is_a_group():
         (lambda: fk.Agents(damping=-1), "damping must be at least 0"),
         (lambda: fk.Agents(damping=[0, -1]), "for agent 1"),
         (lambda: fk.Agents(order=3), "order must be 1 or 2"),
+        (lambda: fk.Agents(order=1, damping=0.5), "damping must be 0 for agents of order 1"),
+        (lambda: fk.Agents(order=1, damping=[0.0, 0.5]), "damping must be 0 for agents of order 1"),
         (lambda: fk.Agents(masses=np.nan), "masses must be finite"),
         (lambda: fk.Agents(headings=np.zeros((2, 2))), "headings must have shape"),
         (lambda: fk.Agents(masses=[1, 2]).check_count(3), "one value for each of the 3 agents"),

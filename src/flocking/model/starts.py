@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, integer, number, one_of, stop_if_refused
-from flocking.model.graphs.connectivity import is_connected
+from flocking.model.graphs.connectivity import MOST_CONNECTED, is_connected, most_draws
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
@@ -21,12 +21,6 @@ from flocking.model.state import State
 VELOCITIES = ("disc", "box", "sphere")
 """Distributions of velocities."""
 
-MOST_DRAWS = 100_000
-"""Largest number of draws for a connected start."""
-
-MOST_PAIRS = 4 * 10**8
-"""Largest number of pairs evaluated in these draws; for many agents there are fewer draws."""
-
 MOST_AGENTS = 200_000_000
 """Default limit on the number of agents of a random start."""
 
@@ -35,9 +29,6 @@ MOST_DIMENSIONS = 1000
 
 MOST_AXES = 8
 """Largest number of axes of a start with the largest number of agents; smaller groups may have more."""
-
-MOST_CONNECTED = 10_000
-"""Largest number of agents of a connected start."""
 
 
 @register_part("box")
@@ -289,7 +280,7 @@ def _draw(
     one_of(owner, "velocities", velocities, VELOCITIES, "must be 'disc', 'box' or 'sphere'")
     _check_graph(owner, n, graph)
     stop_if_refused()
-    allowed = MOST_DRAWS if graph is None else max(1, min(MOST_DRAWS, MOST_PAIRS // max(1, n * n)))
+    allowed = most_draws(n)
     for _ in range(allowed):
         q = positions(rng)
         if graph is None or is_connected(graph.initial(q)):

@@ -145,7 +145,7 @@ class Agents(Points):
     masses
         One mass for all, or one per agent; positive.
     damping
-        Velocity damping gains k_i, one for all or one per agent; not negative.
+        Velocity damping gains k_i, one for all or one per agent; not negative, and 0 for order 1.
     order
         2 for double integrators, 1 for first-order agents such as the agreement protocol (12)-(13).
     headings
@@ -155,7 +155,7 @@ class Agents(Points):
     Raises
     ------
     InvalidInput
-        When a mass is not positive, a damping gain is negative, or the order is neither 1 nor 2.
+        When a mass is not positive, a damping gain is negative or not 0 for order 1, or the order is neither 1 nor 2.
     """
 
     masses: float | Array = 1.0
@@ -172,6 +172,11 @@ class Agents(Points):
     def __post_init__(self) -> None:
         one_of("Agents", "order", self.order, (1, 2), "must be 1 or 2")
         self.check_fields()
+        if self.order == 1 and np.any(np.asarray(self.damping)):
+            raise InvalidInput(
+                "Agents", "damping", "must be 0 for agents of order 1", self.damping,
+                "Their velocity is the control: there is none of their own to damp.",
+            )  # fmt: skip
 
     @cached_property
     def _body(self) -> PointMass | SingleIntegrator:

@@ -114,7 +114,8 @@ def test_errors_of_fixes_have_their_stationary_variances():
     ("part", "word"),
     [
         (lambda: fk.Fixes(0.2, delay=0.3), "delay must be a multiple"), (lambda: fk.Fixes(0.0), "period"),
-        (lambda: fk.Fixes(0.2, damping=9.0, stiffness=9.0), "damping must leave"),
+        (lambda: fk.Fixes(0.2, damping=9.2, stiffness=9.0), "damping must leave"),
+        (lambda: fk.Fixes(0.2, diffusion=0.5), "damping must be positive where diffusion is"),
         (lambda: fk.VelocityUnit(0.0), "time_constant"), (lambda: fk.VelocityUnit(1.0, fixed=True), "speed must be"),
         (lambda: fk.VelocityUnit(1.0, substeps=0), "substeps"), (lambda: fk.LinearRepulsion(0.0, 1.0, 1.0), "slope"),
         (lambda: fk.BrakingAlignment(-1.0, 0.0, 1.0, 1.0, 1.0, 1.0), "gain"), (lambda: fk.SelfPropulsion(0.0), "speed"),
@@ -138,3 +139,24 @@ def test_what_is_not_run_is_refused():
     plain = fk.Scenario(fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)]), flock().start, t_end=1.0, **point)
     with pytest.raises(UnsupportedLaw, match="does not run information=Fixes"):
         fk.simulate(plain.with_(information=fk.Fixes(0.2)), engine="sampled", progress=False)
+
+
+def test_errors_are_refused_where_they_grow_and_nowhere_else():
+    """By the eigenvalues of x' = x + T v', v' = v - T (s x + b v)."""
+    rng = np.random.default_rng(0)
+    refused = 0
+    for period, damping, stiffness in zip(
+        rng.uniform(0.05, 1.0, 200), rng.uniform(0.01, 5.0, 200), rng.uniform(0.01, 8.0, 200), strict=True
+    ):
+        step = np.array([
+            [1.0 - period**2 * stiffness, period * (1.0 - period * damping)],
+            [-period * stiffness, 1.0 - period * damping],
+        ])  # fmt: skip
+        grows = np.abs(np.linalg.eigvals(step)).max() >= 1.0
+        refused += grows
+        if grows:
+            with pytest.raises(fk.InvalidInput, match="damping must leave errors bounded"):
+                fk.Fixes(period, diffusion=0.1, damping=damping, stiffness=stiffness)
+        else:
+            fk.Fixes(period, diffusion=0.1, damping=damping, stiffness=stiffness)
+    assert 20 < refused < 180

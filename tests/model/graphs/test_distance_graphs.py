@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 import flocking as fk
 from flocking.errors import InvalidInput
+from flocking.model.graphs import connectivity
 from flocking.model.graphs.connectivity import components, is_connected
 from flocking.model.graphs.distance_graphs import pair_distances
 
@@ -84,6 +85,16 @@ def test_networkx_round_trip():
     assert fk.Fixed.complete(1).edges == ()
 
 
+def test_the_draws_of_a_large_graph_end(monkeypatch):
+    monkeypatch.setattr(connectivity, "MOST_PAIRS", 90_000)
+    with pytest.raises(InvalidInput, match="gave no connected graph in 100 draws"):
+        fk.Fixed.random_connected(30, 1e-9, 1)
+
+
+def test_a_pair_is_linked_with_probability_1():
+    assert fk.Fixed.random_connected(6, 1.0, 0) == fk.Fixed.complete(6)
+
+
 def test_random_connected_graphs_repeat_and_connect():
     first = fk.Fixed.random_connected(10, 0.3, seed=4)
     assert first == fk.Fixed.random_connected(10, 0.3, seed=4)
@@ -114,6 +125,9 @@ def test_random_connected_graphs_repeat_and_connect():
         (lambda: fk.Fixed(0, []), "n must be at least 1"),
         (lambda: fk.Fixed(2.5, []), "n must be an integer"),
         (lambda: fk.Fixed.random_connected(5, 0.0, 1), "probability must be greater than 0"),
+        (lambda: fk.Fixed.random_connected(5, 1.01, 1), "probability must be at most 1"),
+        (lambda: fk.Fixed.random_connected(5, 30, 1), "probability must be at most 1"),
+        (lambda: fk.Fixed.random_connected(10_001, 0.5, 1), "n must be at most 10000"),
         (lambda: fk.Fixed(3, []).initial(np.zeros((4, 2))), "must be the number of agents, 4"),
     ],
 )

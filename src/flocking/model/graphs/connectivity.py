@@ -10,6 +10,20 @@ from flocking.arrays import Links as Links
 SMALL = 300
 """Largest group whose components are found by a plain loop, which is faster there than to import SciPy's graphs."""
 
+MOST_DRAWS = 100_000
+"""Largest number of draws until a random graph, or that of a random start, is connected."""
+
+MOST_PAIRS = 4 * 10**8
+"""Largest number of pairs evaluated in these draws; for many agents there are fewer draws."""
+
+MOST_CONNECTED = 10_000
+"""Largest number of agents of which all pairs are drawn or evaluated."""
+
+
+def most_draws(n: int) -> int:
+    """How often a graph of ``n`` agents is drawn until it is connected."""
+    return max(1, min(MOST_DRAWS, MOST_PAIRS // max(1, n * n)))
+
 
 def components(links: Links) -> NDArray[np.intp]:
     """Label of the weakly connected component of each agent, numbered by the first agent of each, from 0 on."""

@@ -12,7 +12,7 @@ import numpy as np
 from flocking.arrays import Indices
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, axes_of, integer, listed, number, truth
-from flocking.model.graphs.connectivity import Links, is_connected
+from flocking.model.graphs.connectivity import MOST_CONNECTED, Links, is_connected, most_draws
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
@@ -24,10 +24,6 @@ from flocking.model.symmetries import SYMMETRIES
 if TYPE_CHECKING:
     import networkx
     import sympy
-
-
-MOST_DRAWS = 100_000
-"""Largest number of draws of a random graph until it is connected."""
 
 
 class Graph(ABC):
@@ -268,23 +264,23 @@ class Fixed(Graph):
         Raises
         ------
         InvalidInput
-            If a value is out of range, or 100,000 draws gave no connected graph.
+            If a value is out of range, or 100,000 draws gave no connected graph, fewer of more than 63 agents.
         """
-        integer("Fixed.random_connected", "n", n, least=1)
-        chance = number("Fixed.random_connected", "probability", probability, above=0.0)
-        generator = generator_from("Fixed.random_connected", seed, rng)
+        owner = "Fixed.random_connected"
+        if integer(owner, "n", n, least=1) > MOST_CONNECTED:
+            raise InvalidInput(owner, "n", f"must be at most {MOST_CONNECTED}", n, "Every pair is drawn.")
+        chance = number(owner, "probability", probability, above=0.0)
+        if chance > 1.0:
+            raise InvalidInput(owner, "probability", "must be at most 1", probability)
+        generator = generator_from(owner, seed, rng)
         upper = np.triu_indices(n, 1)
-        for _ in range(MOST_DRAWS):
+        for _ in range(most_draws(n)):
             matrix = np.zeros((n, n), dtype=bool)
             matrix[upper] = generator.random(len(upper[0])) < chance
             if is_connected(matrix):
                 return cls(n, tuple((int(i), int(j)) for i, j in np.argwhere(matrix)))
         raise InvalidInput(
-            "Fixed.random_connected",
-            "probability",
-            f"gave no connected graph in {MOST_DRAWS} draws",
-            probability,
-            "Raise it.",
+            owner, "probability", f"gave no connected graph in {most_draws(n)} draws", probability, "Raise it."
         )
 
     @property

@@ -18,6 +18,9 @@ from flocking.model.world.information import Information
 from flocking.model.world.random_numbers import Purpose, normal_pairs
 from flocking.model.world.times import nanoseconds
 
+BOUNDED = 4.0
+"""What period (2 damping + period stiffness) stays below where both eigenvalues of a step are below 1 in size."""
+
 
 @register_part("fixes")
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class Fixes(Information):
     diffusion
         D, the variance that v would have without the spring, for short periods; not negative.
     damping, stiffness
-        b and s; not negative.
+        b and s; not negative. Without damping nothing kicks; without stiffness errors of positions grow as those of a
+        random walk.
     seed
         Seed of the errors.
 
@@ -80,10 +84,16 @@ class Fixes(Information):
                 "Fixes", "delay", f"must be a multiple of the period, {self.period:g}", self.delay,
                 "What is heard is a fix that another agent took.",
             )  # fmt: skip
-        if self.period * (self.damping + self.period * self.stiffness) >= 2.0:
+        # The eigenvalues of a step have the sum 2 - T b - T^2 s and the product 1 - T b.
+        if self.period * (2.0 * self.damping + self.period * self.stiffness) >= BOUNDED:
             raise InvalidInput(
-                "Fixes", "damping", "must leave errors bounded: period (damping + period stiffness) must be below 2",
+                "Fixes", "damping", "must leave errors bounded: period (2 damping + period stiffness) must be below 4",
                 self.damping, "Take a shorter period.",
+            )  # fmt: skip
+        if self.diffusion and not self.damping:
+            raise InvalidInput(
+                "Fixes", "damping", "must be positive where diffusion is", self.damping,
+                "Kicks are of the size sqrt(2 damping period diffusion): without damping there are no errors.",
             )  # fmt: skip
 
     @property
