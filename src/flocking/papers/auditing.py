@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from flocking.engine.runs.run import Run
 from flocking.model.bodies.point_bodies import is_point_mass
+from flocking.model.law import Scenario
 from flocking.papers import paper, paper_of
 from flocking.study.claims.audit import Report
 from flocking.study.claims.audit import audit as audit_claims
@@ -29,30 +30,62 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
     return audit_claims(run, paper_claims(run.scenario.name) if claims is None and isinstance(run, Run) else claims)
 
 
-@lru_cache(maxsize=1)
-def _beyond_theorems(e: Evidence) -> str:
-    """Why the theorems of a paper are not about a run by the name of one of its scenarios.
+@lru_cache(maxsize=64)
+def _own(scenarios: Callable[[], Mapping[str, Callable[[int], Scenario]]], name: str) -> Scenario:
+    """The paper's own scenario of a name."""
+    return scenarios()[name](0)
 
-    They assume point masses, open space, an ideal world, and a law of the paper's form.
+
+@lru_cache(maxsize=1)
+def _beyond_theorems(name: str, e: Evidence) -> str:
+    """Why the claims about a scenario of a paper are not about a run; empty where they are.
+
+    They are about the world of that scenario, and about laws of the paper's form.
     """
-    scenario = e.run.scenario
-    if not scenario.space.is_open:
+    key = paper_of(name)
+    return _other_world(name, e.run.scenario) or (paper(key).assumes(e.run.scenario) if key else "")
+
+
+def _other_world(name: str, scenario: Scenario) -> str:
+    """Why the claims about a scenario of a paper are not about the space, the agents and the world of another one.
+
+    Most are about point masses, open space and an ideal world. The space, the agents and the world of the paper's own
+    scenario are what its claims are about: headings on a torus, or neighbours that are known late. Numbers of these
+    parts are looked at by the claims.
+    """
+    point_masses = is_point_mass(scenario.agents)
+    if scenario.space.is_open and not scenario.imperfections and point_masses:
+        return ""
+    own = _own(paper(paper_of(name)).scenarios, name)
+    if not scenario.space.is_open and type(scenario.space) is not type(own.space):
         return f"space is {type(scenario.space).__name__}, not open"
-    if world := scenario.imperfections:
-        return f"the theorem assumes an ideal world: {world}"
-    if not is_point_mass(scenario.agents):
-        return f"agents are {type(scenario.agents).__name__}, not point masses"
-    key = paper_of(scenario.name)
-    return paper(key).assumes(scenario) if key else ""
+    if not _same_kinds(scenario, own) and (world := scenario.imperfections):
+        about = f"is about the world of the paper's scenario ({own.imperfections})" if own.imperfections else ""
+        return f"the claim {about}: {world}" if about else f"the theorem assumes an ideal world: {world}"
+    same = point_masses or type(scenario.agents) is type(own.agents)
+    return "" if same else f"agents are {type(scenario.agents).__name__}, not point masses"
+
+
+def _same_kinds(one: Scenario, other: Scenario) -> bool:
+    """Whether agents, information and control of two scenarios are of the same kinds."""
+    return all(
+        type(getattr(one, part)) is type(getattr(other, part)) or (part == "agents" and _are_points(one, other))
+        for part in ("agents", "information", "control")
+    )
+
+
+def _are_points(one: Scenario, other: Scenario) -> bool:
+    return is_point_mass(one.agents) and is_point_mass(other.agents)
 
 
 def paper_claims(scenario: str) -> tuple[Claim, ...] | None:
     """Claims about a paper's scenario by its name; None for any other name.
 
-    All assume point masses in open space, an ideal world, and a law of the paper's form; elsewhere their conclusions
-    are measured by themselves.
+    They are about the world of that scenario, in most papers point masses in open space and an ideal world, and about
+    laws of the paper's form; elsewhere their conclusions are measured by themselves.
     """
     key = paper_of(scenario)
     if not key or scenario not in paper(key).scenarios():
         return None
-    return tuple(replace(claim, setting=_beyond_theorems) for claim in paper(key).claims(scenario))
+    setting = partial(_beyond_theorems, scenario)
+    return tuple(replace(claim, setting=setting) for claim in paper(key).claims(scenario))

@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 
 from flocking.formula.safe_digits import compared_texts
-from flocking.model.bodies.discrete_bodies import Impulsive
+from flocking.model.bodies.body import MOVES_ON
 from flocking.model.checks import NO_LESS
-from flocking.model.graphs.all_pairs import Complete
-from flocking.model.law import Scenario
 from flocking.model.observables import diameters
 from flocking.model.state import State
 from flocking.model.terms.alignment import CuckerSmale
-from flocking.model.world.control import Held
-from flocking.model.world.information import Delayed
 from flocking.papers.cucker_smale_2007 import system
 from flocking.papers.cucker_smale_2007.closed_forms import (
-    delay_limits,
     discrete_step,
     final_distance,
     final_speed,
     pair_invariant,
 )
+from flocking.papers.cucker_smale_2007.hypotheses import (
+    alignment,
+    discrete_system,
+    held_together,
+    late_neighbours,
+    monotone_delay,
+    short_steps,
+    stable_delay,
+    weights_not_summable,
+)
 from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved, refuted
-from flocking.study.certificates.alignment_certificates import Alignment
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below
 from flocking.study.claims.settling import limit_of_series
@@ -39,36 +42,14 @@ CLOSE = 1e-6
 DOWN_TO = 1e-3
 """Share of the first difference of velocities down to which its decay is compared with the bound."""
 
-CRITICAL_EXPONENT = 0.5
-"""Largest beta for which the weights are not summable over the distance."""
-
 SHARE = 3
 """The first and the last of so many parts of a run are compared."""
-
-
-@lru_cache(maxsize=64)
-def _alignment(scenario: Scenario) -> Alignment:
-    found = Alignment(scenario)
-    if not found.holds or found.farthest is None:
-        raise NotMeasurable("the weights do not suffice to hold this start together")
-    return found
-
-
-def held_together(e: Evidence) -> Measure:
-    """D_v(0) against N times the integral of the weight from D_x(0) on."""
-    found = Alignment(e.run.scenario)
-    if not found.holds:
-        raise NotMeasurable("not an alignment of all pairs")
-    now, most = float(found.difference.hi), found.available
-    note = f"velocities differ by up to {now:.4g}, the weights suffice for {most:.4g}"
-    margin = (np.inf if found.unconditional else most - now) if found.farthest is not None else min(most - now, 0.0)
-    return Measure(margin, 0.0, note, everywhere=False)
 
 
 @about(Subject.NET, lasting=True)
 def diameter_bounded(e: Evidence) -> Measure:
     """Largest distance of two agents against X, up to which the integral of the weights is D_v(0)."""
-    bound = _alignment(e.run.scenario).farthest
+    bound = alignment(e.run.scenario).farthest
     assert bound is not None
     return general.at_most(e, "diameter", float(e.diameter.max()), float(bound.hi))
 
@@ -76,7 +57,7 @@ def diameter_bounded(e: Evidence) -> Measure:
 @about(Subject.SPREAD, lasting=True)
 def differences_decay(e: Evidence) -> Measure:
     """D_v(t) against D_v(0) exp(-N phi(X) t), while that is above `DOWN_TO` of its first value."""
-    found = _alignment(e.run.scenario)
+    found = alignment(e.run.scenario)
     assert found.farthest is not None
     rate = float(found.rate(float(found.farthest.hi)).lo)
     first = float(found.difference.hi)
@@ -110,10 +91,25 @@ def _line(e: Evidence) -> tuple[np.ndarray, np.ndarray]:
     return side * (e.q[:, 0, 0] - e.q[:, 1, 0]), side * (e.p[:, 0, 0] - e.p[:, 1, 0])
 
 
+def _line_of_closed_forms(e: Evidence) -> tuple[np.ndarray, np.ndarray]:
+    """What `_line` gives, of two agents with w' = -w/(1 + r^2), of which the closed forms are."""
+    found, agents, terms = _line(e), e.run.scenario.agents, e.law.terms
+    free = agents.order == MOVES_ON and not np.ptp(agents.masses) and not np.any(np.asarray(agents.damping))
+    if len(terms) != 1 or not isinstance(terms[0], CuckerSmale) or not free or not e.run.scenario.space.is_open:
+        raise NotMeasurable("the law is not one alignment of two free agents of one mass")
+    graph = terms[0].over or e.law.graph
+    if graph.moves or int(graph.initial(e.run.scenario.start.q).sum()) != e.run.n * (e.run.n - 1):
+        raise NotMeasurable("the two agents are not linked at all times")
+    rate = 2.0 * terms[0].gain / float(np.max(agents.masses))
+    if rate != 1.0 or terms[0].exponent != 1.0 or terms[0].scale != 1.0:
+        raise NotMeasurable("the relative velocity does not fall at the rate 1/(1 + r^2)")
+    return found
+
+
 @about(Subject.SPREAD, lasting=True)
 def invariant_kept(e: Evidence) -> Measure:
     """W + arctan r at all frames against its first value."""
-    values = pair_invariant(*_line(e))
+    values = pair_invariant(*_line_of_closed_forms(e))
     off = float(np.abs(values - values[0]).max())
     return below(off, CLOSE, f"w + arctan r changed by at most {off:.1e}")
 
@@ -121,7 +117,7 @@ def invariant_kept(e: Evidence) -> Measure:
 @about(Subject.NET)
 def distance_as_predicted(e: Evidence) -> Measure:
     """The last distance against tan(arctan r(0) + w(0))."""
-    r, w = _line(e)
+    r, w = _line_of_closed_forms(e)
     limit = final_distance(float(r[0]), float(w[0]))
     if not np.isfinite(limit):
         raise NotMeasurable("the two agents part for ever")
@@ -129,11 +125,19 @@ def distance_as_predicted(e: Evidence) -> Measure:
     return limit_of_series(e, e.t, off, CLOSE, lambda x: f"distance {r[-1]:.9g}, predicted {limit:.9g}: off by {x:.1e}")
 
 
+def _parting_speed(r: np.ndarray, w: np.ndarray) -> float:
+    """The limit of the relative speed of two agents that are too fast for each other."""
+    limit = final_speed(float(r[0]), float(w[0]))
+    if not limit > 0.0:
+        raise NotMeasurable("the weights suffice to hold the two agents together")
+    return limit
+
+
 @about(Subject.SPREAD)
 def speed_as_predicted(e: Evidence) -> Measure:
     """The last relative speed against w(0) - (pi/2 - arctan r(0)); it falls to it as 1/r."""
-    r, w = _line(e)
-    limit = final_speed(float(r[0]), float(w[0]))
+    r, w = _line_of_closed_forms(e)
+    limit = _parting_speed(r, w)
     # Beyond r the weights can still take pi/2 - arctan r.
     still = np.pi / 2 - np.arctan(r[-1])
     off = abs(w[-1] - limit - still)
@@ -144,8 +148,8 @@ def speed_as_predicted(e: Evidence) -> Measure:
 @about(Subject.NET)
 def parts_for_ever(e: Evidence) -> Measure:
     """The least relative speed against the predicted limit, which is positive."""
-    r, w = _line(e)
-    limit = final_speed(float(r[0]), float(w[0]))
+    r, w = _line_of_closed_forms(e)
+    limit = _parting_speed(r, w)
     least = float(w.min())
     return above(least, 0.5 * limit, f"least relative speed {least:.6g}, predicted limit {limit:.6g}")
 
@@ -172,26 +176,10 @@ def differences_shrink(e: Evidence) -> Measure:
     return below(float(last / first), 1.0, f"largest difference {last:.3g} in the last third, {first:.3g} in the first")
 
 
-def _discrete(e: Evidence) -> tuple[CuckerSmale, float]:
-    """The term and the step of a run of the system in discrete time."""
-    world, terms = e.run.scenario, e.law.terms
-    if not isinstance(world.agents, Impulsive) or world.agents.parameters or world.agents.update != "backward":
-        raise NotMeasurable("velocities are not set at steps, without limits")
-    unit = np.all(np.asarray(world.agents.masses) == 1.0) and not np.any(np.asarray(world.agents.damping))
-    if not unit or len(terms) != 1 or not isinstance(terms[0], CuckerSmale):
-        raise NotMeasurable("the law is not one alignment of undamped unit masses")
-    control = world.control
-    if not isinstance(e.law.graph, Complete) or terms[0].over is not None or not world.space.is_open:
-        raise NotMeasurable("not all pairs align in open space")
-    if not isinstance(control, Held) or np.ndim(control.period) or np.any(control.phase):
-        raise NotMeasurable("agents do not step together from the start on")
-    return terms[0], float(control.period)
-
-
 @about(Subject.SPREAD, lasting=True)
 def steps_as_stated(e: Evidence) -> Measure:
     """Largest difference of a frame from the step of the system from the frame before, by the largest velocity."""
-    term, step = _discrete(e)
+    term, step = discrete_system(e)
     if len(e.t) < 2 or np.abs(np.diff(e.t) - step).max() > CLOSE * step or e.t[0] != e.run.scenario.start.t:
         raise NotMeasurable("the frames are not those of every step")
     e.need_few()
@@ -202,45 +190,6 @@ def steps_as_stated(e: Evidence) -> Measure:
         worst = max(worst, off)
     rounding = 1e-12 * float(np.abs(e.q).max()) / (step * size)
     return below(worst / size, CLOSE * 1e-3 + rounding, f"steps differ by at most {worst / size:.1e} of the speed")
-
-
-def short_steps(e: Evidence) -> Measure:
-    """The step times the largest possible sum of an agent's weights, against 1."""
-    term, step = _discrete(e)
-    most = step * (e.run.n - 1) * term.gain / term.scale ** (2.0 * term.exponent)
-    if term.exponent > CRITICAL_EXPONENT:
-        return Measure(CRITICAL_EXPONENT - term.exponent, 0.0, f"beta = {term.exponent:.4g}", everywhere=False)
-    return Measure(1.0 - most, 0.0, f"h times the sum of the weights is at most {most:.4g}", everywhere=False)
-
-
-def stable_delay(e: Evidence) -> Measure:
-    """The delay against pi/(2 lambda)."""
-    return _delay_below(e, 1)
-
-
-def monotone_delay(e: Evidence) -> Measure:
-    """The delay against 1/(e lambda)."""
-    return _delay_below(e, 0)
-
-
-def _delay_below(e: Evidence, which: int) -> Measure:
-    information = e.run.scenario.information
-    if not isinstance(information, Delayed) or not information.self_delayed:
-        raise NotMeasurable("the own velocity is not known late")
-    if information.of_pairs:
-        raise NotMeasurable("delays differ between pairs")
-    delay = information.largest
-    terms = e.law.terms
-    if (
-        e.run.n != 2
-        or len(terms) != 1
-        or not isinstance(terms[0], CuckerSmale)
-        or terms[0].exponent
-        or not terms[0].gain
-    ):
-        raise NotMeasurable("the run is not one of two agents with constant weights")
-    limit = delay_limits(2.0 * terms[0].gain)[which]
-    return Measure(limit - delay, 0.0, f"delay {delay:.4g}, limit {limit:.4g}", everywhere=False)
 
 
 def grounds() -> Mapping[str, Ground]:
@@ -289,7 +238,7 @@ def _stated(name: str) -> Sequence[Claim]:
         return (
             Claim("agree-late-neighbours", "Rodriguez Cartabia 2020",
                   "With neighbours known late and beta <= 1/2 all velocities become the same, whatever the delay.",
-                  general.velocities_agree, origin=own),
+                  general.velocities_agree, late_neighbours, origin=own),
         )  # fmt: skip
     if name == system.DISCRETE:
         return (
@@ -306,11 +255,11 @@ def _stated(name: str) -> Sequence[Claim]:
         return _of_two(name, own)
     if name == system.KEY:
         agree = Claim("velocities-agree", f"main theorem, {cited}", "For beta < 1/2 all velocities become the same.",
-                      general.velocities_agree)  # fmt: skip
+                      general.velocities_agree, weights_not_summable)  # fmt: skip
     elif name == system.CRITICAL:
         agree = Claim("velocities-agree-critical", "Ha, Liu 2009",
                       "For beta = 1/2 too all velocities become the same, whatever the start.",
-                      general.velocities_agree, origin=own)  # fmt: skip
+                      general.velocities_agree, weights_not_summable, origin=own)  # fmt: skip
     else:
         agree = Claim("agree-if-held", "Ha, Liu 2009",
                       "If D_v(0) is below the integral of the weights from D_x(0) on, all velocities become the same.",

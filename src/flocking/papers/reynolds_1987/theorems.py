@@ -55,6 +55,8 @@ def _period(e: Evidence) -> float:
 
 def _updates(e: Evidence) -> list[tuple[int, int]]:
     """Frames that an update separates from the next one, and how many updates there were before."""
+    if getattr(e.run.scenario.agents, "update", "backward") == "backward":
+        raise NotMeasurable("agents do not take their new velocities at once")
     period, t = _period(e), e.t - e.run.scenario.start.t
     found = []
     for k in np.flatnonzero(np.abs(np.diff(t) - period) < CLOCK * period):
@@ -85,6 +87,11 @@ def force_limited(e: Evidence) -> Measure:
     body = e.run.scenario.agents
     if not isinstance(body, Impulsive) or body.force is None:
         raise NotMeasurable("agents have no largest force")
+    if np.any(np.asarray(body.damping)):
+        raise NotMeasurable("agents are damped too")
+    first = np.linalg.norm(e.p[0], axis=1)
+    if body.speed is not None and (first > np.asarray(body.speed) * (1.0 + ROUNDING)).any():
+        raise NotMeasurable("agents are faster than their largest speed at the start, and are slowed down at once")
     if len(e.t) < 2:
         raise NotMeasurable("the run has one frame")
     # Between frames that are not at updates there may be one update more than fits into their time.

@@ -87,6 +87,8 @@ def speeds_kept(e: Evidence) -> Measure:
 def moved_as_they_headed(e: Evidence) -> Measure:
     """Largest difference of a displacement from one update to the next from the velocity before it."""
     _of_every_update(e)
+    if _body(e).update != "backward":
+        raise NotMeasurable("the update is not that of the paper")
     period = float(np.asarray(e.run.scenario.control.period))  # type: ignore[attr-defined]
     step = e.q[1:] - e.q[:-1] - period * e.p[:-1]
     length = period * float(_speeds(e).max()) + ROUNDING * float(np.abs(e.q).max())
@@ -152,6 +154,8 @@ def within_a_half_plane(e: Evidence) -> Measure:
         return Measure(-1.0, 0.0, "there is noise", everywhere=False)
     if e.p.shape[2] != 2:
         raise NotMeasurable("headings are angles in the plane alone")
+    if e.law != system.law():
+        raise NotMeasurable("the law is not that of the paper")
     width = _width(e.p[0])
     note = f"headings lie within {width:.4g} at the start"
     return Measure(np.pi - width, ROUNDING, note, everywhere=False)

@@ -1,0 +1,1 @@
+"""Worlds that claims of papers are about."""
