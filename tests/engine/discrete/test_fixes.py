@@ -160,3 +160,20 @@ def test_errors_are_refused_where_they_grow_and_nowhere_else():
         else:
             fk.Fixes(period, diffusion=0.1, damping=damping, stiffness=stiffness)
     assert 20 < refused < 180
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0, 1.9, 2.0, 2.1, 10.0])
+def test_steps_under_which_a_velocity_would_swing_ever_further_are_refused(share):
+    """By s' = s + h/tau (v - s): differences from v are multiplied by 1 - h/tau."""
+    law = fk.Law(fk.Proximity(1.0), [fk.SelfPropulsion(1.0)])
+    start = fk.State([[0.0, 0.0], [9.0, 0.0]], [[0.5, 0.0], [0.5, 0.0]])
+    body = fk.VelocityUnit([1.0, 0.01 / share], substeps=20)
+    made = {"agents": body, "control": fk.Held(0.2), "frames": 2}
+    if share < 2.0:
+        run = fk.simulate(fk.Scenario(law, start, 0.2, **made), progress=False)
+        assert_allclose(run.p[1, 1, 0], 1.0 - 0.5 * (1.0 - share) ** 20, atol=1e-12)
+    else:
+        with pytest.raises(fk.InvalidInput, match="substeps must be more than 10 "):
+            fk.Scenario(law, start, 0.2, **{**made, "agents": fk.VelocityUnit([1.0, 0.01], substeps=10)})
+        with pytest.raises(fk.InvalidInput, match="VelocityUnit: substeps must be more than"):
+            fk.Scenario(law, start, 0.2, **made)

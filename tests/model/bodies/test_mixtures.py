@@ -87,3 +87,35 @@ def test_other_engines_refuse_them_by_name(engine):
     made = fk.Scenario(APART, START, t_end=1.0, bodies=fk.Mixture(BODIES, [0, 1, 2, 3]))
     with pytest.raises(UnsupportedLaw, match="Mixture"):
         fk.start(made, engine)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "kinds", "words"),
+    [
+        (3, [0], "bodies must be bodies, such as PointMass; got 3"),
+        ("PointMass", [0], "bodies must be bodies"),
+        ([fk.PointMass()], [True, False], "kinds must be whole numbers"),
+        ([fk.PointMass()], [], "kinds must hold at least 1 agent"),
+        ([fk.PointMass(headings=[0.1, 0.2]), fk.PointMass()], [0, 1], "headings of all bodies or of none"),
+        (
+            [fk.PointMass(headings=[0.1, 0.2]), fk.PointMass(headings=[0.1])],
+            [0, 1],
+            "headings of all bodies or of none",
+        ),
+    ],
+)
+def test_what_is_no_mixture_is_refused_in_a_sentence(bodies, kinds, words):
+    with pytest.raises(fk.InvalidInput, match=words):
+        fk.Mixture(bodies, kinds)
+
+
+def test_agents_of_a_mixture_keep_the_headings_of_their_bodies():
+    """They were dropped, and graphs that look at headings refused the group."""
+    one, two = np.array([0.1, 0.2, 0.3]), np.array([1.1, 1.2, 1.3])
+    bodies = fk.Mixture([fk.PointMass(headings=one), fk.Lagged(fk.PointMass(headings=two), 0.2)], [1, 0, 1])
+    assert bodies.headings.tolist() == [1.1, 0.2, 1.3]
+    start = fk.State([[0.0, 0.0], [0.3, 0.9], [0.9, 0.4]], [[0.1, 0.0], [0.0, 0.2], [0.0, 0.0]])
+    law = fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus(1.0)])
+    run = fk.simulate(fk.Scenario(law, start, 0.1, bodies=bodies, frames=2), progress=False)
+    assert (run.links[0] == law.graph.start_links(start.q, bodies.headings)).all()
+    assert fk.Mixture([fk.PointMass(), fk.Unicycle(0.1)], [0, 1]).headings is None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -41,8 +41,8 @@ class Mixture(Body):
     Raises
     ------
     InvalidInput
-        When there is no body, bodies differ in order, one sets its velocity at ticks, columns of one name differ in
-        width, or a kind names no body.
+        When there is no body or no agent, bodies differ in order, one sets its velocity at ticks, columns of one name
+        differ in width, only some have headings, or a kind names no body.
 
     Examples
     --------
@@ -59,7 +59,8 @@ class Mixture(Body):
         def __init__(self, bodies: Sequence[Body], kinds: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
-        given = (self.bodies,) if isinstance(self.bodies, Body) else tuple(self.bodies)
+        given = (self.bodies,) if isinstance(self.bodies, Body) else self.bodies
+        given = tuple(given) if isinstance(given, Iterable) else ()
         if not given or not all(isinstance(body, Body) for body in given):
             raise InvalidInput("Mixture", "bodies", "must be bodies, such as PointMass", self.bodies)
         object.__setattr__(self, "bodies", given)
@@ -69,6 +70,10 @@ class Mixture(Body):
                 ", ".join(type(body).__name__ for body in given),
             )  # fmt: skip
         kinds = array("Mixture", "kinds", self.kinds, ndim=1)
+        if not len(kinds):
+            raise InvalidInput("Mixture", "kinds", "must hold at least 1 agent", list(kinds))
+        if np.asarray(self.kinds).dtype == bool:
+            raise InvalidInput("Mixture", "kinds", "must be whole numbers", "truth values", "Count the bodies from 0.")
         wrong = ~((kinds >= 0) & (kinds < len(given)) & (kinds == np.rint(kinds)))
         if wrong.any():
             raise InvalidInput(
@@ -82,6 +87,21 @@ class Mixture(Body):
                 raise InvalidInput("Mixture", "bodies", "must have columns of one name in one width", column.name)
         for name in ("masses", "damping"):
             object.__setattr__(self, name, self._chosen([getattr(body, name) for body in given]))
+        self._take_headings()
+
+    def _take_headings(self) -> None:
+        """Take of each agent the heading of its body, where bodies have any."""
+        found = [body.headings for body in self.bodies if body.headings is not None]
+        if not found:
+            return
+        shapes = {each.shape for each in found}
+        if len(found) < len(self.bodies) or len(shapes) > 1 or found[0].shape[:1] != self.kinds.shape:
+            raise InvalidInput(
+                "Mixture", "bodies", "must have headings of all bodies or of none, one for each agent of the group",
+                f"{len(found)} of {len(self.bodies)} with shape {' and '.join(map(str, sorted(shapes)))}",
+            )  # fmt: skip
+        rows = np.arange(len(self.kinds))
+        object.__setattr__(self, "headings", np.stack(found)[self.kinds.astype(np.int64), rows])
 
     def _chosen(self, values: Sequence[float | Array]) -> Array:
         """Of each agent the value of its body, shape (N,); `check_count` refuses arrays of another length."""

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 MOST_SUBSTEPS = 10_000
 """Largest number of steps between two ticks: the work of a tick is that of so many evaluations."""
 
+MOST_SHARE = 2.0
+"""Share of the time constant that a step is below: then 1 - h/tau is above -1, and velocities come to w."""
+
 
 @register_part("velocity_unit")
 @dataclass(frozen=True, eq=False)
@@ -50,7 +53,7 @@ class VelocityUnit(DiscreteBody):
     diffusion
         D of the white noise, in squared velocity by time; not negative.
     substeps
-        Number of steps between two ticks.
+        Number of steps between two ticks; so many that a step is shorter than two time constants.
     seed
         Seed of the noise.
     masses
@@ -126,7 +129,7 @@ class VelocityUnit(DiscreteBody):
         return ", ".join(found)
 
     def check_scenario(self, control: Control, q: Array, p: Array) -> None:
-        """Refuse control without ticks, or with different ticks of the agents.
+        """Refuse control without ticks, or with different ticks of the agents, and steps that are too long.
 
         Parameters
         ----------
@@ -144,6 +147,13 @@ class VelocityUnit(DiscreteBody):
             raise InvalidInput(
                 "Held", "period", "must be the same for all VelocityUnit agents, without a phase", "another control"
             )
+        # A step multiplies what is left of the difference from w by 1 - h/tau.
+        fewest = float(np.max(period)) / (MOST_SHARE * float(np.min(self.time_constant)))
+        if not self.substeps > fewest:
+            raise InvalidInput(
+                "VelocityUnit", "substeps", f"must be more than {fewest:g} for this period and time constant",
+                self.substeps, "In steps of two time constants or more a velocity swings ever further.",
+            )  # fmt: skip
 
     def updated(self, p: Array, u: Array, period: Array, agents: Indices, tick: Indices) -> Array:
         """The desired velocities w, from those of the law.
