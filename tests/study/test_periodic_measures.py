@@ -13,10 +13,12 @@ from flocking.engine.storage.export_formats import observable_table
 from flocking.model.graphs.connectivity import components
 from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.observables import closest_pair
+from flocking.model.potentials.bumps import BUMPS
 from flocking.show.group_series import connectivity
 from flocking.study.claims.conclusions.limits import switching_stops
 from flocking.study.evidence import Evidence
 from flocking.study.linearisation import linearise
+from flocking.study.nets.matrices import adjacency
 from flocking.study.nets.winding import winding
 from flocking.study.potentials.equilibrium import Equilibrium
 from flocking.study.potentials.state_energy import agent_energies, total_energy
@@ -180,3 +182,18 @@ def test_a_scenario_in_space_that_repeats_has_no_rotation_among_its_symmetries()
     scenario = fk.Scenario(LAW, state(), 1.0)
     assert "rotation" in scenario.symmetries
     assert scenario.with_(space=SPACE).symmetries == LAW.symmetries - {"rotation"}
+
+
+def test_the_adjacency_matrix_has_weights_of_nearest_images():
+    s, graph = state(9, 4), fk.Smooth(2.0, 0.4)
+    found = adjacency(graph, s.q, space=SPACE)
+    for i, j in product(range(9), repeat=2):
+        d = np.mod(s.q[j] - s.q[i], LENGTHS)
+        r = min(np.linalg.norm(d - np.array(c) * LENGTHS) for c in product((0, 1), repeat=2))
+        assert found[i, j] == pytest.approx(float(BUMPS["cosine"](r / 2.0, 0.4)) if i != j else 0.0, abs=1e-12)
+    assert (found > 0).sum() > (adjacency(graph, s.q) > 0).sum()
+    given = np.zeros((9, 9), dtype=bool)
+    given[0, 1] = True
+    assert (adjacency(fk.Proximity(1.0), s.q, links=given, space=SPACE) == given).all()
+    with pytest.raises(fk.InvalidInput, match="must be open"):
+        adjacency(fk.FieldOfView(2.0, 1.0), s.q, np.zeros(9), space=SPACE)

@@ -49,6 +49,8 @@ def box(
 
     Parameters
     ----------
+    n
+        Number of agents.
     side
         Side of the box, or one side per axis.
     speed
@@ -66,7 +68,8 @@ def box(
         ``"disc"``: any direction and a magnitude uniform in [0, speed). ``"box"``: each component uniform in
         [0, speed). ``"sphere"``: any direction and the magnitude ``speed``.
     connected_under
-        Graph under which the start must be connected; it is redrawn until it is.
+        Graph under which the start must be connected in open space, whichever way links point; it is redrawn until it
+        is.
     most_agents
         Limit on ``n``, which protects the memory from mistakes.
 
@@ -108,6 +111,10 @@ def ball(
 
     Parameters
     ----------
+    n
+        Number of agents.
+    radius
+        Radius of the ball.
     speed
         Largest speed (``"disc"``), largest component (``"box"``) or speed (``"sphere"``).
     seed
@@ -115,11 +122,14 @@ def ball(
         One of ``seed`` and ``rng`` is given.
     rng
         The same by the name of SPEC 7; a `numpy.random.SeedSequence` too.
+    dimension
+        Number of axes.
     velocities
         ``"disc"``: any direction and a magnitude uniform in [0, speed). ``"box"``: each component uniform in
         [0, speed). ``"sphere"``: any direction and the magnitude ``speed``.
     connected_under
-        Graph under which the start must be connected; it is redrawn until it is.
+        Graph under which the start must be connected in open space, whichever way links point; it is redrawn until it
+        is.
     most_agents
         Limit on ``n``, which protects the memory from mistakes.
 
@@ -154,6 +164,8 @@ def hexagonal(
 
     Parameters
     ----------
+    n
+        Number of agents.
     spacing
         Distance of nearest neighbours.
     noise

@@ -16,6 +16,7 @@ from flocking.model.graphs.functionals import left_eigenvector
 from flocking.model.graphs.graph_weights import weight_function
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.observables import density, flocks
+from flocking.model.space import OPEN, Space
 
 __all__ = [
     "adjacency", "agreement_limit", "algebraic_connectivity", "degree_matrix", "density", "flock_members", "flocks",
@@ -35,7 +36,9 @@ def _matrix(weights: ArrayLike) -> Array:
     return matrix
 
 
-def adjacency(graph: Graph, q: Array, headings: Array | None = None, links: Links | None = None) -> Array:
+def adjacency(
+    graph: Graph, q: Array, headings: Array | None = None, links: Links | None = None, *, space: Space = OPEN
+) -> Array:
     """Spatial adjacency matrix A(q) with the weights of the graph (Olfati-Saber (2), (8), (17), (18)).
 
     Parameters
@@ -48,13 +51,20 @@ def adjacency(graph: Graph, q: Array, headings: Array | None = None, links: Link
         Headings, for graphs that see them.
     links
         Link memory; the graph's initial rule decides when absent.
+    space
+        Space of the agents: lengths of links are those to nearest images.
 
     Returns
     -------
     Array
         a_ij, shape (N, N), 0 where there is no link.
+
+    Raises
+    ------
+    InvalidInput
+        When the graph supports open space alone, and space repeats.
     """
-    linked = graph.start_links(q, headings) if links is None else np.asarray(links, dtype=bool)
+    linked = graph.links_in(space, q, headings) if links is None else np.asarray(links, dtype=bool)
     i, j = np.nonzero(linked)
     values = [
         value.of(headings, len(q))[i, j] if isinstance(value, PairWeights) else value
@@ -63,7 +73,7 @@ def adjacency(graph: Graph, q: Array, headings: Array | None = None, links: Link
     weight = weight_function(graph)
     result = np.zeros((len(q), len(q)))
     with np.errstate(all="ignore"):
-        result[i, j] = weight(pair_distances(q)[i, j], *values)
+        result[i, j] = weight(pair_distances(q, space)[i, j], *values)
     return result
 
 
