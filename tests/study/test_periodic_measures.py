@@ -12,7 +12,7 @@ from flocking.apps.commands.run_summary import facts, summary
 from flocking.engine.storage.export_formats import observable_table
 from flocking.model.graphs.connectivity import components
 from flocking.model.graphs.distance_graphs import pair_distances
-from flocking.model.observables import closest_pair
+from flocking.model.observables import closest_pair, link_length_deviation
 from flocking.model.potentials.bumps import BUMPS
 from flocking.show.group_series import connectivity
 from flocking.study.claims.conclusions.limits import switching_stops
@@ -197,3 +197,60 @@ def test_the_adjacency_matrix_has_weights_of_nearest_images():
     assert (adjacency(fk.Proximity(1.0), s.q, links=given, space=SPACE) == given).all()
     with pytest.raises(fk.InvalidInput, match="must be open"):
         adjacency(fk.FieldOfView(2.0, 1.0), s.q, np.zeros(9), space=SPACE)
+
+
+NEAR = fk.State([[0.0, 0.0], [1.0, 0.0]])
+WIDE = fk.Law(fk.Proximity(3.0), [fk.Gradient(fk.Potential("r**2"))])
+LOOKING = fk.Law(fk.Proximity(1.0), [fk.Cohesion(1.0, 3.0)])
+PURSUING = fk.Law(fk.Proximity(1.0), [fk.Track(fk.Sink([0.0, 0.0]), 1.0, 1.0)])
+AGENT = fk.Agent([0.0, 0.0], [0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda law, space: fk.control(law, NEAR, space=space), lambda law, space: fk.evaluate(law, NEAR, space=space),
+        lambda law, space: fk.total_energy(law, NEAR, space=space),
+        lambda law, space: fk.control_of(law, AGENT, [fk.Agent([1.0, 0.0], [0.0, 0.0])], space=space),
+        lambda law, space: fk.Scenario(law, NEAR, 1.0, space=space),
+    ],
+    ids=["control", "evaluate", "total_energy", "control_of", "Scenario"],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("law", "space", "words"),
+    [
+        (WIDE, fk.Periodic([6.0, 6.0]), "more than twice the largest radius of Proximity"),
+        (WIDE, fk.Periodic([None, 5.0]), "more than twice the largest radius of Proximity"),
+        (WIDE, fk.Periodic([9.0, 9.0, 9.0]), "lengths must be 2"),
+        (WIDE, fk.Periodic([9.0]), "lengths must be 2"),
+        (fk.Law(fk.Complete(), WIDE.terms), fk.Periodic([9.0, 9.0]), "must be open for Complete"),
+        (PURSUING, fk.Periodic([9.0, 9.0]), "must be open for Track"),
+    ],
+)
+def test_forces_in_space_that_repeats_have_the_conditions_of_scenarios(function, law, space, words):
+    """A neighbour with several images within reach counted once, with a word nowhere."""
+    with pytest.raises(fk.InvalidInput, match=words):
+        function(law, space)
+
+
+@pytest.mark.parametrize("lengths", [[6.0, 6.0], [5.0, None]])
+def test_steering_sees_one_image_of_another(lengths):
+    with pytest.raises(fk.InvalidInput, match="more than twice the reach of Cohesion"):
+        fk.control(LOOKING, NEAR, space=fk.Periodic(lengths))
+    assert fk.control(LOOKING, NEAR, space=fk.Periodic([6.1, 6.1])).tolist() == [[1.0, 0.0], [-1.0, 0.0]]
+
+
+@pytest.mark.parametrize("lengths", [[9.0], [9.0, 9.0, 9.0]])
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda space: space.displacement(np.ones((4, 2))), lambda space: space.wrapped(np.ones((4, 2))),
+        lambda space: closest_pair(NEAR, space), lambda space: pair_distances(NEAR.q, space),
+        lambda space: link_length_deviation(NEAR.q, ~np.eye(2, dtype=bool), space),
+    ],
+    ids=["displacement", "wrapped", "closest_pair", "pair_distances", "link_length_deviation"],
+)  # fmt: skip
+def test_space_has_one_length_for_each_axis(function, lengths):
+    """With too few lengths the other axes were taken for endless ones."""
+    with pytest.raises(fk.InvalidInput, match="Periodic: lengths must be 2, one for each axis"):
+        function(fk.Periodic(lengths))

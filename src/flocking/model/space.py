@@ -40,11 +40,20 @@ class Space(ABC):
     def wrapped(self, q: Array) -> Array:
         """Images of positions, shape (..., m), in the box [0, L) of each axis that repeats; as they are on others."""
         found = np.array(q, dtype=np.float64)
+        self._check_axes(found)
         for k, length in enumerate(self.lengths):
             if np.isfinite(length):
                 # The remainder of a small negative number is the length itself.
                 found[..., k] = np.where((r := found[..., k] % length) < length, r, 0.0)
         return found
+
+    def _check_axes(self, vectors: Array) -> None:
+        """Refuse vectors, shape (..., m), of another number of axes."""
+        if self.lengths and vectors.shape[-1:] != (len(self.lengths),):
+            raise InvalidInput(
+                type(self).__name__, "lengths", f"must be {(vectors.shape or (0,))[-1]}, one for each axis",
+                list(self.lengths), "Give inf for open axes.",
+            )  # fmt: skip
 
     def lattice(self, reach: float, dimension: int) -> Array:
         """Vectors from a point to its images, those from which a point may be nearer than ``reach``; shape (K, m).
@@ -124,6 +133,7 @@ class Periodic(Space):
     def displacement(self, difference: Array) -> Array:
         """The vector to the nearest image, from the ``difference`` of two positions, shape (..., m)."""
         found = np.array(difference, dtype=np.float64)
+        self._check_axes(found)
         for k, length in enumerate(self.lengths):
             if np.isfinite(length):
                 d = found[..., k]

@@ -83,9 +83,26 @@ def check_steering(space: Space, terms: Iterable[Steering], bodies: Body) -> Non
                 "Scenario", "agents", f"must be in discrete time under {name}", type(bodies).__name__,
                 "Give agents=Impulsive(...) or Heading(...), and control=Held(period).",
             )  # fmt: skip
-        if space.is_open:
-            continue
-        owner = type(space).__name__
+        check_steering_space(space, (term,))
+
+
+def check_steering_space(space: Space, terms: Iterable[Steering]) -> None:
+    """Check that steering terms can act in a space.
+
+    Parameters
+    ----------
+    space
+        The space of the agents.
+    terms
+        Steering terms of the law.
+
+    Raises
+    ------
+    InvalidInput
+        When in space that repeats a term acts about a place, or sees half a length far or farther.
+    """
+    for term in () if space.is_open else terms:
+        name, owner = type(term).__name__, type(space).__name__
         if term.sees_places:
             raise InvalidInput("Scenario", "space", f"must be open for {name}, which acts about a place", owner)
         if not 2.0 * term.reach < min(space.lengths):

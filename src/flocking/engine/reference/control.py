@@ -28,6 +28,7 @@ from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.law import Law, Scenario
 from flocking.model.space import OPEN, Space
+from flocking.model.space_checks import check_space, check_steering_space
 from flocking.model.state import Agents, State
 
 __all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "evaluate_each"]
@@ -62,8 +63,9 @@ def control(law: Law, state: State, *, agents: Body | None = None, space: Space 
     Raises
     ------
     InvalidInput
-        When law, agents and state disagree in numbers of agents or dimensions, or the force between two neighbours
-        is not finite, as at one point under a potential that is infinite there.
+        When law, agents and state disagree in numbers of agents or dimensions, the law cannot act in the space, as
+        scenarios state, or the force between two neighbours is not finite, as at one point under a potential that is
+        infinite there.
     """
     return _evaluated(law, state, agents, None, space, checked=True).u
 
@@ -89,7 +91,7 @@ def evaluate(
     Raises
     ------
     InvalidInput
-        When law, agents and state disagree in numbers of agents or dimensions.
+        When law, agents and state disagree in numbers of agents or dimensions, or the law cannot act in the space.
     """
     return _evaluated(law, state, agents, energy, space, checked=False)
 
@@ -132,6 +134,8 @@ def _evaluated(
     law.check_count(n, m)
     energy = energy or Energy()
     if taken_apart is None:
+        check_space(space, law.graphs, law.body_terms, m)
+        check_steering_space(space, law.steering_terms)
         layout = Layout(law, energy, agents, space, steering=True)
         taken_apart = layout, array_kernels(layout, m), None
     layout, module, slots = taken_apart
@@ -365,6 +369,8 @@ def control_of(
             "Use control(law, state), which is given the whole group.",
         )  # fmt: skip
     m = len(agent.q)
+    check_space(space, law.graphs, law.body_terms, m)
+    check_steering_space(space, law.steering_terms)
     layout = Layout(law, Energy(), space=space, steering=True)
     module = array_kernels(layout, m)
     lists = neighbours if isinstance(neighbours, Mapping) else {law.graph: neighbours}

@@ -31,6 +31,7 @@ from flocking.model.graph_functional import averages
 from flocking.model.graphs.weights import MatrixWeights
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
+from flocking.model.space_checks import check_space
 from flocking.model.state import Agents
 from flocking.model.terms.potential_reach import check_reach
 from flocking.model.terms.schedules import Schedule
@@ -122,6 +123,7 @@ class Controller:
         self._bodies = Agents(masses, dampings)
         self._check_law()
         law.check_count(self.count, self.m)
+        check_space(space, law.graphs, law.body_terms, self.m)
         self._layout = Layout(law, Energy(), space=space)
         self._kernels = LawKernels(compiled_kernels(self._layout, self.m), 2)
         self._obstacles = ObstacleDistances(law)
