@@ -222,9 +222,10 @@ class Separation(_Cone):
         Distance below which others are seen; positive.
     cosine
         Least cosine of the angle between an agent's velocity and the direction of another that it sees; -1 where it
-        sees all around. It must be exceeded.
+        sees all around. It must be exceeded. An agent at rest sees all around.
     near
-        Distance below which another is seen in any direction.
+        Distance below which another is seen in any direction. One at the same place has no direction: in a cone it is
+        seen where this is positive alone.
     total
         ``"direction"``: the unit vector of the sum; ``"mean"``: the sum divided by the number of those seen; ``"sum"``.
     exponent
