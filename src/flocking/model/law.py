@@ -239,8 +239,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
     energy
         The energy the ledger keeps; the lab-frame energy of the law when absent.
     tolerance
-        Error tolerance of one step of an adaptive engine, relative to distances and speeds at the start and over the
-        time of the run; those of 0.01 to 1 count as 1.
+        Error tolerance of an adaptive step, relative to distances and speeds of the run; those of 0.01 to 1 count as 1.
     name
         What to call it.
     seed

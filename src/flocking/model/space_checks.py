@@ -99,7 +99,7 @@ def check_steering_space(space: Space, terms: Iterable[Steering]) -> None:
     Raises
     ------
     InvalidInput
-        When in space that repeats a term acts about a place, or sees half a length far or farther.
+        When in space that repeats a term acts about a place, or over half a length or more.
     """
     for term in () if space.is_open else terms:
         name, owner = type(term).__name__, type(space).__name__

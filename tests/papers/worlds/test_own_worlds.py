@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,9 +17,16 @@ from flocking.study.claims.claim import Verdict
 NAMES = [(key, name) for key in keys() for name in paper(key).scenarios()]
 
 
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A stand-in for the evidence of a run that has a scenario alone."""
+
+    run: SimpleNamespace
+
+
 def reasons(scenario: fk.Scenario) -> set[str]:
     """Why claims about a scenario of this name are not about this one."""
-    evidence = SimpleNamespace(run=SimpleNamespace(scenario=scenario))
+    evidence = Judged(SimpleNamespace(scenario=scenario))
     return {claim.setting(evidence) for claim in paper_claims(scenario.name)}
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flocking.study.sweeps.table import SweepTable
 
 SummaryRow = dict[str, Any]
-"""A point of a sweep: parameters, and what is said of each measure there."""
+"""A point of a sweep: parameters, and what is shown of each measure there."""
 
 FINE, FAILED_RUNS, INTERRUPTED = 0, 1, 130
 """Exit codes: success, some runs failed, and, as shells have it, 128 + 2 after the interrupt signal."""
