@@ -15,7 +15,7 @@ from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run, 
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import Reading
 from flocking.model.checks import Array, array
-from flocking.model.graphs.distance_graphs import pair_distances
+from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from flocking.model.law import Law, Scenario
 from flocking.model.space import OPEN, Space
 from flocking.model.state import State
@@ -25,21 +25,26 @@ SAMPLES = "samples"
 """Name of the engine in runs made here."""
 
 
-def run_from_samples(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
+def run_from_samples(scenario: Scenario, t: Array, q: Reals, p: Reals, *, begins: bool | None = None) -> Run:
     """A run made of samples of a motion under a declared law.
 
-    Links follow the law's graph from sample to sample; energies are evaluated at the samples, and the powers
+    Links follow the law's graphs from sample to sample; energies are evaluated at the samples, and the powers
     of the ledger are integrated by Simpson's rule. The error is its difference from the trapezoidal rule, and half the
-    jump of the power where links switch.
+    jump of the power where links switch. Where the motion does not begin at the first sample nothing is known of what
+    was before: if links appear and break at different distances, pairs between these are taken as at a start, and
+    audits count their links as uncertain. With further graphs of this kind the run has no ledger.
 
     Parameters
     ----------
     scenario
-        The declared law, agents and energy; its start and end are replaced by the samples'.
+        The declared law, agents and energy; its end is replaced by that of the samples, and its start by the first one.
     t
         Times, ascending, shape (F,).
     q, p
         Positions and velocities, shape (F, N, m).
+    begins
+        Whether the motion begins at the first sample, with the links that the graph has at a start. Where absent: if
+        the start of the scenario has the time and the positions of the first sample.
 
     Raises
     ------
@@ -60,20 +65,37 @@ def run_from_samples(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
         raise InvalidInput("trajectory", "t", "must be at least three ascending times", np.asarray(t)[:5].tolist())
     # Overflow leaves values of the ledger that are not finite.
     with np.errstate(all="ignore"):
-        return _run_of(scenario, t, q, p)
+        return _run_of(scenario, t, q, p, starts_with(scenario, t, q) if begins is None else begins)
 
 
-def _run_of(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
-    graph, space = scenario.law.graph, scenario.space
-    links = [graph.links_in(space, q[0], scenario.agents.headings)]
-    for place in q[1:]:
-        links.append(graph.update(place, links[-1], space))
+def starts_with(scenario: Scenario, t: Array, q: Reals, rounding: float = 0.0) -> bool:
+    """Whether the start of a scenario has the time and the positions of the first sample.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    t, q
+        Times and positions of the samples, shape (F,) and (F, N, m).
+    rounding
+        Most that a coordinate was rounded by where it was stored.
+    """
+    start = scenario.start
+    return bool(start.t == t[0]) and start.q.shape == q[0].shape and bool((np.abs(start.q - q[0]) <= rounding).all())
+
+
+def _run_of(scenario: Scenario, t: Array, q: Reals, p: Reals, begins: bool) -> Run:
+    space, law, given = scenario.space, scenario.law, scenario.start
+    first = given.links if begins and given.n == q.shape[1] else None
+    followed = [_links_of(scenario, graph, q, None if number else first) for number, graph in enumerate(law.graphs)]
+    links = followed[0]
     linked, free = closest_of(t, q, links, space)
-    declared = scenario.with_(
-        start=State(q[0], p[0], float(t[0])), t_end=float(t[-1]), frames=tuple(float(s) for s in t)
-    )
+    # What an audit takes to be known of the memory of links.
+    start = State(q[0], p[0], float(t[0]), links[0] if begins and law.graph.moves else None)
+    declared = scenario.with_(start=start, t_end=float(t[-1]), frames=tuple(float(s) for s in t))
     # In discrete time velocities jump: no powers are integrated, and there is nothing between two updates.
-    trace, rule = (ledger_of([]), LedgerRule()) if scenario.agents.discrete else _ledger(scenario, t, q, p, links)
+    none_kept = unseen_links(law) or scenario.agents.discrete
+    trace, rule = (ledger_of([]), LedgerRule()) if none_kept else _ledger(scenario, t, q, p, followed)
     gap = largest_gap(t, p)
     account = Fidelity(SAMPLES, sampled=True, approaches=Approaches("all", gap), ledger=rule)
     about: dict[str, object] = {"engine": SAMPLES, "gap": gap}
@@ -83,15 +105,56 @@ def _run_of(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
     return Run(declared, t, q, p, np.array(links), none, trace, linked, free, "finished", about, fidelity=account)
 
 
-def _ledger(scenario: Scenario, t: Array, q: Reals, p: Reals, links: list[Links]) -> tuple[Records, LedgerRule]:
-    """The ledger of samples by the powers of the declared law, and how far it is known."""
+def _links_of(scenario: Scenario, graph: Graph, q: Reals, first: Links | None) -> list[Links]:
+    """Links of a graph at every sample: ``first`` at the first one, or where it is None those of a start there."""
+    space, headings = scenario.space, scenario.agents.headings
+    links = [graph.links_in(space, q[0], headings) if first is None else np.asarray(first)]
+    for place in q[1:]:
+        # Graphs that see headings have no memory.
+        links.append(
+            graph.links_in(space, place, headings) if graph.sees_headings else graph.update(place, links[-1], space)
+        )
+    return links
+
+
+def unseen_links(law: Law) -> str:
+    """Why samples of a motion under a law have no ledger: they do not show who is linked, or since which distance.
+
+    Parameters
+    ----------
+    law
+        The law.
+    """
+    for graph in law.graphs[1:]:
+        remembers = np.any(np.asarray(graph.appear_radius) < np.asarray(graph.break_radius))
+        if graph.moves and remembers and not graph.sees_headings:
+            return f"a further graph, {type(graph).__name__}, links pairs by their past"
+    for term in law.pair_terms:
+        graph = law.graphs[law.graph_number(term)]
+        if isinstance(term, Gradient) and graph.sees_headings:
+            return f"links of {type(graph).__name__} appear at distances that samples do not show"
+    return ""
+
+
+def _ledger(
+    scenario: Scenario, t: Array, q: Reals, p: Reals, followed: list[list[Links]]
+) -> tuple[Records, LedgerRule]:
+    """The ledger of samples by the powers of the declared law, and how far it is known.
+
+    Parameters
+    ----------
+    followed
+        Links of each graph of the law at every sample.
+    """
+    links = followed[0]
     with Reading():
         found = evaluate_each(scenario, (State(q[k], p[k], float(t[k]), links[k]) for k in range(len(t))))
     n = q.shape[1]
     unlinked = np.array([0.5 * (n * (n - 1) - int(x.sum())) for x in links]) * scenario.energy.unlinked
     energy = np.array([e.storage + e.kinetic for e in found]) + unlinked
     work = np.array([float((e.u * v).sum()) for e, v in zip(found, p, strict=True)])
-    switched = np.array([bool((a != b).any()) for a, b in itertools.pairwise(links)])
+    pairs = list(zip(*(itertools.pairwise(x) for x in followed), strict=True))
+    switched = np.array([any(bool((a != b).any()) for a, b in each) for each in pairs])
     integrals, errors, switching = zip(
         *(
             _integrate(t, x, switched)
@@ -99,7 +162,7 @@ def _ledger(scenario: Scenario, t: Array, q: Reals, p: Reals, links: list[Links]
         ),
         strict=True,
     )
-    jumped = _jumps(scenario, links)
+    jumped = sum((_jumps(scenario, number, x) for number, x in enumerate(followed)), np.zeros(len(t)))
     trace = np.zeros(len(t), dtype=TRACE_FIELDS)
     trace["time"], trace["energy"], trace["kinetic"] = t, energy, [e.kinetic for e in found]
     trace["work"], trace["dissipated"], trace["supplied"] = integrals
@@ -125,25 +188,35 @@ def _integrate(t: Array, power: Array, switched: NDArray[np.bool_]) -> tuple[Arr
     return fine, float(np.abs(np.diff(fine - coarse))[~switched].sum()), float(jumps.sum())
 
 
-def _jumps(scenario: Scenario, links: list[Links]) -> Array:
-    """Sum of the energy jumps of switches: the stored energy of a pair at the distance where the graph switches it."""
+def _jumps(scenario: Scenario, number: int, links: list[Links]) -> Array:
+    """Sum of the energy jumps of switches: the stored energy of a pair at the distance where its graph switches it.
+
+    Parameters
+    ----------
+    number
+        Number of the graph in the law.
+    links
+        Its links at every sample.
+    """
     law = scenario.law
-    first = np.max(np.asarray(law.graph.appear_radius))
-    last = np.max(np.asarray(law.graph.break_radius))
-    if not law.graph.moves:
+    graph = law.graphs[number]
+    first = np.max(np.asarray(graph.appear_radius))
+    last = np.max(np.asarray(graph.break_radius))
+    if not graph.moves:
         return np.zeros(len(links))
-    gained, lost = (_stored_at(law, float(r)) - scenario.energy.unlinked for r in (first, last))
+    apart = scenario.energy.unlinked if number == 0 else 0.0
+    gained, lost = (_stored_at(law, number, float(r)) - apart for r in (first, last))
     new = np.array([0, *(int((b & ~a).sum()) for a, b in itertools.pairwise(links))])
     broken_links = np.array([0, *(int((a & ~b).sum()) for a, b in itertools.pairwise(links))])
     steps = 0.5 * (np.where(new > 0, new * gained, 0.0) - np.where(broken_links > 0, broken_links * lost, 0.0))
     return np.asarray(np.cumsum(steps))
 
 
-def _stored_at(law: Law, r: float) -> float:
-    """Energy a linked pair stores just inside distance ``r``, summed over the potentials of the law's own graph."""
+def _stored_at(law: Law, number: int, r: float) -> float:
+    """Energy a linked pair stores just inside distance ``r``, summed over the potentials of a graph of the law."""
     # The weight of a smooth graph is zero where a link breaks.
-    smooth = law.graph.structure != ("hard",)
-    terms = [t for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
+    smooth = law.graphs[number].structure != ("hard",)
+    terms = [t for t in law.pair_terms if isinstance(t, Gradient) and law.graph_number(t) == number]
     return 0.0 if smooth else float(sum(float(t.potential(r)) for t in terms))
 
 

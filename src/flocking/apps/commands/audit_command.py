@@ -158,9 +158,9 @@ def _audit_samples(
     with Wait("audit"):
         stage("reading the samples")
         samples = read_samples(path, columns=columns, time_step=time_step)
-        scenario = None if law is None else _law(law, samples)
+        scenario, begins = (None, None) if law is None else _law(law, samples)
         stage("estimating what the samples leave out")
-        motion = motion_of(samples, scenario, radius=radius)
+        motion = motion_of(samples, scenario, radius=radius, begins=begins)
         claims = None if scenario is None else paper_claims(scenario.name)
         report = motion.audit() if claims is None else audit_claims(motion.run, claims)
         if html is not None:
@@ -219,16 +219,24 @@ def _numbers(names: tuple[str, ...]) -> str:
     return f"; below they are numbered: {listed}{rest if len(names) > MOST_NAMED else ''}"
 
 
-def _law(name: str, samples: Samples) -> Scenario:
-    """The declared law; a file without a start gets that of the samples."""
+def _law(name: str, samples: Samples) -> tuple[Scenario, bool | None]:
+    """The declared law; a file without a start gets that of the samples, of which nothing says that it is one.
+
+    The second is False for such a file, and else None: `motion_of` compares the start with the samples.
+    """
     from flocking.apps.scenario_names import find_scenario
     from flocking.model.state import State
-    from flocking.study.scenario_files.scenario_file import read_scenario
+    from flocking.study.scenario_files.scenario_file import ScenarioFileError, read_scenario
 
     if Path(name).suffix != ".toml" and not Path(name).exists():
-        return find_scenario(name, None, None)
+        return find_scenario(name, None, None), None
     speeds = samples.q[0] * 0.0 if samples.p is None else samples.p[0]
-    return read_scenario(name, start=State(samples.q[0], speeds, float(samples.t[0])))
+    first = State(samples.q[0], speeds, float(samples.t[0]))
+    try:
+        return read_scenario(name), None
+    except ScenarioFileError:
+        # Without a start, or with faults, which are listed now.
+        return read_scenario(name, start=first), False
 
 
 def _named_columns(texts: list[str]) -> dict[str, str]:

@@ -36,12 +36,7 @@ def apart_at_samples(e: Evidence) -> Measure:
     if not np.isfinite(c.distance):
         return Measure(np.inf, 0.0, "one agent")
     note = f"closest {c.distance:.4g} at t = {e.when(c.time, 3)} (agents {c.pair[0]}, {c.pair[1]})"
-    return above(c.distance, 0.0, note, distance_error(e))
-
-
-def distance_error(e: Evidence) -> float:
-    """Error of a distance from those of two positions."""
-    return 2.0 * e.position_error * float(np.sqrt(e.q.shape[2]))
+    return above(c.distance, 0.0, note, e.distance_error)
 
 
 def _radius(e: Evidence) -> float:
@@ -52,7 +47,7 @@ def _radius(e: Evidence) -> float:
 def connected_at_samples(e: Evidence) -> Measure:
     """Whether agents within the radius form one group at every sample, whatever the errors of the distances."""
     e.need_few()
-    error, radius, doubtful = distance_error(e), _radius(e), -1
+    error, radius, doubtful = e.distance_error, _radius(e), -1
     for frame, q in enumerate(e.q):
         distance = e.distances(q)
         if is_connected(distance < radius - error):
@@ -69,7 +64,7 @@ def connected_at_samples(e: Evidence) -> Measure:
 def neighbours_kept(e: Evidence) -> Measure:
     """Number of pairs within the radius at the first sample that are not within it at another one."""
     e.need_few()
-    error, radius = distance_error(e), _radius(e)
+    error, radius = e.distance_error, _radius(e)
     first = e.distances(e.q[0])
     # Distances of agents to themselves are infinite; agents at one point are neighbours.
     sure, possible = np.triu(first < radius - error, 1), np.triu(first < radius + error, 1)

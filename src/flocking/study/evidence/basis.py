@@ -14,6 +14,7 @@ from flocking.model.checks import Array
 from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.law import Law
 from flocking.model.state import State
+from flocking.study.trajectory import unseen_links
 
 MOST_DENSE = 4000
 """Largest group whose pairs are evaluated all at once, a bound on memory: 16 million pairs."""
@@ -89,6 +90,11 @@ class RunEvidence:
     def position_error(self) -> float:
         """Estimated error of any coordinate of a sampled position; 0 where it is taken as exact."""
         return self._stated_error("position_error", self.fidelity.position_error)
+
+    @property
+    def distance_error(self) -> float:
+        """Error of a distance of two sampled agents from those of their positions."""
+        return 2.0 * self.position_error * float(np.sqrt(self.run.q.shape[2]))
 
     @staticmethod
     def _stated_error(name: str, error: float) -> float:
@@ -204,6 +210,12 @@ class RunEvidence:
             raise NotResolvable(f"the links at t = {self.when(self.t[frame])} link an agent to itself")
         return self.run.state(frame)
 
+    @property
+    def why_no_ledger(self) -> str:
+        """Why a run of samples under a law of continuous time has no ledger, after a colon; else empty."""
+        why = unseen_links(self.law) if self.sampled else ""
+        return f": {why}" if why else ""
+
     @cached_property
     def trace(self) -> Records:
         """The ledger, fields `flocking.engine.runs.run.TRACE_FIELDS`.
@@ -217,7 +229,7 @@ class RunEvidence:
         """
         trace = self.run.trace
         if not len(trace):
-            raise NotMeasurable("the run has no ledger to check its motion")
+            raise NotMeasurable(f"the run has no ledger to check its motion{self.why_no_ledger}")
         for name in trace.dtype.names or ():
             if not (np.abs(trace[name]) <= LARGEST).all():
                 raise NotResolvable(f"the ledger holds values of {name} that are not finite or too large")

@@ -73,7 +73,7 @@ class LedgerEvidence(LinkEvidence):
         """
         rule = self.fidelity.ledger
         if rule.kind == "unknown":
-            raise NotResolvable("the run does not state the bound of its ledger")
+            raise NotResolvable(f"the run does not state the bound of its ledger{self.why_no_ledger}")
         size = stated(rule.size, "the bound of its ledger")
         if rule.kind == "share":
             rounding = ENERGY_ROUNDING * float(np.finfo(self.run.q.dtype).eps) * self._largest_energy
@@ -152,8 +152,11 @@ class LedgerEvidence(LinkEvidence):
         The ledger of an engine sums over the links it used, right or wrong. Earlier frames may belong to a law that was
         replaced during the run.
         """
-        graph, state = self.law.graph, self.state(-1) if len(self.run.t) else None
-        if state is None or state.links is None or graph.sees_headings or not self.switches_known:
+        graph = self.law.graph
+        if not len(self.run.t) or graph.sees_headings or not self.switches_known:
+            return ""
+        state = self.state(-1)
+        if state.links is None:
             return ""
         distance = self.distances(state.q)
         if graph.moves:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flocking.arrays import AnyArray, Reals, Records
 from flocking.engine.runs.message_log import AT_START, LEADER_SENDER, PRESENT
 from flocking.model.graphs.connectivity import Links, components, is_connected
+from flocking.model.state import State
 from flocking.model.world.control import Held
 from flocking.model.world.information import Delayed, Messages
 from flocking.model.world.times import NANOSECOND, Instants
@@ -43,6 +44,12 @@ class LinkEvidence(RunEvidence):
         if links.shape != (len(self.t), n, n):
             raise NotMeasurable(f"frames of {n} agents hold no link matrices")
         return np.asarray(links, dtype=bool)
+
+    def state(self, frame: int) -> State:
+        """State at a frame, with its links; raises as that of `RunEvidence`, and as `links_at` does for samples."""
+        if self.sampled and self.law.graph.moves and len(self.run.links):
+            self.links_at(frame)
+        return super().state(frame)
 
     @cached_property
     def yet_to_meet(self) -> str:
@@ -136,24 +143,34 @@ class LinkEvidence(RunEvidence):
     def uncertain_links(self) -> NDArray[np.bool_]:
         """Pairs whose links are uncertain at the frames, shape (F, N, N).
 
-        The links of samples follow from the graph's rule and the sampled positions. Where links appear and break at
-        different distances, a pair that may have crossed one of them between two samples is uncertain until it is
-        inside or outside both.
+        The links of samples follow from the graph's rule and the sampled positions. A pair whose distance is within its
+        error of a radius is uncertain. Where links appear and break at different distances, a pair that may have
+        crossed one of them between two samples is uncertain until it is inside or outside both; so is one that is
+        between both at the first sample, unless the start states its links.
         """
         links, graph = self.frame_links, self.law.graph
         uncertain = np.zeros_like(links)
-        enters, leaves = (np.asarray(r)[..., None] for r in (graph.appear_radius, graph.break_radius))
-        if not self.sampled or not graph.moves or (enters >= leaves).all():
+        if not self.sampled or not graph.moves:
             return uncertain
+        enters, leaves = (np.asarray(r)[..., None] for r in (graph.appear_radius, graph.break_radius))
+        error = self.distance_error
+        if not error and (enters >= leaves).all():
+            return uncertain
+        # Within these a link depends on what was before, or on the error.
+        near, far = np.minimum(enters, leaves) - error, leaves + error
         before, rate_before = self._distances(0)
-        if self.t[0] != self.run.scenario.start.t:
-            uncertain[0] = (before >= enters) & (before < leaves)
+        rate_error = 2.0 * self.velocity_error * float(np.sqrt(self.q.shape[2]))
+        known = self.run.scenario.start.links is not None
+        uncertain[0] = (before >= (leaves - error if known else near)) & (before < far)
+        np.fill_diagonal(uncertain[0], False)
         for k in range(1, len(self.t)):
             now, rate = self._distances(k)
-            travel = FASTER * (self.t[k] - self.t[k - 1]) * np.maximum(rate_before, rate)
-            nearest, farthest = (before + now - travel) / 2, (before + now + travel) / 2
+            fastest = FASTER * np.maximum(rate_before, rate) + rate_error
+            travel = (self.t[k] - self.t[k - 1]) * fastest + 2.0 * error
+            nearest = np.minimum((before + now - travel) / 2, now - error)
+            farthest = np.maximum((before + now + travel) / 2, now + error)
             crossed = np.where(links[k - 1], farthest >= leaves, nearest < enters) | uncertain[k - 1]
-            uncertain[k] = crossed & (now >= enters) & (now < leaves)
+            uncertain[k] = crossed & (now >= near) & (now < far)
             np.fill_diagonal(uncertain[k], False)
             before, rate_before = now, rate
         return uncertain
@@ -331,12 +348,19 @@ class LinkEvidence(RunEvidence):
         return self.links_lost if self.switches_known else self._seen(False)
 
     def _seen(self, appear: bool) -> int:
-        """Number of certain changes of links between neighbouring frames; 0 where frames hold no links."""
+        """Number of certain changes of links from frame to frame; 0 where frames hold no links.
+
+        Where a pair is uncertain at some frames, those before and after them count.
+        """
         if self.run.links.shape != (len(self.run.t), self.run.n, self.run.n):
             return 0
-        sure, then = ~self.uncertain_links, self.frame_links if appear else ~self.frame_links
-        pairs = ~then[:-1] & then[1:] & sure[:-1] & sure[1:]
-        return int(pairs.sum()) // (1 if self.law.graph.directed else 2)
+        found, last = 0, self.frame_links[0].copy()
+        known = ~self.uncertain_links[0]
+        for links, uncertain in zip(self.frame_links[1:], self.uncertain_links[1:], strict=True):
+            changed = known & ~uncertain & (links if appear else ~links) & (last != links)
+            found += int(changed.sum())
+            last, known = np.where(uncertain, last, links), known | ~uncertain
+        return found // (1 if self.law.graph.directed else 2)
 
     @cached_property
     def last_switch(self) -> float:

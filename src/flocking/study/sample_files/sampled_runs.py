@@ -21,7 +21,7 @@ from flocking.study.sample_files.jumps import largest_jump
 from flocking.study.sample_files.samples import LARGEST_FILE, Samples
 from flocking.study.sample_files.velocities import SPREADS, WINDOW, Velocities, smoothed_velocities
 from flocking.study.sample_files.velocity_check import doubted_velocities
-from flocking.study.trajectory import SAMPLES, closest_of, largest_gap, run_from_samples
+from flocking.study.trajectory import SAMPLES, closest_of, largest_gap, run_from_samples, starts_with
 
 DRAWS = 4
 """Random perturbations whose largest effect on the ledger estimates the error that estimated velocities cause. One of
@@ -69,7 +69,9 @@ class SampledMotion:
         return audit(self.run, [*beside, *(claim for claim in GENERAL if claim.key not in named)])
 
 
-def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: float | None = None) -> SampledMotion:
+def motion_of(
+    samples: Samples, scenario: Scenario | None = None, *, radius: float | None = None, begins: bool | None = None
+) -> SampledMotion:
     """A run of samples under a declared law, or without one.
 
     Where velocities are missing they are estimated (`smoothed_velocities`); where positions contradict them, the
@@ -85,6 +87,9 @@ def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: flo
         The declared law, agents and energy; its start and end are replaced by those of the samples.
     radius
         Radius within which agents are neighbours, for samples without a law.
+    begins
+        Whether the motion begins at the first sample, so that links are there as the graph of the law has them at a
+        start. Where absent: if the start of the scenario has the time and the positions of the first sample.
 
     Raises
     ------
@@ -112,10 +117,14 @@ def motion_of(samples: Samples, scenario: Scenario | None = None, *, radius: flo
         raise InvalidInput("audit", "law", "must be in open space", scenario.space, "Samples are judged as they are.")
     if scenario.start.q.shape[1] != m:
         raise InvalidInput("audit", "law", f"must be in {m} dimensions, as the samples", scenario.start.q.shape[1])
-    declared = scenario.with_(start=State(samples.q[0], p[0], float(samples.t[0])), t_end=float(samples.t[-1]))
-    run = run_from_samples(declared, samples.t, samples.q, p)
+    if begins is None:
+        begins = starts_with(scenario, samples.t, samples.q, samples.rounding[0])
+    given = scenario.start.links if begins else None
+    start = State(samples.q[0], p[0], float(samples.t[0]), given)
+    declared = scenario.with_(start=start, t_end=float(samples.t[-1]))
+    run = run_from_samples(declared, samples.t, samples.q, p, begins=begins)
     if found is not None:
-        run = _widened(run, found, _residual_changes(declared, run, found))
+        run = _widened(run, found, _residual_changes(run, found))
     return SampledMotion(_with_errors(run, found, samples), True)
 
 
@@ -159,7 +168,7 @@ def _described(found: Velocities) -> str:
     )
 
 
-def _residual_changes(scenario: Scenario, run: Run, found: Velocities) -> float:
+def _residual_changes(run: Run, found: Velocities) -> float:
     """Largest change of the ledger's residual under perturbations as large as the estimated errors.
 
     Infinite where positions jump: distances, and energies with them, may be those of other agents or images.
@@ -172,7 +181,9 @@ def _residual_changes(scenario: Scenario, run: Run, found: Velocities) -> float:
     for _ in range(DRAWS):
         noise_q = found.noise * draw.standard_normal(q.shape)
         motions.append((q + noise_q, p + found.error / SPREADS * draw.standard_normal(p.shape)))
-    changes = [run_from_samples(scenario, t, places, speeds).residual - run.residual for places, speeds in motions]
+    # With the links that the run has at its start, where it has some.
+    moved = [run_from_samples(run.scenario, t, places, speeds, begins=True) for places, speeds in motions]
+    changes = [each.residual - run.residual for each in moved]
     sizes = [float(np.abs(change).max(initial=0.0)) for change in changes]
     return float(np.max(sizes)) if np.isfinite(sizes).all() else float("inf")
 

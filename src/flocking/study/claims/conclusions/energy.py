@@ -178,6 +178,6 @@ def needs_passive(e: Evidence) -> str:
 def needs_ledger(e: Evidence) -> str:
     """Why there is no ledger: none was recorded, or samples hold no velocities to compute one."""
     if len(e.run.trace) < 2:
-        return "the run has no ledger"
+        return f"the run has no ledger{e.why_no_ledger}"
     sampled = e.sampled and e.run.scenario.agents.order == 1
     return "samples of agents of order 1 hold no velocities" if sampled else ""
