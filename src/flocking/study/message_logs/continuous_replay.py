@@ -163,7 +163,7 @@ class ContinuousReplay(SecondComputation):
             if not graph.moves:
                 continue
             links: Links = self.links[number]
-            slack = world.near * (1.0 + np.where(links, leave, appear))
+            slack = world.near * (1.0 + np.where(links, leave, appear)) + 2.0 * world.off_q
             late = watched & np.where(links, apart > leave + slack, apart < appear - slack)
             if graph.sees_headings:
                 inside = self._inside(graph, offset)

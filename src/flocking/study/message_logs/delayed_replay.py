@@ -19,18 +19,16 @@ from flocking.study.message_logs.logged_world import NEAR
 from flocking.study.message_logs.recorded_motion import Between, RecordedMotion
 from flocking.study.message_logs.reference_law import ReferenceLaw
 from flocking.study.message_logs.replay_result import MOST_ERRORS, Replay, WrongEntry
-from flocking.study.message_logs.second_computation import SAME_FORCE
+from flocking.study.message_logs.second_computation import (
+    JUDGED,
+    ROUNDED_FORCE,
+    SAME_FORCE,
+    SURE,
+    force_digits,
+)
 
 STEPS_OFF = 100.0
 """Error of stored states in tolerances of the run: that of the steps between two frames of most runs."""
-
-SURE = 2.0
-"""Ratio of the difference of forces that is allowed to that by which they change with the errors of what is known: to
-first order they change by no more than that; the rest is for the second one."""
-
-JUDGED = 0.01
-"""Largest difference of forces, relative to 1 and to them, within which an act counts as judged: where errors of what
-is known allow more, it counts as undecided. A convention, far below the change when a neighbour is left out."""
 
 
 class DelayedReplay:
@@ -64,6 +62,7 @@ class DelayedReplay:
         self._radii = [radii_of(graph, self.n) for graph in self.graphs]
         self.near = NEAR + STEPS_OFF * scenario.tolerance
         self.undecided = 0
+        self._largest_force = 0.0
 
     def result(self) -> Replay:
         """What was found."""
@@ -196,20 +195,21 @@ class DelayedReplay:
             return self.law.force(agent, (q[agent], p[agent]), lists, time)
 
         again, allowed = force(), 0.0
-        off, size = float(np.abs(again - stored).max()), 1.0 + float(np.abs(again).max())
-        if off <= SAME_FORCE * size:
+        off, size = float(np.abs(again - stored).max()), float(np.abs(again).max())
+        self._largest_force = max(self._largest_force, size)
+        if off <= max(SAME_FORCE * size, ROUNDED_FORCE * self._largest_force):
             return
         for j in used:
             for axis in np.eye(len(stored)):
                 allowed += float(np.abs(force(j, off_q[j] * axis) - again).max())
                 allowed += float(np.abs(force(j, 0.0, off_p[j] * axis) - again).max())
-        if off <= SAME_FORCE * size + SURE * allowed:
-            self.undecided += SURE * allowed > JUDGED * size
+        if off <= SURE * allowed:
+            self.undecided += SURE * allowed > JUDGED * self._largest_force
             return
         yield self._finding(
             seconds, agent, None,
-            f"its force is logged as {np.round(stored, 6).tolist()}; from the states that it knew, the law gives "
-            f"{np.round(again, 6).tolist()} within {SURE * allowed:.3g}",
+            f"its force is logged as {force_digits(stored, off)}; from the states that it knew, the law gives "
+            f"{force_digits(again, off)} within {SURE * allowed:.3g}",
         )  # fmt: skip
 
     def _may_meet(self, q: Array, off: float, t: float) -> bool:

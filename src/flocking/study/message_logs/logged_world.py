@@ -172,6 +172,34 @@ def sizes_of(run: Run, motion: ForcedMotion | IntegratedForcedMotion) -> Sizes:
     return Sizes(*(min(1.0, x) for x in found))
 
 
+ROUNDINGS = 16.0
+"""Units of rounding by which two computations in closed form may differ where a force changes: each is a sum of few
+products there, and no force follows from what was rounded."""
+
+
+def uncertainty_of(run: Run, motion: ForcedMotion | IntegratedForcedMotion) -> tuple[float, float]:
+    """By how much coordinates of positions and of velocities may differ in two computations of a run.
+
+    Where motions are in closed form it is rounding, which grows with the distance from the origin and with the number
+    of changes of a force; else what errors of steps may amount to.
+
+    Parameters
+    ----------
+    run
+        The run, whose times alone are read.
+    motion
+        Its motion.
+    """
+    start = run.scenario.start
+    seconds = [float(t) - start.t for t in run.t[:: max(1, len(run.t) // MOST_SIZES)]]
+    states = [(start.q, start.p if motion.order > 1 else 0.0 * start.p), *(motion.states(s) for s in seconds)]
+    length, speed = (max(float(np.abs(x[k]).max(initial=0.0)) for x in states) for k in (0, 1))
+    if motion.error or not isinstance(motion, ForcedMotion):
+        return motion.error * (1.0 + length), motion.error * (1.0 + speed)
+    unit = ROUNDINGS * float(np.finfo(np.float64).eps) * max(len(changes) for changes in motion.begins)
+    return unit * (length + speed * max([0.0, *seconds])), unit * speed
+
+
 class LoggedWorld:
     """What the declared world states of a run whose forces are those of its log.
 
@@ -197,6 +225,7 @@ class LoggedWorld:
         else:
             self.motion = ForcedMotion(scenario, log)
         self.sizes = sizes_of(run, self.motion)
+        self.off_q, self.off_p = uncertainty_of(run, self.motion)
         self.near = NEAR + self.motion.error
         """As `NEAR`, where the motion of the run has errors of steps."""
         self.n, self.m = self.motion.n, self.motion.m

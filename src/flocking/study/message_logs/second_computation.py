@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.runs.message_log import AT_START, LEADER, LEADER_SENDER, OWN, PRESENT, MessageLog
 from flocking.engine.runs.run import Run
+from flocking.errors import FlockingError
 from flocking.model.law import Scenario
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.arrivals import NEVER
@@ -16,12 +19,19 @@ from flocking.study.message_logs.logged_world import LoggedWorld
 from flocking.study.message_logs.replay_result import WrongEntry
 
 SAME_FORCE = 1e-7
-"""Difference of two computations of a force, relative to a size of the run and to it: steep potentials amplify the
-rounding of positions, 1e-16 of them, by up to their second derivative, for which this leaves 1e9."""
+"""Difference of two computations of a force, relative to it, that is looked into no further."""
 
-STEEP = 100.0
-"""Largest change of a force, relative to 1 and to it, over that of positions by which it is taken to change where both
-motions have errors of steps: forces of steeper laws are reported where they agree with nothing that the log names."""
+ROUNDED_FORCE = 1e-12
+"""The same, relative to the largest force that was computed so far: forces that cancel leave rounding."""
+
+SURE = 2.0
+"""Ratio of the difference of forces that is allowed to that by which they change with the errors of what is known: to
+first order they change by no more than that; the rest is for the second one."""
+
+JUDGED = 0.01
+"""Largest difference of forces, relative to the largest one computed so far, within which an act counts as judged:
+where errors of what is known allow more, it counts as undecided. A convention, far below the change when a neighbour is
+left out. The same of positions at frames, relative to the size of the group and to how far it moved."""
 
 Uses = dict[tuple[int, int], int]
 """Number of the sample that is used, by graph and sender."""
@@ -41,6 +51,7 @@ class SecondComputation:
         self.world = LoggedWorld(run, scenario, log)
         self.links = list(self.world.scenario.links_at_start)
         self.undecided = 0
+        self._largest_force = 0.0
 
     def _finding(self, instant: float, agent: int, entry: int | None, what: str) -> WrongEntry:
         return WrongEntry(self.world.base + instant * NANOSECOND, agent, entry, what)
@@ -51,19 +62,22 @@ class SecondComputation:
 
     def _frames(self) -> Iterator[WrongEntry]:
         """Frames against the motion under the logged forces."""
-        run = self.run
+        run, world = self.run, self.world
+        start, sizes = world.scenario.start, world.sizes
         for k, t in enumerate(run.t):
             if self._is_open(k):
                 continue
-            q, p = self.world.motion.states(float(t) - self.world.base)
-            sizes = self.world.sizes
-            compared = [("position", q, run.q[k], sizes.place)]
-            if self.world.motion.order > 1:
-                compared.append(("velocity", p, run.p[k], sizes.velocity))
-            for name, again, stored, size in compared:
+            q, p = world.motion.states(float(t) - world.base)
+            # By the size of what is computed here: a stored number must not widen what it is compared within.
+            extent = max(float(np.ptp(q, axis=0).max()), float(np.abs(q - start.q).max()))
+            compared = [("position", q, run.q[k], world.near * (sizes.place + extent) + world.off_q, extent)]
+            if world.motion.order > 1:
+                fastest = float(np.abs(p).max())
+                compared.append(("velocity", p, run.p[k], world.near * (sizes.velocity + fastest), fastest))
+            for name, again, stored, allowed, size in compared:
                 off = np.abs(again - stored).max(axis=1)
-                # By the size of what is computed here: a stored number must not widen what it is compared within.
-                bad = np.flatnonzero(~(off <= self.world.near * (size + np.abs(again).max())))
+                bad = np.flatnonzero(~(off <= allowed))
+                self.undecided += int((off > SAME_FORCE * size).sum()) if allowed > JUDGED * size else 0
                 if bad.size:
                     agent = int(bad[0])
                     yield WrongEntry(
@@ -92,20 +106,65 @@ class SecondComputation:
         for graph in range(len(world.graphs)):
             received = [(key[1], *world.received(samples[key], instant)) for key in sorted(logged) if key[0] == graph]
             others[graph] = received
-        again = world.force(agent, (own.q, own.p), others, instant, logged.get((LEADER, LEADER_SENDER)))
+        leaders = logged.get((LEADER, LEADER_SENDER))
+        again = world.force(agent, (own.q, own.p), others, instant, leaders)
         stored = self.log.forces[row]
-        off = float(np.abs(again - stored).max())
-        size = self.world.sizes.force + float(np.abs(again).max())
-        if off <= (SAME_FORCE + STEEP * self.world.motion.error) * size:
+        off, size = float(np.abs(again - stored).max()), float(np.abs(again).max())
+        self._largest_force = max(self._largest_force, size)
+        allowed = 0.0
+        if not off <= max(SAME_FORCE * size, ROUNDED_FORCE * self._largest_force):
+            age = max((instant - x.instant for x in samples.values()), default=0) * NANOSECOND
+            allowed = SURE * self._change(agent, (own.q, own.p), others, (instant, leaders), again, age)
+            self.undecided += (not open_) and off <= allowed and allowed > JUDGED * self._largest_force
+        if off <= max(SAME_FORCE * size, ROUNDED_FORCE * self._largest_force, allowed):
             self.undecided += open_
         elif open_:
             self.undecided += 1
         else:
             yield self._finding(
                 instant, agent, None,
-                f"its force is logged as {np.round(stored, 6).tolist()}; from the samples that the log names, the law "
-                f"gives {np.round(again, 6).tolist()}",
+                f"its force is logged as {force_digits(stored, off)}; from the samples that the log names, the law "
+                f"gives {force_digits(again, off)}",
             )  # fmt: skip
+
+    def _change(
+        self, agent: int, own: tuple[Array, Array], others: Mapping[int, list[tuple[int, Array, Array]]],
+        when: tuple[int, int | None], force: Array, age: float,
+    ) -> float:  # fmt: skip
+        """By how much a force changes with what positions and velocities are uncertain by; infinite at a pole.
+
+        Parameters
+        ----------
+        own
+            Position and velocity by which the agent knows itself.
+        others
+            Neighbours by the number of the graph: who, position and velocity.
+        when
+            Nanosecond of the act, and the sample by which leaders are known.
+        force
+            The force.
+        age
+            Age of the oldest sample in seconds: positions that are moved on are uncertain by velocities, too.
+        """
+        world = self.world
+        off_q = world.off_q + (age * world.off_p if world.messages is not None and world.messages.predict else 0.0)
+        axes = np.eye(world.m)
+        moves = [(off_q * axis, 0.0 * axis) for axis in axes] + [(0.0 * axis, world.off_p * axis) for axis in axes]
+        found = 0.0
+        for j in sorted({agent, *(x[0] for listed in others.values() for x in listed)}):
+            for by_q, by_p in moves:
+                mine = (own[0] + by_q, own[1] + by_p) if j == agent else own
+                lists = {
+                    graph: [(k, q + by_q, p + by_p) if k == j else (k, q, p) for k, q, p in listed]
+                    for graph, listed in others.items()
+                }
+                try:
+                    moved = world.force(agent, mine, lists, *when)
+                except FlockingError:
+                    return np.inf
+                change = float(np.abs(moved - force).max())
+                found += change if np.isfinite(change) else np.inf
+        return found
 
     def _expected(self, instant: int, agent: int, logged: Uses) -> tuple[Uses, bool]:
         """What an agent is to use, and whether rounding leaves some of it open; link memory goes on from it."""
@@ -128,7 +187,8 @@ class SecondComputation:
                     offset = world.space.displacement(place - own.q)
                     inside, level = margin_of(graph, world.scenario.agents.headings, (agent, j), near, offset)
                     near = there[j] and inside > 0.0
-                    doubtful = sample.open or own.open or abs(inside) <= world.near * (world.sizes.place + level)
+                    within = world.near * (world.sizes.place + level) + 2.0 * world.off_q
+                    doubtful = sample.open or own.open or abs(inside) <= within
                     if there[j] and doubtful:
                         near, undecided = (number, j) in logged, True
                     mine[j] = near
@@ -172,3 +232,18 @@ class SecondComputation:
         if expected is None:
             return f"{found}, of which it knew nothing young enough, or which was no neighbour by what it knew"
         return f"{found}, where sample {expected} was the newest that had arrived"
+
+
+def force_digits(values: Array, off: float) -> list[float]:
+    """A force in as many digits as show a difference.
+
+    Parameters
+    ----------
+    values
+        The force, shape (m,).
+    off
+        The difference.
+    """
+    size = float(np.abs(values).max(initial=0.0))
+    digits = 6 if not (off > 0.0 and size > 0.0) else min(17, max(6, math.ceil(math.log10(size / off)) + 2))
+    return [float(f"{x:.{digits}g}") for x in values.tolist()]
