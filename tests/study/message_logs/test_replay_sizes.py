@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.study.message_logs.integrated_motion import IntegratedForcedMotion
 
 WORLDS = {
     "held": {"control": fk.Held(0.05), "information": fk.Messages(0.05, delay=0.03, loss=0.2, seed=2)},
@@ -85,3 +86,24 @@ def test_weak_forces_are_judged(world):
 def test_a_wrong_weak_force_is_named_in_digits_that_show_it():
     run = ran(scenario("held", gain=1e-8))
     assert "[0.0, 0.0]" not in str(fk.replay(stronger(run)))
+
+
+@pytest.mark.parametrize("away", [1e7, 1e9])
+def test_far_from_the_origin_the_second_integration_takes_no_endless_steps(away, monkeypatch):
+    """Forces are rounded as positions are, by more than the tolerance of steps at the origin."""
+    run = ran(scenario("messages", away=away))
+    steps = []
+    stretch = IntegratedForcedMotion._stretch
+
+    def counted(self, begin, end, y):
+        steps.append(self._steps)
+        assert self._steps < 5_000
+        return stretch(self, begin, end, y)
+
+    monkeypatch.setattr(IntegratedForcedMotion, "_stretch", counted)
+    found = fk.replay(run)
+    assert found.agrees, str(found)
+    assert found.undecided > 0
+    assert len(steps) > 10
+    wrong = fk.replay(stronger(run))
+    assert not wrong.agrees or wrong.undecided >= 3

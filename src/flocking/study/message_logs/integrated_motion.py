@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 RELATIVE, ABSOLUTE = 1e-12, 1e-13
 """Tolerances of the second integration, a thousandth of that of a usual run or less; SciPy warns below 2e-14."""
 
+ROUNDED = 4.0
+"""Units of rounding of the largest coordinate that the absolute tolerance is not below: far from the origin forces,
+which follow from rounded positions, would let no step pass."""
+
 SAME_TIME = 1e-12
 """Times closer than this, relative to 1 and to themselves, are one: those of frames are no whole nanoseconds."""
 
@@ -95,6 +99,7 @@ class IntegratedForcedMotion:
         self.stretches: list[Stretch] = []
         self._ends: list[float] = []
         self._steps = 0
+        self._absolute = ABSOLUTE
         self._last: tuple[float, tuple[Array, Array]] = 0.0, self._at_start
         self._now = self._forces(0.0)
         """Forces that act now."""
@@ -126,7 +131,7 @@ class IntegratedForcedMotion:
                 frame += 1
             for row in changes.get(at, []):
                 self._take(log, row)
-        self.error = scenario.tolerance * error
+        self.error = (scenario.tolerance + self._absolute) * error
         """By how much errors of the run's steps may move agents from one frame to the next, relative to 1 and to their
         positions: those of velocities add up over its steps, which are no more than those here, and then over time."""
 
@@ -186,6 +191,9 @@ class IntegratedForcedMotion:
         self._now = self._forces(end)
         self._switch(begin, y, None)
         shape = y.shape
+        largest = float(np.abs(y[: self.m]).max())
+        if np.isfinite(largest):
+            self._absolute = max(self._absolute, ROUNDED * float(np.finfo(np.float64).eps) * largest)
         crossings = 0
         while begin < end:
             slope = partial(self._slope, self._now, dict(self._held))
@@ -203,7 +211,7 @@ class IntegratedForcedMotion:
                 event.terminal, event.direction = True, 1.0  # type: ignore[attr-defined]
             with np.errstate(all="ignore"):
                 found = solve_ivp(
-                    flat, (begin, end), y.ravel(), "DOP853", rtol=RELATIVE, atol=ABSOLUTE, dense_output=True,
+                    flat, (begin, end), y.ravel(), "DOP853", rtol=RELATIVE, atol=self._absolute, dense_output=True,
                     events=events or None,
                 )  # fmt: skip
             crossings = crossings + 1 if found.t[-1] - begin <= SAME_TIME * (1.0 + begin) else 0
