@@ -12,6 +12,7 @@ from flocking.engine.nodes.nodes import Sample
 from flocking.engine.nodes.processes import LocalAgents
 from flocking.engine.nodes.requests import packed, row_of, sample_of, unpacked
 from flocking.engine.nodes.session import NodeSession
+from flocking.engine.storage.stored_runs import write_run
 from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
 from tests.engine.nodes.worlds import AROUND, CLOSE, LAW, SLOW, same, scenario
 
@@ -243,3 +244,30 @@ def test_the_command_refuses_what_is_not_so(tmp_path, capsys):
     assert "must be the number of agents of the scenario, 5" in capsys.readouterr().err
     assert main(["nodes", "zhou-2015"]) == 2
     assert 'need control = {kind = "held"}' in capsys.readouterr().err
+
+
+RENDEZVOUS = fk.Scenario(
+    fk.Law(fk.Fixed.complete(3), [fk.Consensus(1.0)]),
+    fk.State([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 0.0], [0.0, -1.0]]), t_end=2.0, frames=21,
+    control=fk.Held(0.05, latency=0.01), information=fk.Messages(0.05),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "faults", [[], [Kill(0, 0.2)], [Restart(1, 0.3)], [Cut(2, 0.2, 0.4)]], ids=["none", "kill", "restart", "cut"]
+)
+def test_a_run_to_whose_agents_something_happened_is_none_of_its_scenario_alone(faults, tmp_path, capsys):
+    """Certificates of the scenario are about agents that all go on."""
+    found = local(RENDEZVOUS, faults=faults)
+    assert found.fidelity.changed is bool(faults)
+    folder = tmp_path / "run"
+    write_run(found, folder)
+    main(["audit", str(folder)])
+    printed = " ".join(capsys.readouterr().out.split())
+    assert ("Nothing is guaranteed of this run" in printed) is bool(faults)
+    if faults:
+        assert ", guaranteed" not in printed
+        with pytest.raises(UnsupportedLaw, match="ended, began anew"):
+            fk.replay(found)
+    else:
+        assert fk.replay(found).agrees

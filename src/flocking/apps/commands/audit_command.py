@@ -86,7 +86,7 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
     from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.storage.stored_runs import read_run
     from flocking.papers.auditing import audit as audit_run
-    from flocking.study.certificates.beside.guaranteed_claims import WITH_GUARANTEE, guarantee_of
+    from flocking.study.certificates.beside.guaranteed_claims import OTHER_RUN, WITH_GUARANTEE, guarantee_of
     from flocking.study.certificates.certify import certify
     from flocking.study.message_logs.replay import replay as replay_run
 
@@ -99,10 +99,11 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
         scenario = report.run.scenario
         certificates = certify(scenario)
         stage("holding the run against its guarantees")
-        promised = certificate_rows(report.run, certificates)
+        other = run.fidelity.changed
+        promised = [] if other else certificate_rows(report.run, certificates)
         broken = any(row["kept"] is False for row in promised)
         # A run that breaks a promise is not one of the declared scenario: of it nothing is guaranteed.
-        shown = [r for r in report.results if r.verdict in WITH_GUARANTEE and not broken]
+        shown = [r for r in report.results if r.verdict in WITH_GUARANTEE and not (broken or other)]
         proofs = {r.claim.key: guarantee_of(r.claim, certificates, scenario) for r in shown}
         proven = {key: proof.key for key, proof in proofs.items() if proof is not None}
         if html is not None:
@@ -113,6 +114,8 @@ def _audit_run(folder: Path, html: Path | None, as_json: bool, replay: bool) -> 
     else:
         _print_claims(report, scenario.name, proven)
         print_promises(promised)
+        if other:
+            print(OTHER_RUN)
         if broken:
             print("What is guaranteed of the scenario is broken: the run has another law, or was changed on its way.")
         print(_outcome(report))

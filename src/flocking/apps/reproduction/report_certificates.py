@@ -8,6 +8,7 @@ from flocking.apps.reproduction.report_tables import head_row, named_cells, tabl
 from flocking.engine.runs.run import Run
 from flocking.formula.markup.text_formulas import set_text
 from flocking.formula.safe_digits import bound_text
+from flocking.study.certificates.beside.guaranteed_claims import OTHER_RUN
 from flocking.study.certificates.certify import certify
 from flocking.study.certificates.comparison import compare
 
@@ -27,6 +28,8 @@ def certificates_table(run: Run) -> str:
     run
         The run.
     """
+    if run.fidelity.changed:
+        return f'<p class="dim">{escape(OTHER_RUN)}</p>\n'
     found = certify(run.scenario)
     seen = {row.key: row for row in compare(found, run)}
     if not found.granted:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time as clock
 from collections.abc import Sequence
 
@@ -18,6 +19,7 @@ from flocking.engine.nodes.recording import Recording
 from flocking.engine.nodes.requests import Answer, Request, sample_of, well_formed
 from flocking.engine.protocol.body_chains import why_not_closed
 from flocking.engine.protocol.session import Session
+from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.sampled.engine import ENGINE as SAMPLED
 from flocking.engine.sampled.safety import filter_counts
 from flocking.engine.sampled.session import SampledSession
@@ -302,6 +304,13 @@ class NodeSession(SampledSession):
                 self.recording.frame(self.records.t[k], self.records.q[k], p, start=self._base)
 
     # What others ask.
+
+    @property
+    def fidelity(self) -> Fidelity:
+        """As of the engine, and whether something happened to agents, which the scenario does not state."""
+        happened = self.killed or self.restarted or self.late or self._heard.cuts
+        found = super().fidelity
+        return dataclasses.replace(found, changed=found.changed or bool(happened))
 
     @property
     def about(self) -> dict[str, object]:

@@ -67,7 +67,8 @@ def check_unchanged(run: Run, asked: str) -> None:
     """
     if run.fidelity.changed:
         raise UnsupportedLaw(
-            f"{asked} computes again runs of one world and law; this one was changed while it went on."
+            f"{asked} computes again runs of one world and law; this one was changed while it went on, or processes of "
+            "its agents ended, began anew, were cut off or answered late."
         )
 
 
