@@ -14,6 +14,9 @@ from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvide
 from flocking.study.evidence.repetitions import Repetitions, repetitions_of
 from flocking.study.potentials.equilibrium import Equilibrium
 
+LATE = 0.1
+"""Share of a run at its end over which a limit must hold, by the criterion of claims about limits."""
+
 ROUNDINGS = 2
 """Operations on top of the N of a mean that round a difference from it, in units of the spacing of doubles at 1."""
 
@@ -70,6 +73,20 @@ class MotionEvidence(RunEvidence):
         """Estimated error of the differences of two velocities of the run; 0 where none is stated."""
         known = 0.0 if self.run.accuracy is None else 2.0 * float(self.run.accuracy.frames[:, 1].max(initial=0.0))
         return known + 2.0 * self.velocity_error * float(np.sqrt(self.run.scenario.start.q.shape[1]))
+
+    @cached_property
+    def late_errors(self) -> tuple[float, float]:
+        """Estimated errors of a distance of two agents, and of a difference of two velocities, at the end of the run.
+
+        The largest of the last tenth of the run, over which claims about limits are judged; 0 where none is stated.
+        """
+        place, speed, root = self.position_error, self.velocity_error, float(np.sqrt(self.run.q.shape[2]))
+        found = np.array([root * place, root * speed])
+        if self.run.accuracy is not None and len(self.run.accuracy.frames):
+            errors = np.asarray(self.run.accuracy.frames)
+            late = self.t >= self.t[-1] - LATE * (self.t[-1] - self.t[0]) if len(errors) == len(self.t) else slice(None)
+            found = found + errors[late].max(axis=0)
+        return 2.0 * float(found[0]), 2.0 * float(found[1])
 
     @property
     def _observed_spread(self) -> bool:
@@ -141,7 +158,8 @@ class MotionEvidence(RunEvidence):
         The unit vector between two agents a distance r apart is off by at most 2 d / r, and never by more than 2, where
         d is the error of the vector between them.
         """
-        if not self.position_error:
+        off = self.late_errors[0]
+        if not off:
             return 0.0
         i, j = np.triu_indices(self.run.n, 1)
         if len(i) == 0:
@@ -149,7 +167,6 @@ class MotionEvidence(RunEvidence):
         q, p = self.q[-1], self.p[-1]
         r = np.linalg.norm(self.displacement(q[j] - q[i]), axis=1)
         speed = np.linalg.norm(p[j] - p[i], axis=1)
-        off = 2.0 * self.position_error * float(np.sqrt(q.shape[1]))
         turned = np.minimum(2.0, 2.0 * off / np.where(r > 0, r, off))
         return float((speed * turned).max())
 

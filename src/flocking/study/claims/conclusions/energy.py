@@ -48,12 +48,16 @@ def ledger_residual(e: Evidence) -> Measure:
         return Measure(-1.0, 0.0, e.foreign_link or e.foreign_force)
     if e.foreign_motion or e.ledger_doubt:
         raise NotResolvable(e.foreign_motion or e.ledger_doubt)
+    if e.residual == 0.0 == e.ledger_bound:
+        return Measure(np.inf, 0.0, e.ledger_note)
     return below(e.residual, e.ledger_bound, e.ledger_note)
 
 
 @about(Subject.VELOCITIES, _fastest_agent, lasting=True)
 def momentum_drift(e: Evidence) -> Measure:
     """Largest change of the mean velocity against rounding and tolerance."""
+    if len(e.t) < 2:
+        raise NotResolvable("one frame does not show whether the mean velocity changes")
     drift = float(np.abs(e.mean_velocity - e.mean_velocity[0]).max(initial=0.0))
     fastest = float(e.speeds.max())
     note, of_speeds = f"mean velocity moved by {drift:.1e}", DRIFT_TOLERANCES * e.run.scenario.tolerance * fastest
@@ -75,6 +79,8 @@ def energy_rise(e: Evidence) -> Measure:
     # A fixed step may miss some energy in every step.
     allowed = e.step_residual if e.fixed_step else e.ledger_bound
     note = f"largest rise {rise:.1e} between switches"
+    if rise == 0.0 == allowed:
+        return Measure(np.inf, 0.0, note)
     if supplied_energy(e) > 0.0 and rise < allowed:
         # Dissipation is never negative: only supplied energy makes the energy rise.
         gained = float((np.diff(e.trace["supplied"]) - np.diff(e.trace["dissipated"])).max(initial=0.0))
@@ -130,6 +136,10 @@ def at_most(e: Evidence, name: str, seen: float, bound: float) -> Measure:
         Its largest value at the frames.
     """
     found = e.largest(name)
+    if seen == 0.0 == bound and (found is None or found.value <= 0.0):
+        # Agents that rest keep a bound of zero; samples and frames alone show no more than themselves.
+        unseen = found is None and not e.sampled
+        return Measure(np.inf, np.nan if unseen else 0.0, f"largest {name} 0, bound 0")
     if found is None:
         largest, limit = compared_texts(seen, bound)
         note = f"largest {name} at {len(e.t)} frames {largest}, bound {limit}"

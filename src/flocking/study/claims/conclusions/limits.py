@@ -48,7 +48,7 @@ def _unbalanced(e: Evidence) -> Witness:
 @about(Subject.SPREAD, _farthest_velocity, while_connected=True)
 def velocities_agree(e: Evidence) -> Measure:
     """Velocity spread at the end against the largest of the run."""
-    most = e.largest_spread
+    most = _resolved_spread(e)
     ratios = e.velocity_spread / most if most > 0 else np.zeros_like(e.velocity_spread)
     found = limit_of_series(
         e, e.spread_times, ratios, SETTLED, lambda r: f"spread fell to {r:.1e} of its maximum", error=_velocity_share(e)
@@ -62,14 +62,17 @@ def positions_agree(e: Evidence) -> Measure:
     sizes = e.diameter
     most = float(sizes.max())
     ratios = sizes / most if most > 0 else np.zeros_like(sizes)
-    return limit_of_series(e, e.t, ratios, SETTLED, lambda r: f"distances fell to {r:.1e} of their maximum")
+    error = e.late_errors[0] / most if most > 0 else 0.0
+    return limit_of_series(
+        e, e.t, ratios, SETTLED, lambda r: f"distances fell to {r:.1e} of their maximum", error=error
+    )
 
 
 @about(Subject.NET, while_connected=True)
 def distances_settle(e: Evidence) -> Measure:
     """Fastest change of a pair distance at the end against the largest velocity spread of the run."""
     e.need_few()
-    most = 2 * e.largest_spread
+    most = 2 * _resolved_spread(e)
 
     def ratio(frame: int) -> float:
         return e.distance_rate_at(frame) / most if most > 0 else 0.0
@@ -81,11 +84,16 @@ def distances_settle(e: Evidence) -> Measure:
     return found
 
 
+def _resolved_spread(e: Evidence) -> float:
+    """The largest velocity spread of the run; 0 where it is no more than rounding, so that all velocities are equal."""
+    return e.largest_spread if e.largest_spread > e.spread_rounding else 0.0
+
+
 def _velocity_share(e: Evidence) -> float:
-    """Error of a difference of two velocities that were estimated from positions, by the largest spread."""
-    if not e.velocity_error or e.run.n == 1:
+    """Error of a difference of two velocities at the end, by the largest spread."""
+    error = e.late_errors[1]
+    if not error or e.run.n == 1 or max(error, e.largest_spread) <= e.spread_rounding:
         return 0.0
-    error = 2.0 * e.velocity_error * float(np.sqrt(e.p.shape[2]))
     return error / e.largest_spread if e.largest_spread > 0.0 else np.inf
 
 
@@ -176,11 +184,11 @@ def forces_vanish(e: Evidence) -> Measure:
 
 def _force_error(e: Evidence) -> float:
     """Error of the imbalance of forces where positions have one: every link of an agent is that much too long."""
-    if not e.position_error:
-        return 0.0
     found = e.equilibrium
+    if not e.late_errors[0] or not len(found.r):
+        return 0.0
     links = int(np.bincount(found.i, minlength=e.run.n).max())
-    return links * 2.0 * e.position_error * float(np.sqrt(e.q.shape[2])) / float(found.r.mean())
+    return links * e.late_errors[0] / float(found.r.mean())
 
 
 def potential_is_minimal(e: Evidence) -> Measure:

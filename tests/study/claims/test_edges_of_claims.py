@@ -1,0 +1,107 @@
+"""Claims where nothing moves, where all move alike, and where errors of a run are as large as what is judged."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.study.claims.claim import Claim, Verdict
+from flocking.study.claims.conclusions.energy import speeds_bounded
+from flocking.study.claims.conclusions.limits import positions_agree
+from flocking.study.claims.general_claims import GENERAL
+from flocking.study.evidence import Evidence
+from flocking.study.sample_files.sampled_runs import motion_of
+from flocking.study.sample_files.samples import Samples
+from flocking.study.trajectory import run_from_samples
+
+ALIGN = fk.Law(fk.Complete(), [fk.Consensus(1.0)])
+SPEED = Claim("speed-bound", "Theorem", "No agent is faster than the start's energy allows.", speeds_bounded(2.0))
+T = np.linspace(0.0, 1.0, 21)
+
+
+def resting(kind: str) -> fk.Run:
+    scenario = fk.Scenario(ALIGN, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=1.0, frames=21)
+    if kind == "samples":
+        q = np.broadcast_to(scenario.start.q, (21, 2, 2)).copy()
+        return run_from_samples(scenario, T, q, 0.0 * q)
+    options = {"step": 0.01} if kind == "tiles" else {}
+    return fk.simulate(scenario, engine=kind, progress=False, **options)
+
+
+@pytest.mark.parametrize("kind", ["samples", "exact", "tiles"])
+def test_agents_at_rest_contradict_nothing(kind):
+    """No energy rises, none is missing, and a speed of 0 is within a bound of 0."""
+    report = fk.audit(resting(kind), [*GENERAL, SPEED])
+    assert not [r for r in report.results if r.verdict is Verdict.FAILS]
+    assert report["ledger"].verdict is Verdict.HOLDS
+    assert (report["speed-bound"].verdict is Verdict.HOLDS) == (kind == "exact")
+
+
+def test_agents_that_do_not_rest_are_not_within_a_bound_of_zero():
+    """A hidden push: the run starts without energy and has some later."""
+    scenario = fk.Scenario(ALIGN, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=1.0, frames=21)
+    p = np.zeros((21, 2, 2))
+    p[10:, 0, 0] = 1e-3
+    q = scenario.start.q + np.concatenate([np.zeros((1, 2, 2)), np.cumsum(p[:-1], axis=0) * 0.05])
+    found = speeds_bounded(2.0)(Evidence(run_from_samples(scenario, T, q, p)))
+    assert found.holds is False
+
+
+@pytest.mark.parametrize("place", [0.0, 1.0])
+@pytest.mark.parametrize("n", [1, 3, 7])
+def test_equal_velocities_agree(n, place):
+    """The mean of n equal numbers may differ from them by rounding: (0.1 + 0.1 + 0.1)/3 is not 0.1."""
+    t = np.linspace(0.0, 10.0, 101)
+    velocity = np.array([0.1, 0.7])
+    q = place * np.arange(n)[:, None] + t[:, None, None] * velocity
+    p = np.broadcast_to(velocity, q.shape).copy()
+    found = motion_of(Samples(t, q, p, tuple(map(str, range(n))))).audit()
+    for key in ("velocities-agree", "distances-settle"):
+        assert found[key].verdict is Verdict.HOLDS, found[key]
+    if place and n > 1:
+        run = fk.simulate(fk.Scenario(ALIGN, fk.State(q[0], p[0]), t_end=10.0, frames=101), progress=False)
+        assert fk.audit(run)["velocities-agree"].verdict is Verdict.HOLDS
+
+
+def test_velocities_that_differ_by_more_than_rounding_do_not_agree():
+    t = np.linspace(0.0, 10.0, 101)
+    p = np.zeros((101, 3, 2)) + [0.1, 0.7]
+    p[:, 0, 0] += 1e-12
+    q = np.arange(3)[:, None] + t[:, None, None] * p
+    assert motion_of(Samples(t, q, p, ("a", "b", "c"))).audit()["velocities-agree"].verdict is not Verdict.HOLDS
+
+
+def test_one_frame_shows_no_constant_velocity():
+    scenario = fk.Scenario(ALIGN, fk.State([[0.0], [1.0]], [[0.5], [0.0]]), t_end=1.0, frames=1)
+    assert fk.audit(fk.simulate(scenario, progress=False))["momentum"].verdict is Verdict.NOT_RESOLVED
+
+
+def braking(tolerance: float) -> fk.Run:
+    """Two agents whose velocities differ by 2 exp(-2 t), until that is 0.0095 of the first."""
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [-1.0, 0.0]])
+    end = 0.5 * np.log(1.0 / 0.0095) / 0.9
+    return fk.simulate(fk.Scenario(ALIGN, start, t_end=end, frames=401, tolerance=tolerance), progress=False)
+
+
+def test_the_error_of_a_computed_motion_counts_in_limits():
+    """By the closed form velocities agree to 0.0060 at the end; coarse tolerances do not decide against 0.01."""
+    assert fk.audit(braking(1e-9))["velocities-agree"].verdict is Verdict.HOLDS
+    coarse = braking(0.09)
+    stated = 2.0 * coarse.accuracy.frames[-40:, 1].max()
+    found = fk.audit(coarse)["velocities-agree"]
+    assert found.error >= 0.99 * stated > 0.005
+    assert found.verdict in (Verdict.NOT_RESOLVED, Verdict.NOT_YET)
+    assert fk.audit(coarse)["distances-settle"].error >= 0.4 * stated
+
+
+def test_errors_of_positions_count_where_positions_agree():
+    """Both agents come within the noise of each other."""
+    t = np.linspace(0.0, 10.0, 201)
+    q = np.zeros((201, 2, 2))
+    q[:, 1, 0] = 0.1 * np.exp(-t)
+    q += 1e-3 * np.random.default_rng(1).normal(size=q.shape)
+    run = motion_of(Samples(t, q, None, ("a", "b"))).run
+    found = positions_agree(Evidence(run))
+    assert found.error > 2.0 * 1e-3 / 0.1
+    assert found.holds is None
