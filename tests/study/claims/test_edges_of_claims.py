@@ -10,6 +10,7 @@ from flocking.study.claims.claim import Claim, Verdict
 from flocking.study.claims.conclusions.energy import speeds_bounded
 from flocking.study.claims.conclusions.limits import positions_agree
 from flocking.study.claims.general_claims import GENERAL
+from flocking.study.claims.judgement import judge
 from flocking.study.evidence import Evidence
 from flocking.study.sample_files.sampled_runs import motion_of
 from flocking.study.sample_files.samples import Samples
@@ -105,3 +106,25 @@ def test_errors_of_positions_count_where_positions_agree():
     found = positions_agree(Evidence(run))
     assert found.error > 2.0 * 1e-3 / 0.1
     assert found.holds is None
+
+
+def test_a_cut_run_holds_nothing_for_good():
+    """A link breaks at t = 2.5, when agents that part at 0.4 are 2 apart."""
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(0.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [0.4, 0.0]])
+    run = fk.simulate(fk.Scenario(law, start, t_end=5.0, frames=51), engine="exact", progress=False)
+    assert fk.audit(run)["links-kept"].verdict is Verdict.FAILS
+    part = run.until(2.0)
+    assert part.status == "cut at t = 2"
+    for key in ("links-kept", "connected"):
+        assert fk.audit(part)[key].verdict is Verdict.NOT_YET
+    assert fk.audit(run.until(3.0))["links-kept"].verdict is Verdict.FAILS
+    assert run.until(5.0) is run
+
+
+def test_a_key_that_no_claim_has_is_named_beside_those_there_are():
+    report = fk.audit(resting("exact"))
+    with pytest.raises(KeyError, match="'leger'; there are: ledger, momentum"):
+        report["leger"]
+    with pytest.raises(fk.InvalidInput, match="at least one report"):
+        judge(GENERAL, [])

@@ -106,3 +106,15 @@ def test_far_from_the_origin_the_second_integration_takes_no_endless_steps(away,
     assert len(steps) > 10
     wrong = fk.replay(stronger(run))
     assert not wrong.agrees or wrong.undecided >= 3
+
+
+@pytest.mark.parametrize(
+    "agents", [fk.Lagged(fk.PointMass(), 0.2), fk.Limited(fk.Lagged(fk.PointMass(), 0.2), speed=9.0)]
+)
+@pytest.mark.parametrize("frame", [6, -1])
+def test_lagged_forces_at_frames_are_compared(agents, frame):
+    run = ran(scenario("held").with_(agents=agents))
+    assert fk.replay(run).agrees
+    columns = {name: values.copy() for name, values in run.columns.items()}
+    columns["applied"][frame] *= 1.01
+    assert not fk.replay(dataclasses.replace(run, columns=columns)).agrees

@@ -370,3 +370,11 @@ def test_recordings_of_very_many_records_are_refused_before_they_are_made(tmp_pa
     monkeypatch.setattr(recordings, "_unpacked", lambda chunk: dataclasses.replace(chunk, data=bytes(9) * 1_100_000))
     with pytest.raises(InvalidInput, match="more than 1000000 records"):
         read_samples(path)
+
+
+@pytest.mark.nodes
+@pytest.mark.parametrize(("t", "row"), [("0", [1.0, 2.0]), (0.0, ["1", "2"]), (0.0, [True, False])])
+def test_texts_and_truth_values_of_recordings_are_no_numbers(tmp_path, monkeypatch, t, row):
+    monkeypatch.setattr(json, "dumps", lambda _, whole=json.dumps: whole({"t": t, "q": [row, row]}))
+    with pytest.raises(InvalidInput, match="must be numbers"):
+        read_samples(mcap(tmp_path / "a.mcap"))

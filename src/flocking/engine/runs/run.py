@@ -311,13 +311,15 @@ class Run:
     def until(self, end: float) -> Run:
         """The same run with its frames, fine samples, switches and ledger up to time ``end`` only.
 
-        Its closest approaches remain those of the entire run.
+        Its closest approaches remain those of the entire run. Of a finished run its status is that it was cut, so that
+        audits conclude nothing of later times from it.
         """
         if not len(self.t) or self.t[-1] <= end:
             return self
         count = int(np.searchsorted(self.t, end, side="right"))
         return replace(
             self,
+            status=f"cut at t = {given_text(end)}" if self.finished else self.status,
             t=self.t[:count],
             q=self.q[:count],
             p=self.p[:count],

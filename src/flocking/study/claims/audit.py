@@ -35,8 +35,12 @@ class Report:
     results: tuple[Result, ...]
 
     def __getitem__(self, key: str) -> Result:
-        """Result of the claim with this key."""
-        return next(r for r in self.results if r.claim.key == key)
+        """Result of the claim with this key; a `KeyError` with the known ones where there is none."""
+        found = next((r for r in self.results if r.claim.key == key), None)
+        if found is None:
+            known = ", ".join(r.claim.key for r in self.results) or "none"
+            raise KeyError(f"no claim of this report has the key {key!r}; there are: {known}")
+        return found
 
     @property
     def as_expected(self) -> bool:

@@ -96,7 +96,11 @@ WITHOUT_LAW: tuple[Claim, ...] = (
 
 WITHIN_RADIUS: tuple[Claim, ...] = (
     _asked("connected", "At every sample the agents within the radius form one group.", connected_at_samples),
-    _asked("neighbours-kept", "Agents within the radius at the first sample stay within it.", neighbours_kept),
+    _asked(
+        "neighbours-kept",
+        "At every sample agents that were within the radius at the first one still are.",
+        neighbours_kept,
+    ),
 )
 """Claims that need a radius, within which agents are neighbours."""
 

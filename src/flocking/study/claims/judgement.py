@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from flocking.errors import InvalidInput
 from flocking.study.claims.audit import Report
 from flocking.study.claims.claim import Basis, Claim, Result, Verdict, finite
 from flocking.study.confidence_intervals import share_interval
@@ -164,5 +165,15 @@ class Judgement:
 
 
 def judge(claims: Sequence[Claim], reports: Sequence[Report]) -> list[Judgement]:
-    """Collect the results of several audits, their ``reports``, by claim."""
+    """Collect the results of several audits, their ``reports``, by claim.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no report.
+    KeyError
+        When a report has no result of a claim.
+    """
+    if not reports:
+        raise InvalidInput("judge", "reports", "must hold at least one report", "none", "Audit a run with fk.audit.")
     return [Judgement(c, tuple(report[c.key] for report in reports)) for c in claims]

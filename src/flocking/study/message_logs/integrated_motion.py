@@ -288,12 +288,14 @@ class IntegratedForcedMotion:
         found = rate[:m].T
         if self.order == 2:
             found = self.masses[:, None] * rate[m : 2 * m].T + self.damping[:, None] * y[m : 2 * m].T
-        first, lags = 0, np.zeros((self.n, m))
-        for name, width in self._widths.items():
-            if name == APPLIED:
-                lags = y[first : first + width].T
-            first += width
-        return found, lags
+        return found, self.columns(seconds).get(APPLIED, np.zeros((self.n, m)))
+
+    def columns(self, seconds: float) -> dict[str, Array]:
+        """All columns of the agents at a time since the start in ``seconds``, by name, shape (N, width) each."""
+        if not self.stretches or seconds <= 0.0:
+            return {}
+        parts = np.split(self._vector(seconds)[1], np.cumsum(list(self._widths.values()))[:-1])
+        return {name: part.T for name, part in zip(self._widths, parts, strict=True)}
 
     def _vector(self, seconds: float) -> tuple[Stretch, Array]:
         """The stretch of the motion in which a time is, and the state vector then."""

@@ -11,9 +11,11 @@ from flocking.arrays import Array
 from flocking.engine.runs.message_log import AT_START, LEADER, LEADER_SENDER, OWN, PRESENT, MessageLog
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError
+from flocking.model.bodies.actuators import APPLIED
 from flocking.model.law import Scenario
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.arrivals import NEVER
+from flocking.study.message_logs.forced_motion import ForcedMotion
 from flocking.study.message_logs.link_margins import margin_of
 from flocking.study.message_logs.logged_world import LoggedWorld
 from flocking.study.message_logs.replay_result import WrongEntry
@@ -74,6 +76,9 @@ class SecondComputation:
             if world.motion.order > 1:
                 fastest = float(np.abs(p).max())
                 compared.append(("velocity", p, run.p[k], world.near * (sizes.velocity + fastest), fastest))
+            for name, again in self._columns(float(t) - world.base).items():
+                size = float(np.abs(again).max())
+                compared.append((name, again, run.columns[name][k], world.near * (sizes.force + size), size))
             for name, again, stored, allowed, size in compared:
                 off = np.abs(again - stored).max(axis=1)
                 bad = np.flatnonzero(~(off <= allowed))
@@ -87,6 +92,15 @@ class SecondComputation:
                         f"its {name} in frame {k} is {off[agent]:.3g} from where the logged forces lead",
                     )
                     return
+
+    def _columns(self, seconds: float) -> dict[str, Array]:
+        """Further columns of the agents at a time from the motion, shape (N, width) each; headings are not followed."""
+        motion, found = self.world.motion, {}
+        if isinstance(motion, ForcedMotion):
+            found[APPLIED] = motion.acting(seconds)[1]
+        else:
+            found = motion.columns(seconds)
+        return {name: values for name, values in found.items() if name in self.run.columns}
 
     def _is_known(self, key: tuple[int, int], k: int | None, instant: int) -> bool:
         """Whether an entry names a state that there was."""

@@ -109,7 +109,11 @@ def read_mcap(path: Path, columns: Columns) -> Samples:
 
 def _numbers(path: Path, name: str, message: Mapping[str, object]) -> Array:
     try:
-        return np.array(message[name], dtype=np.float64)
+        found = np.array(message[name])
+        # Texts that look like numbers, and truth values, are none.
+        if found.dtype.kind not in "fiu":
+            raise TypeError(f"it holds {found.dtype.name}")
+        return np.asarray(found, dtype=np.float64)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         said = f"must be numbers of one shape in all messages ({reason(error)})"
         raise InvalidInput(str(path), name, said, name) from None
