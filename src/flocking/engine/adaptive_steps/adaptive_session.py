@@ -27,11 +27,14 @@ class AdaptiveSession(Session):
 
     @property
     def about(self) -> dict[str, object]:
-        """Provenance of the records, with the tolerance of the steps."""
-        return super().about | {"tolerance": self.scenario.tolerance}
+        """Provenance of the records, with the tolerance of the steps, and when the law or the state was replaced."""
+        return super().about | {"tolerance": self.scenario.tolerance} | self.records.replacements
 
     @property
     def fidelity(self) -> Fidelity:
         """Switches are located, and the ledger is held to the tolerance of the steps."""
         rule = LedgerRule("tolerance", self.scenario.tolerance)
-        return Fidelity(self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule)
+        return Fidelity(
+            self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule,
+            changed=bool(self.records.replaced_at),
+        )  # fmt: skip

@@ -390,6 +390,7 @@ class ExactSession(AdaptiveSession):
             self.records.sample(segment, self._dynamics.split, saved["_origin"])
         error.abandon(own, saved["_links"])
         self._error.take_over(error, exact=state is not None)
+        self.records.note_replacement(self.time)
         self.jumped += self.energy + self._added(self._segment.coefficients[-1])[0] - before
         self._record_trace()
 

@@ -102,9 +102,9 @@ class Fidelity:
         Estimated errors of any coordinate of a sampled position and of any component of a velocity that was computed
         from positions; 0 for what is taken as exact, NaN where it is not known.
     changed
-        Whether a session of held control was given another law or other messages while the run went on, or processes of
+        Whether a session was given another law, another state or other messages while the run went on, or processes of
         its agents ended, began anew, were cut off or answered late, so that its scenario alone does not make it again.
-        Engines of continuous control record a jump of the energy instead.
+        Runs of `tiles` that were saved and went on from there may lack it; their ledger has a jump of the energy.
     """
 
     engine: str = ""

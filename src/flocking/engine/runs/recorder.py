@@ -12,7 +12,7 @@ import numpy as np
 from flocking.arrays import Array, Links, Reals
 from flocking.engine.runs.columns import GROWING
 from flocking.engine.runs.frame_parts import FramePart
-from flocking.engine.runs.message_log import LogRecorder
+from flocking.engine.runs.message_log import CHANGED, LogRecorder
 from flocking.engine.runs.new_records import NewRecords, RecordLayout, RecordTables, stacked_columns
 from flocking.engine.runs.run import (
     OBSERVED_FIELDS,
@@ -77,6 +77,9 @@ class Recorder:
     lets_go
         Whether records that are on disk leave memory.
     """
+
+    replaced_at: tuple[float, ...] = ()
+    """Times at which the law or the state of a session of continuous control was replaced."""
 
     open_rows = 0
     """Number of the last rows of the ledger that may still change."""
@@ -298,6 +301,15 @@ class Recorder:
         self._skipped += 0 if stored else len(self.parts)
         self.parts.clear()
 
+    def note_replacement(self, time: float) -> None:
+        """Note that the law or the state is replaced at a ``time``: the scenario alone does not make the run again."""
+        self.replaced_at = (*self.replaced_at, float(time))
+
+    @property
+    def replacements(self) -> dict[str, object]:
+        """Entry of the provenance on what was replaced, empty where nothing was."""
+        return {CHANGED: list(self.replaced_at)} if self.replaced_at else {}
+
     def recall(self, counts: Mapping[str, int], read: Callable[[], Run]) -> None:
         """Go on after the records of a run that was stopped.
 
@@ -318,6 +330,10 @@ class Recorder:
         self.switches, self.trace = run.switches.tolist(), run.trace.tolist()
         self.observed = [] if run.observables is None else run.observables.tolist()
         self.closest_linked, self.closest_unlinked = run.closest_linked, run.closest_unlinked
+        times = run.provenance.get(CHANGED, ())
+        if run.fidelity.changed:
+            found = times if isinstance(times, list) else []
+            self.replaced_at = tuple(float(t) for t in found if isinstance(t, int | float)) or (run.scenario.start.t,)
         if self.with_errors:
             known = run.accuracy
             self.errors = [UNKNOWN_ERRORS] * len(run.t) if known is None else [(q, p) for q, p in known.frames.tolist()]

@@ -326,15 +326,14 @@ class TilesSession(Session):
         """A session that continues a snapshot bit for bit, with any number of threads."""
         session = cls.__new__(cls)
         session.scenario, session.options, session.plant = snapshot.scenario, snapshot.options, snapshot.plant
-        session.workers = Workers(threads or snapshot.options.threads)
+        session.workers, session.law_gaps = Workers(threads or snapshot.options.threads), replace(snapshot.law_gaps)
         session._particles = session._new_particles(snapshot.scenario, snapshot.scenario.start)
         session._integrator = integrator_named(session.scheme, session._particles.spec)
         snapshot.particles.put_back(session._particles)
         session._integrator.recall(snapshot.scheme)
         session.time, session.steps, session.step = snapshot.time, snapshot.steps, snapshot.step
         session.records, session._plan = snapshot.records.copy(), snapshot.plan
-        session.farthest, session.law_gaps = snapshot.farthest, replace(snapshot.law_gaps)
-        session.instability = snapshot.instability.copy()
+        session.farthest, session.instability = snapshot.farthest, snapshot.instability.copy()
         # The planned steps use the values that scheduled gains had when they were planned.
         session._particles.pass_switch_time(session.scenario, snapshot.plan[0])
         return session
@@ -376,8 +375,8 @@ class TilesSession(Session):
         self.scenario = scenario
         for name in ("_law_check", "singular_reach"):
             self.__dict__.pop(name, None)
-        self._integrator.last, self._integrator.counted = 0.0, True
-        self._plan = (self.time, self.time, 1, 1)
+        self._integrator.last, self._integrator.counted, self._plan = 0.0, True, (self.time, self.time, 1, 1)
+        self.records.note_replacement(self.time)
         if self.options.ledger:
             jumped = self._integrator.ledger_sums.jumped
             self._look()
@@ -408,7 +407,7 @@ class TilesSession(Session):
         return super().about | {
             "step": self.step, "scheme": self.scheme, "precision": o.precision,
             "rebuilds": self._particles.search.rebuilds, "switches": "not recorded", "farthest": self.farthest,
-            **(self.law_gaps.about if o.ledger else {}),
+            **(self.law_gaps.about if o.ledger else {}), **self.records.replacements,
         }  # fmt: skip
 
     @property
@@ -417,4 +416,5 @@ class TilesSession(Session):
         return Fidelity(
             self.engine, approaches=Approaches("linked", self.farthest), ledger=ledger_rule(self.records),
             fixed_step=self.step, law=self.law_gaps.agreement if self.options.ledger else None,
+            changed=bool(self.records.replaced_at),
         )  # fmt: skip
