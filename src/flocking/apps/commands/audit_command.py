@@ -223,7 +223,7 @@ def _numbers(names: tuple[str, ...]) -> str:
 
 
 def _law(name: str, samples: Samples) -> tuple[Scenario, bool | None]:
-    """The declared law; a file without a start gets that of the samples, of which nothing says that it is one.
+    """The declared law; a file without a start gets that of the samples, which may be no start of the motion.
 
     The second is False for such a file, and else None: `motion_of` compares the start with the samples.
     """

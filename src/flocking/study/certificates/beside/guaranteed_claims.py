@@ -22,7 +22,7 @@ OTHER_RUN = (
     "Nothing is guaranteed of this run: it was changed while it went on, or processes of its agents ended, began anew, "
     "were cut off or answered late, so that it is none of its scenario alone."
 )
-"""What is said in place of guarantees of a run whose fidelity states that it was changed."""
+"""The text in place of guarantees of a run whose fidelity states that it was changed."""
 
 PROVEN_BY: dict[Callable[[Evidence], Measure], tuple[str, ...]] = {
     linked_apart: ("closest_approach", "safe_distance"),
