@@ -128,7 +128,9 @@ class SecondComputation:
         allowed = 0.0
         if not off <= max(SAME_FORCE * size, ROUNDED_FORCE * self._largest_force):
             age = max((instant - x.instant for x in samples.values()), default=0) * NANOSECOND
-            allowed = SURE * self._change(agent, (own.q, own.p), others, (instant, leaders), again, age)
+            # Of a difference that is small beside the largest force it is enough that one error explains it.
+            enough = off / SURE if off <= SAME_FORCE * self._largest_force else np.inf
+            allowed = SURE * self._change(agent, (own.q, own.p), others, (instant, leaders), again, age, enough)
             self.undecided += (not open_) and off <= allowed and allowed > JUDGED * self._largest_force
         if off <= max(SAME_FORCE * size, ROUNDED_FORCE * self._largest_force, allowed):
             self.undecided += open_
@@ -143,7 +145,7 @@ class SecondComputation:
 
     def _change(
         self, agent: int, own: tuple[Array, Array], others: Mapping[int, list[tuple[int, Array, Array]]],
-        when: tuple[int, int | None], force: Array, age: float,
+        when: tuple[int, int | None], force: Array, age: float, enough: float,
     ) -> float:  # fmt: skip
         """By how much a force changes with what positions and velocities are uncertain by; infinite at a pole.
 
@@ -159,14 +161,19 @@ class SecondComputation:
             The force.
         age
             Age of the oldest sample in seconds: positions that are moved on are uncertain by velocities, too.
+        enough
+            The change beyond which no further errors are looked at.
         """
         world = self.world
         off_q = world.off_q + (age * world.off_p if world.messages is not None and world.messages.predict else 0.0)
         axes = np.eye(world.m)
         moves = [(off_q * axis, 0.0 * axis) for axis in axes] + [(0.0 * axis, world.off_p * axis) for axis in axes]
         found = 0.0
-        for j in sorted({agent, *(x[0] for listed in others.values() for x in listed)}):
+        neighbours = {x[0] for listed in others.values() for x in listed} - {agent}
+        for j in (agent, *sorted(neighbours)):
             for by_q, by_p in moves:
+                if found >= enough:
+                    return found
                 mine = (own[0] + by_q, own[1] + by_p) if j == agent else own
                 lists = {
                     graph: [(k, q + by_q, p + by_p) if k == j else (k, q, p) for k, q, p in listed]
