@@ -320,7 +320,25 @@ def test_reproduce_says_why_claims_are_untested_and_what_to_open(
     code, out, _ = call(capsys, "reproduce", "--seeds", "4", "--out", tmp_path)
     assert code == 1
     assert "2 are untested: fewer than five seeds met" in out
+    assert "Use at least 5 seeds." in out
     assert f"Open {tmp_path / 'report.html'}" in out
+
+
+def test_reproduce_tells_observations_that_are_not_decided_from_hypotheses_that_are_not_met(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from flocking.papers import paper
+    from flocking.study.claims.claim import Basis, Result, Verdict
+    from flocking.study.claims.judgement import Judgement
+
+    claim = next(c for c in paper("reynolds-1987").claims("reynolds-1987") if c.basis is Basis.OBSERVATION)
+    waiting = Judgement(claim, (Result(claim, Verdict.NOT_YET, -1.0, 0.0),) * 10)
+    found = Reproduction({"reynolds-1987": [waiting]}, seconds=1.0)
+    monkeypatch.setattr(reproduction, "reproduce", lambda *_, **__: found)
+    _, out, _ = call(capsys, "reproduce", "--out", tmp_path)
+    assert "1 is without a rate: fewer than five seeds decided the observation." in out
+    assert "met" not in out.split("further claims")[1]
+    assert "Use at least" not in out
 
 
 def test_observations_are_not_counted_among_the_claims_with_an_expected_verdict(

@@ -58,3 +58,10 @@ def test_one_agent_is_a_group():
 def test_bad_input_is_explained(make, words):
     with pytest.raises(InvalidInput, match=words):
         make()
+
+
+def test_a_link_of_an_agent_to_itself_is_named_and_no_shape():
+    with pytest.raises(fk.InvalidInput, match="got 'a link of agent 1 to itself'"):
+        fk.State([[0.0, 0.0], [1.0, 0.0]], links=[[False, True], [True, True]])
+    with pytest.raises(fk.InvalidInput, match=r"got 'shape \(3, 3\)'"):
+        fk.State([[0.0, 0.0], [1.0, 0.0]], links=np.zeros((3, 3), dtype=bool))

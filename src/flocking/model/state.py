@@ -97,12 +97,14 @@ class State:
                 raise InvalidInput("State", "links", f"must be an ({self.n}, {self.n}) matrix", self.links)
             links = np.array(self.links, dtype=bool)
             if links.shape != (self.n, self.n) or links.diagonal().any():
-                raise InvalidInput(
-                    "State",
-                    "links",
+                rule, own = (
                     f"must be an ({self.n}, {self.n}) matrix with a false diagonal",
-                    f"shape {links.shape}",
+                    np.flatnonzero(links.diagonal()),
                 )
+                wrong = (
+                    f"shape {links.shape}" if links.shape != (self.n, self.n) else f"a link of agent {own[0]} to itself"
+                )
+                raise InvalidInput("State", "links", rule, wrong)
             links.setflags(write=False)
             object.__setattr__(self, "links", links)
 

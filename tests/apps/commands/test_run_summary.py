@@ -33,6 +33,44 @@ def test_times_of_runs_that_begin_late_have_the_digits_that_differ():
     assert found["closest pair"].endswith("t = 1760000001")
 
 
+def test_the_closest_pair_states_how_much_closer_agents_may_have_come():
+    """Two agents on straight lines, at most 2 apart in speed: between looks h apart they come closer by 2 h at most."""
+    law = fk.Law(fk.Proximity(9.0), [fk.Consensus(0.0)])
+    start = fk.State([[0.0, 0.0], [2.0, 1.0]], [[1.0, 0.0], [-1.0, 0.0]])
+    scenario = fk.Scenario(law, start, t_end=2.0, frames=3)
+    exact = dict(facts(summary(fk.simulate(scenario, progress=False))))
+    assert exact["closest pair"] == "1, agents 0 and 1, t = 1"
+    run = fk.simulate(scenario, engine="tiles", step=0.07, progress=False)
+    found = dict(facts(summary(run)))["closest linked pair"]
+    distance, closer = float(found.split(",")[0]), float(found.split("up to ")[1].split()[0])
+    assert distance >= 1.0 - 1e-6 >= distance - closer
+    assert closer < 4 * 0.07
+
+
+def test_ranges_of_obstacles_are_no_switches_of_links():
+    law = fk.Law(fk.Fixed(1, []), [fk.Avoid((fk.Ball([3.0, 0.0], 1.0),), range=1.0, gamma_agents=False)])
+    start = fk.State([[0.0, 0.0]], [[1.0, 0.0]])
+    found = dict(facts(summary(fk.simulate(fk.Scenario(law, start, t_end=1.1), progress=False))))
+    assert found["link switches"] == "none"
+    assert found["other switches"] == "1 obstacle"
+
+
+def test_a_run_that_stopped_after_its_last_frame_says_where_it_was_and_of_when_its_state_is():
+    """Two agents at rest, 1 apart, fall into each other under -1/r^2: r'' = -4/r^3, so that r^2 = 1 - 4 t^2."""
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("-1/r**2"))])
+    scenario = fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=10.0, frames=3)
+    with pytest.raises(fk.SimulationError) as stopped:
+        fk.simulate(scenario, progress=False)
+    found = summary(stopped.value.run)
+    assert (found["state_time"], found["frames"]) == (0.0, 1)
+    assert found["time"] == pytest.approx(0.5, abs=1e-6)
+    told = dict(facts(found))
+    assert told["time reached"].startswith("0.5")
+    assert told["velocity spread"] == "0.000e+00, at t = 0, of the last frame"
+    assert "flocks at the end" not in told
+    assert told["flocks in the last frame"] == "1, at t = 0, of the last frame"
+
+
 def test_an_energy_that_is_known_for_a_part_of_the_run_is_not_that_at_the_end():
     """Under held forces two agents leave a barrier at a distance of 1, where the energy is infinite."""
     law = fk.Law(fk.Proximity(1.0), [fk.Gradient(fk.Potential("-log(1 - r**2)"))])

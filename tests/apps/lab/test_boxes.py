@@ -76,7 +76,9 @@ def test_a_frame_holds_where_bodies_point(made):
     after = numbers[2 * size + 2 * group["links"] :]
     for k, name in enumerate(group["directions"]):
         assert after[k * size : (k + 1) * size] == pytest.approx(state.columns[name].ravel(), abs=1e-6)
-    assert len(after) == len(group["directions"]) * size > 0
+    neighbours = state.links.sum(axis=1).astype(np.uint32)
+    assert after[len(group["directions"]) * size :].view(np.uint32).tolist() == neighbours.tolist()
+    assert len(after) == len(group["directions"]) * size + state.n > state.n
     assert content(torus())[0]["directions"] == []
 
 

@@ -50,7 +50,7 @@ def measured(page, tab):
     """Wait until the charts have reached the present, to which the slower of two that are compared still comes."""
 
     def reached():
-        return points(tab, "energy")[-1:, 0].tolist() == [float(f"{page.experiment.time:.6g}")]
+        return points(tab, "energy")[-1:, 0].tolist() == [page.experiment.time]
 
     tab.wait(reached, "the charts reach the present")
 
@@ -161,7 +161,7 @@ def test_the_record_is_looked_at_and_a_run_branches_from_it(page, tab):
 def test_lamps_of_a_paused_run_are_those_of_its_last_moment(page, tab):
     play_until(page, tab, 2.0)
     tab.wait(lambda: page.measuring.timeline.judged == page.experiment.time, "it is judged once more")
-    tab.reads(f"Judged up to t = {float(f'{page.experiment.time:.4g}'):g}".rstrip("0"))
+    tab.reads(f" to t = {float(f'{page.experiment.time:.4g}'):g}".rstrip("0"))
     judged = tab.ask("() => lab.timeline.record.record.judged")
     assert judged == pytest.approx(page.experiment.time)
 

@@ -152,11 +152,11 @@ def test_verdicts_from_before_an_intervention_say_so_while_the_run_stands_still(
     tab.wait(lambda: not page.clock.running, "it stands still")
     page.clock.do(lambda: None)
     tab.wait(lambda: page.measuring.timeline.judged == page.experiment.time, "it is judged once more")
-    tab.reads("by the motion since the last intervention")
+    tab.reads("since the last intervention")
     page.send({"kind": "kick", "agents": [1], "speed": 1.0, "seed": 5})
-    tab.reads("by the motion before the last intervention")
+    tab.reads("before the last intervention; what follows")
     tab.press("Play")
-    tab.reads("by the motion since the last intervention")
+    tab.reads("since the last intervention")
 
 
 @pytest.mark.browser

@@ -157,3 +157,15 @@ def test_the_score_of_a_delay_replays_with_its_delay(tmp_path):
     branched = made.branch(0.7)
     branched.advance(1.0)
     assert np.allclose(branched.state.q, made.state.q, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "path", [["agents", "damping"], ["agents", "masses"], ["law", "terms", 2, "obstacles", 0, "radius"]]
+)
+def test_what_is_no_number_of_the_law_ends_the_passage(path):
+    """Lighter agents, or a wider gap, would pass sooner."""
+    through = fk.State(np.column_stack([np.full(30, 200.0), np.arange(30.0)]), None, 5.0, ~np.eye(30, dtype=bool))
+    assert gap_score([through], [(0.0, {"kind": "set", "path": ["law", "terms", 0, "gain"], "value": 2.0})]).reached
+    found = gap_score([through], [(0.0, {"kind": "set", "path": path, "value": 0.1})])
+    assert not found.reached
+    assert "only the law may be changed" in found.words

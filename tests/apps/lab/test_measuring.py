@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -13,6 +14,7 @@ from flocking.apps.lab.experiment.clock import Clock
 from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.apps.lab.live.measuring import Measuring
 from tests.apps.lab.conftest import ten
+from tests.apps.lab.tabs import wait
 
 
 @pytest.fixture
@@ -140,6 +142,60 @@ def test_a_fault_of_a_judgement_stays_until_one_succeeds(measuring) -> None:
     assert "ValueError: no" in made.content()["fault"]
     made._guarded(made.judge, clock.frame)
     assert made.fault == ""
+
+
+def test_what_a_session_knows_is_asked_between_its_steps_and_after_a_change_not_beside_older_moments(
+    measuring, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, made = measuring
+    for t in (0.2, 0.4, 0.6):
+        step(clock, t)
+        made._read(clock.frame)
+    asked: list[str] = []
+    session = type(clock.experiments[0].session)
+    known = session.known
+
+    def watched(self):
+        asked.append(threading.current_thread().name)
+        return known.fget(self)
+
+    monkeypatch.setattr(session, "known", property(watched))
+    number = clock.frame.number
+    assert made.window() is not None
+    assert asked == ["flocking-lab-clock"]
+    time.sleep(0.1)
+    assert clock.frame.number == number, "to look changes nothing"
+    clock.do(lambda: clock.experiments[0].apply({"kind": "kick", "agents": [0], "velocity": [1.0, 0.0]}))
+    assert made.window() is None
+
+
+def test_a_run_that_stands_still_is_judged_once_and_then_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock([Experiment(ten())])
+    made = Measuring(clock, lambda: None)
+    times: list[float] = []
+    judge = made.judge
+
+    def counted(frame) -> None:
+        judge(frame)
+        times.append(frame.time)
+
+    counted.__name__ = "judge"
+    monkeypatch.setattr(made, "judge", counted)
+    clock.begin()
+    made.begin()
+    try:
+        for _ in range(4):
+            reads = made.reads
+            clock.step(0.1)
+            wait(lambda reads=reads: not clock.running and made.reads > reads, "it was measured")
+        wait(lambda: bool(times) and times[-1] == clock.frame.time, "it was judged")
+        count, number = len(times), clock.frame.number
+        time.sleep(1.0)
+        assert len(times) == count
+        assert clock.frame.number == number
+    finally:
+        clock.close()
+        made.join()
 
 
 def test_agents_without_velocities_have_no_spread_of_them() -> None:

@@ -86,3 +86,20 @@ def test_a_page_that_cannot_be_written_is_one_line(stored, tmp_path, capsys, mon
     told = capsys.readouterr().err.strip()
     assert "Traceback" not in told
     assert str(tmp_path) in told
+
+
+def test_a_run_without_frames_gets_a_page_that_says_so(tmp_path, capsys):
+    from flocking.apps.cli import main
+
+    law = fk.Law(fk.Hysteresis(radius=4, gap=0.3), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(0.8)])
+    scenario = fk.Scenario(law, fk.start.box(5, side=2, speed=1, seed=1), t_end=0.2, frames=3)
+    fk.simulate(scenario, engine="tiles", save=tmp_path / "bare", keep_frames=False, observe=True, progress=False)
+    page = tmp_path / "page.html"
+    assert main(["audit", str(tmp_path / "bare"), "--html", str(page)]) in (0, 1)
+    text, tags = read(page)
+    assert tags.open == []
+    assert "5 agents, no frames" in text
+    assert "No picture could be drawn of" in text
+    assert "Certificates</h4>" in text
+    assert "<td class='count' data-name='switches'>not recorded</td>" in text
+    capsys.readouterr()

@@ -11,6 +11,7 @@ import flocking as fk
 from flocking.apps.lab.panels.measures import ShownVerdict, guarantees_of, verdicts_on
 from flocking.study.certificates.beside.guaranteed_claims import PROVEN_BY, guarantee_of
 from flocking.study.certificates.beside.margin_lines import margin_lines
+from flocking.study.certificates.comparison import compare
 from flocking.study.claims.general_claims import GENERAL
 
 PULL = fk.Gradient(fk.Potential("1/r + r**2"))
@@ -168,3 +169,23 @@ def test_no_line_is_drawn_beside_a_filter():
     law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("r**2/2")), fk.Consensus(1.0)])
     made = fk.Scenario(law, START, t_end=1.0, control=fk.SafetyFilter(0.1, distance=0.2, acceleration=9.0))
     assert margin_lines(made, "period") == ()
+
+
+def test_links_are_said_to_be_kept_only_where_every_switch_was_looked_for():
+    """Two agents on a spring that cannot break: frames of a fixed step show no loss, and not that there was none."""
+    law = fk.Law(fk.Hysteresis(4.0, 0.3), [fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=4.0)), fk.Consensus(1.0)])
+    scenario = fk.Scenario(law, fk.State([[0.0, 0.0], [2.0, 0.0]], [[0.2, 0.0], [0.0, 0.1]]), t_end=1.0, frames=5)
+    found = fk.certify(scenario)
+    assert found["links_kept"].granted
+    for engine, expected in (("exact", 0.0), ("tiles", None)):
+        run = fk.simulate(scenario, engine=engine, progress=False)
+        rows = {row.key: row for row in compare(found, run)}
+        assert ("links_kept" in rows) == (expected is not None), engine
+        if expected is not None:
+            assert rows["links_kept"].observed == expected
+            assert rows["links_kept"].kept is True
+            links = run.links.copy()
+            links[-1] = False
+            lost = replace(fk.simulate(scenario, engine="tiles", progress=False), links=links)
+            (row,) = (row for row in compare(found, lost) if row.key == "links_kept")
+            assert (row.observed, row.kept) == (1.0, False)

@@ -67,6 +67,22 @@ def test_an_observation_has_a_rate_and_no_verdict_of_its_own() -> None:
     assert found.as_dict("p", "s")["expected"] == "observation"
 
 
+def test_undecided_seeds_count_as_either_in_a_rate() -> None:
+    """Five held, five have not settled: between 5 and 10 of 10, and Clopper and Pearson's ends of these."""
+    from scipy.stats import beta
+
+    found = judged("hhhhhyy?yyuu", claim(Basis.OBSERVATION))
+    share, low, high = found.rate
+    assert math.isnan(share)
+    assert low == pytest.approx(beta.ppf(0.025, 5, 6))
+    assert high == 1.0
+    assert found.rate_text == "50 to 100 % (18 to 100)"
+    less = judged("hhhffyy", claim(Basis.OBSERVATION))
+    assert less.rate[1:] == (pytest.approx(beta.ppf(0.025, 3, 5)), pytest.approx(beta.ppf(0.975, 6, 2)))
+    assert less.rate_text == "43 to 71 % (9 to 97)"
+    assert found.as_dict("p", "s")["rate"]["held"] is None
+
+
 def test_too_few_decided_seeds_leave_an_observation_untested() -> None:
     assert judged("h" * (FEWEST_SEEDS - 1) + "yy??", claim(Basis.OBSERVATION)).verdict == Verdict.UNTESTED
     assert math.isnan(judged("yyyyy", claim(Basis.OBSERVATION)).rate[0])

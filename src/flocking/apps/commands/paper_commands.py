@@ -76,6 +76,7 @@ def reproduce(
     from flocking.apps.tables import print_table, short
     from flocking.errors import InvalidInput
     from flocking.papers import default_keys, keys
+    from flocking.study.claims.judgement import FEWEST_SEEDS
 
     if papers and every:
         raise InvalidInput("reproduce", "--all", "must stand alone", " ".join(papers), "Leave out the keys.")
@@ -122,12 +123,10 @@ def reproduce(
         )
         if found.observed:
             print(f"{found.observed} further claims are observations: they have rates and no expected verdict.")
-        if found.untested:
-            print(f"{found.untested} are untested: fewer than five seeds met their hypothesis. Use at least five.")
-        if found.waiting:
-            print(
-                f"{found.waiting} are not yet decided: for some seed the motion has not settled by the end of the run."
-            )
+        for sentence in found.left_open:
+            print(sentence)
+        if seeds < FEWEST_SEEDS:
+            print(f"Use at least {FEWEST_SEEDS} seeds.")
         if out is not None:
             print(f"Open {out / 'report.html'}")
     return FINE if found.as_expected else DIFFERENT

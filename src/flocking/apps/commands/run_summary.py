@@ -11,15 +11,24 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.runs.run import OF_VELOCITIES, Run
-from flocking.formula.safe_digits import rounded_down, time_text
+from flocking.formula.safe_digits import rounded_down, rounded_up, time_text
 from flocking.model import observables
 from flocking.model.graphs.connectivity import Links, components
 from flocking.model.space import Space
 from flocking.study.nets.winding import winding
 
+CERTAIN = 1e-6
+"""Share of a distance that is not shown: distances have six digits."""
+LINKS = ("appear", "break")
+"""Kinds of switches that are links; others are borders of formulas and ranges of obstacles."""
+
 
 def summary(run: Run) -> dict[str, Any]:
-    """Plain data for JSON: how the run ended, its last state, its closest pair and its ledger."""
+    """Plain data for JSON: how the run ended, its last state, its closest pair and its ledger.
+
+    A run that was stopped may have gone on after its last frame: ``time`` is that which it reached, ``state_time`` that
+    of the last frame or observation.
+    """
     kinds, counts = np.unique(run.switches["kind"], return_counts=True)
     last = len(run.t) - 1
     found: dict[str, Any] = {
@@ -28,7 +37,8 @@ def summary(run: Run) -> dict[str, Any]:
         "agents": run.n,
         "dimension": int(run.q.shape[2]),
         "begin": run.scenario.start.t,
-        "time": float(run.t[last]) if last >= 0 else None,
+        "time": None,
+        "state_time": float(run.t[last]) if last >= 0 else None,
         "frames": len(run.t),
         "switches": {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)},
     }
@@ -52,13 +62,14 @@ def summary(run: Run) -> dict[str, Any]:
         if has_velocities:
             found.setdefault("order", float(seen["order"][-1]))
             found.setdefault("velocity_spread", float(seen["spread"][-1]))
-        if found["time"] is None:
-            found["time"] = float(seen["time"][-1])
+        if found["state_time"] is None:
+            found["state_time"] = float(seen["time"][-1])
+    found["time"] = _reached(run, found["state_time"])
     closest = run.closest
     if math.isfinite(closest.distance):
         found["closest"] = {
             "distance": closest.distance, "time": closest.time, "pair": list(closest.pair),
-            "of": run.fidelity.approaches.pairs,
+            "of": run.fidelity.approaches.pairs, **_error(run),
         }  # fmt: skip
     if len(run.trace):
         energy = run.trace["energy"]
@@ -70,6 +81,34 @@ def summary(run: Run) -> dict[str, Any]:
         found["turnover"] = run.turnover
     found["provenance"] = run.provenance
     return found
+
+
+def _reached(run: Run, shown: float | None) -> float | None:
+    """The latest time of which a run has a record; of one that is finished that of its last state."""
+    if run.finished and shown is not None:
+        return shown
+    ends = [float(run.trace["time"][-1])] if len(run.trace) else []
+    return max([*ends, *([] if shown is None else [shown])], default=None)
+
+
+def _error(run: Run) -> dict[str, object]:
+    """What a run states of the error of its closest approach, as plain data; numbers that are not known are None."""
+    near = run.fidelity.approaches
+    size = run.closest.error if near.error is None else near.error
+    return {"error": size if math.isfinite(size) else None, "between_looks": near.error is not None,
+            "looked": near.looked}  # fmt: skip
+
+
+def _doubt(distance: float, error: float | None, looked: str, *, between_looks: bool) -> str:
+    """What is not known of the closest pair, in words; empty where the digits shown are certain."""
+    if looked:
+        return f"; distances were looked at {looked} only"
+    if error is None:
+        return "; its error is not known"
+    if error < CERTAIN * distance:
+        return ""
+    size = rounded_up(error, 2)
+    return f"; up to {size} closer between steps" if between_looks else f"; known to within {size}"
 
 
 def _number(value: np.generic) -> float | int | None:
@@ -148,14 +187,21 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
     found
         The result of `summary`.
     """
-    switches = ", ".join(f"{count} {kind}" for kind, count in found["switches"].items())
+    counts = found["switches"]
+    switches = ", ".join(f"{count} {kind}" for kind, count in counts.items() if kind in LINKS)
+    others = ", ".join(f"{count} {kind}" for kind, count in counts.items() if kind not in LINKS)
     closest, energy = found.get("closest"), found.get("energy")
     pair = " and ".join(map(str, closest["pair"])) if closest else ""
     linked = closest is not None and closest["of"] == "linked"
+    names = ("distance", "error", "looked", "between_looks")
+    doubt = _doubt(**{name: closest[name] for name in names}) if closest else ""
 
     def when(time: float, digits: int = 6) -> str:
         return time_text(time, found["begin"], time if found["time"] is None else found["time"], digits)
 
+    shown = found["state_time"]
+    earlier = "" if shown is None or shown == found["time"] else f", at t = {when(shown)}, of the last frame"
+    last = "at the end" if not earlier else "in the last frame"
     known = (energy or {}).get("ledger_ends")
     ended = "at the end" if known is None else f"at t = {when(known)}, where the ledger ends"
     return [
@@ -167,13 +213,14 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("time reached", when(found["time"]) if found["time"] is not None else ""),
         ("frames", str(found["frames"])),
         ("link switches", switches or found["provenance"].get("switches", "none")),
-        ("flocks at the end", _flocks(found)),
+        ("other switches", others),
+        (f"flocks {last}", _flocks(found) + earlier if "flocks" in found else ""),
         *([("of them wind around space", _wound(found["winding"]))] if "winding" in found else []),
-        ("velocity spread", f"{found['velocity_spread']:.3e}" if "velocity_spread" in found else ""),
-        ("order", f"{found['order']:.6f}" if "order" in found else ""),
+        ("velocity spread", f"{found['velocity_spread']:.3e}{earlier}" if "velocity_spread" in found else ""),
+        ("order", f"{found['order']:.6f}{earlier}" if "order" in found else ""),
         (
             "closest linked pair" if linked else "closest pair",
-            f"{closest['distance']:.6g}, agents {pair}, t = {when(closest['time'])}" if closest else "",
+            f"{closest['distance']:.6g}, agents {pair}, t = {when(closest['time'])}{doubt}" if closest else "",
         ),
         ("energy", f"{energy['start']:.6g} at the start, {energy['end']:.6g} {ended}" if energy else ""),
         ("ledger residual", _residual(found)),

@@ -20,9 +20,9 @@ CAPTIONS: dict[str, str] = {
     Subject.LEADER: "Velocity of the centre of mass minus the leader's.",
     Subject.VELOCITIES: "Velocities along x.",
     Subject.CONNECTIVITY: "Algebraic connectivity and number of flocks.",
-    Subject.LINKS: "Links, and the times at which they appeared and broke.",
-    Subject.CLOSEST: "Distance of the closest pair, with its minima between frames.",
-    Subject.NET: "The net at the end, with the paths of the agents.",
+    Subject.LINKS: "Links, and the times at which they appeared and broke where the run records these.",
+    Subject.CLOSEST: "Distance of the closest pair, with the closest approaches that the run records.",
+    Subject.NET: "The net in the last frame, with the paths of the agents.",
 }
 """Caption of each picture, by the subject of claims."""
 

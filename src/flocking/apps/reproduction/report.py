@@ -153,23 +153,22 @@ def _summary(found: Reproduction, papers: dict[str, Paper]) -> str:
     return (
         "<h1>Flocking control: the papers, reproduced</h1>\n"
         f'<p class="dim">What each theorem claims, whether it holds in the simulations, by what margin, and which '
-        f"printed statements are wrong.</p>\n{boxes(numbers)}<p>{escape(_outcome(judged))}</p>\n"
+        f"printed statements are wrong.</p>\n{boxes(numbers)}<p>{escape(_outcome(found))}</p>\n"
         f"{table(head, rows, 'What was found in each paper')}{_failing(found, papers)}"
     )
 
 
-def _outcome(judged: list[Judgement]) -> str:
+def _outcome(found: Reproduction) -> str:
+    judged = _all(found)
     contrary = sum(j.is_contrary for j in judged)
     proof = f"the verdict that follows from {'their' if contrary > 1 else 'its'} proof or counter-example"
     if all(j.as_expected for j in judged):
-        return f"Every claim has {proof}; observations have rates."
+        every = f"Every claim with an expected verdict has {proof}; observations have rates"
+        without = f", but for {found.without_rate} that fewer than five seeds decided" if found.without_rate else ""
+        return f"{every}{without}."
     claims = {0: "No claim differs", 1: "1 claim differs"}.get(contrary, f"{contrary} claims differ")
     parts = [f"{claims} from {proof}{', framed below' if contrary else ' where one was found'}."]
-    if untested := sum(j.verdict == Verdict.UNTESTED for j in judged):
-        parts.append(f"{untested} are untested: a verdict needs five seeds that meet the hypothesis.")
-    if waiting := sum(j.verdict == Verdict.NOT_YET for j in judged):
-        parts.append(f"{waiting} are not yet decided: for some seed the motion has not settled by the end of the run.")
-    return " ".join(parts)
+    return " ".join([*parts, *found.left_open])
 
 
 def _paper_row(key: str, article: Paper, found: Reproduction) -> str:

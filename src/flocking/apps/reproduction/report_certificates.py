@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
+from flocking.apps.reproduction.report_page import more
 from flocking.apps.reproduction.report_tables import head_row, named_cells, table
 from flocking.engine.runs.run import Run
 from flocking.formula.markup.text_formulas import set_text
@@ -21,7 +22,7 @@ COMPARED = ("promised", "observed", "kept")
 
 
 def certificates_table(run: Run) -> str:
-    """The certificates that are granted to the scenario of a run, or why the first is not.
+    """The certificates that are granted to the scenario of a run, or why none is.
 
     Parameters
     ----------
@@ -31,9 +32,12 @@ def certificates_table(run: Run) -> str:
     if run.fidelity.changed:
         return f'<p class="dim">{escape(OTHER_RUN)}</p>\n'
     found = certify(run.scenario)
-    seen = {row.key: row for row in compare(found, run)}
+    seen = {row.key: row for row in compare(found, run)} if len(run.t) else {}
     if not found.granted:
-        return f'<p class="dim">Nothing is guaranteed before the run: {escape(found.all[0].reason)}.</p>\n'
+        reasons = dict.fromkeys(each.reason for each in found.all if each.reason)
+        items = "".join(f"<li>{escape(reason)}</li>" for reason in reasons)
+        why = more("Why, for each kind of guarantee", f"<ul>{items}</ul>")
+        return f'<p class="dim">Nothing is guaranteed before the run.</p>\n{why}'
     rows = []
     for each in found.granted:
         row = seen.get(each.key)

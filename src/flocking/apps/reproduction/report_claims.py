@@ -111,8 +111,11 @@ def _picture(name: str, picture: str, pictures: Path | None, figures: Mapping[st
 
 
 def _judgement(name: str, j: Judgement) -> str:
+    either = ", undecided ones counted as either" if j.undecided else ""
     rate = (
-        f"; held in {rate_of(j)} of the decided seeds, with the 95 % interval" if j.verdict == Verdict.OBSERVED else ""
+        f"; held in {rate_of(j)} of the seeds that meet the hypothesis{either}, with the 95 % interval"
+        if j.verdict == Verdict.OBSERVED
+        else ""
     )
     decisive = "counter-example:" if j.counterexample is not None else "worst margin"
     waiting = f", not yet {j.waiting}" if j.waiting else ""

@@ -57,10 +57,12 @@ def runs_table(rows: Mapping[str, tuple[str, Run]]) -> str:
 
 def _row(anchor: str, title: str, run: Run) -> str:
     s = run.scenario
+    span = [time_text(run.t[k], run.t[0], run.t[-1], 6) for k in (0, -1)] if len(run.t) else ["no frames", ""]
     numbers = (
-        run.provenance.get("engine", ""), run.n, *(time_text(run.t[k], run.t[0], run.t[-1], 6) for k in (0, -1)),
+        run.provenance.get("engine", ""), run.n, *span,
         len(run.t), "none" if s.seed is None else s.seed, f"{s.tolerance:g}",
-        run.provenance.get("steps", "not recorded"), len(run.switches), run.status,
+        run.provenance.get("steps", "not recorded"),
+        len(run.switches) if run.fidelity.switches_located else "not recorded", run.status,
     )  # fmt: skip
     named = zip(COLUMNS, numbers, strict=True)
     cells = "".join(f"<td class='count' data-name='{name}'>{escape(str(x))}</td>" for name, x in named)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from flocking.engine.runs.run import Run
-from flocking.formula.safe_digits import percent_text
 from flocking.papers import paper_of
 from flocking.papers.equation_table import RowData
 from flocking.study.claims.claim import Verdict
@@ -65,17 +64,55 @@ class Reproduction:
 
     @property
     def untested(self) -> int:
-        """Number of claims whose hypothesis too few seeds met."""
-        return sum(j.verdict == Verdict.UNTESTED for found in self.judgements.values() for j in found)
+        """Number of claims with an expected verdict whose hypothesis too few seeds met."""
+        return sum(
+            j.verdict == Verdict.UNTESTED and j.has_expected for found in self.judgements.values() for j in found
+        )
+
+    @property
+    def without_rate(self) -> int:
+        """Number of observations that too few seeds decided for a rate."""
+        return sum(
+            j.verdict == Verdict.UNTESTED and not j.has_expected for found in self.judgements.values() for j in found
+        )
+
+    @property
+    def left_open(self) -> list[str]:
+        """Sentences about the claims that were not decided."""
+        parts = []
+        if n := self.untested:
+            parts.append(f"{n} {_are(n)} untested: fewer than five seeds met {_their(n)} hypothesis.")
+        if n := self.without_rate:
+            parts.append(f"{n} {_are(n)} without a rate: fewer than five seeds decided the observation.")
+        if n := self.waiting:
+            parts.append(
+                f"{n} {_are(n)} not yet decided: for some seed the motion has not settled by the end of the run."
+            )
+        if n := self.unresolved:
+            parts.append(f"{n} {_are(n)} not resolved: for some seed errors or missing records leave it open.")
+        return parts
 
     @property
     def waiting(self) -> int:
         """Number of claims that are undecided because a motion has not settled."""
         return sum(j.verdict == Verdict.NOT_YET for found in self.judgements.values() for j in found)
 
+    @property
+    def unresolved(self) -> int:
+        """Number of claims that errors or missing records leave open."""
+        return sum(j.verdict == Verdict.NOT_RESOLVED for found in self.judgements.values() for j in found)
+
     def as_list(self) -> list[dict[str, object]]:
         """Rows of ``claims.json``."""
         return claim_rows(self.judgements)
+
+
+def _are(count: int) -> str:
+    return "is" if count == 1 else "are"
+
+
+def _their(count: int) -> str:
+    return "its" if count == 1 else "their"
 
 
 def rate_of(judgement: Judgement) -> str:
@@ -90,7 +127,7 @@ def rate_of(judgement: Judgement) -> str:
         return "counter-example"
     if judgement.verdict != Verdict.OBSERVED:
         return ""
-    return percent_text(*judgement.rate)
+    return judgement.rate_text
 
 
 def claim_rows(judgements: dict[str, list[Judgement]]) -> list[dict[str, object]]:

@@ -74,10 +74,11 @@ def write_run_page(
     counts = Counter(r.verdict for r in report.results)
     entries = [("law", "Law and start", ())] if law_declared else []
     entries += [("claims", "Claims", ()), ("provenance", "Provenance", ())]
-    first, last = (time_text(run.t[k], run.t[0], run.t[-1], 6) for k in (0, -1))
+    ends = [time_text(run.t[k], run.t[0], run.t[-1], 6) for k in (0, -1)] if len(run.t) else []
+    span = f"t = {ends[0]} to {ends[1]}" if ends else "no frames"
     parts = [
         f"<h1>{escape(title)}</h1>\n",
-        f'<p class="dim">Audit of one run: {run.n} agents, t = {first} to {last}, status: {escape(run.status)}.</p>\n',
+        f'<p class="dim">Audit of one run: {run.n} agents, {span}, status: {escape(run.status)}.</p>\n',
         boxes([(str(count), PLURAL.get(verdict, str(verdict))) for verdict, count in counts.items()]),
         f"<p>{escape(outcome(report))}</p>\n",
         contents(entries),

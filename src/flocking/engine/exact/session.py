@@ -395,8 +395,8 @@ class ExactSession(AdaptiveSession):
         self._record_trace()
 
     def moment(self) -> Callable[[], Session]:
-        """A function that opens a session in the present state; later records remain those of this session."""
-        return partial(ExactSession.resume, self.snapshot(records=False))
+        """A function that opens a session in the present state, with the records until now."""
+        return partial(ExactSession.resume, self.snapshot())
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""

@@ -26,8 +26,9 @@ SPIN, COMMAND, COMMAND_RATE = "spin", "command", "command_rate"
 SPACE = 3
 """Dimensions in which a quadrotor flies."""
 
-ORTHONORMAL = 1e-9
-"""Largest difference of products of given axes from those of orthonormal ones."""
+ORTHONORMAL = 1e-6
+"""Largest difference of products of given axes from those of orthonormal ones: axes of a run, from whose states others
+start, are off by what its tolerance adds up to."""
 
 ACTING = 0.5
 """The held number that states that rotors idle is 0 or 1."""

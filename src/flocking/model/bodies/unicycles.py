@@ -23,8 +23,9 @@ HEADING = "heading"
 PLANE = 2
 """Dimensions in which a unicycle moves."""
 
-UNIT = 1e-9
-"""Largest difference of the length of a given heading from 1."""
+UNIT = 1e-6
+"""Largest difference of the length of a given heading from 1: those of a run, from whose states others start, are off
+by what its tolerance, 1e-9 by default, adds up to."""
 
 
 @register_part("unicycle")
@@ -143,7 +144,7 @@ class Unicycle(Body):
             if wrong.any():
                 agent = int(np.argmax(wrong))
                 raise InvalidInput(
-                    "Unicycle", "heading", "must be unit vectors", f"length {lengths[agent]:g} of agent {agent}"
+                    "Unicycle", "heading", "must be unit vectors", f"length {lengths[agent]:.9g} of agent {agent}"
                 )
         return super().missing_columns(given, q, p)
 

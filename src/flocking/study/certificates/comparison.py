@@ -19,6 +19,7 @@ from flocking.model.world.safety_filters import SafetyFilter
 from flocking.study.certificates.certificate import Certificate, Certificates
 from flocking.study.certificates.energy_setting import EnergySetting
 from flocking.study.certificates.obstacle_approach import closest_to_obstacles
+from flocking.study.evidence import Evidence
 
 MOST_STATES = 32
 """Frames of which the energy is computed, at even places of the run."""
@@ -146,9 +147,12 @@ def _position_error(run: Run) -> float:
     return 2.0 * float(run.accuracy.frames[:, 0].max())
 
 
-def _losses(run: Run, certificate: Certificate) -> tuple[float, float]:
-    lost = run.switches[(run.switches["kind"] == "break") & (run.switches["graph"] == 0)]
-    return float(len(lost)), 0.0
+def _losses(run: Run, certificate: Certificate) -> tuple[float, float] | None:
+    """Number of links lost; where no switches are recorded frames can show a loss, but not that there is none."""
+    evidence = Evidence(run)
+    if not evidence.switches_known:
+        return (float(evidence.seen_lost), 0.0) if evidence.seen_lost else None
+    return float(evidence.links_lost), 0.0
 
 
 def _speed(run: Run, certificate: Certificate) -> tuple[float, float]:

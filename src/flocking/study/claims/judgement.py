@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import percent_text
 from flocking.study.claims.audit import Report
 from flocking.study.claims.claim import Basis, Claim, Result, Verdict, finite
 from flocking.study.confidence_intervals import share_interval
@@ -70,12 +71,30 @@ class Judgement:
         return sum(r.verdict in DECIDED for r in self.results)
 
     @property
+    def undecided(self) -> int:
+        """Seeds that neither miss the hypothesis nor decide the claim."""
+        return self.met - self.decided
+
+    @property
     def rate(self) -> tuple[float, float, float]:
-        """Share of the decided seeds for which it holds, and its exact 95 % interval; nan where there are none."""
+        """Share of the seeds that meet the hypothesis for which it holds, and its exact 95 % interval.
+
+        Where some of them are undecided the share is nan, and the interval counts them as either: runs that are too
+        short or too inexact for a verdict are no random choice. All are nan where none is decided.
+        """
         if not self.decided:
             return math.nan, math.nan, math.nan
-        interval = share_interval(self.held, self.decided)
-        return self.held / self.decided, interval.low, interval.high
+        interval = share_interval(self.held, self.met, LEVEL, unknown=self.undecided)
+        return math.nan if self.undecided else self.held / self.met, interval.low, interval.high
+
+    @property
+    def rate_text(self) -> str:
+        """`rate` in per cent, from the share were all undecided seeds failures to that were all successes."""
+        share, low, high = self.rate
+        if not self.undecided:
+            return percent_text(share, low, high)
+        least, most = (percent_text(count / self.met, low, high) for count in (self.held, self.held + self.undecided))
+        return f"{least.split()[0]} to {most}"
 
     @property
     def verdict(self) -> Verdict:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine.reference.control import evaluate
+from flocking.model.bodies.body import Body
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.law import Law
@@ -14,7 +15,7 @@ from flocking.study.potentials.equilibrium import Equilibrium
 
 
 def total_energy(
-    law: Law, state: State, energy: Energy | None = None, *, agents: Agents | None = None, space: Space = OPEN
+    law: Law, state: State, energy: Energy | None = None, *, agents: Body | None = None, space: Space = OPEN
 ) -> float:
     """The energy of a ledger at a state (Tanner I W, Tanner II (6), Zhou (10) and (25), Shi (11)).
 
@@ -27,7 +28,7 @@ def total_energy(
     energy
         Frame, and energy of a pair that is not linked; the lab frame and zero when absent.
     agents
-        Masses and headings; unit masses when absent.
+        What the agents are; point masses of 1 when absent.
     space
         Space of the agents.
 
@@ -37,7 +38,7 @@ def total_energy(
         Kinetic energy, what links and bodies store, and that of every pair that is not linked, in units of mass times
         velocity squared.
     """
-    energy, agents = energy or Energy(), agents or Agents()
+    energy, agents = energy or Energy(), Agents() if agents is None else agents
     found = evaluate(law, state, agents=agents, energy=energy, space=space)
     links = law.graph.links_in(space, state.q, agents.headings) if state.links is None else state.links
     apart = (state.n * (state.n - 1) - int(np.count_nonzero(links))) / 2

@@ -9,7 +9,8 @@ import numpy as np
 
 SHOW = """async ([groups, t]) => {
     const made = groups.map((g) => ({ ...g, q: Float32Array.from(g.q.flat()), p: Float32Array.from(g.p.flat()),
-        pairs: Uint32Array.from(g.pairs.flat()), axes: [], directions: [], energy: null,
+        pairs: Uint32Array.from(g.pairs.flat()), axes: [], directions: [], flocks: null,
+        energy: g.energy && Float32Array.from(g.energy), neighbours: Uint32Array.from(g.neighbours),
         virtual: new Float32Array(0) }));
     lab.scene.show({ number: 1e6 + t, t, live: true, version: [0], groups: made });
     await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done))));
@@ -17,7 +18,14 @@ SHOW = """async ([groups, t]) => {
 """Paints a frame of groups, and waits for it and for the fit that may follow."""
 
 
-def group(q: Sequence[Sequence[float]], *, pairs: Sequence[Sequence[int]] = (), speed: float = 1.0) -> dict[str, Any]:
+def group(
+    q: Sequence[Sequence[float]],
+    *,
+    pairs: Sequence[Sequence[int]] = (),
+    speed: float = 1.0,
+    energy: Sequence[float] | None = None,
+    velocities: bool = True,
+) -> dict[str, Any]:
     """A group of the plane around the origin, moving to the right.
 
     Parameters
@@ -28,12 +36,17 @@ def group(q: Sequence[Sequence[float]], *, pairs: Sequence[Sequence[int]] = (), 
         Links.
     speed
         Of all agents.
+    energy
+        Of each agent.
+    velocities
+        Whether agents have velocities of their own.
     """
     places = np.asarray(q, dtype=float)
     return {
         "n": len(places), "d": 2, "centre": [0.0, 0.0], "links": len(pairs), "all_links": len(pairs), "linked": True,
         "box": [None, None], "solids": [], "q": places.tolist(), "p": [[speed, 0.0]] * len(places),
-        "pairs": [list(pair) for pair in pairs],
+        "pairs": [list(pair) for pair in pairs], "energy": energy, "velocities": velocities,
+        "neighbours": [sum(k in pair for pair in pairs) for k in range(len(places))], "thinned": False,
     }  # fmt: skip
 
 

@@ -115,8 +115,7 @@ def test_states_differ_without_their_hues(page, tab, theme):
 
 def test_the_number_beside_a_curve_is_that_of_the_moment_at_which_it_is_read(page, tab):
     value = tab.tab.locator("[data-value=energy]")
-    # Times come with six digits: the last one may lie a little beyond the present.
-    tab.ask(f"(r) => {{ ({DEFERRED})(); lab.timeline.take(r); }}", record(("holds",), now=19.99998))
+    tab.ask(f"(r) => {{ ({DEFERRED})(); lab.timeline.take(r); }}", record(("holds",), now=20.0))
     assert value.text_content() == "7"
     tab.ask("() => lab.timeline.look(12)")
     assert value.text_content() == "5"

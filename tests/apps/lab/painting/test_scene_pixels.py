@@ -153,3 +153,23 @@ def test_the_scale_bar_is_as_long_as_what_is_painted(page, tab):
         bar = tab.tab.locator("#scale i").bounding_box()["width"]
         length = float(tab.tab.locator("#scale").text_content())
         assert 2 * ball.radius * bar / length == pytest.approx(painted_width, abs=3.5)
+
+
+def test_a_scale_ends_where_the_values_end_that_it_colours(page, tab):
+    legend = tab.tab.locator("#legend")
+    tab.ask("() => { lab.scene.look.colour = 'energy'; }")
+    show(tab, group([[0.0, 0.0], [1.0, 0.0]], energy=[-5.0, -2.0]), aim=True)
+    assert legend.text_content().endswith("-5 – -2")
+    tab.ask("() => { lab.scene.look.colour = 'speed'; }")
+    show(tab, group([[0.0, 0.0], [1.0, 0.0]], speed=3e-12), t=1.0, aim=True)
+    assert legend.text_content().endswith("0 – 3.00e-12")
+
+
+def test_agents_of_order_1_have_no_speed_to_be_coloured_by(page, tab):
+    show(tab, group([[0.0, 0.0], [1.0, 0.0]], speed=0.0, velocities=False), aim=True)
+    assert "no velocities of their own" in tab.tab.locator("#legend").text_content()
+    box, (x, y) = tab.tab.locator("#canvas").bounding_box(), place(tab, [0.0, 0.0])
+    tab.tab.mouse.move(box["x"] + x, box["y"] + y)
+    hover = tab.tab.locator("#hover")
+    tab.wait(hover.is_visible, "the card appears")
+    assert hover.text_content().startswith("agent 0 · 0 neighbours")

@@ -140,9 +140,7 @@ def gap_score(states: Sequence[State], entries: Entries) -> Score:
     entries
         The log.
     """
-    other = next((str(event["kind"]) for _, event in entries if event["kind"] not in ("set", "scale")), None)
-    moved = any("obstacles" in map(str, event.get("path", ())) for _, event in entries)
-    if other is not None or moved:
+    if not all(_of_the_law(event) for _, event in entries):
         return Score(False, math.inf, "only the law may be changed, and there was another intervention")
     obstacles = [x for term in _gap().law.terms if isinstance(term, Avoid) for x in term.obstacles]
     end = GAP_PLACE[0] + GAP_RADIUS
@@ -155,6 +153,12 @@ def gap_score(states: Sequence[State], entries: Entries) -> Score:
             return Score(True, state.t, f"all {state.n} had passed as one flock by t = {state.t:.4g}")
     passed = 0 if not states else int((states[-1].q[:, 0] > end).sum())
     return Score(False, math.inf, f"{passed} of {GAP_AGENTS} have passed")
+
+
+def _of_the_law(event: Event) -> bool:
+    """Whether an event changes a number or a formula of the law alone, and no obstacle."""
+    path = [str(step) for step in event.get("path", ())]
+    return event["kind"] in ("set", "scale") and path[:1] == ["law"] and "obstacles" not in path
 
 
 def _late(delay: float) -> Scenario:

@@ -51,8 +51,10 @@ class Frame:
         State and scenario of each.
     rows
         Their ledgers and switches, as `Experiment.records` gives them; they go on growing.
-    changed_at, versions
-        Time of the last change of each, and the number of changes.
+    last
+        The last row of each ledger at that moment; None where there is none.
+    changed_at, began, versions
+        Time of the last change of each, the state right after it, and the number of changes.
     failure
         Why the first that failed stopped; empty when none failed.
     shrunk
@@ -64,7 +66,9 @@ class Frame:
     states: tuple[State, ...]
     scenarios: tuple[Scenario, ...]
     rows: tuple[tuple[list[tuple[float, ...]], list[SwitchRow]], ...]
+    last: tuple[tuple[float, ...] | None, ...]
     changed_at: tuple[float, ...]
+    began: tuple[State, ...]
     versions: tuple[int, ...]
     failure: str
     shrunk: str
@@ -93,6 +97,7 @@ class Clock:
         """Called with the message of a refused action."""
         self._wake = threading.Condition()
         self._waiting: dict[object, Action] = {}
+        self._looks: list[Action] = []
         self._closed = False
         self._pace = 0.0
         self._frame_ready = threading.Condition()
@@ -167,6 +172,9 @@ class Clock:
                 done.set()
 
         self.post(finish, key)
+        self._wait_for(done, timeout)
+
+    def _wait_for(self, done: threading.Event, timeout: float) -> None:
         late = time.monotonic() + timeout
         while not done.wait(CLOSED_LOOK):
             if not self._thread.is_alive() and self._closed:
@@ -175,6 +183,27 @@ class Clock:
                 raise InvalidInput(
                     "lab", "order", f"must be reached within {timeout:g} s", "a longer step", "It may be done later."
                 )
+
+    def between_steps(self, action: Action) -> None:
+        """Run an ``action`` that changes nothing while no session is within a step, and wait until it is done.
+
+        No frame follows from it. Errors are those of `do`.
+        """
+        if not self._thread.is_alive():
+            action()
+            return
+        done = threading.Event()
+
+        def finish() -> None:
+            try:
+                action()
+            finally:
+                done.set()
+
+        with self._wake:
+            self._looks.append(finish)
+            self._wake.notify_all()
+        self._wait_for(done, ACTION_SECONDS)
 
     def play(self) -> None:
         """Let time run."""
@@ -221,7 +250,8 @@ class Clock:
         every = self.experiments
         return Frame(
             self._generation, every[0].time, tuple(e.state for e in every), tuple(e.scenario for e in every),
-            tuple(e.records() for e in every), tuple(e.changed_at for e in every), tuple(e.version for e in every),
+            tuple(e.records() for e in every), tuple(e.last_row for e in every),
+            tuple(e.changed_at for e in every), tuple(e.began for e in every), tuple(e.version for e in every),
             next((e.failure for e in every if e.failure), ""), next((e.shrunk for e in every if e.shrunk), ""),
         )  # fmt: skip
 
@@ -242,9 +272,12 @@ class Clock:
                 if self._closed:
                     return
                 actions, self._waiting = list(self._waiting.values()), {}
+                looks, self._looks = self._looks, []
                 goal = self._goal
-            for action in actions:
+            for action in (*actions, *looks):
                 self._try(action)
+            if looks and not actions and not self.running and not self._apart:
+                continue
             now = time.perf_counter()
             elapsed, before = min(now - before, 4 * FRAME_SECONDS), now
             if self.playing:
@@ -276,7 +309,7 @@ class Clock:
 
     @property
     def _awake(self) -> bool:
-        return bool(self.running or self._waiting or self._closed or self._apart)
+        return bool(self.running or self._waiting or self._looks or self._closed or self._apart)
 
     @property
     def _apart(self) -> bool:
@@ -300,6 +333,11 @@ class Clock:
             self.on_error(f"{type(error).__name__}: {error}")
 
     def _advance(self, to: float) -> None:
+        if len(self.experiments) > 1 and any(each.failure for each in self.experiments):
+            # The time that is shown is that of both: neither goes on alone.
+            with self._wake:
+                self.playing, self._goal, self._target = False, None, None
+            return
         begin, since = time.perf_counter(), self._behind
         if self._pace:
             to = min(to, since + self._pace * LONGEST_SLICE)

@@ -133,6 +133,8 @@ def _move(event: Event, scenario: Scenario, base: Scenario, state: State) -> Out
 
 def _kick(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
     agents = _agents(event["agents"], state.n)
+    if scenario.agents.order == 1:
+        raise InvalidInput("lab", "kick", "needs agents with velocities of their own", type(scenario.agents).__name__)
     if "velocity" in event:
         added = np.array(state.p)
         added[agents] += _vector("velocity", event["velocity"], state.dimension)
@@ -197,10 +199,17 @@ def _add(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outc
 
 
 def _cut(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
-    pairs = [(integer("lab", "pairs", i, least=0), integer("lab", "pairs", j, least=0)) for i, j in event["pairs"]]
+    """Links of some ``pairs``, or all of some ``agents``, are cut."""
+    graph = scenario.law.graph
+    if "agents" in event:
+        links = graph.initial(state.q) if isinstance(graph, Fixed) else state.links
+        linked = np.argwhere(np.zeros((0, 0)) if links is None else links).tolist()
+        chosen = set(_agents(event["agents"], state.n).tolist())
+        pairs = [(i, j) for i, j in linked if chosen & {i, j}]
+    else:
+        pairs = [(integer("lab", "pairs", i, least=0), integer("lab", "pairs", j, least=0)) for i, j in event["pairs"]]
     if any(max(pair) >= state.n for pair in pairs):
         raise InvalidInput("lab", "pairs", f"must join agents of 0..{state.n - 1}", pairs)
-    graph = scenario.law.graph
     if isinstance(graph, Fixed):
         removed = {frozenset(pair) for pair in pairs}
         edges = tuple(edge for edge in graph.edges if frozenset(edge) not in removed)

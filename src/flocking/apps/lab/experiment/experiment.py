@@ -63,7 +63,9 @@ class Experiment:
         self.log = EventLog(self.original, self.engine, end=self.session.time)
         self.failure = ""
         self.changed_at = self.session.time
-        """Time of the last event, or of the start."""
+        """Time of the last event, of the start, or from which the run went on anew."""
+        self.began = self.session.state
+        """The state right after that."""
         self.version = 0
         """Rises with every event that changes the scenario."""
         self.complete = True
@@ -156,7 +158,7 @@ class Experiment:
             if found.scenario.information is not present.information:
                 self.session.replace_information(found.scenario.information)
         self.base = found.base
-        self.changed_at = self.time
+        self.changed_at, self.began = self.time, self.state
         self.version += 1
         self.complete = self.complete and exact_time and len(self.log.entries) < MOST_EVENTS
         if self.complete:
@@ -186,6 +188,7 @@ class Experiment:
         self._forget_after(time)
         del self.log.entries[events:]
         self.log.end = self.changed_at = time
+        self.began = self.state
         self.failure = ""
         self.version += 1
 
@@ -226,17 +229,24 @@ class Experiment:
         found.log = EventLog(self.original, self.engine, self.log.entries[:events], found.session.time)
         found._moments = moments[1:]
         found._forget_after(found.session.time)
-        found.changed_at = found.log.entries[-1][0] if found.log.entries else start
         for time, event in [entry for entry in self.log.entries[events:] if entry[0] <= to]:
             _advance_to(found, time, proceed)
             found.apply(event)
         _advance_to(found, to, proceed)
+        # What was computed again from the last moment was not looked at.
+        found.changed_at, found.began = found.time, found.state
         found.version = self.version + 1
         return found
 
     def records(self) -> tuple[list[tuple[float, ...]], list[SwitchRow]]:
         """The last rows of the ledger and the last switches; engines that locate none record none."""
         return self.session.records.trace, self.session.records.switches
+
+    @property
+    def last_row(self) -> tuple[float, ...] | None:
+        """The last row of the ledger; None where there is none."""
+        rows = self.records()[0]
+        return rows[-1] if rows else None
 
     def _forget(self) -> None:
         """Drop old records."""

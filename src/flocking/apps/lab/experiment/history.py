@@ -27,7 +27,8 @@ MOST_ROWS = 4000
 """Rows of the ledger and switches that are stored, a bound on memory."""
 SERIES_POINTS = 400
 """Points of a curve: about one for each pixel of its width on the page."""
-CUMULATIVE = ("work", "dissipated", "supplied", "jumped")
+CUMULATIVE = ("work", "dissipated", "supplied", "jumped", "departed")
+"""Fields of the ledger that add up from the start of a session on."""
 
 
 class History:
@@ -45,28 +46,30 @@ class History:
 
     def clear(self) -> None:
         """Remove everything."""
-        self._mark: tuple[float, ...] = ()
+        self.mark: tuple[float, ...] = ()
+        """What distinguishes the motion since one intervention from that since another."""
         self.frames: list[State] = []
         self._trace: list[tuple[float, ...]] = []
         self._switches: list[SwitchRow] = []
 
     def take(self, frame: Frame) -> None:
-        """Add a frame unless it is stored already; an intervention begins a new history."""
-        state, scenario = frame.states[self.which], frame.scenarios[self.which]
+        """Add a frame unless it is stored already; an intervention begins a new one, with the state after it."""
+        state, self._scenario = frame.states[self.which], frame.scenarios[self.which]
         trace, switches = frame.rows[self.which]
         mark = (frame.changed_at[self.which], frame.versions[self.which], id(trace))
-        if mark != self._mark or (self.frames and state.t < self.frames[-1].t):
+        if mark != self.mark or state.t < self.frames[-1].t:
             self.clear()
-            self._mark = mark
-        if self.frames and state.t == self.frames[-1].t:
+            self.mark = mark
+            self.frames = [frame.began[self.which]]
+            self._trace = _between(trace, -np.inf, self.frames[0].t)[-1:]
+        if state.t == self.frames[-1].t:
             return
         if self._trace:
             self._trace += _between(trace, self._trace[-1][0], state.t)
         else:
             self._trace = _between(trace, -np.inf, state.t)[-1:]
-        self._switches += _between(switches, self.frames[-1].t if self.frames else state.t, state.t)
+        self._switches += _between(switches, self.frames[-1].t, state.t)
         self.frames.append(state)
-        self._scenario = scenario
         self._thin(state)
 
     def _thin(self, state: State) -> None:
@@ -122,6 +125,7 @@ class History:
             np.array([s.links for s in frames]) if with_links else np.zeros((len(frames), 0, 0), dtype=bool),
             np.array(self._switches, dtype=SWITCH_FIELDS), trace, *closest, "running",
             {"engine": "lab", "tolerance": self._scenario.tolerance}, accuracy=known, fidelity=fidelity,
+            columns={name: np.array([s.columns[name] for s in frames]) for name in frames[0].columns},
         )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 from flocking.model.parts import values
 from flocking.model.parts.description import GROUPS, Nested
-from flocking.model.parts.structure import Step, children, field_at
+from flocking.model.parts.structure import Step, children, field_at, value_at
 from flocking.model.parts.values import Value
 from flocking.model.potentials.potential import Potential
 from flocking.model.world.information import Delayed, Messages
@@ -28,7 +28,8 @@ WIDE, ROOM = 4.0, 5.0
 
 LARGEST_FACTOR = 4.0
 """Largest factor that a slider offers on an array of values; a convention."""
-
+FACTOR_DIGITS = 12
+"""Digits of a factor that is found again from values that it multiplied: rounding changes later ones."""
 
 RADIO_PERIODS = 10.0
 """Longest delay that a slider offers, in periods of the messages; a convention."""
@@ -56,7 +57,7 @@ class Setting:
         ``"number"``, ``"count"``, ``"flag"``, ``"choice"``, ``"formula"`` or ``"factor"``: a factor multiplies values
         that differ between agents or pairs.
     value
-        Its value; 1 for a factor.
+        Its value; of a factor what the values of the opened scenario are multiplied by.
     low, high
         Ends of a slider.
     choices
@@ -98,10 +99,15 @@ class Section:
     removal: dict[str, object] | None = None
 
 
-def sections(scenario: Scenario) -> list[Section]:
+def sections(scenario: Scenario, base: Scenario | None = None) -> list[Section]:
     """Settings of all parts of a scenario: the law's graph and terms, leaders, obstacles, agents and accuracy.
 
     A dataclass of another library shows the settings in its fields. A leader of several terms is shown once.
+
+    Parameters
+    ----------
+    base
+        The scenario that factors multiply; the same one when absent.
     """
     seen: set[int] = set()
     law = scenario.law
@@ -121,7 +127,25 @@ def sections(scenario: Scenario) -> list[Section]:
         found.append(Section("Messages", tuple(_radio(scenario.information))))
     if isinstance(scenario.information, Delayed) and not scenario.information.ideal:
         found.append(Section(FORGETFUL, (_delay(scenario.information),)))
-    return [s for s in found if s.settings or s.removal]
+    shown = [s for s in found if s.settings or s.removal]
+    return shown if base is None else [replace(s, settings=_multiplied(s.settings, scenario, base)) for s in shown]
+
+
+def _multiplied(settings: tuple[Setting, ...], scenario: Scenario, base: Scenario) -> tuple[Setting, ...]:
+    """Settings with the factors by which values differ from those of a scenario ``base``."""
+    return tuple(
+        replace(s, value=_factor(value_at(scenario, s.path), value_at(base, s.path))) if s.kind == "factor" else s
+        for s in settings
+    )
+
+
+def _factor(now: object, before: object) -> float:
+    """What values were multiplied by; 1 where they were zero, and where they are not multiples."""
+    values, reference = (np.ravel(np.asarray(x, dtype=np.float64)) for x in (now, before))
+    if values.shape != reference.shape or not np.any(reference):
+        return 1.0
+    k = int(np.abs(reference).argmax())
+    return float(f"{values[k] / reference[k]:.{FACTOR_DIGITS}g}")
 
 
 def _delay(information: Delayed) -> Setting:

@@ -184,7 +184,7 @@ class Timeline:
             for run in range(runs)
         ]
         return {
-            "times": [_plain(x) for x in columns[0]], "curves": curves, "events": [list(e) for e in events],
+            "times": list(columns[0]), "curves": curves, "events": [list(e) for e in events],
             "first": self._states[0].t if self._states else 0.0, "judged": self.judged,
             "strips": {key: [list(s) for s in strip.segments] for key, strip in self.strips.items()},
         }  # fmt: skip

@@ -2,13 +2,15 @@
 
 The length of the header, in bytes, stands in four bytes before it; it is padded so that the arrays begin at a multiple
 of four. For each group they are positions relative to its centre, velocities, pairs of linked agents, the directions
-that the header names, and, where it is stated there, energies, and beta- and gamma-agents. Along an axis that repeats,
+that the header names, and, where it is stated there, the number of neighbours of each agent, its flock, energies, and
+beta- and gamma-agents. Along an axis that repeats,
 positions are those of the images in the box, and the centre is its middle.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import struct
 from dataclasses import dataclass
 
@@ -18,12 +20,15 @@ from numpy.typing import NDArray
 from flocking.apps.lab.experiment.clock import Frame
 from flocking.apps.lab.scene.solids import solids, virtual_agents
 from flocking.arrays import Array
+from flocking.model.graphs.connectivity import components
 from flocking.model.law import Scenario
 from flocking.model.space import Space
 from flocking.model.state import State
 
 LINK_BUDGET = 6000
 """Links that are drawn at most: more would delay the page and hide each other."""
+OUTLINE_DIGITS = 6
+"""Digits of the outline of an obstacle, relative to its size: a screen shows four."""
 MOST_ENERGIES = 500
 """Agents up to which colours show energies: their cost grows with the number of pairs."""
 
@@ -38,10 +43,13 @@ class RequestedParts:
         The potential energy of each agent.
     virtual_agents
         Beta- and gamma-agents.
+    flocks
+        The flock of each agent, where not all pairs are sent.
     """
 
     energies: bool = False
     virtual_agents: bool = False
+    flocks: bool = False
 
 
 def link_pairs(state: State, budget: int = LINK_BUDGET) -> tuple[NDArray[np.uint32], int]:
@@ -110,15 +118,22 @@ def _group(
     parts += [_single(state.columns[name]) for name in names]
     header: dict[str, object] = {
         "n": state.n, "d": state.dimension, "centre": centre.tolist(), "links": len(pairs), "all_links": count,
-        "linked": state.links is not None, "energies": False, "ghosts": 0, "box": box, "directions": names,
+        "linked": state.links is not None, "thinned": len(pairs) < count, "flock_labels": False,
+        "velocities": scenario.agents.order > 1, "energies": False, "ghosts": 0, "box": box, "directions": names,
         "solids": [
             {
                 "kind": x.kind, "path": list(x.path), "of": list(x.part), "position": x.position.tolist(),
-                "outline": np.round(x.outline, 6).tolist(), "radius": x.radius, "name": x.name,
+                "outline": _rounded(x.outline), "radius": x.radius, "name": x.name,
             }
             for x in solids(scenario, state.t)
         ],
     }  # fmt: skip
+    if state.links is not None:
+        # Those whose states enter its force: links may be one-way.
+        parts.append(state.links.sum(axis=1).astype(np.uint32))
+        if requested.flocks and len(pairs) < count:
+            header["flock_labels"] = True
+            parts.append(components(state.links).astype(np.uint32))
     if requested.energies and state.n <= MOST_ENERGIES:
         from flocking.study.potentials.state_energy import agent_energies
 
@@ -131,6 +146,13 @@ def _group(
         header["ghosts"] = len(ghosts)
         parts.append(_single(ghosts - np.pad(centre, (0, max(0, 3 - len(centre))))[:3]))
     return header, parts
+
+
+def _rounded(outline: Array) -> list[list[float]]:
+    """Corners around a place with a few digits, whatever their unit."""
+    size = float(np.abs(outline).max(initial=0.0))
+    digits = OUTLINE_DIGITS - math.floor(math.log10(size)) if size > 0.0 else 0
+    return [[round(x, digits) for x in corner] for corner in outline.tolist()]
 
 
 def _single(values: Array) -> NDArray[np.float32]:

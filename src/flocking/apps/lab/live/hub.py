@@ -165,7 +165,9 @@ class Hub:
 
     def _bytes(self, frame: Frame) -> bytes:
         every = [tab.requested for tab in tuple(self.tabs)]
-        requested = RequestedParts(any(w.energies for w in every), any(w.virtual_agents for w in every))
+        requested = RequestedParts(
+            any(w.energies for w in every), any(w.virtual_agents for w in every), any(w.flocks for w in every)
+        )
         last = self._last
         if last is not None and last[0] is frame and last[1] == requested:
             return last[2]

@@ -14,6 +14,7 @@ from flocking.apps.lab.experiment.challenges import CHALLENGE
 from flocking.apps.lab.experiment.clock import Clock
 from flocking.apps.lab.experiment.events import Event
 from flocking.apps.lab.experiment.experiment import Experiment
+from flocking.apps.lab.experiment.settings import sections
 from flocking.apps.lab.live.hub import Hub, Message, Tab
 from flocking.apps.lab.live.measuring import Measuring
 from flocking.apps.lab.live.messages import scenario_message, stored_message, values_message
@@ -24,8 +25,9 @@ from flocking.apps.lab.panels.choices import in_space
 from flocking.apps.lab.panels.controls import Controls, law_content
 from flocking.apps.lab.panels.saved_files import SavedFiles
 from flocking.errors import FlockingError, InvalidInput
+from flocking.formula.safe_digits import time_text
 from flocking.model.law import Scenario
-from flocking.model.parts.structure import Step, value_at
+from flocking.model.parts.structure import Step
 
 SHORTEST_RUN = 1e-9
 """Length that a scenario counts as at least, so that the speed of one that ends at its start is not zero."""
@@ -135,13 +137,13 @@ class Lab:
         """
         self.last_error = message
         tab.tell({"kind": "refused", "message": message[:LONGEST_NOTE], **more})
-        tab.tell(values_message(self.experiment.scenario))
+        tab.tell(values_message(self.experiment))
 
     def _greet(self, tab: Tab) -> None:
         tab.tell(self._scenario_message())
         # The frame, not the session, which may be in the middle of a step in another thread.
         frame = self.clock.frame
-        tab.tell(law_content(frame.scenarios[0], frame.states[0]))
+        tab.tell(law_content(frame.scenarios[0], frame.states[0], self.experiment.base))
         with self._telling:
             tab.tell(self.measuring.content())
         if self._opening:
@@ -157,8 +159,10 @@ class Lab:
         """In which number the second of two compared experiments differs, in words; empty when there is one."""
         if not self.compared:
             return ""
-        value = value_at(self.clock.experiments[1].scenario, self.compared)
-        return f"{self.compared[-1]} = {value:.6g}" if isinstance(value, float) else str(self.compared[-1])
+        second = self.clock.experiments[1]
+        every = (s for section in sections(second.scenario, second.base) for s in section.settings)
+        found = next((s for s in every if s.path == self.compared), None)
+        return "" if found is None else f"{found.label} = {found.value:.6g}"
 
     def tell_record(self) -> None:
         """Send all pages the record of the run."""
@@ -172,10 +176,14 @@ class Lab:
         """Send the page of a ``tab`` all scenarios and stored runs."""
         tab.tell({**catalogue(self.folder), "runs": self.files.stored_runs()})
 
+    def _law(self) -> Message:
+        """The law of the first experiment, with its controls."""
+        return law_content(self.experiment.scenario, self.experiment.state, self.experiment.base)
+
     def tell_law(self) -> None:
         """Send all pages what is open, and its law."""
         self.hub.tell(self._scenario_message())
-        self.hub.tell(law_content(self.experiment.scenario, self.experiment.state))
+        self.hub.tell(self._law())
 
     def _measured(self) -> None:
         if not self.clock.playing or time.monotonic() - self._reported > RECORD_SECONDS:
@@ -227,12 +235,12 @@ class Lab:
                 each.apply(event)
         finally:
             for tab in tuple(self.hub.tabs):
-                tab.tell(values_message(self.experiment.scenario))
+                tab.tell(values_message(self.experiment))
         last = str(event.get("path", [""])[-1])
         if event["kind"] not in QUIET_CHANGES or last == "formula":
             self.tell_law()
         elif any(str(step) == "potential" for step in event.get("path", ())):
-            self.hub.tell({**law_content(self.experiment.scenario, self.experiment.state), "kind": "curves"})
+            self.hub.tell({**self._law(), "kind": "curves"})
 
     def load(self, name: str, seed: int | None = None) -> None:
         """Open another scenario, or the same one with another seed.
@@ -309,7 +317,7 @@ class Lab:
         """The experiment from its start with the present settings; its own where the group changed."""
         now, first = experiment.scenario, experiment.original
         if now.start.n == first.start.n:
-            first = first.with_(law=now.law, agents=now.agents, energy=now.energy)
+            first = first.with_(law=now.law, agents=now.agents, energy=now.energy, information=now.information)
         return Experiment(first, experiment.engine)
 
     def restart(self) -> None:
@@ -352,7 +360,8 @@ class Lab:
         self.count_request()
         self.clock.pause()
         self.clock.do(lambda: None)
-        self._tell_opening(f"t = {t:.4g}")
+        first = self.experiment.original
+        self._tell_opening(f"t = {time_text(t, first.start.t, max(first.t_end, t))}")
         try:
             both = [each.branch(t, lambda: not self.clock.closed) for each in self.clock.experiments]
         finally:

@@ -14,7 +14,6 @@ from flocking.apps.lab.experiment.timeline import CURVES, Timeline
 from flocking.apps.lab.panels.measures import (
     LEDGER,
     MOST_CLAIMS,
-    NAMES,
     ShownVerdict,
     claims_of,
     guarantees_of,
@@ -22,15 +21,20 @@ from flocking.apps.lab.panels.measures import (
     measured,
     verdicts_on,
 )
-from flocking.engine.runs.run import LedgerRow, Run
+from flocking.engine.runs.run import Run
+from flocking.errors import FlockingError
 from flocking.formula.markup.text_formulas import set_text
-from flocking.model.law import Law
+from flocking.model.law import Scenario
+from flocking.model.state import State
 from flocking.study.certificates.certificate import Certificates
+from flocking.study.potentials.state_energy import total_energy
 
 READ_SECONDS = 0.2
 """Least seconds between two measurements: five in a second can still be read."""
 JUDGE_SECONDS = 1.0
 """Least seconds between two judgements of the claims, which take longer than measurements."""
+MOST_EVALUATED = 2000
+"""Agents up to which the energy within a step is computed anew, as their forces are: all pairs are looked at."""
 PATIENCE = 5.0
 """The next judgement of a run that goes on waits at least this many times the processor time of the last."""
 
@@ -53,13 +57,21 @@ class Measuring:
         self.verdicts: list[ShownVerdict] = []
         self.numbers: list[dict[str, float]] = []
         """The last measurements, of each experiment."""
+        self.measured_at = math.nan
+        """Time of these."""
+        self.since = math.nan
+        """Time from which on the motion was judged."""
         self.reads = 0
         self.challenge = ""
         """Name of the challenge that is tried, as in `challenge_of`; empty for none."""
         self._faults: dict[str, str] = {}
         self._last_read: Frame | None = None
-        self._certified: tuple[float, Law, Certificates | None] | None = None
-        self._judged_frame = -1
+        self._certified: tuple[State, Certificates | None] | None = None
+        """The first state of a history, and what is guaranteed from it on."""
+        self._final: tuple[object, dict[str, ShownVerdict]] = ((), {})
+        """A history, and the failures found in it that are final: later on it may not hold what they rest on."""
+        self._judged: tuple[float, tuple[int, ...]] | None = None
+        """Time and numbers of changes of the moment that was judged last."""
         self._judged_version = 0
         self._former = 0
         """Number of the last frame of a run that another took the place of."""
@@ -98,8 +110,8 @@ class Measuring:
 
     def _begin_anew(self) -> None:
         self.history.clear()
-        self.verdicts, self._judged_frame = [], -1
-        self._last_read = None
+        self.verdicts, self._judged = [], None
+        self._last_read = self._certified = None
         # A frame of the former run may be measured or judged just now: its result must not enter the new record.
         self._former = self._clock.frame.number
 
@@ -124,7 +136,7 @@ class Measuring:
                 continue
             # A run that stands still is judged once more: else its lamps would be those of a moment before.
             at_rest = not self._clock.running and last is self._clock.frame
-            due = self._judged_frame != last.number if at_rest else time.perf_counter() - judged > pause
+            due = self._judged != _moment(last) if at_rest else time.perf_counter() - judged > pause
             if due:
                 used = time.thread_time()
                 self._guarded(self.judge, last)
@@ -138,7 +150,7 @@ class Measuring:
             act(frame)
         except Exception as error:  # a measure may fail for a changed law
             fault = f"The measurements failed: {type(error).__name__}: {error}"
-            self._judged_frame = frame.number
+            self._judged = _moment(frame)
         self._faults[act.__name__] = fault
         self._changed()
         return not fault
@@ -154,40 +166,57 @@ class Measuring:
             if frame.number <= self._former:
                 return
             self.history.take(frame)
-            self.numbers = numbers
+            self.numbers, self.measured_at = numbers, frame.time
             values = [_curve(each, name) for each in numbers for name in CURVES]
             self.timeline.take(frame.states[0], frame.scenarios[0], values)
         self.reads += 1
 
     def window(self) -> Run | None:
-        """The motion since the last intervention, as a run."""
-        session = self._clock.experiments[0].session
-        closest, accuracy = session.known
-        with self._lock:
-            return self.history.run(closest, accuracy, session.fidelity)
+        """The motion since the last intervention, as a run; None before three of its moments were measured."""
+        found: list[Run | None] = []
+
+        def look() -> None:
+            experiment = self._clock.experiments[0]
+            closest, accuracy = experiment.session.known
+            with self._lock:
+                # After a change that was not measured yet what the session knows is not of the moments before it.
+                same = self.history.mark[:2] == (experiment.changed_at, experiment.version)
+                found.append(self.history.run(closest, accuracy, experiment.session.fidelity) if same else None)
+
+        self._clock.between_steps(look)
+        return found[0] if found else None
 
     def judge(self, frame: Frame) -> None:
         """Judge the claims by the motion since the last intervention."""
-        self._judged_frame = frame.number
+        self._judged = _moment(frame)
         with self._judging:
             run = self.window()
             if run is None or not run.links.size:
                 return
-            law = run.scenario.law
-            if self._certified is None or self._certified[:2] != (float(run.t[0]), law):
-                self._certified = float(run.t[0]), law, guarantees_of(run)
-            found = verdicts_on(run, claims_of(frame.scenarios[0].name), self._certified[2])
+            mark, first = self.history.mark, self.history.frames[0]
+            known = self._certified
+            if known is None or known[0] is not first:
+                known = self._certified = first, guarantees_of(run, untouched=not frame.versions[0])
+            found = self._with_final(mark, verdicts_on(run, claims_of(frame.scenarios[0].name), known[1]))
         until = float(run.t[-1])
         with self._lock:
             if frame.number <= self._former:
                 return
-            self.verdicts, self._judged_version = found, frame.versions[0]
+            self.verdicts, self._judged_version, self.since = found, frame.versions[0], float(run.t[0])
             before = self.timeline.judged
             for verdict in found:
                 since = float(run.t[0]) if before is None else until
                 if verdict.witness is not None and verdict.word == "fails":
                     since = min(max(verdict.witness.time, float(run.t[0])), until)
                 self.timeline.judge(verdict.claim.key, until, verdict.style, since, verdict.margin)
+
+    def _with_final(self, mark: object, found: list[ShownVerdict]) -> list[ShownVerdict]:
+        """Verdicts on a history with the failures that were final before: thinned, it may not show them any more."""
+        known = self._final[1] if self._final[0] == mark else {}
+        final = [v for v in found if v.word == "fails" and v.claim.about.lasting]
+        known = {v.claim.key: v for v in final} | known
+        self._final = mark, known
+        return [known.get(v.claim.key, v) for v in found]
 
     def score(self) -> Score | None:
         """How the challenge stands; None where none is tried."""
@@ -221,7 +250,8 @@ class Measuring:
             numbers = [{k: _finite(v) for k, v in each.items()} for each in self.numbers]
         return {
             "kind": "record", "now": experiment.time, "end": float(experiment.scenario.t_end), "record": record,
-            "claims": claims, "numbers": numbers, "fault": self.fault,
+            "claims": claims, "numbers": numbers, "fault": self.fault, "since": _finite(self.since),
+            "measured": _finite(self.measured_at), "changed": float(experiment.changed_at), "ledger": list(LEDGER),
             "few": not clock.running and len(self.history.frames) < 3,
             # The motion since an intervention has not been judged while a run stands still after it.
             "former": bool(claims) and self._judged_version != clock.frame.versions[0],
@@ -253,14 +283,35 @@ def _curve(numbers: dict[str, float], name: str) -> float:
     return numbers.get(name, math.nan)
 
 
+def _moment(frame: Frame) -> tuple[float, tuple[int, ...]]:
+    """What distinguishes frames that show another moment: what is done between steps makes new ones of the same."""
+    return frame.time, frame.versions
+
+
 def _numbers(frame: Frame, k: int) -> dict[str, float]:
     """Measurements of one of a frame's runs, with its ledger since the last intervention."""
-    rows = list(frame.rows[k][0])
-    found = dict.fromkeys((*LEDGER, "departed"), math.nan)
-    if rows:
-        since = next((row for row in rows if row[0] >= frame.changed_at[k]), rows[-1])
-        found = ledger(since, rows[-1]) | {"departed": LedgerRow(*rows[-1]).departed}
-    scenario = frame.scenarios[k]
-    energy, moving = rows[-1][1] if rows else math.nan, scenario.agents.order > 1
-    measures = measured(frame.states[k], energy, scenario.space, velocities=moving)
-    return {name: measures[name] for name in NAMES} | found
+    state, scenario, last = frame.states[k], frame.scenarios[k], frame.last[k]
+    found = dict.fromkeys(LEDGER, math.nan)
+    if last is not None:
+        # The run may have gone on since: rows are added meanwhile.
+        since = next((row for row in list(frame.rows[k][0]) if row[0] >= frame.changed_at[k]), last)
+        found = ledger(since if since[0] <= last[0] else last, last)
+    energy = _energy(state, scenario, last)
+    return measured(state, energy, scenario.space, velocities=scenario.agents.order > 1) | found
+
+
+def _energy(state: State, scenario: Scenario, last: tuple[float, ...] | None) -> float:
+    """Energy of a state: that of the ledger where its last row is of that time, computed where it is of another.
+
+    Not a number where there is no ledger, where a state is refused, and for groups whose pairs are too many.
+    """
+    if last is None:
+        return math.nan
+    if last[0] == state.t:
+        return last[1]
+    if state.n > MOST_EVALUATED:
+        return math.nan
+    try:
+        return total_energy(scenario.law, state, scenario.energy, agents=scenario.agents, space=scenario.space)
+    except FlockingError:
+        return math.nan

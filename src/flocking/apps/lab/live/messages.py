@@ -8,7 +8,6 @@ from flocking.apps.lab.panels.catalogue import about, challenges
 from flocking.apps.lab.panels.controls import values_of
 from flocking.apps.lab.panels.ready_terms import TERMS
 from flocking.engine.runs.run import Run
-from flocking.model.law import Scenario
 
 
 def scenario_message(name: str, experiment: Experiment, speed: float) -> dict[str, object]:
@@ -32,15 +31,17 @@ def scenario_message(name: str, experiment: Experiment, speed: float) -> dict[st
     }  # fmt: skip
 
 
-def values_message(scenario: Scenario) -> Message:
-    """The values that hold in a scenario."""
-    return {"kind": "values", "values": [[path, value] for path, value in values_of(scenario)]}
+def values_message(experiment: Experiment) -> Message:
+    """The values that hold in the scenario of an ``experiment``."""
+    found = values_of(experiment.scenario, experiment.base)
+    return {"kind": "values", "values": [[path, value] for path, value in found]}
 
 
 def stored_message(run: Run) -> Message:
     """A stored run: its times, and its energy over time."""
     trace = run.trace
     return {
-        "kind": "stored", "name": run.scenario.name, "t": [float(t) for t in run.t], "status": run.status,
+        "kind": "stored", "name": run.scenario.name or "without a name", "status": run.status,
+        "t": [float(t) for t in run.t],
         "times": [float(x) for x in trace["time"]], "energy": [float(x) for x in trace["energy"]],
     }  # fmt: skip

@@ -36,6 +36,12 @@ EVENTS = frozenset(
 """Kinds of events that a page sends as they are; values of parts and moved objects are orders of their own."""
 
 
+OF_THE_LIVE_RUN = frozenset(
+    {"play", "step", "event", "set", "move", "add term", "restart", "go back", "branch", "only one"}
+)
+"""Kinds of orders that would change the live run unseen while a stored one is shown."""
+
+
 class Orders:
     """Carries out the orders of pages.
 
@@ -68,6 +74,9 @@ class Orders:
         try:
             if act is None:
                 raise InvalidInput("lab", "kind", f"must be one of {', '.join(_ORDERS)}", kind)
+            if kind in OF_THE_LIVE_RUN and self._page.past.stored is not None:
+                hint = "Go back to the live run first, under files."
+                raise InvalidInput("lab", str(kind), "is for the live run alone", "a stored run is shown", hint)
             answer = act(self._page, tab, order)
         except (FlockingError, OSError) as error:
             self._page.refuse(tab, str(error), {**about, "about": kind, "path": order.get("path")})
@@ -149,8 +158,7 @@ def _try(page: Lab, _: Tab, order: Order) -> Answer:
 
 
 def _properties(page: Lab, _: Tab, order: Order) -> Answer:
-    frame = page.clock.frame
-    return {"rows": properties(frame.scenarios[0], frame.states[0], order["path"])}
+    return {"rows": properties(page.clock.frame.scenarios[0], order["path"])}
 
 
 def _small_picture(page: Lab, _: Tab, order: Order) -> Answer:
@@ -211,7 +219,8 @@ def _close_run(page: Lab, _: Tab, __: Order) -> None:
 
 
 def _wants(page: Lab, tab: Tab, order: Order) -> None:
-    tab.requested = RequestedParts(bool(order.get("energies")), bool(order.get("virtual_agents")))
+    parts = (bool(order.get(name)) for name in ("energies", "virtual_agents", "flocks"))
+    tab.requested = RequestedParts(*parts)
     page.past.look(tab, tab.looking)
 
 

@@ -13,6 +13,7 @@ from flocking.apps.lab.live.frame_bytes import packed
 from flocking.apps.lab.live.hub import Hub, Tab
 from flocking.apps.lab.live.messages import stored_message
 from flocking.engine.runs.run import Run
+from flocking.errors import InvalidInput
 
 
 class Past:
@@ -80,11 +81,13 @@ class Past:
         Raises
         ------
         InvalidInput, StorageError
-            When there is none of that name in the folder, or it cannot be read.
+            When there is none of that name in the folder, it cannot be read, or it holds no frames.
         """
         from flocking.engine.storage.stored_runs import read_run
 
         run = read_run(self._folder.path_of(name))
+        if not len(run.t):
+            raise InvalidInput("lab", "run", "must hold frames to be shown", name, "Its summary: flocking info.")
         self._clock.pause()
         self.stored = run
         self._hub.tell(stored_message(run))

@@ -16,6 +16,9 @@ MOST_AGENTS = 2000
 def agent_content(scenario: Scenario, state: State, agent: int) -> dict[str, object]:
     """Speed and neighbours of an agent and the force of each term on it, as JSON data.
 
+    Forces are those of the law on the true present state. Where others act, ``world`` states why. The speed of agents
+    of order 1, which have none of their own, is None.
+
     Parameters
     ----------
     scenario
@@ -44,6 +47,7 @@ def agent_content(scenario: Scenario, state: State, agent: int) -> dict[str, obj
                 found.append({"term": type(term).__name__, "force": force.tolist()})
     linked = np.zeros(0, dtype=bool) if state.links is None else state.links[agent]
     return {
-        "agent": agent, "t": state.t, "speed": float(np.linalg.norm(state.p[agent])), "forces": found,
+        "agent": agent, "t": state.t, "forces": found, "world": scenario.imperfections,
+        "speed": float(np.linalg.norm(state.p[agent])) if scenario.agents.order > 1 else None,
         "neighbours": [int(j) for j in np.flatnonzero(linked)],
     }  # fmt: skip

@@ -12,6 +12,7 @@ from flocking.apps.lab.panels.choices import LARGER_GROUPS, library
 from flocking.apps.lab.panels.measures import MOST_CLAIMS
 from flocking.apps.lab.scene.solids import solids
 from flocking.apps.scenario_names import paper_scenarios
+from flocking.formula.safe_digits import time_text
 from flocking.model.law import Scenario
 from flocking.papers import keys, paper
 
@@ -82,7 +83,8 @@ def about(name: str, scenario: Scenario) -> dict[str, str]:
     """
     known = paper_scenarios().get(name)
     n = scenario.start.n
-    size = f"{n} agent{'s' if n != 1 else ''} in {scenario.start.dimension} dimensions, until t = {scenario.t_end:g}"
+    end = time_text(scenario.t_end, scenario.start.t, scenario.t_end, 6)
+    size = f"{n} agent{'s' if n != 1 else ''} in {scenario.start.dimension} dimensions, until t = {end}"
     if name.startswith(CHALLENGE):
         found = challenge_of(name.removeprefix(CHALLENGE))
         return {"title": found.title, "question": found.goal, "paper": "", "citation": "", "size": size}

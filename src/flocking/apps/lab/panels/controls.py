@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from flocking.apps.lab.experiment.events import Event
 from flocking.apps.lab.experiment.potential_ranges import check_quickly, check_range, curves, reach_of
 from flocking.apps.lab.experiment.settings import Section, Setting, sections
@@ -16,6 +18,7 @@ from flocking.model.law import Scenario
 from flocking.model.parts.structure import Step, changed, children, value_at
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
+from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.model.typesetting.law_formulas import law_latex
 from flocking.model.typesetting.law_html import formula_html, law_legend
 from flocking.study.potentials.potential_check import check_potential
@@ -38,31 +41,42 @@ class PlacedPotential:
         The potential.
     graph
         The graph over which its term acts.
+    pairs
+        Whether it is of pairs of agents; else its distances are those from obstacles, which have nothing to do with the
+        radius of a graph.
     """
 
     path: tuple[Step, ...]
     potential: Potential
     graph: Graph
+    pairs: bool = True
 
 
 def potentials(scenario: Scenario) -> list[PlacedPotential]:
     """The potentials of the terms of a scenario's law."""
     law = scenario.law
     return [
-        PlacedPotential(("law", "terms", k, step), child, getattr(term, "over", None) or law.graph)
+        PlacedPotential(
+            ("law", "terms", k, step),
+            child,
+            getattr(term, "over", None) or law.graph,
+            not isinstance(term, ObstacleTerm),
+        )
         for k, term in enumerate(law.terms)
         for step, child in children(term).items()
         if isinstance(child, Potential)
     ]
 
 
-def law_content(scenario: Scenario, state: State) -> dict[str, object]:
+def law_content(scenario: Scenario, state: State, base: Scenario) -> dict[str, object]:
     """The law of a scenario as JSON data: formula, controls, and curves of the potentials.
 
     Parameters
     ----------
     state
         The present state.
+    base
+        The scenario that factors multiply.
     """
     try:
         formula = formula_html(law_latex(scenario.law, state.dimension))
@@ -71,7 +85,7 @@ def law_content(scenario: Scenario, state: State) -> dict[str, object]:
     placed = potentials(scenario)
     return {
         "kind": "law", "formula": formula, "legend": law_legend(scenario.law),
-        "sections": [_section(section) for section in sections(scenario)],
+        "sections": [_section(section) for section in sections(scenario, base)],
         "potentials": [_potential(each, state) for each in placed],
     }  # fmt: skip
 
@@ -79,7 +93,7 @@ def law_content(scenario: Scenario, state: State) -> dict[str, object]:
 def _potential(each: PlacedPotential, state: State) -> dict[str, object]:
     reach = reach_of(each.graph, state)
     return {
-        "path": list(each.path), "formula": each.potential.formula.text, "reach": reach,
+        "path": list(each.path), "formula": each.potential.formula.text, "reach": reach, "pairs": each.pairs,
         "parameters": dict(each.potential.parameters), "curves": curves(each.potential, reach),
     }  # fmt: skip
 
@@ -102,12 +116,17 @@ def _setting(setting: Setting) -> dict[str, object]:
     return found
 
 
-def values_of(scenario: Scenario) -> Iterator[tuple[list[Step], Any]]:
-    """Paths and values of all settings: what the controls must show after a change, or after one that was refused."""
-    for section in sections(scenario):
+def values_of(scenario: Scenario, base: Scenario) -> Iterator[tuple[list[Step], Any]]:
+    """Paths and values of all settings: what the controls must show after a change, or after one that was refused.
+
+    Parameters
+    ----------
+    scenario, base
+        The scenario, and the one that factors multiply.
+    """
+    for section in sections(scenario, base):
         for setting in section.settings:
-            if setting.kind != "factor":
-                yield list(setting.path), setting.value
+            yield list(setting.path), setting.value
 
 
 def tried(scenario: Scenario, state: State, path: Sequence[Step], text: str) -> dict[str, object]:
@@ -138,18 +157,20 @@ def tried(scenario: Scenario, state: State, path: Sequence[Step], text: str) -> 
     return {"parameters": dict(each.potential.parameters), "reach": reach, "curves": curves(each.potential, reach)}
 
 
-def properties(scenario: Scenario, state: State, path: Sequence[Step]) -> list[dict[str, object]]:
+def properties(scenario: Scenario, path: Sequence[Step]) -> list[dict[str, object]]:
     """Properties of the potential at ``path``, by name.
 
     Parameters
     ----------
-    scenario, state
-        The scenario and its present state.
+    scenario
+        The scenario.
     """
     each = next((x for x in potentials(scenario) if list(x.path) == list(path)), None)
     if each is None:
         return []
-    report = check_potential(each.potential, radius=reach_of(each.graph, state))
+    radius = float(np.max(np.asarray(each.graph.break_radius)))
+    # Where all distances are linked there is no radius: the reach of the curves is none.
+    report = check_potential(each.potential, radius=radius if each.pairs and np.isfinite(radius) else None)
     return [{"name": row.name, "holds": row.holds, "explanation": row.explanation} for row in report.rows]
 
 

@@ -18,6 +18,7 @@ from flocking.study.certificates.certificate import Certificate, Certificates
 from flocking.study.certificates.certify import certify
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Result, Verdict
+from flocking.study.claims.subjects import Subject
 from flocking.study.claims.witnesses import Witness, witness_of
 from flocking.study.evidence import Evidence
 
@@ -29,7 +30,7 @@ MOST_CERTIFIED = 60
 MOST_CLAIMS = 400
 """Largest group whose claims are judged: the cost grows with the number of pairs."""
 
-LEDGER = ("dissipated", "supplied", "jumped", "residual")
+LEDGER = ("dissipated", "supplied", "jumped", "departed", "residual")
 """Terms of the ledger since the last intervention, and the residual of the change of the energy."""
 
 NAMES = ("energy", "velocity spread", "connectivity", "flocks", "closest pair", "defect")
@@ -47,9 +48,10 @@ def measured(state: State, energy: float, space: Space = OPEN, *, velocities: bo
     space
         The space of the agents.
     velocities
-        Whether the agents have velocities: states of those of order 1 hold zeros in their place.
+        Whether agents have velocities of their own: states of agents of order 1 hold zeros in their place.
     """
-    found = dict.fromkeys(NAMES, float("nan")) | {"energy": energy}
+    found = dict.fromkeys(NAMES, float("nan"))
+    found["energy"] = energy
     if velocities:
         found["velocity spread"] = observables.velocity_spread(state)
     found["closest pair"] = observables.closest_pair(state, space)[0]
@@ -77,7 +79,9 @@ def ledger(first: tuple[float, ...], last: tuple[float, ...]) -> dict[str, float
     before, after = LedgerRow(*first), LedgerRow(*last)
     change = LedgerRow(*(b - a for a, b in zip(before, after, strict=True)))
     residual = change.energy + change.dissipated - change.supplied - change.jumped - change.departed
-    return dict(zip(LEDGER, (change.dissipated, change.supplied, change.jumped, residual), strict=True))
+    return dict(
+        zip(LEDGER, (change.dissipated, change.supplied, change.jumped, change.departed, residual), strict=True)
+    )
 
 
 @dataclass(frozen=True)
@@ -149,20 +153,24 @@ def _conditional(claim: Claim) -> Claim:
     return replace(claim, statement=statement, hypothesis=general.stays_connected)
 
 
-def guarantees_of(run: Run) -> Certificates | None:
+def guarantees_of(run: Run, *, untouched: bool = True) -> Certificates | None:
     """What is guaranteed of the motion from the first frame of a run on; None for groups that are too large.
 
-    None, too, from a later frame on where forces are held or messages are on their way: a state does not contain these.
+    None, too, from a later frame or an intervention on where forces are held or messages are on their way: a state does
+    not contain these.
 
     Parameters
     ----------
     run
         The run, whose law did not change.
+    untouched
+        Whether the run is that of its scenario from the start, without any intervention.
     """
     if run.n > MOST_CERTIFIED or not len(run.t):
         return None
     scenario = run.scenario
-    if run.t[0] > scenario.start.t and not (scenario.control.ideal and scenario.information.ideal):
+    from_start = untouched and run.t[0] <= scenario.start.t
+    if not from_start and not (scenario.control.ideal and scenario.information.ideal):
         return None
     try:
         return certify(
@@ -189,7 +197,7 @@ def verdicts_on(run: Run, claims: Sequence[Claim], guarantees: Certificates | No
     found = []
     for claim in claims:
         try:
-            result = claim.examine(evidence)
+            result = _since_the_beginning(claim.examine(evidence), evidence)
             witness = witness_of(result, evidence)
         except Exception as error:  # claims of papers read their own laws, which may be changed
             result, witness = Result(claim, Verdict.NOT_APPLICABLE, note=f"{type(error).__name__}: {error}"), None
@@ -198,6 +206,22 @@ def verdicts_on(run: Run, claims: Sequence[Claim], guarantees: Certificates | No
         going = run.status == "running"
         found.append(ShownVerdict(claim, word, _note(result), witness, proof, going, float(result.margin)))
     return found
+
+
+def _since_the_beginning(result: Result, e: Evidence) -> Result:
+    """A verdict on the motion since an intervention, which a session's closest approach may precede.
+
+    Agents have come no closer since, so that what holds does; what fails may have failed before alone.
+    """
+    about = result.claim.about
+    decided = result.verdict in (Verdict.HOLDS, Verdict.FAILS)
+    if about.subject is not Subject.CLOSEST or about.witness is None or not decided:
+        return result
+    if not about.witness(e).time < e.run.t[0]:
+        return result
+    if result.verdict is Verdict.HOLDS:
+        return replace(result, note=f"{result.note}, before the last intervention; no closer since")
+    return replace(result, verdict=Verdict.NOT_RESOLVED, note=f"{result.note}, which was before the last intervention")
 
 
 def _note(result: Result) -> str:

@@ -63,7 +63,10 @@ class SavedFiles:
             number += 1
 
     def save_scenario(self) -> str:
-        """Write the scenario as TOML, after interventions also their log for replay; returns what was written."""
+        """Write the scenario as TOML, after interventions also their log for replay; returns what was written.
+
+        A log that does not hold all events is not written.
+        """
         from flocking.engine.driver.registry import chosen_engine
         from flocking.study.scenario_files.scenario_file import write_scenario
 
@@ -78,7 +81,8 @@ class SavedFiles:
                 if experiment.untouched:
                     paths.append(write_scenario(experiment.original, self._path(".toml")))
                     return
-                paths.append(experiment.log.write(self._path(".events.json")))
+                if experiment.complete:
+                    paths.append(experiment.log.write(self._path(".events.json")))
                 now = experiment.scenario.with_(
                     start=experiment.state, t_end=max(experiment.scenario.t_end, experiment.time + 1.0), frames=201
                 )
@@ -89,9 +93,13 @@ class SavedFiles:
         self._clock.do(act)
         if not paths and faults:
             raise faults[0]
-        note = f"'flocking run {paths[-1].name}{engine}' gives the same run" if experiment.untouched else (
-            f"'flocking lab {paths[0].name}' replays the interventions; the TOML file starts from the present state"
-        )  # fmt: skip
+        now = "the TOML file starts from the present state"
+        if experiment.untouched:
+            note = f"'flocking run {paths[-1].name}{engine}' gives the same run"
+        elif experiment.complete:
+            note = f"'flocking lab {paths[0].name}' replays the interventions; {now}"
+        else:
+            note = f"{now[0].upper()}{now[1:]}; the log of the interventions is not complete, and was not saved"
         return self._written(*paths, note=f"{note}. {faults[0] if faults else ''}")
 
     def save_score(self, challenge: str, score: Score) -> str:
@@ -162,7 +170,8 @@ class SavedFiles:
         film, self._film = self._film, None
         if film is None:
             raise InvalidInput("lab", "film", "must be recorded first", "none")
-        return self._written(film.write(self._path(""), look))
+        moved = "Obstacles were changed meanwhile: they are drawn as they were at the end." if film.rebuilt else ""
+        return self._written(film.write(self._path(""), look), note=moved)
 
     def _written(self, *paths: Path, note: str = "") -> str:
         self.saved += paths

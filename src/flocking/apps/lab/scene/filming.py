@@ -13,6 +13,7 @@ from flocking.apps.lab.experiment.clock import Clock, Frame
 from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
+from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
 
@@ -47,10 +48,13 @@ class Look:
     dark: bool = True
 
 
+def _obstacles(scenario: Scenario) -> list[Obstacle]:
+    return [x for term in scenario.law.terms if isinstance(term, ObstacleTerm) for x in term.obstacles]
+
+
 def _options(scenario: Scenario, look: Look) -> NetOptions:
-    obstacles = [x for term in scenario.law.terms if isinstance(term, ObstacleTerm) for x in term.obstacles]
     color = look.color if look.color in ("speed", "heading", "flock") else PLAIN
-    return {"links": look.links, "color": color, "obstacles": obstacles}
+    return {"links": look.links, "color": color, "obstacles": _obstacles(scenario)}
 
 
 def _theme(look: Look) -> str:
@@ -78,8 +82,11 @@ class Film:
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
+        self.scenario = clock.frame.scenarios[0]
         self._states: list[State] = []
         self._every, self._skip = 1, 0
+        self.rebuilt = False
+        """Whether obstacles were changed while it was recorded."""
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._collect, name="flocking-lab-film", daemon=True)
         self._take(clock.frame)
@@ -95,7 +102,10 @@ class Film:
                 self._done.wait(FRAME_SECONDS)
 
     def _take(self, frame: Frame) -> None:
-        state, self.scenario = frame.states[0], frame.scenarios[0]
+        state, scenario = frame.states[0], frame.scenarios[0]
+        if self._states and [id(x) for x in _obstacles(scenario)] != [id(x) for x in _obstacles(self.scenario)]:
+            self.rebuilt = True
+        self.scenario = scenario
         if self._states and (state.t <= self._states[-1].t or state.q.shape != self._states[-1].q.shape):
             if state.q.shape != self._states[-1].q.shape or state.t < self._states[-1].t:
                 self._states = [state]

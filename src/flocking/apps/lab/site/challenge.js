@@ -1,7 +1,7 @@
 // The card of a challenge: how it stands, what is chosen before its run, and its score.
 
 import { fragment } from "./law.js";
-import { short } from "./scene.js";
+import { short } from "./numbers.js";
 import { escaped } from "./timeline.js";
 
 export class Challenge {

@@ -119,7 +119,7 @@ export class Dialogs {
       ${ticks.map(([name, words]) => `<label class="tick"><input type="checkbox" data-look="${name}" ${look[name] ? "checked" : ""}>${words}</label>`).join("")}
       <label class="tick"><input type="checkbox" data-follow ${this.scene.camera.follow ? "checked" : ""}>follow the group</label>
       <button class="small" data-fit>fit the view</button> <button class="small" data-space>the same in three dimensions</button>`);
-    const wants = () => this.link.send("wants", { energies: look.colour === "energy", virtual_agents: look.virtual });
+    const wants = () => this.link.send("wants", { energies: look.colour === "energy", virtual_agents: look.virtual, flocks: look.colour === "flock" });
     this.box.querySelector("[data-colour]").onchange = (e) => {
       look.colour = e.target.value;
       wants();

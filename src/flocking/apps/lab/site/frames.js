@@ -14,6 +14,8 @@ export function decoded(buffer) {
     group.p = take(Float32Array, group.n * group.d);
     group.pairs = take(Uint32Array, 2 * group.links);
     group.axes = group.directions.map(() => take(Float32Array, group.n * group.d));
+    group.neighbours = group.linked ? take(Uint32Array, group.n) : null;
+    group.flocks = group.flock_labels ? take(Uint32Array, group.n) : null;
     group.energy = group.energies ? take(Float32Array, group.n) : null;
     group.virtual = group.ghosts ? take(Float32Array, 3 * group.ghosts) : new Float32Array(0);
   }
@@ -35,8 +37,9 @@ export function speeds(group) {
   return found;
 }
 
-// The flock of every agent: numbers of the connected components of the drawn links.
+// The flock of every agent: numbers of the connected components of all links, of which few may be drawn.
 export function flocks(group) {
+  if (group.flocks) return group.flocks;
   const parent = Uint32Array.from({ length: group.n }, (_, i) => i);
   const root = (i) => {
     while (parent[i] !== i) i = parent[i] = parent[parent[i]];

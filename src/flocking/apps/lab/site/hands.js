@@ -2,7 +2,8 @@
 
 import { Keys } from "./keys.js";
 import { fragment } from "./law.js";
-import { inside, short } from "./scene.js";
+import { short } from "./numbers.js";
+import { inside } from "./scene.js";
 import { escaped } from "./timeline.js";
 
 const TOOLS = [
@@ -234,21 +235,16 @@ export class Hands {
     const act = {
       kick: () => this.event({ kind: "kick", agents, speed: Number(speed.value), seed: Math.floor(Math.random() * 1e6) }),
       kill: () => this.event({ kind: "kill", agents }),
-      cut: () => this.cut(agents),
+      cut: () => this.event({ kind: "cut", agents }), // all links that they have then, drawn or not
       clear: () => this.choose([]),
     };
     for (const button of box.querySelectorAll("button")) button.onclick = act[button.dataset.do];
     this.showForces();
   }
 
-  cut(agents) {
-    const who = new Set(agents), { pairs } = this.group, found = [];
-    for (let k = 0; k < pairs.length; k += 2) if (who.has(pairs[k]) || who.has(pairs[k + 1])) found.push([pairs[k], pairs[k + 1]]);
-    if (found.length) this.event({ kind: "cut", pairs: found });
-  }
-
   // A frame was painted: of one chosen agent the forces are asked for, a few times a second.
   async frame(frame) {
+    if (!frame.live && this.scene.forces) this.forget();
     if (this.scene.chosen.size !== 1 || !frame.live || this.asking) return;
     const [agent] = this.scene.chosen, run = frame.groups[this.run] ? this.run : 0, asked = `${run} ${agent} ${frame.t} ${frame.version}`;
     if (this.asked === asked || performance.now() - (this.askedAt ?? 0) < 200) return;
@@ -257,7 +253,7 @@ export class Hands {
     this.askedAt = performance.now();
     try {
       const found = await this.link.ask("agent", { agent, run }, true);
-      if (this.scene.chosen.size === 1 && this.scene.chosen.has(agent) && this.run === run) {
+      if (this.scene.frame.live && this.scene.chosen.size === 1 && this.scene.chosen.has(agent) && this.run === run) {
         this.scene.forces = { run, agent, list: found.forces.map((f, k) => ({ ...f, colour: INKS[k % INKS.length] })), found };
         this.showForces();
         this.scene.repaint();
@@ -266,12 +262,21 @@ export class Hands {
     this.asking = false;
   }
 
+  // Forces are those of the present: beside a recorded moment none are shown.
+  forget() {
+    this.scene.forces = this.asked = null;
+    const box = this.parts.chosen.querySelector("[data-forces]");
+    if (box) box.textContent = "";
+    this.scene.repaint();
+  }
+
   showForces() {
     const box = this.parts.chosen.querySelector("[data-forces]"), forces = this.scene.forces;
     if (!box || !forces) return;
     const { found } = forces, count = found.neighbours.length;
-    box.innerHTML = `speed ${short(found.speed)} · ${count} neighbour${count === 1 ? "" : "s"}<br>` + forces.list
-      .map((f) => `<span class="bar" style="background:${f.colour}"></span>${escaped(f.term)} ${short(Math.hypot(...f.force))}`).join(" &nbsp; ");
+    const speed = found.speed === null ? "" : `speed ${short(found.speed)} · `, world = found.world ? `<br>the law on the true present state; others act: ${escaped(found.world)}` : "";
+    box.innerHTML = `${speed}${count} neighbour${count === 1 ? "" : "s"}<br>` + forces.list
+      .map((f) => `<span class="bar" style="background:${f.colour}"></span>${escaped(f.term)} ${short(Math.hypot(...f.force))}`).join(" &nbsp; ") + world;
   }
 
   hover(place) {
@@ -281,13 +286,13 @@ export class Hands {
     if (before?.agent !== scene.hovered?.agent || before?.run !== scene.hovered?.run) scene.repaint();
     box.hidden = agent === null;
     if (agent === null) return;
-    const groups = scene.frame.groups, { p, d, pairs, linked } = groups[run], speed = Math.hypot(...p.subarray(agent * d, agent * d + d));
-    let count = 0;
-    for (const i of pairs) count += i === agent;
+    const groups = scene.frame.groups, { p, d, neighbours, velocities } = groups[run], count = neighbours?.[agent];
+    const speed = velocities ? ` · speed ${short(Math.hypot(...p.subarray(agent * d, agent * d + d)))}` : "";
     box.style.left = `${place[0]}px`;
     box.style.top = `${place[1]}px`;
     const which = groups.length > 1 ? `, ${run ? "second" : "first"} run` : "";
-    box.textContent = `agent ${agent}${which} · speed ${short(speed)}${linked ? ` · ${count} neighbour${count === 1 ? "" : "s"}` : ""}\nclick for its forces`;
+    const links = neighbours ? ` · ${count} neighbour${count === 1 ? "" : "s"}` : "";
+    box.textContent = `agent ${agent}${which}${speed}${links}${scene.frame.live ? "\nclick for its forces" : ""}`;
     // It stays within the scene.
     const room = scene.size(), { offsetWidth, offsetHeight } = box;
     if (place[0] + 28 + offsetWidth > room.width) box.style.left = `${Math.max(place[0] - offsetWidth - 28, 0)}px`;

@@ -1,7 +1,7 @@
 // The law beside its picture: the formula, the potentials with their curves, and a control for every parameter.
 
 import { pairDistances } from "./frames.js";
-import { short } from "./scene.js";
+import { short, timeText } from "./numbers.js";
 import { escaped } from "./timeline.js";
 
 const BINS = 40;
@@ -25,9 +25,20 @@ export class LawPanel {
 
   scenario(message) {
     if (message.name !== this.name) this.area.scrollTop = 0;
+    this.beside(false);
+    this.when = (t) => timeText(t, message.start, Math.max(message.end, t));
     this.name = message.name;
     this.terms = message.terms;
     this.engine = `${message.engine} engine`;
+  }
+
+  // Beside a stored run the law stays that of the live one.
+  beside(stored) {
+    this.stored = stored;
+    if (stored) this.group = null;
+    const note = this.area.querySelector("[data-live]");
+    if (note) note.hidden = !stored;
+    this.drawPlots();
   }
 
   build(law) {
@@ -36,7 +47,7 @@ export class LawPanel {
     this.controls.clear();
     this.plots = [];
     this.area.replaceChildren();
-    this.area.append(fragment(`<h2>The law <button class="small" data-large hidden>show it large</button></h2>${law.formula}<details><summary>What the symbols mean</summary>${law.legend}</details>`));
+    this.area.append(fragment(`<p class="fault" data-live ${this.stored ? "" : "hidden"}>Of the live run, not of the stored one that is shown:</p><h2>The law <button class="small" data-large hidden>show it large</button></h2>${law.formula}<details><summary>What the symbols mean</summary>${law.legend}</details>`));
     const rest = law.sections.map((s) => ({ ...s, settings: [...s.settings] }));
     for (const potential of law.potentials) {
       const own = [];
@@ -73,7 +84,7 @@ export class LawPanel {
     const many = this.law.potentials.length > 1 ? ` of term ${potential.path[2] + 1}` : "";
     box.append(fragment(`<h3>Potential <var>ψ(r)</var>${many}</h3>
       <canvas role="img" aria-label="The potential, the force, and how often each distance occurs"></canvas>
-      <div class="keys"><span><i style="color:var(--accent)"></i>ψ(r)</span><span><i style="color:var(--force);border-top-style:dashed"></i>force ψ′(r)</span><span>bars: distances of pairs</span></div>
+      <div class="keys"><span><i style="color:var(--accent)"></i>ψ(r)</span><span><i style="color:var(--force);border-top-style:dashed"></i>force ψ′(r)</span><span>${potential.pairs ? "bars: distances of pairs" : "r: distance from an obstacle"}</span></div>
       <textarea aria-label="Formula of the potential" spellcheck="false"></textarea>
       <p class="fault" role="alert" hidden></p><button class="small" disabled>use this formula</button><ul class="checks"></ul><details class="reasons" hidden><summary>reasons and margins</summary><dl></dl></details>`));
     const [canvas, field, fault, use, checks, reasons] = ["canvas", "textarea", ".fault", ".small", ".checks", ".reasons"].map((s) => box.querySelector(s));
@@ -256,7 +267,7 @@ export class LawPanel {
     const now = performance.now();
     if (now - this.counted < 250) return;
     this.counted = now;
-    this.group = frame.groups[0];
+    this.group = this.stored ? null : frame.groups[0];
     if (this.area.offsetParent !== null || this.area.offsetWidth) this.drawPlots();
   }
 
@@ -268,7 +279,7 @@ export class LawPanel {
       [canvas.width, canvas.height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
       const c = canvas.getContext("2d"), w = box.width, h = box.height - 14;
       c.setTransform(ratio, 0, 0, ratio, 0, 0);
-      if (this.group) {
+      if (this.group && plot.potential.pairs) {
         const counts = pairDistances(this.group, reach, BINS), most = Math.max(...counts, 1);
         plot.counts = counts;
         c.fillStyle = ink("--bar");
@@ -297,7 +308,11 @@ export class LawPanel {
     const pace = record.playing && record.reached !== null ? `${short(record.reached)} of ${short(record.speed)}` : "paused";
     const rows = [`<dt>${escaped(this.engine ?? "")}</dt><dd>time per second: ${pace}</dd><dd></dd>`];
     if (runs.length > 1) rows.push("<dt></dt><dd>first</dd><dd>second</dd>");
-    rows.push(...names.map((name) => `<dt>${escaped(name)}</dt>${cells(name)}`));
+    // Beside a recorded moment they stay those of the present.
+    const section = (words, t) => `<dt>${words}</dt><dd>t = ${this.when(t)}</dd><dd></dd>`, sums = new Set(record.ledger);
+    const row = (name) => `<dt>${escaped(name)}</dt>${cells(name)}`;
+    if (record.measured !== null) rows.push(section("of the present", record.measured), ...names.filter((n) => !sums.has(n)).map(row));
+    if (names.some((n) => sums.has(n))) rows.push(section("since", record.changed), ...names.filter((n) => sums.has(n)).map(row));
     if (!record.complete) rows.push("<dt>log</dt><dd>full: this can no longer be replayed</dd><dd></dd>");
     if (record.fault) rows.push(`<dt>${escaped(record.fault)}</dt><dd></dd><dd></dd>`);
     this.numbers.innerHTML = rows.join("");

@@ -5,7 +5,8 @@ import { Connection } from "./connection.js";
 import { Dialogs } from "./dialogs.js";
 import { Hands } from "./hands.js";
 import { LawPanel } from "./law.js";
-import { Scene, short } from "./scene.js";
+import { short } from "./numbers.js";
+import { Scene } from "./scene.js";
 import { Timeline, escaped } from "./timeline.js";
 
 const at = (id) => document.getElementById(id);
@@ -91,7 +92,9 @@ link.on("record", (message) => {
 });
 link.on("stored", (message) => {
   dialogs.stored = true;
-  at("title").textContent = `stored run ${message.name}`;
+  at("title").textContent = `stored run ${message.name}${message.status === "finished" ? "" : `, ${message.status}`}`;
+  for (const name of ["question", "paper", "size"]) at(name).textContent = "";
+  law.beside(true);
   timeline.showStored(message);
 });
 link.on("opening", ({ name }) => {
@@ -125,7 +128,7 @@ function showNote() {
     if (scene.look.links && group.links < group.all_links) notes.push(`${group.links} of ${group.all_links} links drawn.`);
     if (scene.look.links && !group.linked) notes.push("Links are not drawn for so many agents.");
     if (scene.look.trails && group.n > 500) notes.push("Trails are drawn for up to 500 agents.");
-    if (scene.look.colour !== scene.legend?.kind) notes.push(`Coloured by speed: ${group.n} agents are too many to colour by ${scene.look.colour}.`);
+    if (scene.look.colour !== scene.legend?.kind && scene.legend?.kind !== "none") notes.push(`Coloured by speed: ${group.n} agents are too many to colour by ${scene.look.colour}.`);
     if (group.n >= 10000) notes.push(`${group.n} agents, shaded by density.`);
   }
   if (at("note").textContent !== notes.join(" ")) at("note").textContent = notes.join(" ");

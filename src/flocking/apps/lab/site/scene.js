@@ -6,11 +6,11 @@ import { AXES, crossed, edges, halves, wedges } from "./boxes.js";
 import { density } from "./density.js";
 import { flocks, speeds } from "./frames.js";
 import { marks, shapes } from "./marks.js";
+import { short } from "./numbers.js";
 
 const MOST_TRAILS = 500, MOST_DARTS = 10000;
 const TRAIL_SHARE = 1 / 25; // length of a trail in time, as a share of the scenario
 
-const REST = 1e-9; // speeds below it are shown as none
 const TOOLS_WIDTH = 52; // pixels of the scene under its hands, as style.css has them
 const BELOW_CARDS = 66; // pixels from above at which nothing covers the names of the runs
 const WIDEST = 16; // a view widens to so many times its first fit: one agent that flees leaves the others visible
@@ -185,7 +185,7 @@ export class Scene {
     if (this.look.trails && n <= MOST_TRAILS) this.trails(k);
     const values = this.values(group);
     if (n >= MOST_DARTS) {
-      this.legend = { ...values, high: values.high > REST ? values.high : 0 };
+      this.legend = values;
       density(this, group, sx, sy, values, width, height);
     } else {
       this.agents(group, sx, sy, depth, values);
@@ -282,7 +282,8 @@ export class Scene {
   // What colours the agents, with the ends of its scale.
   values(group) {
     let kind = this.look.colour;
-    if ((kind === "energy" && !group.energy) || (kind === "flock" && !group.linked)) kind = "speed";
+    if ((kind === "energy" && !group.energy) || (kind === "flock" && (!group.linked || (group.thinned && !group.flocks)))) kind = "speed";
+    if (!group.velocities && ["speed", "heading"].includes(kind)) return { kind: "none", values: new Float32Array(group.n), low: 0, high: 0 };
     if (kind === "flock") return { kind, values: flocks(group), low: 0, high: 1 };
     if (kind === "heading") return { kind, values: null, low: 0, high: 1 };
     const values = kind === "energy" ? group.energy : speeds(group);
@@ -293,7 +294,7 @@ export class Scene {
     }
     if (kind === "speed") {
       // The scale follows the fastest agent, and falls slowly, so that a decrease of speeds is visible.
-      this.fastest = Math.max(0.995 * this.fastest, high, REST);
+      this.fastest = Math.max(0.995 * this.fastest, high);
       [low, high] = [0, this.fastest];
     }
     return { kind, values, low, high };
@@ -301,7 +302,7 @@ export class Scene {
 
   agents(group, sx, sy, depth, { kind, values, low, high }) {
     const c = this.context, d = group.d, n = group.n, cam = this.camera;
-    this.legend = { kind, low, high: high > REST ? high : 0 };
+    this.legend = { kind, low, high };
     const { bin, colours } = binned(kind, group, values, low, high, this.dark);
     const size = n <= 60 ? 9 : n <= 400 ? 7 : n <= 2000 ? 5 : 3;
     const order = Array.from(colours, () => []);
@@ -320,6 +321,11 @@ export class Scene {
         const up = cam.sp * ahead + cam.cp * pz, speed = Math.hypot(right, up);
         const ux = speed > 1e-12 ? right / speed : 1, uy = speed > 1e-12 ? -up / speed : 0;
         const x = sx[i], y = sy[i];
+        if (!group.velocities) { // nowhere to point
+          c.moveTo(x + 0.6 * size, y);
+          c.arc(x, y, 0.6 * size, 0, 7);
+          continue;
+        }
         c.moveTo(x + size * ux, y + size * uy);
         c.lineTo(x - 0.8 * size * ux - 0.55 * size * uy, y - 0.8 * size * uy + 0.55 * size * ux);
         c.lineTo(x - 0.4 * size * ux, y - 0.4 * size * uy);
@@ -382,6 +388,7 @@ export class Scene {
   colourHtml() {
     const { kind, low, high } = this.legend ?? { kind: "speed", low: 0, high: 0 };
     if (kind === "flock") return "colour: one for each flock";
+    if (kind === "none") return "one colour: these agents have no velocities of their own";
     if (kind === "heading")
       return "colour: heading" + ["right", "up", "left", "down"].map((w, k) => `<b style="background:${css(wheel((k * Math.PI) / 2))}"></b>${w}`).join("");
     return `colour: ${kind} <i style="background:${gradient(this.dark)}"></i>${short(low)} – ${short(high)}`;
@@ -402,11 +409,4 @@ export function inside(corners, x, y) {
     if (yi > y !== yj > y && x < ((xj - xi) * (y - yi)) / (yj - yi) + xi) found = !found;
   }
   return found;
-}
-
-export function short(x) {
-  if (x === null || x === undefined || !Number.isFinite(x)) return "–";
-  if (x === 0) return "0";
-  const size = Math.abs(x);
-  return size >= 1e5 || size < 1e-3 ? x.toExponential(2) : String(Number(x.toPrecision(4)));
 }

@@ -1,9 +1,9 @@
 // The timeline: play and scrub, a strip for every claim, and the curves that share its axis.
 
-import { short } from "./scene.js";
+import { short, timeText } from "./numbers.js";
 
 const NAMES = { energy: "energy", departed: "departed energy", "velocity spread": "velocity spread", connectivity: "connectivity" };
-const ROUNDING = 1e-5; // of recorded times, as a share of the axis: they come with six digits
+const ROUNDING = 1e-9; // of recorded times, as a share of the axis
 // Shapes of lamps: they differ without their colours, too.
 const SHAPES = {
   "holds": '<circle cx="5" cy="5" r="4.5"/>',
@@ -142,11 +142,13 @@ export class Timeline {
     const p = this.parts, r = this.record, running = r.running;
     p.play.textContent = running ? "❚❚" : "▶";
     p.play.setAttribute("aria-label", running ? "Pause" : "Play");
-    p.ticks.innerHTML = r.record.events.map(([t, kind]) => `<i style="left:${this.percent(t)}%" title="${kind} at t = ${short(t)}"></i>`).join("");
+    p.ticks.innerHTML = r.record.events.map(([t, kind]) => `<i style="left:${this.percent(t)}%" title="${kind} at t = ${this.when(t)}"></i>`).join("");
     this.drawStrips();
     this.drawCurves();
     this.place();
   }
+
+  when(t) { return timeText(t, this.first, this.last()); }
 
   percent(t) { return (100 * (t - this.first)) / this.span(); }
 
@@ -155,7 +157,7 @@ export class Timeline {
     p.scrub.min = this.first;
     p.scrub.max = this.last();
     if (document.activeElement !== p.scrub || !p.scrub.matches(":active")) p.scrub.value = t;
-    p.clock.textContent = `t = ${short(Number(t.toPrecision(4)))}`;
+    p.clock.textContent = `t = ${this.when(t)}`;
     p.live.hidden = this.looking === null || Boolean(this.stored);
     p.branch.hidden = this.looking === null || Boolean(this.stored);
     const axis = p.curves.querySelector("canvas") ?? p.strips.querySelector(".strip");
@@ -187,8 +189,9 @@ export class Timeline {
         rows.push(`<p class="empty offers">Or try a challenge: ${this.challenges.map((c) => `<button class="small" data-challenge="${escaped(c.key)}" title="${escaped(c.goal)}">${escaped(c.title)}</button>`).join(" ")}</p>`);
       }
     } else {
-      const at = r.record.judged;
-      rows.unshift(`<p class="empty" style="padding:2px 0">Judged up to t = ${short(at)}, by the motion ${r.former ? "before the last intervention; what follows it is judged as time goes on" : "since the last intervention"}.</p>${this.legend()}`);
+      // A history that has dropped its first switches begins later than the intervention.
+      const late = !r.former && r.since > r.changed ? "; what came before it since the last intervention counts where a claim failed in it" : "";
+      rows.unshift(`<p class="empty" style="padding:2px 0">Judged by the motion from t = ${this.when(r.since)} to t = ${this.when(r.record.judged)}, ${r.former ? "before the last intervention; what follows it is judged as time goes on" : "since the last intervention"}${late}.</p>${this.legend()}`);
     }
     const html = rows.join("");
     if (html === this.shownStrips) return;
@@ -224,8 +227,8 @@ export class Timeline {
   explanation(claim) {
     const hypothesis = claim.word === "hypothesis not met" ? "Its hypothesis is not met: " : "";
     const who = claim.agents.length ? `, agent${claim.agents.length > 1 ? "s" : ""} ${claim.agents.slice(0, 12).join(", ")}${claim.agents.length > 12 ? " and more" : ""}` : "";
-    const when = claim.time === null ? "" : ` At t = ${short(claim.time)}${who}.`;
-    const sure = claim.guarantee ? ` Guaranteed before the run: ${escaped(claim.guarantee)}` : "";
+    const when = claim.time === null ? "" : ` At t = ${this.when(claim.time)}${who}.`;
+    const sure = claim.guarantee ? ` Guaranteed from t = ${this.when(this.record.since)} on, by the state then: ${escaped(claim.guarantee)}` : "";
     const known = claim.reason && claim.style === "known to fail" ? ` ${escaped(claim.reason)}` : "";
     return `<b>${escaped(claim.lamp)}</b> · ${claim.sentence} ${hypothesis}${escaped(claim.note)}.${when}${sure}${known}`;
   }
