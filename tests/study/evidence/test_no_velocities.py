@@ -70,5 +70,5 @@ def test_a_stored_run_keeps_them(run: fk.Run, tmp_path) -> None:
 
 def test_the_lab_shows_no_spread_of_velocities() -> None:
     state = fk.State([[0.0, 0.0], [1.0, 0.0]])
-    assert np.isnan(measured(state, 0.0, moving=False)["velocity spread"])
+    assert np.isnan(measured(state, 0.0, velocities=False)["velocity spread"])
     assert measured(state, 0.0)["velocity spread"] == 0.0

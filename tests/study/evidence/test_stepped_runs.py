@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
 import flocking as fk
 from flocking.study.claims.claim import Verdict
-from flocking.study.evidence import Evidence, NotResolvable
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 from flocking.study.sweeps.measures import MEASURES
 
 STEP = 0.01
@@ -74,7 +72,8 @@ def test_agents_out_of_a_fixed_graph_are_not_judged() -> None:
     crossing = run_of(graph, [[0.0, 0.0], [0.0, 1.0], [-1.0, 0.0]], [[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
     assert fk.audit(crossing)["all-apart"].verdict == Verdict.NOT_APPLICABLE
     assert fk.audit(crossing)["connected"].verdict == Verdict.HYPOTHESIS_NOT_MET
-    assert math.isnan(MEASURES["closest"][1](Evidence(crossing)))
+    with pytest.raises(NotMeasurable, match="distances of linked agents only"):
+        MEASURES["closest"][1](Evidence(crossing))
 
 
 def test_links_follow_the_positions_where_no_pair_acts() -> None:
