@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -39,11 +41,20 @@ def motion(engine, length=1.0, time=1.0, mass=1.0, *, rest=False, body=fk.PointM
     return fk.simulate(scenario, engine=engine, progress=False)
 
 
-@pytest.mark.parametrize(("length", "time", "mass"), UNITS)
-@pytest.mark.parametrize("engine", WORLDS)
+@cache
+def in_ones(engine):
+    """The motion in units of 1."""
+    return motion(engine)
+
+
+@pytest.mark.parametrize(
+    ("engine", "length", "time", "mass"),
+    [("exact", *unit) for unit in UNITS]
+    + [(engine, *unit) for engine in ("delayed", "sampled") for unit in UNITS[1::3]],
+)
 def test_positions_velocities_and_links_are_those_of_other_units(engine, length, time, mass):
     """Errors of 1e-9 of the group accumulate over the run: tenfold here, see `Scenario.tolerance`."""
-    whole, run = motion(engine), motion(engine, length, time, mass)
+    whole, run = in_ones(engine), motion(engine, length, time, mass)
     assert np.abs(run.q / length - whole.q).max() < 1e-8
     assert np.abs(run.p * time / length - whole.p).max() < 1e-8
     assert len(run.switches) == len(whole.switches) > 10
@@ -64,8 +75,8 @@ def test_the_ledger_closes_as_it_does_in_other_units(length):
         assert abs(run.trace[name][-1] / length**2 - whole.trace[name][-1]) < 1e-8 * scale
 
 
-@pytest.mark.parametrize("gap", [1e-3, 1e-9, 1e-12])
-@pytest.mark.parametrize("offset", [0.0, 1.0, 1000.0])
+@pytest.mark.parametrize("gap", [1e-3, 1e-12])
+@pytest.mark.parametrize("offset", [0.0, 1000.0])
 def test_agents_almost_in_one_place_at_rest_fly_apart(gap, offset):
     """Their distances say nothing of the size of the motion; it is computed as it is from one place of others."""
     q = np.array([[0.0, 0.0], [gap, 0.0], [0.0, 2.0 * gap]]) + offset

@@ -95,7 +95,7 @@ def test_motions_that_differ_too_much_are_no_estimate():
 def test_runs_that_are_not_repeated_say_why():
     run = late(1.5, 1e-6)
     with pytest.raises(NotResolvable, match="other frames"):
-        Evidence(run.until(6.0)).repetitions  # noqa: B018
+        Evidence(replace(run.until(6.0), status=run.status)).repetitions  # noqa: B018
     with pytest.raises(NotResolvable, match="too many"):
         Evidence(replace(run, provenance={**run.provenance, "steps": 10**6})).repetitions  # noqa: B018
     with pytest.raises(NotResolvable, match="not finished"):
