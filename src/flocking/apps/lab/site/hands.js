@@ -242,8 +242,9 @@ export class Hands {
     this.showForces();
   }
 
-  // A frame was painted: of one chosen agent the forces are asked for, a few times a second.
+  // A frame was painted: of one chosen agent the forces are asked for, a few times a second. There is none before the first one has come.
   async frame(frame) {
+    if (!frame) return;
     if (!frame.live && this.scene.forces) this.forget();
     if (this.scene.chosen.size !== 1 || !frame.live || this.asking) return;
     const [agent] = this.scene.chosen, run = frame.groups[this.run] ? this.run : 0, asked = `${run} ${agent} ${frame.t} ${frame.version}`;
