@@ -183,12 +183,15 @@ def forces_vanish(e: Evidence) -> Measure:
 
 
 def _force_error(e: Evidence) -> float:
-    """Error of the imbalance of forces where positions have one: every link of an agent is that much too long."""
+    """Error of the imbalance of forces where samples have errors: every link of an agent is that much too long.
+
+    The stated error of a computed run, which is of places and not of distances, is not counted.
+    """
     found = e.equilibrium
-    if not e.late_errors[0] or not len(found.r):
+    if not e.position_error or not len(found.r):
         return 0.0
     links = int(np.bincount(found.i, minlength=e.run.n).max())
-    return links * e.late_errors[0] / float(found.r.mean())
+    return links * 2.0 * e.position_error * float(np.sqrt(e.q.shape[2])) / float(found.r.mean())
 
 
 def potential_is_minimal(e: Evidence) -> Measure:
