@@ -163,14 +163,7 @@ class Clock:
         InvalidInput
             When it was not done in that time, in which case it may be done later, or the clock was stopped before.
         """
-        done = threading.Event()
-
-        def finish() -> None:
-            try:
-                action()
-            finally:
-                done.set()
-
+        finish, done = _signalled(action)
         self.post(finish, key)
         self._wait_for(done, timeout)
 
@@ -192,14 +185,7 @@ class Clock:
         if not self._thread.is_alive():
             action()
             return
-        done = threading.Event()
-
-        def finish() -> None:
-            try:
-                action()
-            finally:
-                done.set()
-
+        finish, done = _signalled(action)
         with self._wake:
             self._looks.append(finish)
             self._wake.notify_all()
@@ -356,3 +342,16 @@ class Clock:
             # Falls at once after a slow slice, and at most doubles after a quick one.
             self._pace = pace if not self._pace else min(pace, 2 * self._pace)
             self.reached = SMOOTHING * self.reached + (1.0 - SMOOTHING) * min(pace, self.speed)
+
+
+def _signalled(action: Action) -> tuple[Action, threading.Event]:
+    """The ``action``, and an event that is set when it has ended, by an error too."""
+    done = threading.Event()
+
+    def finish() -> None:
+        try:
+            action()
+        finally:
+            done.set()
+
+    return finish, done

@@ -15,7 +15,7 @@ BESIDE, EQUAL_VALUES = 1e-12, 1e-9
 """Relative distance from a kink at which values of a potential are compared, and their largest difference that is no
 jump, relative to the values about the kink."""
 
-ABOUT = np.array([0.9, 0.99, 1.01, 1.1])
+NEARBY = np.array([0.9, 0.99, 1.01, 1.1])
 """Distances over that of a kink at which these values are: those at it may be zero, or nearly cancel."""
 
 BESIDE_SLOPE, EQUAL_SLOPES = 1e-9, 1e-6
@@ -88,7 +88,7 @@ def _rise(term: PairTerm, distance: float) -> float:
         return 0.0
     inside, outside = term.potential(distance * (1 + np.array([-BESIDE, BESIDE])))
     rise = float(outside - inside)
-    return rise if abs(rise) > EQUAL_VALUES * _size(term.potential(distance * ABOUT), inside, outside) else 0.0
+    return rise if abs(rise) > EQUAL_VALUES * _size(term.potential(distance * NEARBY), inside, outside) else 0.0
 
 
 def _meets(term: PairTerm, distance: float) -> bool:
@@ -96,7 +96,7 @@ def _meets(term: PairTerm, distance: float) -> bool:
     if not isinstance(term, Gradient) or distance not in term.kinks():
         return isinstance(term, Gradient | Consensus)
     inside, outside = term.potential.slope(distance * (1 + np.array([-BESIDE_SLOPE, BESIDE_SLOPE])))
-    return bool(abs(outside - inside) <= EQUAL_SLOPES * _size(term.potential.slope(distance * ABOUT), inside, outside))
+    return bool(abs(outside - inside) <= EQUAL_SLOPES * _size(term.potential.slope(distance * NEARBY), inside, outside))
 
 
 def _size(values: Array, inside: float, outside: float) -> float:
