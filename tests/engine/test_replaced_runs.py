@@ -6,6 +6,7 @@ import pytest
 
 import flocking as fk
 from flocking.apps.cli import main
+from flocking.engine.protocol.session import Stored
 from flocking.engine.storage.stored_runs import read_run, write_run
 
 WEAK, STRONG = (fk.Law(fk.Complete(), [fk.Consensus(gain)]) for gain in (1e-9, 1.0))
@@ -61,3 +62,17 @@ def test_a_session_that_goes_on_from_a_snapshot_knows_what_was_replaced(engine):
     after = session.snapshot()
     assert not type(session).resume(before).run().fidelity.changed
     assert type(session).resume(after).run().fidelity.changed
+
+
+@pytest.mark.parametrize("law", [None, STRONG])
+def test_a_tiled_session_that_is_stored_knows_what_was_replaced(law):
+    """Its records are on disk, so that the run in memory does not say it."""
+    session = fk.start(fk.Scenario(WEAK, START, t_end=4.0, frames=41), "tiles")
+    session.advance(1.0)
+    if law is not None:
+        session.replace(law=law)
+    run = session.run()
+    counts = {"time": len(run.t), "step": len(run.trace), "switch": 0, "observation": 0, "tick": 0, "use": 0}
+    again = type(session).unpack(session.pack(), Stored(session.scenario, None, counts, lambda: run), {})
+    assert again.records.replaced_at == session.records.replaced_at
+    assert again.fidelity.changed is (law is not None)

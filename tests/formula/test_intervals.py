@@ -101,3 +101,21 @@ def test_what_has_no_enclosure_is_refused():
         enclosed(sympy.gamma(R), R, Interval.of(1.0))
     with pytest.raises(FormulaError, match="has no enclosure"):
         enclosed(sympy.Symbol("x") + R, R, Interval.of(1.0))
+
+
+def test_conditions_on_absolute_values_are_decided_where_they_can_be():
+    r = sympy.Symbol("r", positive=True)
+    inside = sympy.ITE(r >= 5, r < 6, r > 4)
+    found = enclosed(sympy.Piecewise((1, inside), (0, True)), r, Interval.of(np.array([1.0, 4.5, 3.9, 6.5]),
+                     np.array([2.0, 5.5, 4.1, 7.0])))  # fmt: skip
+    assert found.lo.tolist() == [0.0, 1.0, 0.0, 0.0]
+    assert found.hi.tolist() == [0.0, 1.0, 1.0, 0.0]
+
+
+def test_values_beyond_the_largest_number_are_finite() -> None:
+    """exp(711) is 6.1e308: a bound of infinity from below would have an inverse of zero."""
+    x = Interval.of(np.array([711.0, 1000.0]))
+    for found in (x.exp(), x.sinh(), x.cosh(), -((-x).sinh())):
+        assert (found.lo <= np.finfo(float).max).all()
+        assert (found.hi == np.inf).all()
+        assert (found.reciprocal().hi >= 1.0 / np.finfo(float).max).all()

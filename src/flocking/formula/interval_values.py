@@ -111,6 +111,11 @@ class IntervalValues(ExpressionVisitor[Interval]):
             return np.any([h for h, _ in parts], axis=0), np.all([f for _, f in parts], axis=0)
         if isinstance(condition, sympy.Not):
             return parts[0][1], parts[0][0]
+        if isinstance(condition, sympy.ITE):
+            (test, not_test), *ways = parts
+            # Where the test is undecided both ways may agree.
+            holds, fails = ((test & yes) | (not_test & no) | (yes & no) for yes, no in zip(*ways, strict=True))
+            return holds, fails
         raise self.refusal(name, condition)
 
     def function(self, node: sympy.Basic) -> Interval:

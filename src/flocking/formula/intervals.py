@@ -265,6 +265,7 @@ def _widened(lo: ArrayLike, hi: ArrayLike, units: int) -> Interval:
         if units == 1:
             low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
         else:
-            low = np.where(np.isinf(low), low, low - units * np.spacing(np.abs(low)))
-            high = np.where(np.isinf(high), high, high + units * np.spacing(np.abs(high)))
+            # Values beyond the largest number are finite, and above it.
+            low = np.where(np.isinf(low), np.nextafter(low, -np.inf), low - units * np.spacing(np.abs(low)))
+            high = np.where(np.isinf(high), np.nextafter(high, np.inf), high + units * np.spacing(np.abs(high)))
     return Interval(low, high)

@@ -25,9 +25,25 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
         The run.
     claims
         The claims. By default those of the paper of the run's scenario, by its name, else the general claims, which
-        apply to any law. A claim that does not apply states the reason.
+        apply to any law. A claim that does not apply states the reason; claims of that paper are about laws of the
+        paper's form and the world of its scenario, whether they are given or not.
     """
-    return audit_claims(run, paper_claims(run.scenario.name) if claims is None and isinstance(run, Run) else claims)
+    if not isinstance(run, Run):
+        return audit_claims(run, claims)
+    stated = paper_claims(run.scenario.name)
+    return audit_claims(run, stated if claims is None else _in_their_setting(claims, stated or ()))
+
+
+def _in_their_setting(given: Sequence[Claim], stated: Sequence[Claim]) -> Sequence[Claim]:
+    """Given claims, those that a paper states about a scenario in the setting that these have."""
+    settings = {_statement(claim): claim.setting for claim in stated}
+    if not isinstance(given, Sequence) or not all(isinstance(claim, Claim) for claim in given):
+        return given
+    return [replace(claim, setting=settings.get(_statement(claim), claim.setting)) for claim in given]
+
+
+def _statement(claim: Claim) -> tuple[str, str, str]:
+    return claim.key, claim.source, claim.statement
 
 
 @lru_cache(maxsize=64)

@@ -127,6 +127,21 @@ def test_claims_are_not_about_another_law_by_the_same_name(case: str) -> None:
         assert (found.conclusion is None) == (found.claim.about.subject is Subject.LEDGER)
 
 
+def test_claims_that_are_given_are_about_the_same_laws() -> None:
+    """A theorem that the law at hand does not meet does not fail for being asked by hand."""
+    scenario = law(named(Z), Consensus=None).with_(t_end=0.02, frames=3)
+    run = fk.simulate(scenario, progress=False)
+    claims = paper(Z).claims(Z)
+    by_default, all_given, one = (
+        fk.audit(run),
+        fk.audit(run, claims),
+        fk.audit(run, [replace(claims[0], dynamic=False)]),
+    )
+    assert [(r.verdict, r.note) for r in all_given.results] == [(r.verdict, r.note) for r in by_default.results]
+    assert one.results[0].verdict is Verdict.HYPOTHESIS_NOT_MET
+    assert "a law with Consensus" in one.results[0].note
+
+
 SAME: dict[str, tuple[str, Change]] = {
     "gain": (Z, lambda s: law(s, Consensus=gain(2.5))),
     "equal gains": (Z, lambda s: law(s, Consensus=gain([0.5] * 10))),

@@ -134,6 +134,26 @@ def test_slope_beyond_the_radius_is_named():
     assert "capped" in found.explanation
 
 
+def test_a_slope_between_the_places_looked_at_beyond_the_radius_is_found():
+    """Beyond 2 the potential is constant but for a bump of width 2e-4 and height 1 at 5.37123."""
+    bump = "where(abs(r - 5.37123) < 1e-4, 1e16*(1e-8 - (r - 5.37123)^2)^2, 0)"
+    formula = f"where(r < 2, 1/r^2 + log(r^2), 1/4 + log(4) + {bump})"
+    found = rows(check_potential(formula, radius=2), "shi-2009")["zero slope beyond R"]
+    assert found.holds is False
+    # Its slope is largest at 1e-4/sqrt(3) from its middle.
+    assert f"{4e16 * 1e-12 * 2 / 3**1.5:.3g} at r = 5.3712" in found.explanation
+    capped = rows(check_potential(TANNER.capped(2), radius=2), "shi-2009")["zero slope beyond R"]
+    assert capped.holds is True
+    assert "not proven" not in capped.explanation
+
+
+def test_what_is_not_proven_of_slopes_is_said(monkeypatch):
+    monkeypatch.setattr(potential_check, "steeper_slope", lambda *_: Lower())
+    found = rows(check_potential(TANNER.capped(2), radius=2), "shi-2009")["zero slope beyond R"]
+    assert found.holds is True
+    assert "searched, not proven" in found.explanation
+
+
 def test_the_report_prints_and_is_plain_data():
     report = check_potential(SHI, radius=3)
     text = str(report)

@@ -152,6 +152,7 @@ def check_session(data: object, ledger_sums: type[object], memory: type[object],
 def check_records(scenario: Scenario) -> Names:
     """Form of the state of the records of a session of this scenario."""
     row = And(Many(ANY), "have the fields of a row of the ledger", _is_ledger_row)
+    replaced = And(Many(ANY), "have a time", lambda x: len(x) > 0)
     one_row = And(Many(row), "hold one row at most", lambda x: len(x) <= 1)
     return Names(
         {
@@ -160,7 +161,8 @@ def check_records(scenario: Scenario) -> Names:
             "first": Maybe(row),
             "open": one_row,
             "closest": _closest(scenario.start.n),
-        }
+        },
+        {"replaced": replaced},
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Closest, LedgerRow, Run
@@ -13,7 +13,7 @@ from flocking.model.law import Scenario
 
 class RecordsMemory(TypedDict):
     """State of the records besides those on disk: the number of frames, the initial energy of pairs without a link,
-    the first and the last row of the ledger, and the closest linked pair.
+    the first and the last row of the ledger, the closest linked pair, and when law or state were replaced.
     """
 
     count: int
@@ -21,6 +21,7 @@ class RecordsMemory(TypedDict):
     first: tuple[float, ...] | None
     open: list[tuple[float, ...]]
     closest: Closest
+    replaced: NotRequired[list[float]]
 
 
 class TilesRecorder(Recorder):
@@ -52,9 +53,13 @@ class TilesRecorder(Recorder):
 
     def memory(self) -> RecordsMemory:
         """The state of the records for a checkpoint, besides the records on disk."""
-        return {"count": self.count, "apart": self.apart, "first": None if self.first is None else (*self.first,),
-                "open": [(*row,) for row in self.trace[-1:]],
-                "closest": self.closest_linked}  # fmt: skip
+        found: RecordsMemory = {
+            "count": self.count, "apart": self.apart, "first": None if self.first is None else (*self.first,),
+            "open": [(*row,) for row in self.trace[-1:]], "closest": self.closest_linked,
+        }  # fmt: skip
+        if self.replaced_at:
+            found["replaced"] = list(self.replaced_at)
+        return found
 
     def recall_memory(self, memory: RecordsMemory, counts: Mapping[str, int], read: Callable[[], Run]) -> None:
         """Continue after the records on disk.
@@ -70,6 +75,7 @@ class TilesRecorder(Recorder):
         self._skipped = memory["count"] - self.stored["time"]
         self.apart, self.first, self.closest_linked = memory["apart"], memory["first"], memory["closest"]
         self.trace = list(memory["open"])
+        self.replaced_at = tuple(memory.get("replaced", ()))
         assert isinstance(self.closest_linked, Closest)
 
     def add_ledger_row(self, t: float, ledger_sums: LedgerSums, n: int, unlinked: float, departed: float = 0.0) -> None:

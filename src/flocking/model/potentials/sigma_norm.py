@@ -39,13 +39,19 @@ class SigmaNorm:
     def __call__(self, length: ArrayLike) -> Array:
         """|z|_sigma of lengths |z|; same shape."""
         z = np.asarray(length, dtype=np.float64)
-        # Without the difference of two numbers near one.
-        return np.asarray(z**2 / (1.0 + np.sqrt(1.0 + self.epsilon * z**2)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            square = z**2
+            root = np.sqrt(1.0 + self.epsilon * square)
+            # Without the difference of two numbers near one, but where a square has no number.
+            near, far = square / (1.0 + root), np.abs(z) / np.sqrt(self.epsilon) - 1.0 / self.epsilon
+        return np.asarray(np.where(np.isfinite(square) & np.isfinite(root), near, far))
 
     def slope(self, length: ArrayLike) -> Array:
         """Derivatives by the length, |z|/sqrt(1 + eps |z|^2): the length of n_ij for z = q_j - q_i."""
         z = np.asarray(length, dtype=np.float64)
-        return np.asarray(z / np.sqrt(1.0 + self.epsilon * z**2))
+        with np.errstate(over="ignore", invalid="ignore"):
+            root = np.sqrt(1.0 + self.epsilon * z**2)
+            return np.asarray(np.where(np.isfinite(root), z / root, np.sign(z) / np.sqrt(self.epsilon)))
 
     def inverse(self, value: float) -> float:
         """The length whose sigma-norm is ``value``."""

@@ -1,14 +1,15 @@
-"""Whether a potential has lower values than those that were found: interval arithmetic between the places looked at."""
+"""Whether a potential has lower values or larger slopes than were found: intervals between the places looked at."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.arrays import Mask
+from flocking.arrays import Array, Mask
 from flocking.errors import FormulaError
 from flocking.formula.derivatives import derivative
 from flocking.formula.interval_values import enclosed
@@ -64,17 +65,58 @@ def lower_value(potential: Potential, first: float, last: float, value: float) -
     import sympy
 
     r = sympy.Symbol("r", positive=True)
+    return _lower(potential.expression(r), potential, r, (first, last), value)
+
+
+@lru_cache(maxsize=MOST_STORED)
+def steeper_slope(potential: Potential, first: float, last: float, bound: float) -> Lower:
+    """A distance between two at which a slope is larger than a bound, or the proof that there is none.
+
+    Parameters
+    ----------
+    potential
+        The potential.
+    first, last
+        The distances.
+    bound
+        The bound of the absolute value of the slope.
+
+    Returns
+    -------
+    Lower
+        Its value is minus the absolute value of the slope.
+    """
+    import sympy
+
+    r = sympy.Symbol("r", positive=True)
+    excluded = True
+    slope = derivative(potential.expression(r), r)
+    for sign in (1, -1):
+        found = _lower(sign * slope, partial(_signed_slope, potential, sign), r, (first, last), -bound)
+        if not np.isnan(found.at):
+            return found
+        excluded = excluded and found.excluded
+    return Lower(excluded=excluded)
+
+
+def _signed_slope(potential: Potential, sign: int, x: Array) -> Array:
+    return sign * potential.slope(x)
+
+
+def _lower(
+    psi: sympy.Expr, values: Callable[[Array], Array], r: sympy.Symbol, ends: tuple[float, float], value: float
+) -> Lower:
+    """A distance between two ends at which a formula is below a value, or the proof that there is none."""
     try:
-        psi = potential.expression(r)
         slope = derivative(psi, r)
-        edges = np.geomspace(first, last, BOXES + 1)
+        edges = np.geomspace(*ends, BOXES + 1)
         low, high = edges[:-1], edges[1:]
         for _ in range(ROUNDS):
             middle = 0.5 * (low + high)
             at = enclosed(psi, r, Interval.of(middle))
             if (at.hi < value).any():
                 k = int(np.argmin(at.hi))
-                return _lowest_near(potential, float(middle[k]), 0.5 * float(high[k] - low[k]))
+                return _lowest_near(values, float(middle[k]), 0.5 * float(high[k] - low[k]))
             box = Interval.of(low, high)
             found = enclosed(psi, r, box).lo
             with np.errstate(all="ignore"):
@@ -107,11 +149,10 @@ def _of_one_piece(psi: sympy.Expr, r: sympy.Symbol, box: Interval) -> Mask:
     return found
 
 
-def _lowest_near(potential: Potential, at: float, width: float) -> Lower:
+def _lowest_near(values: Callable[[Array], Array], at: float, width: float) -> Lower:
     """The lowest value near a distance, computed ever nearer to it."""
     for _ in range(NARROWED):
         places = np.linspace(at - width, at + width, PLACES)
-        values = potential(places)
-        at = float(places[np.nanargmin(values)])
+        at = float(places[np.nanargmin(values(places))])
         width *= 4.0 / (PLACES - 1)
-    return Lower(at, float(potential(at)))
+    return Lower(at, float(values(np.array(at))))

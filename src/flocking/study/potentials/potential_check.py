@@ -10,7 +10,7 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.model.checks import number
 from flocking.model.potentials.potential import Potential
-from flocking.study.potentials.potential_bounds import Lower, lower_value
+from flocking.study.potentials.potential_bounds import Lower, lower_value, steeper_slope
 from flocking.study.potentials.potential_shape import (
     FARTHEST,
     MOST_MINIMA,
@@ -302,8 +302,15 @@ class Properties:
         samples = [R * (1 + 10.0**k) for k in np.linspace(-9, 6, SAMPLES_BEYOND)]
         slopes = [(abs(float(self.shape.slope(x))), x) for x in samples]
         worst = max(slopes, key=lambda pair: np.inf if np.isnan(pair[0]) else pair[0])
-        holds = bool(worst[0] <= ROUNDING * self.shape.energy / R)
-        fix = "" if holds else "; Potential.capped(R) makes it constant there"
+        bound = ROUNDING * self.shape.energy / R
+        words = ""
+        if worst[0] <= bound and self.potential is not None:
+            # A feature may be too narrow for the samples.
+            steeper = steeper_slope(self.potential, samples[0], samples[-1], bound)
+            worst = worst if np.isnan(steeper.at) else (abs(steeper.value), steeper.at)
+            words = "" if steeper.excluded else "; that there is no larger one was searched, not proven"
+        holds = bool(worst[0] <= bound)
+        fix = words if holds else "; Potential.capped(R) makes it constant there"
         return PropertyRow(
             name, holds, f"largest |slope| beyond R = {R:.9g}: {worst[0]:.3g} at r = {worst[1]:.9g}{fix}"
         )
