@@ -10,6 +10,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.imperfect.messages.knowledge import Known
+from flocking.engine.sampled.nearest_force import nearest
 from flocking.engine.sampled.safety import ForceFilter
 from flocking.errors import InvalidInput, NotFinite
 from flocking.model.space import Open
@@ -148,3 +149,16 @@ def test_numbers_of_a_filter_whose_products_leave_the_range_are_refused(name: st
 def test_largest_accelerations_of_each_agent_are_checked() -> None:
     with pytest.raises(InvalidInput, match="acceleration must lie between"):
         fk.SafetyFilter(0.1, distance=1.0, acceleration=[1.0, 1e-200])
+
+
+@pytest.mark.parametrize("unit", [2.0**-200, 2.0**-45, 2.0**60])
+def test_the_nearest_acceleration_does_not_depend_on_the_unit(unit: float) -> None:
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        normals = rng.normal(size=(5, 2))
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        bounds, desired = rng.uniform(-1.0, 0.2, 5), 2.0 * rng.normal(size=2)
+        expected, fits = nearest(desired, normals, bounds, 1.0)
+        found, still = nearest(desired * unit, normals, bounds * unit, unit)
+        assert still == fits
+        assert np.abs(found / unit - expected).max() < 1e-9

@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import pytest
 
+import flocking as fk
 from flocking.errors import InvalidInput
 from flocking.study.margins.brackets import Count
 from flocking.study.margins.margin_table import Margins, Varied
-from flocking.study.margins.quantities import quantity_named, register_quantity
+from flocking.study.margins.quantities import Quantity, default_levels, quantity_named, register_quantity
+
+LAW = fk.Law(fk.Fixed.complete(2), [fk.Consensus(1.0)])
 
 
 def table_of(counts: dict[float, Count], share: float) -> Margins:
@@ -43,3 +46,28 @@ def test_quantities_of_which_nothing_is_varied_elsewhere_than_at_0_are_refused()
             register_quantity(wrong)
     assert quantity_named("loss") is loss
     assert quantity_named("limit") is limit
+
+
+@pytest.mark.parametrize("period", [0.1, 0.22, 0.45, 4.5])
+def test_the_grid_of_delays_has_more_than_none(period: float) -> None:
+    made = fk.Scenario(LAW, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=4.0, control=fk.Held(period))
+    levels = default_levels(quantity_named("delay"), made, period)
+    assert levels[0] == 0.0
+    assert len(levels) > 1
+
+
+def test_a_grid_of_nothing_but_the_value_at_which_nothing_is_varied_is_refused() -> None:
+    made = fk.Scenario(LAW, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=4e-9, control=fk.Held(1e-9))
+    short = Quantity("half", "m", lambda s, v, p: s, lambda s, p: (0.0, p / 2), resolution=1e-9, unvaried=0.0)
+    with pytest.raises(InvalidInput, match="none is a whole multiple"):
+        default_levels(short, made, 1e-9)
+
+
+def test_the_grid_of_velocity_noise_of_a_group_at_rest_follows_the_units() -> None:
+    def levels(length: float, time: float) -> list[float]:
+        start = fk.State([[0.0, 0.0], [length, 0.0]])
+        made = fk.Scenario(LAW, start, t_end=4.0 * time, control=fk.Held(0.1 * time))
+        return default_levels(quantity_named("velocity-noise"), made, 0.1 * time)
+
+    usual = levels(1.0, 1.0)
+    assert [x * 1e3 for x in levels(1e-6, 1e-3)] == pytest.approx(usual)

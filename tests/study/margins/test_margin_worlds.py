@@ -200,3 +200,12 @@ def test_noise_of_ones_own_keeps_its_kind_and_what_is_not_varied(own):
     }
     assert varied == {"noise": replace(own, position=0.7), "velocity-noise": replace(own, velocity=0.7)}
     assert quantity_named("velocity-noise").world(scenario(0), 0.7, 0.5).information.noise == fk.WhiteNoise(0.0, 0.7)
+
+
+def test_a_seed_whose_ideal_run_leaves_the_hypothesis_open_is_not_counted():
+    def doubtful(e):
+        return Measure(1.0, np.inf if e.run.t[-1] > 5.0 else 0.0)
+
+    margins = table(one_of_two, claims=(replace(SHORT, hypothesis=doubtful),), levels={"loss": [0.3]}, seeds=2)
+    assert margins.ideal["short"].total == 1
+    assert margins.margin("loss", "short").counts[0.3].total == 1

@@ -23,6 +23,10 @@ FARTHEST = 1e6
 conditions hold. Of projections x, y of vectors s w, t w with s < t and a unit vector w onto a convex set of radius a,
 w . (y - x) <= x . (y - x)/s <= 2 a^2/s, so that 2e-6 of the largest one is lost along w at most."""
 
+ORDINARY = 1e-3
+"""What is missing counts as at least 1 from this size on; less is taken in units of itself, in which least squares do
+not take it for rounding."""
+
 CLOSED_FORM = 2
 """Number of binding conditions up to which the nearest acceleration is computed in closed form."""
 
@@ -132,7 +136,8 @@ def _by_active_sets(desired: Array, normals: Array, missing: Array) -> Array | N
     """The same of many conditions: least distance programming by non-negative least squares (Lawson, Hanson 1974)."""
     from scipy.optimize import nnls
 
-    scale = max(float(np.abs(missing).max()), 1.0)
+    largest = float(np.abs(missing).max())
+    scale = largest if largest < ORDINARY else max(largest, 1.0)
     system = np.vstack([normals.T, missing[None] / scale])
     if not np.isfinite(system).all():
         raise FloatingPointError("a condition is infinite or not a number")

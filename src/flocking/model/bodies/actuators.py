@@ -28,6 +28,10 @@ SHAPES = ("ball", "box")
 """How a force that is too large is scaled back: as a vector, or along each axis by itself."""
 
 
+SQUARES = 1e-280, 1e300
+"""Smallest and largest square of a force from which its length is computed: others lose digits, or overflow."""
+
+
 def scaled_back(force: Array, most: Array, *, each_axis: bool) -> Array:
     """Forces scaled back to the largest ones.
 
@@ -42,9 +46,18 @@ def scaled_back(force: Array, most: Array, *, each_axis: bool) -> Array:
     """
     if each_axis:
         return np.clip(force, -most, most)
-    length = np.sqrt((force**2).sum(axis=1, keepdims=True))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(length > most, force * (most / length), force)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
+        square = (force**2).sum(axis=1, keepdims=True)
+        length = np.sqrt(square)
+        found = np.where(length > most, force * (most / length), force)
+        known = (square >= SQUARES[0]) & (square <= SQUARES[1])
+        if known.all():
+            return found
+        # The square overflows or loses digits: the same of the direction, whose largest component is 1.
+        largest = np.abs(force).max(axis=1, keepdims=True)
+        unit = force / largest
+        length = np.sqrt((unit**2).sum(axis=1, keepdims=True))
+        return np.where(known, found, np.where(length > most / largest, unit * (most / length), force))
 
 
 ACTING = 0.5

@@ -201,26 +201,27 @@ def _force(setting: EnergySetting) -> Certificate:
     if not setting.holds:
         return decided("largest_force", sources()["energy"], setting.hypotheses, quantity=quantity)
     bound = _force_bound(setting)
-    known = bool(np.isfinite(bound.hi))
-    reason = "" if known else "distances at which the force is unbounded are not excluded"
-    statement = f"The {quantity} is never above {rounded_up(bound.hi)}."
+    if isinstance(bound, str):
+        return decided("largest_force", sources()["energy"], setting.hypotheses, reason=bound, quantity=quantity)
     return decided(
-        "largest_force", sources()["energy"], setting.hypotheses, reason=reason, statement=statement,
-        bound=Interval.of(float(bound.hi)) if known else None, quantity=quantity,
+        "largest_force", sources()["energy"], setting.hypotheses, bound=Interval.of(float(bound.hi)), quantity=quantity,
+        statement=f"The {quantity} is never above {rounded_up(bound.hi)}.",
     )  # fmt: skip
 
 
-def _force_bound(setting: EnergySetting) -> Interval:
-    """Bound of the norm of the control of any agent; an upper bound alone, its lower end means nothing."""
+def _force_bound(setting: EnergySetting) -> Interval | str:
+    """Bound of the norm of the control of any agent, or why there is none; the lower end of a bound means nothing."""
     most = Interval.of(float(setting.n - 1))
     if setting.links_stay and not setting.keeps_links:
         most = Interval.of(float(setting.start_links.sum(axis=1).max()))
     total = Interval.of(0.0)
     if setting.gradients:
+        # A pair whose distance the energy does not bound may be at any distance beyond the nearest one.
         farthest = setting.farthest
-        if farthest is None:
-            return Interval.of(np.inf)
-        slope = setting.pair.slopes(float(setting.nearest.lo), float(farthest.hi)).absolute()
+        last = np.inf if farthest is None else float(farthest.hi)
+        slope = setting.pair.slopes(float(setting.nearest.lo), last).absolute()
+        if not np.isfinite(slope.hi):
+            return "distances at which the force is unbounded are not excluded"
         total = total + most * slope
     if setting.order == 1:
         return total
@@ -238,18 +239,19 @@ def _force_bound(setting: EnergySetting) -> Interval:
     if np.any(np.asarray(setting.scenario.agents.damping)) and not setting.damped:
         drift = setting.drift if setting.frame == "centre of mass" else None
         if drift is None:
-            return Interval.of(np.inf)
+            return "speeds, by which the force that cancels the damping grows, are bounded relative to a leader alone"
         total = total + Interval.of(float(np.max(setting.scenario.agents.damping))) * (fastest + drift)
-    return total + _pursuit(setting, fastest, heaviest)
+    pursuit = _pursuit(setting, fastest, heaviest)
+    return pursuit if isinstance(pursuit, str) else total + pursuit
 
 
-def _pursuit(setting: EnergySetting, fastest: Interval, heaviest: float) -> Interval:
-    """Bound of the force of the pursuit of a leader."""
+def _pursuit(setting: EnergySetting, fastest: Interval, heaviest: float) -> Interval | str:
+    """Bound of the force of the pursuit of a leader, or why there is none."""
     track = setting.track
     if track is None:
         return Interval.of(0.0)
     if np.any(np.asarray(track.acceleration_gain)) and not setting.leader_is_steady:
-        return Interval.of(np.inf)
+        return "the acceleration of the leader, which agents add to their force, is not bounded"
     scale = heaviest if track.per_mass else 1.0
     total = Interval.of(float(np.max(track.velocity_gain)) * scale) * fastest
     gains = setting.position_gains

@@ -53,7 +53,8 @@ CELLS = 2**16
 each bound takes half a megabyte."""
 
 NEAREST, FARTHEST = 1e-9, 1e9
-"""Smallest and largest distance, relative to the scale of the pair, that the first division separates."""
+"""Share of a range below which the first division has one interval, and the least distance beyond which energies that
+never rise are bounded at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +116,13 @@ class PairEnergy:
         return found
 
     def slopes(self, first: float, last: float) -> Interval:
-        """One interval that holds the slopes at all distances from ``first`` to ``last``."""
-        edges = self._edges(first, last)
+        """One interval that holds the slopes at all distances from ``first`` to ``last``, which may be infinite."""
+        if np.isinf(last):
+            beyond = POWERS[first < POWERS]
+            near = self._edges(first, float(beyond[0])) if len(beyond) else np.array([first])
+            edges = np.concatenate([near, beyond[1:], [np.inf]])
+        else:
+            edges = self._edges(first, last)
         found = self.slope_on(Interval(edges[:-1], edges[1:]))
         return Interval.of(found.lo.min(), found.hi.max())
 
@@ -140,14 +146,13 @@ class PairEnergy:
     def _least(self) -> Interval:
         """The infimum over all distances up to the end; its lower end is minus infinity where none was proven."""
         last, tail = self.end, np.inf
+        above = float(self.on(Interval.of(POWERS[self.end > POWERS])).hi.min(initial=np.inf))
         if np.isinf(last):
             last = self._rising_from()
             if np.isinf(last):
-                last = FARTHEST
-                tail = float(self.on(Interval.of(last, np.inf)).lo)
+                last, tail = self._tail(above)
         edges = self._edges(0.0, last)
         boxes = Interval(edges[:-1], edges[1:])
-        above = float(self.on(Interval.of(POWERS[self.end > POWERS])).hi.min(initial=np.inf))
         below = tail
         for _ in range(ROUNDS):
             found = self.on(boxes)
@@ -162,15 +167,23 @@ class PairEnergy:
             below = min(below, above)
         return Interval.of(min(below, above), above)
 
+    def _tail(self, above: float) -> tuple[float, float]:
+        """A distance, and a bound of the energies beyond it: where one is found, no less than the energy ``above``."""
+        begins = np.append(FARTHEST, POWERS[POWERS > FARTHEST])
+        found = self.on(Interval.of(begins, np.full(len(begins), np.inf))).lo
+        high = found >= above
+        k = int(np.argmax(high)) if high.any() else 0
+        return float(begins[k]), float(found[k])
+
     def nearest(self, bound: Interval) -> Interval:
         """An enclosure of the smallest distance at which the energy is at most ``bound``.
 
         Its lower end is certain: at smaller distances the energy is above the upper end of ``bound``. At its upper end
         it is not above the lower end.
         """
-        last = self.end if np.isfinite(self.end) else FARTHEST
+        last = self.end if np.isfinite(self.end) else float(POWERS[-1])
         # All distances that are allowed are at least as large.
-        places = POWERS[last > POWERS]
+        places = POWERS[self.end > POWERS]
         allowed = self.on(Interval.of(places)).hi <= bound.lo
         return self._edge(bound, float(places[np.argmax(allowed)]) if allowed.any() else last, upper=False)
 

@@ -226,10 +226,19 @@ class SampledConsensus:
         """What the components of `recursion` are, in words."""
         return "disagreement and common motion" if self.holds_common_motion else "disagreement"
 
+    @cached_property
+    def frequency(self) -> float:
+        """The unit of velocities over lengths for order 2: a power of two near the root of the gain of positions.
+
+        Dividing by it rounds nothing.
+        """
+        return float(2.0 ** np.round(0.5 * np.log2(float(self.consensus.place_gain.lo)))) if self.order == 2 else 1.0
+
     def recursion(self, period: float) -> RandomRecursion:
         """One axis of the disagreement from tick to tick, at a period that may differ from the declared one.
 
-        Components are positions (velocities, where those alone are agreed on) and, for order 2, velocities, now and as
+        Components are positions (velocities, where those alone are agreed on) and, for order 2, velocities over
+        `frequency`, so that nothing depends on the unit of time, now and as
         many periods ago as messages are late, then what is stored of each neighbour whose messages are lost. All
         are relative to the position of agent 0, and its velocity where late positions do not determine a common motion.
         Where agents know themselves by their samples and these are late to others, what is stored of earlier ticks are
@@ -246,12 +255,13 @@ class SampledConsensus:
         steady = np.zeros((size, size))
         steady[:block, :block] = np.eye(block)
         if self.order == 2:
-            steady[: self.n, self.n : block] = period * np.eye(self.n)
+            steady[: self.n, self.n : block] = period * self.frequency * np.eye(self.n)
         for k in range(self.delayed_samples):
             steady[(k + 1) * block : (k + 2) * block, k * block : (k + 1) * block] = np.eye(block)
         if self._stores_errors:
             for component in range(block):
-                builder.always({block + component: 1.0}, {}, {component: 1.0})
+                unit = 1.0 if component < self.n else 1.0 / self.frequency
+                builder.always({block + component: 1.0}, {}, {component: unit})
         memory = size - len(links)
         if self.uses_older_samples:
             steady[memory:, memory:] = np.eye(len(links))
@@ -293,10 +303,11 @@ class SampledConsensus:
             gain = float(self.consensus.first_gain.lo)
             builder.add({i: period * gain}, _difference(i, late + j), {j: other, i: own})
             return
-        place, rate = float(self.consensus.place_gain.lo), float(self.consensus.rate_gain.lo)
+        often, step = self.frequency, period * self.frequency
+        place, rate = float(self.consensus.place_gain.lo) / often**2, float(self.consensus.rate_gain.lo) / often
         out_of = {late + j: place, i: -place, late + n + j: rate, n + i: -rate}
-        noise = {j: other * place, i: own * place, n + j: other * rate, n + i: own * rate}
-        builder.add({i: 0.5 * period * period, n + i: period}, out_of, noise)
+        noise = {j: other * place, i: own * place, n + j: other * rate / often, n + i: own * rate / often}
+        builder.add({i: 0.5 * step * step, n + i: step}, out_of, noise)
 
     def _remember(self, builder: _Builder, period: float, i: int, j: int, place: int) -> None:
         """The force on i of what it stores of j, and of what a new sample changes if it arrives."""

@@ -150,7 +150,7 @@ def _growth(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Cert
     low, high = (float(x) for x in world.recursion(world.period).growth())
     if not world.probability:
         root = Interval.of(max(low, 0.0), high).sqrt()
-        low, high = float(root.lo), float(root.hi)
+        low, high = max(float(root.lo), 0.0), float(root.hi)
     quantity = f"factor of the {_mean(world)}{world.motion} from tick to tick, in the long run"
     if low >= 1.0:
         reason = f"it does not fall: the {quantity} is at least {rounded_down(low)}"

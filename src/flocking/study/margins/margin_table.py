@@ -78,7 +78,8 @@ class Margins:
     statements
         Statement of each conclusion by its key.
     ideal
-        Runs in the ideal world, by conclusion; those whose run does not meet its hypothesis are not counted anywhere.
+        Runs in the ideal world, by conclusion; those whose run is not shown to meet its hypothesis are not counted
+        anywhere.
     varied
         The quantities.
     refused

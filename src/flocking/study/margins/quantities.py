@@ -36,6 +36,9 @@ FINEST, COARSEST = 500, 10
 LONGEST_DELAY = 20
 """The longest delay on the default grid is this part of the duration."""
 
+WIDEST_GAP = 2.5
+"""Largest ratio of neighbours among the numbers 1, 2 and 5 times a power of ten."""
+
 LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
 """Default grid of the probability of a loss."""
 
@@ -184,15 +187,28 @@ def _periods(scenario: Scenario, _: float) -> tuple[float, ...]:
 
 def _delays(scenario: Scenario, period: float) -> tuple[float, ...]:
     length = scenario.t_end - scenario.start.t
-    return (0.0, *rounded_levels(period / 2, max(period, length / LONGEST_DELAY)))
+    least, longest = period / 2, max(period, length / LONGEST_DELAY)
+    # From half a period to a whole one there may be no round number: then the next one.
+    return (0.0, *(rounded_levels(least, longest) or rounded_levels(least, WIDEST_GAP * least)))
 
 
 def _position_noises(scenario: Scenario, _: float) -> tuple[float, ...]:
-    return _noises(_scale(scenario.start.q))
+    return _noises(_scale(scenario.start.q) or _natural(scenario)[0])
 
 
 def _velocity_noises(scenario: Scenario, _: float) -> tuple[float, ...]:
-    return _noises(_scale(scenario.start.p))
+    return _noises(_scale(scenario.start.p) or _natural(scenario)[1])
+
+
+def _natural(scenario: Scenario) -> tuple[float, float]:
+    """Sizes of distances and velocities that are not zero, from the start and the duration; 1 where agents are as one.
+
+    A group at rest has the velocity that takes an agent through it in the duration.
+    """
+    from flocking.engine.adaptive_steps.state_tolerances import natural_sizes
+
+    length, speed = natural_sizes(scenario.start, scenario.t_end - scenario.start.t)
+    return length or 1.0, speed or 1.0
 
 
 def _noises(scale: float) -> tuple[float, ...]:
@@ -200,9 +216,8 @@ def _noises(scale: float) -> tuple[float, ...]:
 
 
 def _scale(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
-    """Root mean square distance of rows from their mean; 1 where all are equal."""
-    found = float(np.sqrt(((values - values.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    return found if found > 0 else 1.0
+    """Root mean square distance of rows from their mean; 0 where all are equal."""
+    return float(np.sqrt(((values - values.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 def _limits(scenario: Scenario, _: float) -> tuple[float, ...]:
@@ -226,10 +241,10 @@ def default_levels(quantity: Quantity, scenario: Scenario, period: float) -> lis
     Raises
     ------
     InvalidInput
-        When none is left.
+        When none is left but the value at which nothing is varied.
     """
     found = [level for level in quantity.levels(scenario, period) if quantity.is_resolved(level)]
-    if not found:
+    if not set(found) - {quantity.unvaried}:
         rule = f"must be given: of the default grid none is a whole multiple of {quantity.resolution:g}"
         raise InvalidInput("margins", f"levels[{quantity.name!r}]", rule, list(quantity.levels(scenario, period)))
     return found

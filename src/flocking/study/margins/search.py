@@ -219,7 +219,8 @@ class Search:
         # Of seeds whose scenarios are equal one was run.
         same = (run for run in ideal if self._prints[IDEAL, run] == self._prints[IDEAL, seed])
         verdicts = ideal.get(seed if seed in ideal else next(same, seed), {})
-        return verdicts.get(key + HYPOTHESIS) not in ("fails", "not applicable")
+        # A run that failed has no verdicts: it counts as open. A hypothesis that is left open is not met.
+        return verdicts.get(key + HYPOTHESIS, "") in ("holds", "")
 
     def _count(self, world: str, key: str) -> Count:
         made = self.found.get(world, {})

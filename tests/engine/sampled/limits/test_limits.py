@@ -8,6 +8,7 @@ from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.session import SampledSession
 from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.bodies.actuators import scaled_back
 from tests.engine.sampled.test_sessions import same
 
 PAIR = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("r**2/2")), fk.Consensus(1.0)])
@@ -146,3 +147,20 @@ def test_a_tiny_largest_rate_holds_a_lagged_force_without_a_warning(recwarn):
     run = fk.simulate(made, engine="sampled", progress=False)
     assert np.abs(run.q[-1] - run.q[0]).max() < 1e-290
     assert not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]
+
+
+@pytest.mark.parametrize("unit", [1e-300, 1e-170, 1e160, 1e300])
+def test_forces_whose_squares_overflow_or_vanish_are_scaled_back_to_the_limit(unit):
+    force, most = np.array([[3.0, -4.0], [0.3, 0.4], [0.0, 0.0]]) * unit, np.full((3, 1), 2.0 * unit)
+    found = scaled_back(force, most, each_axis=False) / unit
+    assert np.allclose(found, [[1.2, -1.6], [0.3, 0.4], [0.0, 0.0]], rtol=1e-14)
+
+
+@pytest.mark.parametrize("constant", [1e90, 1e70])
+def test_a_huge_desired_force_is_limited_in_the_native_loop_too(constant):
+    """Two agents that repel each other so are pushed apart with the largest force, not left without one."""
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("-a*b*r", a=1e90, b=constant))])
+    body = fk.Limited(fk.PointMass(), force=2.0)
+    made = fk.Scenario(law, fk.State([[0.0, 0.0], [3.0, 4.0]]), t_end=1.0, frames=3, agents=body, control=fk.Held(0.25))
+    # A force of 2 along (3, 4)/5 for a time of 1 leads 1 away.
+    assert np.allclose(fk.simulate(made, progress=False).q[-1], [[-0.6, -0.8], [3.6, 4.8]], rtol=1e-12)

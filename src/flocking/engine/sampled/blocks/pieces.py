@@ -9,10 +9,14 @@ from flocking.engine.kernels.held_speeds import fit_speed
 from flocking.engine.sampled.blocks.arrays import Acts, Movement, Schedules, Work
 from flocking.engine.sampled.piece_series import LONGEST_PIECE, shift_pieces
 from flocking.formula.native.functions import native_apart
+from flocking.model.bodies.actuators import SQUARES
 from flocking.model.world.times import NANOSECOND, Instants
 
 NEVER = np.iinfo(np.int64).max
 """Nanosecond of an event that does not come."""
+
+SMALL_SQUARE, LARGE_SQUARE = SQUARES
+"""Those of `flocking.model.bodies.actuators`, as numbers that native functions read."""
 
 
 @native_apart
@@ -111,13 +115,24 @@ def limit(motion: Movement, i: int, p: Array, force: Array) -> None:
             for k in range(m):
                 force[i, k] = min(max(force[i, k], -most), most)
         else:
-            square = 0.0
+            square, largest = 0.0, 0.0
             for k in range(m):
                 square += force[i, k] ** 2
+                largest = max(largest, abs(force[i, k]))
             size = np.sqrt(square)
-            if size > most:
+            if SMALL_SQUARE <= square <= LARGE_SQUARE:
+                if size > most:
+                    for k in range(m):
+                        force[i, k] *= most / size
+            elif largest > 0.0:
+                # As `flocking.model.bodies.actuators.scaled_back` does where squares overflow or lose digits.
+                square = 0.0
                 for k in range(m):
-                    force[i, k] *= most / size
+                    square += (force[i, k] / largest) ** 2
+                size = np.sqrt(square)
+                if size > most / largest:
+                    for k in range(m):
+                        force[i, k] = force[i, k] / largest * (most / size)
     if motion.speed.shape[0] > 0:
         fit_speed(i, p, force, motion.speed, motion.speed_terms)
 

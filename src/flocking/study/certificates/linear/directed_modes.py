@@ -78,8 +78,9 @@ class DirectedModes:
         with np.errstate(divide="ignore"):
             # Two discs about the computed roots of a polynomial of degree 2 hold its roots (Smith 1970).
             near = 2.0 * at / apart
-        # Or, where they are close: |t - z1||t - z2| is the difference of the polynomials at a root t, |t| < 2 most + 1.
-        bound = 2.0 * most + np.sqrt(of_a + of_b) + 1.0
+        # Or, where they are close: |t - z1||t - z2| is the difference of the polynomials at a root t, at most
+        # of_b |t| + of_a. It is at least t^2/4 where |t| > 2 most, so that |t| <= 2 most + 4 of_b + 2 sqrt(of_a).
+        bound = 2.0 * most + 4.0 * of_b + 2.0 * np.sqrt(of_a)
         product = np.sqrt(of_b * bound + of_a + SLACK * (bound + np.abs(b * c)) * bound + SLACK * np.abs(a * c))
         radius = np.minimum(near, product)
         middle = -roots.real

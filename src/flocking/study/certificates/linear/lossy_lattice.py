@@ -110,7 +110,11 @@ class LossyLattice:
         return float(np.nextafter(low * low, 0.0)), high
 
     def recursion(self) -> RandomRecursion:
-        """Deformations and relative velocities from tick to tick."""
+        """Deformations and relative velocities from tick to tick.
+
+        Velocities are over a power of two near the root of the largest stiffness per mass, so that no number depends on
+        a unit of time; dividing by it rounds nothing.
+        """
         at, world = self.near.equilibrium, self.world
         n, m = at.q.shape
         deforming, away = deformations(at)
@@ -120,16 +124,19 @@ class LossyLattice:
         apart = _defect(across) + float(np.linalg.norm(across.sum(axis=0))) / np.sqrt(n) + n * 4.0 * UNIT
         if not max(away, apart) <= ORTHONORMAL:
             away = np.inf
-        mass, t = float(self.near.mass.lo), world.period
+        mass = float(self.near.mass.lo)
+        often = 2.0 ** np.round(0.5 * np.log2(float(at.link_stresses[1].hi.max()) / mass))
+        t = float(world.period * often)
         d, e = deforming.shape[1], moving.shape[1]
         steady = np.eye(d + e)
         steady[:d, d:] = t * (deforming.T @ moving)
-        into, out_of, slack = self._links(deforming, moving, away, apart)
-        into[:d] *= 0.5 * t * t / mass
-        into[d:] *= t / mass
+        units = 1.0 / (mass * often**2), 1.0 / (mass * often)
+        into, out_of, slack = self._links(deforming, moving, away, apart, units)
+        into[:d] *= 0.5 * t * t
+        into[d:] *= t
         absolute = (
             INFLATION * t * (UNIT_NORM * (away + apart) + rounding(n * m)),
-            INFLATION * max(0.5 * t * t / mass * away, t / mass * apart),
+            INFLATION * max(0.5 * t * t * away, t * apart),
             INFLATION * slack,
         )  # fmt: skip
         none = np.zeros((d + e, 0))
@@ -139,11 +146,23 @@ class LossyLattice:
             1.0 - world.probability, NUMBER_ERROR, absolute,
         )  # fmt: skip
 
-    def _links(self, deforming: Array, moving: Array, away: float, apart: float) -> tuple[Array, Array, float]:
+    def _links(
+        self, deforming: Array, moving: Array, away: float, apart: float, units: tuple[float, float]
+    ) -> tuple[Array, Array, float]:
         """What forces of unit size do to the velocities, what the forces are of, and the largest error of the latter.
 
         Links that are lost together follow each other.
+
+        Parameters
+        ----------
+        deforming, moving
+            Deformations V and relative velocities U, shapes (N m, D) and (N m, E).
+        away, apart
+            How far they are from exact ones.
+        units
+            What stiffness and damping are multiplied by.
         """
+        of_places, of_rates = units
         at, damping = self.near.equilibrium, self.near.damping
         m = at.q.shape[1]
         i, j = np.nonzero(np.triu(at.links))
@@ -159,11 +178,14 @@ class LossyLattice:
         for k in range(len(i)):
             a, b = int(i[k]), int(j[k])
             unit = d[k] / r[k]
-            stiff, weight = middle[k] * np.outer(unit, unit), -float(damping.values[a, b])
+            stiff, weight = of_places * middle[k] * np.outer(unit, unit), -of_rates * float(damping.values[a, b])
             # Rows of V and U have norms of at most about 1, their differences of at most 2.
+            of_stiffness = TWO_NORMS * float(error[k]) + (TWO_NORMS + m * UNIT) * float(size[k]) * (
+                away + 8.0 * m * UNIT
+            )
             slack = max(
-                slack, TWO_NORMS * float(error[k]) + (TWO_NORMS + m * UNIT) * float(size[k]) * (away + 8.0 * m * UNIT),
-                TWO_NORMS * float(damping.error[a, b]) + TWO_NORMS * weight * (apart + 8.0 * UNIT),
+                slack, of_places * of_stiffness,
+                TWO_NORMS * of_rates * float(damping.error[a, b]) + TWO_NORMS * weight * (apart + 8.0 * UNIT),
             )  # fmt: skip
             for one, other in ((a, b), (b, a)):
                 mine, theirs = (slice(x * m, (x + 1) * m) for x in (one, other))

@@ -271,9 +271,13 @@ class NearEquilibrium:
 
         mass = float(np.max(self.scenario.agents.masses))
         h, b = (relative(x) for x in (self.stiffness, self.full_damping))
+        # Velocities in lengths times a power of two near the highest frequency, which rounds nothing: all numbers are
+        # rates then, and a unit of time does not decide how far the discs of eigenvalues reach.
+        frequency = 2.0 ** np.round(0.5 * np.log2(np.abs(h.values).max(initial=0.0) / mass))
+        h = EnclosedMatrix(h.values / frequency, h.error / frequency)
         none = np.zeros((size, size))
         matrix = EnclosedMatrix(
-            np.block([[none, np.eye(size)], [-h.values / mass, -b.values / mass]]),
+            np.block([[none, frequency * np.eye(size)], [-h.values / mass, -b.values / mass]]),
             np.block([[none, none], *[[(x.error / mass + PRODUCT * np.abs(x.values / mass)) for x in (h, b)]]]),
         )
         found = eigenvalues(matrix)
