@@ -120,7 +120,8 @@ def test_the_ledger_at_ticks_has_a_row_for_each():
     run = fk.simulate(held, engine="tiles", step=0.01, ledger_at="ticks", progress=False)
     fine = fk.simulate(held, engine="tiles", step=0.01, progress=False)
     assert run.trace["time"] == pytest.approx(np.arange(0, 1.05, 0.1), abs=1e-9)
-    assert run.trace["energy"][-1] == fine.trace["energy"][-1]
+    # Kernels of rows at ticks and at steps may add in another order.
+    assert run.trace["energy"][-1] == pytest.approx(fine.trace["energy"][-1], rel=1e-14)
     assert run.provenance["ledger at"] == "ticks"
 
 
