@@ -282,22 +282,24 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     assert delay is not None
     found.append(_of(
         system, "delay", "delay", delay, "delay of all states, the own one too",
-        f"Agreement is stable for every such delay below {rounded_down(delay.lo)}, and for none above "
-        f"{rounded_up(delay.hi)}.",
+        f"Under continuous control agreement is stable for every such delay below {rounded_down(delay.lo)}, and for "
+        f"none above {rounded_up(delay.hi)}.",
     ))  # fmt: skip
     reason = "" if system.is_first else "not every delay is harmless, and no bound is known here"
     found.append(_of(
         system, "neighbour_delay", "neighbour_delay", None,
-        "delay of neighbours' states, the own one undelayed", "Agreement is stable for every such delay.", reason,
+        "delay of neighbours' states, the own one undelayed",
+        "Under continuous control agreement is stable for every such delay.", reason,
     ))  # fmt: skip
     for d in range(MOST_SAMPLES + 1):
         period = system.period(d)
         words = f", all states delayed by {d} samples, the own one too" if d else ""
+        known = words or ", with the present known"
         statement, reason = "", "no period was proven"
         if period is not None:
             reason = ""
             statement = (
-                f"Under held control{words}, {TOGETHER}, agreement is stable for every period below "
+                f"Under held control{known}, {TOGETHER}, agreement is stable for every period below "
                 f"{rounded_down(period.lo)}, and for none above {rounded_up(period.hi)}."
             )
         key = f"control_period_delayed_{d}" if d else "control_period"
@@ -322,7 +324,8 @@ def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     found.append(_of(
         system, "noise_variance", "noise", variance,
         f"mean square disagreement of the {of} of an agent, for each axis and unit of noise intensity",
-        f"White noise of intensity s^2 on the {where} gives s^2 times {rounded_up(variance.hi)} in the long run.",
+        f"In the ideal world white noise of intensity s^2 on the {where} gives s^2 times {rounded_up(variance.hi)} "
+        "in the long run.",
     ))  # fmt: skip
     return tuple(found)
 

@@ -102,25 +102,27 @@ def directed_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     delay = None if grows else system.delay()
     found.append(_row(
         system, KEYS[1], delay, "delay of all states, the own one too",
-        "" if delay is None else f"Agreement is stable for every such delay below {rounded_down(delay.lo)}.",
+        "" if delay is None else "Under continuous control agreement is stable for every such delay below "
+        f"{rounded_down(delay.lo)}.",
         grows or "the angle of an eigenvalue is not distinguished from the limit" * (delay is None),
     ))  # fmt: skip
     reason = "" if system.is_first else "not every delay is harmless, and no bound is known here"
     found.append(decided(
         KEYS[2], sources()["neighbour_delay"], hypotheses, reason=reason, side="is",
-        statement="Agreement is stable for every such delay.",
+        statement="Under continuous control agreement is stable for every such delay.",
         quantity="delay of neighbours' states, the own one undelayed",
     ))  # fmt: skip
     for d, key in enumerate((KEYS[3], *LATE)):
         period = None if grows else system.period(d)
         words = f", all states delayed by {d} samples" if d else ""
+        known = words or ", with the present known"
         reason = grows or (
             "" if period is not None else "no period was proven" if not d else "no closed form is known here"
         )
         found.append(_row(
             system, key, period, f"period of held control{words}",
             "" if period is None else
-            f"Under held control{words}, {TOGETHER}, agreement is stable for every period below "
+            f"Under held control{known}, {TOGETHER}, agreement is stable for every period below "
             f"{rounded_down(period.lo)}.", reason,
         ))  # fmt: skip
     return tuple(found)

@@ -11,7 +11,7 @@ from flocking.formula.intervals import Interval
 from flocking.formula.safe_digits import given_text, rounded_down, rounded_up
 from flocking.model.law import Scenario
 from flocking.study.certificates.certificate import Certificate, Enclosure, decided, not_applicable
-from flocking.study.certificates.consensus_certificates import SETTLED
+from flocking.study.certificates.consensus_certificates import SETTLED, TOGETHER
 from flocking.study.certificates.linear.lossy_lattice import LossyLattice
 from flocking.study.certificates.linear.near_equilibrium import NearEquilibrium
 from flocking.study.certificates.sources import sources
@@ -42,8 +42,8 @@ def equilibrium_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     found = [decided(
         KEYS[0], source, hypotheses, bound=Enclosure(0.0, system.equilibrium.radius), side="is",
         quantity="distance of the computed from the exact equilibrium",
-        statement=f"An exact equilibrium of {system.name}, is stable: the least stiffness of a deformation is "
-        f"at least {rounded_down(least_stiffness.lo)}.",
+        statement=f"An exact equilibrium of {system.name}, is stable in the ideal world: the least stiffness of a "
+        f"deformation is at least {rounded_down(least_stiffness.lo)}.",
     )]  # fmt: skip
 
     def row(key: str, bound: Interval | None, quantity: str, words: str, reason: str = "") -> None:
@@ -58,27 +58,30 @@ def equilibrium_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     reason = rate if isinstance(rate, str) else "" if rate.lo > 0.0 else "the rate was not proven to be positive"
     bound = None if isinstance(rate, str) else rate
     low = 0.0 if bound is None else float(bound.lo)
-    words = f"every deformation decays, in the end, at the rate {rounded_down(low)} or faster."
+    words = f"in the ideal world every deformation decays, in the end, at the rate {rounded_down(low)} or faster."
     row(KEYS[1], bound, "rate of decay", words, reason)
     settling = None if reason or bound is None else Interval.of(SETTLED).log() / bound
     late = 0.0 if settling is None else float(settling.hi)
-    row(KEYS[2], settling, "time to 2 %", f"a deformation has fallen to 2 % after {rounded_up(late)}.",
+    row(KEYS[2], settling, "time to 2 %",
+        f"in the ideal world a deformation has fallen to 2 % after {rounded_up(late)}.",
         reason or ("" if first else "before it decays a deformation of second order may grow"))  # fmt: skip
     unknown = "no limit of the ratio of stiffness to damping was proven"
     delay, period = system.delay(), system.period()
     row(KEYS[3], delay, "delay of all states, the own one too",
-        "" if delay is None else f"no such delay below {rounded_down(delay.lo)} makes a deformation grow.",
+        "" if delay is None else f"under continuous control no such delay below {rounded_down(delay.lo)} makes a "
+        "deformation grow.",
         unknown if delay is None else "")  # fmt: skip
     row(KEYS[4], period, "period of held control",
-        "" if period is None else f"under held control no deformation grows for periods below "
-        f"{rounded_down(period.lo)}.",
+        "" if period is None else f"under held control, with the present known, {TOGETHER}, no deformation grows for "
+        f"periods below {rounded_down(period.lo)}.",
         unknown if period is None else "")  # fmt: skip
     row(KEYS[5], *_loss(system, period))
     noise = system.noise()
     what = "deformation" if first else "velocity relative to the mean"
     gives = "rates gives" if first else "accelerations gives at most"
     row(KEYS[6], noise, f"mean square {what} of an agent, all axes together, for each unit of noise intensity",
-        f"white noise of intensity s^2 on all {gives} s^2 times {rounded_up(noise.hi)} in the long run.")  # fmt: skip
+        f"in the ideal world white noise of intensity s^2 on all {gives} s^2 times {rounded_up(noise.hi)} in the long "
+        "run.")  # fmt: skip
     return tuple(found)
 
 
@@ -102,8 +105,8 @@ def _loss(system: NearEquilibrium, period: Interval | None) -> tuple[Interval | 
     if first:
         words = (
             "where every message may be lost, independently with any probability below 1, and is then left out, the "
-            f"mean square of deformations falls under held control for periods below {rounded_down(period.lo)}; "
-            f"{NO_FORCE}."
+            f"mean square of deformations falls under held control, {TOGETHER}, for periods below "
+            f"{rounded_down(period.lo)}; {NO_FORCE}."
             if period is not None
             else ""
         )

@@ -105,10 +105,9 @@ def switching_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         decided(
             "delay_of_each_graph", source, hypotheses, bound=delay, side="is",
             quantity="delay of all states, the own one too",
-            statement=f"On every connected graph that stays as it is a delay below {rounded_down(delay.lo)} is "
-            "harmless, "
-            f"and below {rounded_down(few_delay)}/k where no agent has more than k neighbours; of graphs that switch "
-            "this holds for each interval alone, not for all together.",
+            statement="Under continuous control, on every connected graph that stays as it is, a delay below "
+            f"{rounded_down(delay.lo)} is harmless, and below {rounded_down(few_delay)}/k where no agent has more than "
+            "k neighbours; of graphs that switch this holds for each interval alone, not for all together.",
         ),
     )  # fmt: skip
 
