@@ -48,7 +48,8 @@ def audit(
     ----------
     source
         Folder of a run; or a file of samples: .csv or .parquet (columns t, id, x, y, z and, if known, vx, vy, vz; one
-        row per agent and time), .npz (arrays t, q and, if known, p) or .gsd. Missing velocities are estimated.
+        row per agent and time), .npz (arrays t, q and, if known, p), .gsd, or .mcap as 'flocking nodes' records it.
+        Missing velocities are estimated.
     law
         The law that the samples are held against: a scenario as a TOML file, in which the start may be missing, or a
         name that 'flocking list' shows.

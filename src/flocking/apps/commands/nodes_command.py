@@ -41,8 +41,10 @@ def nodes(
         What agents run: python, or c, the exported law.
     real_time
         Seconds of the scenario in a second; without it the world waits for every agent.
-    kill, restart
-        AGENT@TIME, as 3@1.5: the agent's process is killed, or begins anew and has no samples.
+    kill
+        AGENT@TIME, as 3@1.5: the agent's process is killed.
+    restart
+        AGENT@TIME, as 3@2.5: the agent's process begins anew and has no samples.
     cut
         AGENT@TIME-UNTIL, as 3@1.5-2.5: the agent's radio is cut.
     record

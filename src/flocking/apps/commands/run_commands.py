@@ -49,8 +49,9 @@ def run(
     seed
         Seed of the random draws.
     engine
-        The engine: exact, tiles (large groups), lammps (also under mpiexec), one of another package, or
-        auto: exact up to 2,000 agents, tiles beyond.
+        The engine: exact, tiles (large groups), sampled (held control), delayed (delays, and messages under continuous
+        control), discrete (bodies in discrete time), lammps (also under mpiexec), one of another package, or auto:
+        tiles for more than 2,000 agents where it can run them, else the one of the others but lammps that can.
     step
         Time step of the engines with a fixed one; they choose one when absent.
     scheme

@@ -106,8 +106,10 @@ def diff(one: Path, two: Path, *, tolerance: float = 0.0, as_json: Json = False)
 
     Parameters
     ----------
-    one, two
-        Folders of the runs.
+    one
+        Folder of a run.
+    two
+        Folder of the run that it is compared with.
     tolerance
         Differences of numbers up to this size do not count.
     as_json

@@ -35,9 +35,10 @@ def start(scenario: Scenario, engine: str = "auto", *, plant: Law | None = None,
     scenario
         The scenario to simulate.
     engine
-        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, ``"sampled"`` for held control,
-        ``"delayed"`` for delays, or ``"auto"``, which chooses one that runs the world of the scenario: the exact one up
-        to 2,000 agents, the tiled one beyond.
+        ``"exact"``, ``"tiles"`` for large groups, ``"sampled"`` for held control, ``"delayed"`` for delays and for
+        messages under continuous control, ``"discrete"`` for bodies in discrete time, ``"lammps"`` for a cluster, one
+        of another package, or ``"auto"``: the tiled one for more than 2,000 agents where it can run them, else the one
+        of the others but ``"lammps"`` that runs the world of the scenario.
     plant
         The law that agents follow, for tests of an audit; the scenario's law by default.
     options
@@ -128,9 +129,10 @@ def simulate(
     scenario
         The scenario to simulate.
     engine
-        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, ``"sampled"`` for held control,
-        ``"delayed"`` for delays, or ``"auto"``, which chooses one that runs the world of the scenario: the exact one up
-        to 2,000 agents, the tiled one beyond.
+        ``"exact"``, ``"tiles"`` for large groups, ``"sampled"`` for held control, ``"delayed"`` for delays and for
+        messages under continuous control, ``"discrete"`` for bodies in discrete time, ``"lammps"`` for a cluster, one
+        of another package, or ``"auto"``: the tiled one for more than 2,000 agents where it can run them, else the one
+        of the others but ``"lammps"`` that runs the world of the scenario.
     save
         New or empty folder to which the run is written while it continues, see
         `flocking.engine.driver.resuming.resume`; nothing is written by default.
