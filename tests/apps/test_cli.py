@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import math
 import os
 import re
 import resource
@@ -18,6 +20,7 @@ import pytest
 import flocking as fk
 from flocking.apps import cli
 from flocking.apps.commands import audit_command
+from flocking.apps.json_output import print_json
 from flocking.apps.reproduction import reproduce as reproduction
 from flocking.apps.reproduction.reproduce import Reproduction
 from flocking.papers import ALL_KEYS, KEYS
@@ -271,6 +274,8 @@ def test_check_exits_with_1_only_where_a_named_definition_fails(capsys: pytest.C
     assert verdicts["zhou-2015"] is True
     assert verdicts["tanner-2003-fixed"] is False
     assert call(capsys, "check", formula, "-p", "R=4", "--definition", "zhou-2015")[0] == 0
+    # What is open is not known to hold: nothing says at which radius the potential is to be infinite.
+    assert call(capsys, "check", "1/r + log(r)", "--definition", "zhou-2015", "--json")[0] == 1
     code, out, _ = call(capsys, "check", formula, "-p", "R=4", "--definition", "tanner-2003-fixed")
     assert code == 1
     assert "fails" in out
@@ -388,6 +393,44 @@ def test_a_closed_pipe_is_no_error() -> None:
     shown = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
     assert shown.stdout.split() == ["{", "0"]
     assert shown.stderr == ""
+
+
+def with_closed_pipe(code: str) -> subprocess.CompletedProcess[str]:
+    """What a program in Python comes to whose output nobody reads."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w") as nobody:
+        return subprocess.run(
+            [sys.executable, "-c", code], stdout=nobody, stderr=subprocess.PIPE, text=True, timeout=60
+        )
+
+
+def test_a_closed_pipe_leaves_the_exit_code_that_of_the_outcome() -> None:
+    command = """
+import sys
+from flocking.apps import cli
+def check() -> int:
+    print("x" * 1_000_000)
+    {}
+cli.check = check
+sys.exit(cli.main(["check"]))
+"""
+    shown = with_closed_pipe(command.format("return 1"))
+    assert (shown.returncode, shown.stderr) == (1, "")
+    # Another pipe that breaks, as that to a worker, is no success.
+    shown = with_closed_pipe(command.format("raise BrokenPipeError(32, 'Broken pipe')"))
+    assert (shown.returncode, shown.stderr) == (2, "flocking: Broken pipe.\n")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+def test_json_is_valid_whatever_the_encoding_of_the_terminal(encoding: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = {"name": "fl\u00f6cke \u2192 \U0001f426", "of": math.inf}
+    raw = io.BytesIO()
+    stream = io.TextIOWrapper(raw, encoding=encoding, errors="backslashreplace")
+    monkeypatch.setattr(sys, "stdout", stream)
+    print_json(data)
+    stream.flush()
+    assert json.loads(raw.getvalue().decode("utf-8")) == {**data, "of": None}
 
 
 def test_no_colours_and_no_wide_lines_when_piped(quick: Path) -> None:

@@ -112,6 +112,17 @@ def test_from_sympy_names_what_it_cannot_say():
     with pytest.raises(FormulaError, match="besselj"):
         from_sympy(sympy.besselj(0, r))
     assert Formula("abs(r - 1)").names == {"r"}
+    # Between and beyond its pieces SymPy gives such a function no value; ``where`` would go on with the last one.
+    for pieces in ([(r, r < 1)], [(r, r < 1), (2, r < 3)]):
+        with pytest.raises(FormulaError, match="must have a value under every condition"):
+            from_sympy(sympy.Piecewise(*pieces))
+    # A name of SymPy is any text: as a formula it would be read as another expression.
+    for name in ("r - 1", "2", "pi"):
+        with pytest.raises(FormulaError, match="must have symbols with names that a formula can have"):
+            from_sympy(sympy.Symbol(name) * r)
+    for number in ("1e-400", "1e400", "1e101"):
+        with pytest.raises(FormulaError, match="double precision"):
+            from_sympy(sympy.Float(number) * r)
     psi = fk.Potential(1 / r + sympy.sqrt(r) / 3)
     assert psi(4.0) == pytest.approx(0.25 + 2 / 3)
 
@@ -127,7 +138,8 @@ HOSTILE = [
     "(" * 100 + "r" + ")" * 100, "-" * 4000 + "r", "+".join(["r"] * 2500), "(" * 9000, "r" * 9000 + "(" * 900,
     "r+" * 5_000_000 + "r", "\x00", "r\x00", "r + \x00", "\ud800", "r\u202e", "ｅｖａｌ(r)", "＿＿import＿＿(r)",
     "__ｃlass__", "𝒇(r)", "numpy*r", "math", "ｎumpy + r", "1/0", "r/(1 - 1)", "r**-", "1 +", ")", "r r", "1..2",
-    "0x", "1__0", "# r", "r # comment\n.x", "\\", "\N{ZERO WIDTH JOINER}", "`r`", "$(r)", "os.system('true')",
+    "0x", "1__0", "# r", "r # + 1/r", "(r # ignored\n)",
+    "r # comment\n.x", "\\", "\N{ZERO WIDTH JOINER}", "`r`", "$(r)", "os.system('true')",
     "-" * 200 + "r", "sin(" * 59 + "r" + ")" * 59 + "**(r**2)",
 ]  # fmt: skip
 

@@ -133,9 +133,6 @@ def _run(words: Sequence[str]) -> int:
         if interruption.comes_of_interrupt(error):
             raise
         return BAD_INPUT if getattr(error, "reported_elsewhere", False) else refused(_said(error, command))
-    except BrokenPipeError:
-        # The reader of the output closed it.
-        return FINE
     except Exception as error:
         if interruption.comes_of_interrupt(error):
             raise

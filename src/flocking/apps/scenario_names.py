@@ -16,6 +16,15 @@ def paper_scenarios() -> dict[str, tuple[str, Callable[[int], Scenario]]]:
     return {name: (key, make) for key in keys() for name, make in paper(key).scenarios().items()}
 
 
+def is_name(name: str) -> bool:
+    """Whether a name is that of a scenario of a paper or of a showcase, which comes before a file of that name."""
+    from flocking.papers import paper, paper_of
+    from flocking.papers.showcases.files import TITLES
+
+    key = paper_of(name)
+    return name in TITLES or (bool(key) and name in paper(key).scenarios())
+
+
 def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scenario:
     """The scenario named by a user: of a paper or a showcase, or in a TOML file.
 

@@ -59,11 +59,17 @@ class _ErrorsIgnored(io.FileIO):
 
 
 class _ErrorsNamed(io.FileIO):
-    """Standard output, which is named in errors of the system."""
+    """Standard output, which is named in errors of the system.
+
+    Where its reader has closed it nothing more is written, and the command goes on: its exit code is that of its
+    outcome.
+    """
 
     def write(self, data: Buffer) -> int:
         try:
             return super().write(data) or 0
+        except BrokenPipeError:
+            return memoryview(data).nbytes
         except OSError as error:
             error.filename = "standard output"
             raise

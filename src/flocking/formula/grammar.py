@@ -130,6 +130,8 @@ def parse(text: str, owner: str = "formula") -> Node:
         raise _reject(owner, text, "must not be empty")
     if len(text) > LONGEST_TEXT:
         raise _reject(owner, text, f"must have at most {LONGEST_TEXT} characters")
+    if "#" in text:
+        raise _reject(owner, text, "must hold no comment: what follows # would be left out", "Write it outside.")
     depth = deepest = 0
     for letter in text:
         depth += (letter in "([{") - (letter in ")]}")
@@ -340,6 +342,28 @@ def _names(node: Node) -> Iterator[str]:
     for part in _walk(node):
         if part[0] == "name" and part[1] not in CONSTANTS:
             yield str(part[1])
+
+
+def has_pieces(tree: Node) -> bool:
+    """Whether a formula may consist of pieces: by ``where`` or ``abs``, or as a root of a power."""
+    return any(_is_pieced(node) for node in _walk(tree))
+
+
+def _is_pieced(node: Node) -> bool:
+    match node:
+        case ("call", "where" | "abs", *_):
+            return True
+        case ("call", "sqrt", tuple() as base):
+            return _is_product(base)
+        case ("**", tuple() as base, tuple() as exponent):
+            value = constant_value(exponent)
+            return _is_product(base) and not (value is not None and value.is_integer())
+        case _:
+            return _power_in_disguise(node)
+
+
+def _is_product(node: Node) -> bool:
+    return node[0] in ("*", "/", "**") or node[:2] == ("call", "sqrt")
 
 
 def render(node: Node) -> str:

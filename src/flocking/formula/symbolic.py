@@ -39,6 +39,9 @@ def to_sympy(formula: Formula, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
         )  # fmt: skip
     try:
         result = _build(formula.tree, values)
+        if result.has(sympy.Abs):
+            # The root of a square is one; its pieces meet in a kink, and its slope has no delta function.
+            result = result.replace(sympy.Abs, _absolute)
     except (TypeError, ValueError, ArithmeticError):  # a comparison with such a number
         result = sympy.nan
     powers = [p for p in result.atoms(sympy.Pow) if p.is_number]
@@ -74,9 +77,7 @@ def _build(node: Node, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
             condition = relation(_build(left, values), _build(right, values))
             return sympy.Piecewise((_build(yes, values), condition), (_build(no, values), True))
         case ("call", "abs", tuple() as argument):
-            # Two pieces: the border between them is a kink, and their slope has no delta function.
-            inside = _build(argument, values)
-            return sympy.Piecewise((inside, inside >= 0), (-inside, True))
+            return _absolute(_build(argument, values))
         case ("call", "exp", tuple() as argument):
             return sympy.exp(_exact(_build(argument, values)))
         case ("call", str() as name, tuple() as argument):
@@ -95,6 +96,13 @@ def _build(node: Node, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
                 case "**":
                     return _bounded(a) ** _bounded(b)
     raise AssertionError(f"not a formula node: {node!r}")
+
+
+def _absolute(inside: sympy.Expr) -> sympy.Expr:
+    """The absolute value in two pieces: the border between them is a kink, and their slope has no delta function."""
+    import sympy
+
+    return sympy.Piecewise((inside, inside >= 0), (-inside, True))
 
 
 def _exact(exponent: sympy.Expr) -> sympy.Expr:
@@ -166,7 +174,11 @@ class _TextPrinter(ExpressionVisitor[str]):
 
     def symbol(self, node: sympy.Symbol) -> str:
         """Text of a name."""
-        return str(node.name)
+        name = str(node.name)
+        if not name.isidentifier() or name in CONSTANTS:
+            rule = "must have symbols with names that a formula can have, and no constant as a symbol"
+            raise FormulaError(self._owner, "expression", rule, name, "Rename the symbol; pi is sympy.pi.")
+        return name
 
     def number(self, node: sympy.Expr) -> str:
         """Text of a number."""
@@ -175,6 +187,9 @@ class _TextPrinter(ExpressionVisitor[str]):
         if isinstance(node, sympy.Rational):
             return f"({node.p}/{node.q})" if node.q != 1 else f"({node.p})"
         if isinstance(node, sympy.Float):
+            if not abs(float(node)) <= LARGEST_NUMBER or (float(node) == 0.0) != bool(node == 0):
+                rule = "must have numbers of double precision below 1e100"
+                raise FormulaError(self._owner, "expression", rule, str(node))
             return f"({float(node)!r})"
         if node is sympy.pi:
             return "pi"
@@ -195,8 +210,14 @@ class _TextPrinter(ExpressionVisitor[str]):
         return f"({self.visit(node.base)}**{self.visit(node.exp)})"
 
     def piecewise(self, node: sympy.Piecewise) -> str:
-        """Text of pieces: nested calls of ``where``."""
-        *rest, (last, _) = node.args
+        """Text of pieces: nested calls of ``where``, which has a value for every other case."""
+        import sympy
+
+        *rest, (last, remaining) = node.args
+        if remaining is not sympy.true:
+            rule = "must have a value under every condition"
+            fix = "End it with a piece for all other values, as in Piecewise((r, r < 1), (1, True))."
+            raise FormulaError(self._owner, "expression", rule, str(node), fix)
         text = self.visit(last)
         for value, condition in reversed(rest):
             text = f"where({self.visit(condition)}, {self.visit(value)}, {text})"

@@ -17,6 +17,9 @@ NO_LESS = 1e-300
 """Smallest divisor, used instead of a length or an energy that may be zero: quotients of zero become zero, and others
 so large that every bound rejects them. It is a normal number, so that a division by it is exact to rounding."""
 
+NUMBERS = "iuf"
+"""Kinds of NumPy's types that hold real numbers: integers with and without a sign, and floating-point numbers."""
+
 
 class StandIn(float):
     """Placeholder for an invalid number while the other errors of a part are collected."""
@@ -69,7 +72,8 @@ def number(
     """
     if isinstance(value, StandIn):
         return value
-    if isinstance(value, bool | str | bytes | bytearray) or value is None:
+    other = isinstance(value, np.generic | np.ndarray) and value.dtype.kind not in NUMBERS
+    if other or isinstance(value, bool | str | bytes | bytearray) or value is None:
         raise InvalidInput(owner, parameter, "must be a number", value)
     try:
         result = float(value)
@@ -118,12 +122,18 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
     Raises
     ------
     InvalidInput
-        If ``value`` has the wrong number of axes, or contains NaN, infinities or strings.
+        If ``value`` has the wrong number of axes, contains NaN, infinities, texts, dates or complex numbers, or has
+        masked entries.
     """
+    if np.ma.is_masked(value):
+        masked = f"{int(np.ma.getmaskarray(value).sum())} of {np.size(value)} masked"
+        raise InvalidInput(owner, parameter, "must have no masked entries", masked, "Leave them out, or fill them.")
     try:
-        if np.iscomplexobj(value):
+        given = np.asarray(value)
+        # NumPy would read numbers from texts, and days since 1970 from dates.
+        if given.dtype.kind not in NUMBERS + "bO" or (given.dtype.kind == "O" and any(map(_is_text, given.flat))):
             raise TypeError
-        result = np.array(value, dtype=np.float64)
+        result = np.array(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InvalidInput(owner, parameter, "must be an array of numbers", value) from None
     if result.ndim != ndim:
@@ -133,6 +143,10 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
         raise InvalidInput(owner, parameter, f"must be finite, but entry {where} is not", float(result[where]))
     result.setflags(write=False)
     return result
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str | bytes | bytearray)
 
 
 def scalar_or_each(
@@ -210,6 +224,19 @@ def truth(owner: str, parameter: str, value: object) -> bool:
     if not isinstance(value, bool | np.bool_):
         raise InvalidInput(owner, parameter, "must be True or False", value)
     return bool(value)
+
+
+def text(owner: str, parameter: str, value: object) -> str:
+    """A text.
+
+    Raises
+    ------
+    InvalidInput
+        If ``value`` is none.
+    """
+    if not isinstance(value, str):
+        raise InvalidInput(owner, parameter, "must be text", value)
+    return value
 
 
 def listed(owner: str, parameter: str, value: Any, rule: str) -> list[Any]:

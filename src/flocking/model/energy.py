@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import number, one_of
+from flocking.model.checks import number, one_of, text
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
@@ -47,6 +47,7 @@ class Energy:
             raise InvalidInput("Energy", "leader", "must be a leader", self.leader)
         if (self.frame == "leader") != (self.leader is not None):
             raise InvalidInput("Energy", "leader", "must be given exactly when the frame is 'leader'", self.leader)
+        text("Energy", "name", self.name)
         object.__setattr__(self, "unlinked", number("Energy", "unlinked", self.unlinked))
 
     @property

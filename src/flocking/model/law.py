@@ -208,11 +208,11 @@ add_group(Group("law", Law, key=None))
 
 SORTS = {
     Body: "a body, such as PointMass, or a Mixture of several",
-    Energy: "Energy",
+    Energy: "Energy", str: "text",
     Space: "a space, such as Open",
     Information: "an information, such as Instant or Messages",
     Control: "a control, such as Continuous or Held",
-}
+}  # fmt: skip
 """What some fields of a scenario must be, in words."""
 
 BODIES_PLACE = 3
@@ -289,7 +289,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
                 "Scenario", "start", "must be a State", self.start, "Use fk.State(q, p) or fk.start.box(...)."
             )
         kinds = {"agents": Body, "energy": Energy, "space": Space, "information": Information, "control": Control}
-        for name, kind in kinds.items():
+        for name, kind in {**kinds, "name": str}.items():
             if not isinstance(getattr(self, name), kind):
                 raise InvalidInput("Scenario", name, f"must be {SORTS[kind]}", getattr(self, name))
         object.__setattr__(self, "t_end", checked_end(self.t_end, self.start.t))

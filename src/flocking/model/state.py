@@ -14,7 +14,7 @@ from flocking.arrays import Links
 from flocking.errors import InvalidInput, SuspectInput
 from flocking.model.bodies.body import MotionSymbols
 from flocking.model.bodies.point_bodies import PointMass, Points, SingleIntegrator
-from flocking.model.checks import Array, array, axes_of, number, one_of
+from flocking.model.checks import NUMBERS, Array, array, axes_of, number, one_of
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
@@ -95,7 +95,10 @@ class State:
         if self.links is not None:
             if axes_of(self.links) != 2:
                 raise InvalidInput("State", "links", f"must be an ({self.n}, {self.n}) matrix", self.links)
-            links = np.array(self.links, dtype=bool)
+            given = np.asarray(self.links)
+            if given.dtype != bool and (given.dtype.kind not in NUMBERS or ((given != 0) & (given != 1)).any()):
+                raise InvalidInput("State", "links", "must hold true or false, or 1 or 0, for each pair", self.links)
+            links = given.astype(bool)
             if links.shape != (self.n, self.n) or links.diagonal().any():
                 rule, own = (
                     f"must be an ({self.n}, {self.n}) matrix with a false diagonal",

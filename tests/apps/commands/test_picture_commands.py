@@ -139,6 +139,20 @@ def test_bad_input_is_told_in_a_line(
     assert names(tmp_path) == ["file", "same.toml", "taken.gif"]
 
 
+def test_a_picture_of_a_run_that_could_not_go_on_is_no_success(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fall.toml").write_text(FALL.replace("[[0, 0], [0, 0]]", "[[0, 0], [1, 0]], p = [[0, 0], [-90, 0]]"))
+    monkeypatch.setattr(ExactSession, "advance", _stops)
+    assert main(["plot", "fall.toml", "--out", "a.svg"]) == 1
+    assert "drawn up to that time" in capsys.readouterr().err
+
+
+def _stops(session: ExactSession, *given: float) -> None:
+    raise fk.StepTooSmall("The step shrank to rounding.", time=0.0)
+
+
 @pytest.mark.parametrize("words", [("plot", "ten.toml"), ("animate", "ten.toml"), ("equations", "tanner-2003-fixed")])
 def test_nothing_is_made_of_a_run_that_was_interrupted(
     words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

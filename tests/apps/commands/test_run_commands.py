@@ -93,6 +93,7 @@ def test_every_option_of_the_engine_is_reached(large: Path, tmp_path: Path, caps
         (["--precision", "half"], "precision must be one of float64, float32"),
         (["--threads", "0"], "threads"),
         (["--step", "-1"], "step"),
+        (["--step", "0.01", "-o", "step=0.02"], "step must be given once"),
         (["--engine", "exact", "--scheme", "rk4"], "scheme is only an option of --engine tiles"),
     ],
 )

@@ -60,6 +60,15 @@ def test_export(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "must be one of gsd" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("option", ["--step", "--seed"])
+def test_an_option_that_would_do_nothing_is_refused(
+    option: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", str(folder), "--to", "csv", option, "1"]) == 2
+    assert f"{option} must be absent for a saved run" in capsys.readouterr().err
+    assert not folder.with_name("run.csv").exists()
+
+
 def test_diff(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["diff", str(folder), str(folder)]) == 0
     assert "equal" in capsys.readouterr().out

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import flocking as fk
 from flocking.errors import FormulaError, InvalidInput
 from flocking.model.potentials.poles import poles
+from flocking.study.scenario_files.scenario_file import parse_scenario, scenario_to_text
 
 TANNER = fk.Potential("1/r^2 + log(r^2)")
 ZHOU = fk.Potential("1/r + 1/(R - r)", R=4)
@@ -137,6 +138,7 @@ def test_kinks():
         (lambda: fk.Potential("1/r + R"), "uses 'R', which has no value"),
         (lambda: fk.Potential("1/r", R=3), "is not in the formula"),
         (lambda: fk.Potential("1/r", r=3), "is the distance"),
+        (lambda: fk.Potential("formula*r", parameters={"formula": 2.0}), "must not have a parameter called formula"),
         (lambda: fk.Potential("R/r", R=float("nan")), "R must be finite"),
         (lambda: fk.Potential("R/r", R="3"), "R must be a number"),
         (lambda: fk.Potential("R/r", R=True), "R must be a number"),
@@ -166,3 +168,36 @@ def test_a_parameter_may_be_called_self(tmp_path):
     scenario = fk.Scenario(fk.Law(fk.Complete(), [fk.Gradient(psi)]), fk.State([[0.0], [1.0]]), t_end=0.1)
     fk.write_scenario(scenario, tmp_path / "self.toml")
     assert fk.read_scenario(tmp_path / "self.toml").law == scenario.law
+
+
+@pytest.mark.parametrize("name", ["velocity", "start", "start_time", "parameters"])
+def test_names_of_fields_of_other_parts_are_names_of_parameters(name):
+    psi = fk.Potential(f"{name}*r", parameters={name: 2.0})
+    again = pickle.loads(pickle.dumps(psi))
+    assert again == psi
+    assert float(again.with_parameters(**{name: 3.0})(2.0)) == 6.0
+    scenario = fk.Scenario(fk.Law(fk.Complete(), [fk.Gradient(psi)]), fk.State([[0.0], [1.0]]), t_end=0.1)
+    assert parse_scenario(scenario_to_text(scenario)).law == scenario.law
+
+
+SQUARES = {
+    "sqrt((r - 1)**2)": (1, 1.0),
+    "((r - R)**2)**0.5": (1, 2.0),
+    "((r - 1)**2)**(3/2)": (3, 1.0),
+    "sqrt((r - 1)**2/1)": (1, 1.0),
+    "sqrt(sqrt((r - 1)**4))": (1, 1.0),
+    "exp(log((r - 1)**2)/2)": (1, 1.0),
+}
+"""Roots of squares: the power of |r - a| that each is, and a."""
+
+
+@pytest.mark.parametrize("text", SQUARES)
+def test_the_root_of_a_square_is_an_absolute_value_with_its_kink(text):
+    power, at = SQUARES[text]
+    psi = fk.Potential(text, **({"R": 2.0} if "R" in text else {}))
+    r = np.array([0.25, 0.75, 1.5, 3.0])
+    side = np.sign(r - at)
+    assert psi(r) == pytest.approx(np.abs(r - at) ** power, rel=1e-14)
+    assert psi.slope(r) == pytest.approx(power * side * np.abs(r - at) ** (power - 1), rel=1e-14)
+    assert psi.curvature(r) == pytest.approx(power * (power - 1) * np.abs(r - at) ** max(power - 2, 0), rel=1e-14)
+    assert psi.kinks() == pytest.approx((at,))

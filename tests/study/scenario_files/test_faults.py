@@ -123,7 +123,7 @@ def test_every_fault_is_named_at_once_with_its_place():
         ),
         ('"consensus"', '"gradient", formula = "r*exp(64*log(9))^64"', "terms[0].formula: must have powers of powers"),
         ('"consensus"', '"gradient", formula = "1/(R - r)"', "terms[0].formula: uses 'R', which has no value"),
-        ('"consensus"', '"gradient", formula = "r*R", parameters = {formula = 1}', "terms[0].parameters.formula"),
+        ('"consensus"', '"gradient", formula = "r*R", parameters = {"R-1" = 1}', "terms[0].parameters.R-1"),
         ('"consensus"', '"consensus", weights = {low = 2, high = 1, seed = 1}', "terms[0].weights.high"),
         ('"consensus"', '"consensus", over = {kind = "fixed", n = 3, edges = [[0, 1]]}', "terms[0].over.n"),
         ('"consensus"', '"consensus", over = {kind = "fixed", n = 6, edges = [[0, 6]]}', "terms[0].over.edges"),
@@ -165,6 +165,20 @@ def test_all_faults_of_a_file_are_listed_at_once_and_no_others(changes, places):
         assert old in text
         text = text.replace(old, new)
     assert faults_of(text) == places
+
+
+@pytest.mark.parametrize(
+    ("section", "place"),
+    [
+        ('[leaders.main]\nkind = "sink"\npoint = [9, 9]', "leaders.main"),
+        ('[graphs.wide]\nkind = "proximity"\nradius = 9', "graphs.wide"),
+    ],
+)
+def test_a_named_part_that_nothing_names_is_a_fault(section, place):
+    """The run would be one without it."""
+    with pytest.raises(ScenarioFileError, match=f"{place}: is named by no part") as caught:
+        parse_scenario(f"{DRAWN}\n{section}")
+    assert len(caught.value.problems) == 1
 
 
 def test_limits_have_an_explicit_way_out(tmp_path):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+
+from flocking.apps.json_output import print_json
 
 if TYPE_CHECKING:
     from flocking.engine.runs.run import Run
@@ -53,7 +54,7 @@ def certify(
         stage("reading the scenario")
         found = certificates_of(find_scenario(scenario, seed, most_agents))
     if as_json:
-        print(json.dumps(found.as_dict(), indent=2, allow_nan=False))
+        print_json(found.as_dict())
         return 0
     rows = [(c.key, c.outcome, c.statement if c.granted else c.reason) for c in found]
     print_table(("certificate", "outcome", "guarantee, or why there is none"), rows, title=found.name)

@@ -36,7 +36,7 @@ def check(
     radius
         Sensing radius.
     definition
-        Key of the one paper whose definition must hold; the exit code is 1 where it does not.
+        Key of the one paper whose definition must hold; the exit code is 1 where it fails or is open.
     as_json
         Print JSON.
     """
@@ -59,7 +59,7 @@ def check(
             cells = [(row.name, _WORDS[row.holds], row.explanation) for row in rows]
             print_table(("property", "verdict", "measured"), cells, title=title)
     outcomes = [d.holds for d in report.definitions if definition is not None]
-    return DIFFERENT if False in outcomes else FINE
+    return FINE if all(outcomes) else DIFFERENT
 
 
 def _named_values(texts: Sequence[str]) -> dict[str, float]:

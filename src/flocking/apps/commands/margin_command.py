@@ -9,6 +9,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from flocking.apps.json_output import print_json
+
+WIDTH = 0.2
+"""Width of the bracket of a margin unless another is asked for, as in `flocking.papers.margins.margins`."""
+
 FINE, DIFFERENT, INTERRUPTED = 0, 1, 130
 """Exit codes: success, other tables than the stored ones, and 128 + 2 after the interrupt signal, as shells have it."""
 
@@ -23,8 +28,8 @@ def margins(
     seeds: int | None = None,
     period: float | None = None,
     t_end: float | None = None,
-    width: float = 0.2,
-    share: float = 1.0,
+    width: float | None = None,
+    share: float | None = None,
     most_runs: int | None = None,
     out: Path | None = None,
     workers: int | None = None,
@@ -50,9 +55,9 @@ def margins(
     t_end
         End of the runs; that of the scenario when absent.
     width
-        Width of the bracket of a margin, as a share of its larger end.
+        Width of the bracket of a margin, as a share of its larger end; 0.2 when absent.
     share
-        Share of the runs that must show a conclusion at a level.
+        Share of the runs that must show a conclusion at a level; all when absent.
     most_runs
         Largest number of runs; 4,000 by default.
     out
@@ -67,8 +72,15 @@ def margins(
     from flocking.errors import InvalidInput
 
     if papers:
-        if scenario is not None or cluster is not None:
-            raise InvalidInput("margins", "papers", "takes no scenario and no cluster", scenario or cluster)
+        given = {
+            "scenario": scenario, "--cluster": cluster, "--vary": vary, "--levels": levels, "--seeds": seeds,
+            "--period": period, "--t-end": t_end, "--width": width, "--share": share, "--most-runs": most_runs,
+            "--json": as_json or None,
+        }  # fmt: skip
+        for name, value in given.items():
+            if value is not None:
+                rule = "must be absent with --papers"
+                raise InvalidInput("margins", name, rule, value, "Those tables are computed as they are stored.")
         return _of_papers(out or Path("out") / "margins" / "papers", workers)
     if scenario is None:
         raise InvalidInput("margins", "scenario", "must be given", None, "Name one, or a TOML file, or use --papers.")
@@ -90,7 +102,8 @@ def margins(
         lambda seed: find_scenario(scenario, seed if drawn else None, None),
         VARIED if vary is None else tuple(word.strip() for word in vary.split(",")),
         levels=_levels(levels or []), seeds=SEEDS if seeds is None else seeds, period=period, t_end=t_end,
-        width=width, share=share, most_runs=MOST_RUNS if most_runs is None else most_runs, out=folder,
+        width=WIDTH if width is None else width, share=1.0 if share is None else share,
+        most_runs=MOST_RUNS if most_runs is None else most_runs, out=folder,
         workers=workers, cluster=cluster, progress=True,
     )  # fmt: skip
     if found.status == "interrupted":
@@ -108,7 +121,7 @@ def margins(
     picture = margins_figure(found, lines)
     files = [] if picture is None else save(picture, folder / "margins")
     if as_json:
-        print(data)
+        print_json(found.as_dict())
         return FINE
     for one in found.varied:
         rows = [cells[1:] for cells in found.cells if cells[0] == one.name]
@@ -149,8 +162,11 @@ def _drawn(scenario: str) -> bool:
     """Whether a scenario depends on a seed: that of a paper does, and a file that draws something at random."""
     import tomllib
 
+    from flocking.apps.scenario_names import is_name
+
     path = Path(scenario)
-    if path.suffix != ".toml" and not path.exists():
+    # A name comes before a file or folder of that name, as where the scenario is found.
+    if is_name(scenario) or (path.suffix != ".toml" and not path.exists()):
         return True
     from flocking.study.scenario_files.scenario_file import LARGEST_FILE
     from flocking.study.scenario_files.scenario_reader import drawn_tables

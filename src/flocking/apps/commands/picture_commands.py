@@ -12,8 +12,8 @@ from cyclopts import Parameter
 if TYPE_CHECKING:
     from flocking.engine.runs.run import Run
 
-DRAWN = 0
-"""Exit code of success."""
+DRAWN, STOPPED = 0, 1
+"""Exit codes: success, and a picture of a run that could not go on to its end."""
 
 OTHER_FORMATS = ("jpg", "jpeg", "gif", "tif", "tiff", "bmp", "webp", "eps", "ps", "mp4", "html")
 """Endings of unsupported formats, which are refused; any other ending is part of the name."""
@@ -70,7 +70,7 @@ def plot(
         raise InvalidInput("plot", "out", "must end in .svg, .png or .pdf, or have no such ending", str(out))
     if out is not None:
         check_writable("save", out)
-    run, place = _run_of("plot", source, seed, most_agents)
+    run, place, code = _run_of("plot", source, seed, most_agents)
     base = place if out is None else out.with_suffix("") if known else out
     check_writable("save", base)
     for name in kinds:
@@ -81,7 +81,7 @@ def plot(
             files = save(made, named, (format_name,) if known else ("svg", "png"))
         for file in files:
             print(file)
-    return DRAWN
+    return code
 
 
 def animate(
@@ -125,15 +125,15 @@ def animate(
 
     if out is not None:
         check_writable("animate", film_path(out))
-    run, place = _run_of("animate", source, seed, most_agents)
+    run, place, code = _run_of("animate", source, seed, most_agents)
     # The name of a run may have a point, as run-0.5, which begins no ending.
     target = place.with_name(f"{place.name}{SUFFIXES[0] if ffmpeg() else SUFFIXES[1]}") if out is None else out
     print(animate(run, target, seconds=seconds, fps=fps, follow=follow, theme=theme, trails=trails))
-    return DRAWN
+    return code
 
 
-def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int | None) -> tuple[Run, Path]:
-    """The run named by a user, and the path of its pictures without kind and ending."""
+def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int | None) -> tuple[Run, Path, int]:
+    """The run named by a user, the path of its pictures without kind and ending, and the exit code."""
     from flocking.apps.commands.run_summary import tell_unfinished
     from flocking.apps.scenario_names import find_scenario
     from flocking.engine.driver.simulate import simulate
@@ -152,14 +152,15 @@ def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int |
             stage("reading the run")
             run = read_run(folder)
         tell_unfinished(run, "drawn")
-        return run, resolved.with_name(resolved.name)
+        return run, resolved.with_name(resolved.name), DRAWN
     scenario = find_scenario(source, seed, most_agents)
+    code = DRAWN
     try:
         run = simulate(scenario)
     except SimulationError as error:
         if error.run is None:
             raise
         print(f"flocking: {error}; drawn up to that time.", file=sys.stderr)
-        run = error.run
+        run, code = error.run, STOPPED
     words = Path(source).stem if folder.suffix == ".toml" else source
-    return run, Path(re.sub(r"[^\w.-]+", "-", words).strip("-.") or "run")
+    return run, Path(re.sub(r"[^\w.-]+", "-", words).strip("-.") or "run"), code

@@ -76,6 +76,7 @@ def run(
     from flocking.apps.scenario_names import find_scenario
     from flocking.engine.driver.registry import check_name, chosen_engine, engine_named, options_of
     from flocking.engine.driver.simulate import simulate
+    from flocking.errors import InvalidInput
 
     found = find_scenario(scenario, seed, most_agents)
     chosen = engine_named(chosen_engine(found, check_name("run", engine)))
@@ -84,7 +85,10 @@ def run(
         "keep_frames": keep_frames, "memory_limit": None if memory is None else memory * 2**30,
     }  # fmt: skip
     options = {name: value for name, value in given.items() if value is not None}
-    options = {**chosen.command_line_options, **options, **_named_options(option or [])}
+    named = _named_options(option or [])
+    if twice := sorted(set(options) & set(named)):
+        raise InvalidInput("run", twice[0], "must be given once", named[twice[0]], "Leave out the --option.")
+    options = {**chosen.command_line_options, **options, **named}
     # Names of other arguments of `simulate` are refused here.
     options_of(chosen, options)
     return _print_run(lambda: simulate(found, engine=chosen.name, save=out, **options), out, as_json)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from flocking.apps.json_output import print_json
+
 if TYPE_CHECKING:
     from flocking.papers.showcases.stored_summary import StoredSummary
     from flocking.study.claims.audit import Report
@@ -85,7 +87,7 @@ def _print(title: str, report: Report, summary: StoredSummary, written: list[Pat
     from flocking.formula.safe_digits import rounded_down
 
     if as_json:
-        print(json.dumps({**summary.facts, "files": [str(path) for path in written]}, indent=2, allow_nan=False))
+        print_json({**summary.facts, "files": [str(path) for path in written]})
         return
     rows = [(r.claim.key, str(r.verdict), short(r.margin), r.note) for r in report.results]
     print_table(("claim", "verdict", "margin", "measured"), rows, title=title)

@@ -76,7 +76,11 @@ def export(
     from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.storage.export_formats import export_run
     from flocking.engine.storage.stored_runs import read_run
+    from flocking.errors import InvalidInput
 
+    for name, value in (("--step", step), ("--seed", seed)):
+        if value is not None:
+            raise InvalidInput("export", name, "must be absent for a saved run", value, "It is for --to lammps.")
     place = out or folder.resolve().with_name(f"{folder.resolve().name}.{to.lower()}")
     with Wait("export"):
         stage("reading the run")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 import time
@@ -11,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
+
+from flocking.apps.json_output import print_json
 
 if TYPE_CHECKING:
     from flocking.study.sweeps.sweep_file import SweepFile
@@ -161,7 +162,7 @@ def _print(
             "status": table.status, "out": str(folder), "files": [str(path) for path in written],
             "summary": rows, "versions": list(table.versions), "failures": failures[:MOST_FAILURES], "seconds": seconds,
         }  # fmt: skip
-        print(json.dumps(about, indent=2, allow_nan=False, ensure_ascii=False, default=str))
+        print_json(about)
         return
     head = [*table.plan.grid, *(["sample"] if table.plan.sample else []), *table.measures]
     # Intervals of more measures do not fit on a line; all are in summary.csv.

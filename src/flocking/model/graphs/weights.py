@@ -136,7 +136,8 @@ class HashedWeights(PairWeights):
 
     def __post_init__(self) -> None:
         low = number("HashedWeights", "low", self.low, least=0.0)
-        number("HashedWeights", "high", self.high, least=low)
+        object.__setattr__(self, "low", low)
+        object.__setattr__(self, "high", number("HashedWeights", "high", self.high, least=low))
         object.__setattr__(self, "seed", seed_number("HashedWeights", self.seed))
 
     def matrix(self, n: int) -> Array:

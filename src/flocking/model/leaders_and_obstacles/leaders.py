@@ -367,8 +367,9 @@ class Path(Leader):
         object.__setattr__(self, "start_time", number("Path", "start_time", start_time))
         object.__setattr__(self, "values", checked_parameters("Path", named_parameters("Path", parameters)))
         needed = frozenset[str]().union(*(f.names for f in formulas)) - {"t"}
-        if taken := sorted(n for n in needed if n.startswith("start_")):
-            raise InvalidInput("Path", taken[0], "must not begin with start_", velocity, "Those names are reserved.")
+        if taken := sorted(n for n in needed if n in ("velocity", "start") or n.startswith("start_")):
+            rule = "must not be velocity or start, nor begin with start_"
+            raise InvalidInput("Path", taken[0], rule, velocity, "Those names are reserved.")
         if needed != set(self.values):
             odd = sorted(needed ^ set(self.values))[0]
             raise InvalidInput("Path", odd, "must be both used in a formula and given a value", self.values)

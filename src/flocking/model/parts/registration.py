@@ -35,6 +35,9 @@ from flocking.model.parts.values import Value
 
 Part = TypeVar("Part", bound=Callable[..., object])
 
+KEPT = ("part", "from", "id")
+"""Keys of a part in stored runs besides its fields, see `flocking.model.serial`."""
+
 _PLAIN: dict[object, tuple[Value, tuple[type, ...], str]] = {
     bool: (values.TRUTH, (bool,), "bool"),
     int: (values.INTEGER, (int,), "int"),
@@ -266,6 +269,11 @@ def _check_free(found: Description) -> None:
     other = registered_names().get(found.name)
     if found.own_fields and other is not None and _home(other) != _home(found):
         raise InvalidInput("register_part", "name", "must not be that of another part", found.name, "Rename the class.")
+    if found.own_fields and (odd := [name for name in KEPT if name in found.fields]):
+        raise InvalidInput(
+            "register_part", f"{found.name}.{odd[0]}", "must not be a name that stored runs use themselves", odd[0],
+            f"Rename the field; {', '.join(KEPT)} are taken.",
+        )  # fmt: skip
     group = group_of(found.builds)
     for old in [d for d in DESCRIPTIONS if d.own_fields == found.own_fields and _home(d) == _home(found)]:
         DESCRIPTIONS.remove(old)

@@ -32,8 +32,6 @@ LARGEST_INTEGER = 10**9
 """Largest integer in a file; larger counts are probably mistakes, and it fits into 32 bits."""
 LARGEST_SEED = 2**63 - 1
 """Largest seed in a file: the largest integer of TOML."""
-_TAKEN = ("formula", "velocity", "start", "start_time")
-"""Names that parameters of a formula cannot have: they are fields of the parts that hold formulas."""
 
 
 class RefusedError(ValueError):
@@ -238,7 +236,7 @@ def _named_numbers(value: object) -> dict[str, float]:
         raise RefusedError("must be a table of names and numbers, such as {R = 4.0}")
     result: dict[str, float] = {}
     for name, entry in value.items():
-        if not name.isidentifier() or name in _TAKEN:
+        if not name.isidentifier():
             raise RefusedError("is not a valid name in a formula", at=(name,))
         try:
             result[name] = _number(entry)

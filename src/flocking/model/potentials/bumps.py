@@ -13,7 +13,7 @@ from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
 from flocking.formula.derivatives import derivative
 from flocking.formula.grammar import Formula
-from flocking.model.checks import Array, number, one_of
+from flocking.model.checks import Array, number, one_of, text
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, Short, add_group
 from flocking.model.parts.registration import register_part
@@ -53,6 +53,7 @@ class Bump:
         def __init__(self, name: str, formula: str | Formula) -> None: ...
 
     def __post_init__(self) -> None:
+        text("Bump", "name", self.name)
         checked = self.formula if isinstance(self.formula, Formula) else Formula(self.formula, "Bump")
         if checked.names != {"z", "k0"}:
             raise InvalidInput("Bump", "formula", "must use exactly the names z and k0", checked.text)

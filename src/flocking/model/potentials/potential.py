@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from flocking.errors import FormulaError
 from flocking.formula.compiled import generated_module
 from flocking.formula.derivatives import derivative
-from flocking.formula.grammar import Formula
+from flocking.formula.grammar import Formula, has_pieces
 from flocking.formula.identities import MOST_ADDENDS, expanded_addends
 from flocking.model.checks import Array, named_parameters, number
 from flocking.model.checks import parameters as checked_parameters
@@ -33,6 +33,9 @@ ROOT = 1e-15
 
 TINY = float(np.finfo(float).tiny)
 """Absolute accuracy of a root, for which the relative one is to count in every unit."""
+
+FIELD = "formula"
+"""Name of the field that holds the text: a parameter of that name could be neither given by keyword nor found."""
 
 MOST_BORDERS = 64
 """Largest number of borders of a condition, such as sin(r) < 0, which has infinitely many."""
@@ -75,6 +78,9 @@ class Potential:
             formula = from_sympy(formula, "Potential")
         given = named_parameters("Potential", parameters)
         needed = formula.names - {"r"}
+        if FIELD in needed:
+            rule = f"must not have a parameter called {FIELD}: the text has that name"
+            raise FormulaError("Potential", "formula", rule, formula.text, "Rename it.")
         if "r" in given:
             raise FormulaError("Potential", "r", "is the distance and takes no value", given["r"])
         if missing := sorted(needed - set(given)):
@@ -221,7 +227,7 @@ def piece_borders(potential: Potential) -> tuple[float, ...]:
     Borders that are roots of a polynomial of degree 2 or less are exact; others are searched on
     [1e-15, 1e15], and at most `MOST_BORDERS` are kept.
     """
-    if not any(f"{name}(" in potential.formula.structure for name in ("where", "abs")):
+    if not has_pieces(potential.formula.tree):
         return ()
     names = tuple(potential.parameters)
     module = generated_module(

@@ -134,6 +134,7 @@ class Reader:
         self._most_agents = most_agents
         self._named: dict[str, dict[str, object]] = {group.name: {} for group in sections().values()}
         self._law_graph: Graph | None = None
+        self._used: set[tuple[str, str]] = set()
 
     def read(self, data: Mapping[str, object]) -> dict[str, object]:
         """The fields of a scenario by name, without those that have faults."""
@@ -153,7 +154,16 @@ class Reader:
                 found[name] = value
             if name == "graph" and isinstance(value, Graph):
                 self._law_graph = value
+        if not self.problems:
+            self._report_unused()
         return found
+
+    def _report_unused(self) -> None:
+        """Report named parts that no other part names: they would be left out of the scenario."""
+        for section, group in sections().items():
+            for name in self._named[group.name]:
+                if (group.name, name) not in self._used:
+                    self._report((section, name), "is named by no part", fix=f"Name it as {name!r}, or remove it.")
 
     def _read_sections(self, data: Mapping[str, object]) -> None:
         for section, group in sections().items():
@@ -228,6 +238,7 @@ class Reader:
         if name not in known:
             fix = nearest(name, known) if known else f"There is no section [{group}s.{name}]."
             return self._report(path, f"must be the name of a section of [{group}s]", name, fix)
+        self._used.add((group, name))
         return known[name]
 
     def table(self, kind: Description, key: str | None, data: Mapping[str, object], path: Path) -> object:
