@@ -49,3 +49,18 @@ def test_headings_decide_who_is_linked_under_a_field_of_view() -> None:
     found = total_energy(law, fk.State(STATE.q), fk.Energy(unlinked=7.0), agents=fk.Agents(headings=np.zeros(3)))
     linked = 0.5 * (1 / 1.5**2 + np.log(1.5**2) + 1 / 1.4**2 + np.log(1.4**2))
     assert found == pytest.approx(linked + 0.5 * 4 * 7.0)
+
+
+def test_agent_energies_share_what_the_ledger_counts_of_all_graphs() -> None:
+    """A second graph, a graph given again for a term, and a weighted force, whose integral is what links store."""
+    wide = fk.Proximity(5.0)
+    for law in (
+        fk.Law(fk.Proximity(2.0), [fk.Gradient(PSI), fk.Gradient(fk.Potential("r"), over=wide)]),
+        fk.Law(wide, [fk.Gradient(PSI, over=wide)]),
+        fk.Law(wide, [fk.Gradient(PSI, over=fk.Proximity(5.0))]),
+        fk.Law(fk.Smooth(3.0, 0.4), [fk.Gradient(PSI, "force")]),
+    ):
+        energy = fk.Energy(unlinked=1.25)
+        each = agent_energies(law, STATE, energy)
+        assert each.sum() / 2 == pytest.approx(total_energy(law, fk.State(STATE.q), energy))
+        assert each.sum() != 0.0

@@ -141,7 +141,7 @@ def _evaluated(
     layout, module, slots = taken_apart
     P, A, W = layout.values(agents, n, state.t) if slots is None else slots
     u = np.zeros((n, m))
-    force_sum = np.zeros(n)
+    force_sum, linked = np.zeros(n), np.zeros(n)
     frame = frame_velocity(energy, state, A[0])
     storage = dissipation = supply = 0.0
     pairs = [np.nonzero(links) for links in graph_links(law, state, agents.headings, space)]
@@ -153,7 +153,9 @@ def _evaluated(
             check_finite("control", d, force, (i, j))
         np.add.at(u, i, force)
         np.add.at(force_sum, i, np.linalg.norm(force, axis=1))
-        storage += 0.5 * float(np.sum(values["storage"] * np.ones(len(i))))
+        stored = values["storage"] * np.ones(len(i))
+        np.add.at(linked, i, stored)
+        storage += 0.5 * float(np.sum(stored))
         dissipation += 0.5 * float(np.sum(values["dissipation"] * np.ones(len(i))))
         supply += 0.5 * float(np.sum(values["supply"] * np.ones(len(i))))
     mean_q, mean_p = (A[0] @ x / A[0].sum() for x in (state.q, state.p))
@@ -186,10 +188,10 @@ def _evaluated(
 
         desired, own = float((u**2).sum()), np.stack([moving[f"rate_q{k}"] for k in range(m)], axis=1)
         departure = 0.0 if (own == u).all() else desired - flow(u) - float((u * own).sum()) + flow(own)
-        return Evaluation(u, storage, 0.0, desired, flow(u), force_sum, departure)
+        return Evaluation(u, storage, 0.0, desired, flow(u), force_sum, departure, linked)
     kinetic, departure = float(moving["kinetic"].sum()), float(moving["departure"].sum())
     dissipation, supply = dissipation + float(body["dissipation"].sum()), supply + float(body["supply"].sum())
-    return Evaluation(u, storage, kinetic, dissipation, supply, force_sum, departure)
+    return Evaluation(u, storage, kinetic, dissipation, supply, force_sum, departure, linked)
 
 
 def obstacles_met(

@@ -27,6 +27,8 @@ class Evaluation:
         Sum over ordered pairs of the absolute pair forces, shape (N,): the scale of rounding errors.
     departure
         Power of what the bodies do beyond the law, see `motion_of`.
+    links_storage
+        Energy stored in the links by which each agent senses others, shape (N,): half of each counts in ``storage``.
     """
 
     u: Array
@@ -35,4 +37,5 @@ class Evaluation:
     dissipation: float
     supply: float
     pair_force_sum: Array
-    departure: float = 0.0
+    departure: float
+    links_storage: Array

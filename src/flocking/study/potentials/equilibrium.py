@@ -52,7 +52,8 @@ class Equilibrium:
     """Pair potentials of a law at one state: each agent's V_i, the forces and the Hessian.
 
     Only `Gradient` terms over the law's own graph count. Where links have weights a(r), the potential of a link is
-    a psi, as `Gradient` takes it by default.
+    a psi, as `Gradient` takes it by default. A graph of its own that equals the law's is another one, with a memory of
+    its own.
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ class Equilibrium:
 
     def __init__(self, law: Law, state: State, space: Space = OPEN) -> None:
         self.space = space
-        gradients = [t for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
+        gradients = [t for t in law.pair_terms if isinstance(t, Gradient) and not law.graph_number(t)]
         self.potentials = [link_potential(law.graph, t.potential) for t in gradients]
         self._set_pairs(law, state)
 

@@ -11,7 +11,6 @@ from flocking.model.energy import Energy
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
-from flocking.study.potentials.equilibrium import Equilibrium
 
 
 def total_energy(
@@ -45,10 +44,12 @@ def total_energy(
     return found.storage + found.kinetic + apart * energy.unlinked
 
 
-def agent_energies(law: Law, state: State, energy: Energy | None = None, *, space: Space = OPEN) -> Array:
+def agent_energies(
+    law: Law, state: State, energy: Energy | None = None, *, agents: Body | None = None, space: Space = OPEN
+) -> Array:
     """Potential of each agent: its links, and the energy of every other agent it is not linked with.
 
-    Source: Tanner I (4); U_i (Tanner II).
+    Source: Tanner I (4); U_i (Tanner II). Links store what the ledger counts, those of further graphs too.
 
     Parameters
     ----------
@@ -58,15 +59,19 @@ def agent_energies(law: Law, state: State, energy: Energy | None = None, *, spac
         The state.
     energy
         Energy of a pair that is not linked; zero when absent.
+    agents
+        What the agents are; point masses of 1 when absent.
     space
         Space of the agents.
 
     Returns
     -------
     Array
-        V_i or U_i, shape (N,), in the units of the potential. Their sum is twice the potential energy.
+        V_i or U_i, shape (N,), in the units of the potential. Their sum is twice the energy of all pairs; what single
+        agents store, as in the pursuit of a leader, is in none of them.
     """
-    equilibrium = Equilibrium(law, state, space)
-    degree = np.bincount(equilibrium.i, minlength=state.n)
+    agents = Agents() if agents is None else agents
+    found = evaluate(law, state, agents=agents, space=space)
+    links = law.graph.links_in(space, state.q, agents.headings) if state.links is None else state.links
     unlinked = energy.unlinked if energy is not None else 0.0
-    return np.asarray(equilibrium.agent_potentials + (state.n - 1 - degree) * unlinked)
+    return np.asarray(found.links_storage + (state.n - 1 - np.count_nonzero(links, axis=1)) * unlinked)

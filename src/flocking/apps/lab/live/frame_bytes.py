@@ -137,7 +137,7 @@ def _group(
     if requested.energies and state.n <= MOST_ENERGIES:
         from flocking.study.potentials.state_energy import agent_energies
 
-        energies = agent_energies(scenario.law, state, scenario.energy, space=scenario.space)
+        energies = agent_energies(scenario.law, state, scenario.energy, agents=scenario.agents, space=scenario.space)
         if np.isfinite(energies).all():
             header["energies"] = True
             parts.append(_single(energies))

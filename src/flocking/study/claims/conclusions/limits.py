@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from flocking.model.checks import NO_LESS, Array
+from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import PairWeights
-from flocking.model.terms.pair_terms import Gradient
+from flocking.model.terms.pair_terms import Gradient, PairTerm
+from flocking.model.terms.state_symbols import PairStates
 from flocking.study.claims.claim import Measure, above
 from flocking.study.claims.conclusions.frames import with_frame
 from flocking.study.claims.settling import (
@@ -239,7 +241,7 @@ def needs_potential(e: Evidence) -> str:
     """Why there is no potential over the law's graph whose equilibria could be judged."""
     graph = e.law.graph
     gradients = [t for t in e.law.pair_terms if isinstance(t, Gradient)]
-    if any(t.over is not None and t.over != graph for t in gradients):
+    if any(e.law.graph_number(t) for t in gradients):
         return "a potential acts over another graph"
     if any(isinstance(value, PairWeights) for value in graph.parameters.values()):
         return "the weights of links depend on headings"
@@ -250,7 +252,29 @@ def needs_potential(e: Evidence) -> str:
 
 def needs_free(e: Evidence) -> str:
     """Why the forces of the potential need not balance: there is none, or a body term acts."""
-    return needs_potential(e) or ("a body term acts from outside" if e.law.body_terms else "")
+    if why := needs_potential(e):
+        return why
+    pulling = next((t for t in e.law.pair_terms if not isinstance(t, Gradient) and pulls_at_rest(t, e.law.graph)), None)
+    if pulling is not None:
+        return f"{type(pulling).__name__} acts between agents at rest, beside the potential"
+    return "a body term acts from outside" if e.law.body_terms else ""
+
+
+def pulls_at_rest(term: PairTerm, graph: Graph) -> bool:
+    """Whether a pair term may exert a force on agents that do not move relative to each other, or store energy.
+
+    Parameters
+    ----------
+    term
+        The term.
+    graph
+        The graph of its law.
+    """
+    from sympy import sympify
+
+    x = PairStates(term, term.over or graph).symbols
+    at_rest = sympify(term.along(x)).subs({x.radial: 0, x.speed2: 0})
+    return bool(at_rest != 0 or sympify(term.storage(x)) != 0)
 
 
 def needs_total_potential(e: Evidence) -> str:
