@@ -67,6 +67,10 @@ def lab(
     """
     from flocking.apps.lab.page import Page
 
+    if not isinstance(scenario, Scenario | str | Path | None):
+        raise InvalidInput(
+            "lab", "scenario", "must be a Scenario, a name that `flocking list` shows, or a file", scenario
+        )
     if folder is not None and not Path(folder).is_dir():
         raise InvalidInput("lab", "folder", "must be an existing folder", str(folder))
     page: Page | None = None

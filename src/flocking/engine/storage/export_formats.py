@@ -45,10 +45,14 @@ def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
     Raises
     ------
     InvalidInput
-        If the format is unknown.
+        If it is no run, or the format is unknown.
     StorageError
         If the file cannot be written or the format needs a package that is not installed.
     """
+    if not isinstance(run, Run):
+        raise InvalidInput(
+            "export_run", "run", "must be a Run", run, "Use fk.simulate(scenario) or fk.read_run(folder)."
+        )
     path = Path(path)
     form = (to or path.suffix.removeprefix(".")).lower()
     if form not in FORMATS:

@@ -62,9 +62,13 @@ def write_run(run: Run, folder: str | Path) -> Path:
 
     Raises
     ------
+    InvalidInput
+        If it is no run.
     StorageError
         If the folder is not empty or cannot be written.
     """
+    if not isinstance(run, Run):
+        raise InvalidInput("write_run", "run", "must be a Run", run, "Use fk.simulate(scenario).")
     links, observed = run.links.shape[1:] == (run.n, run.n), run.observables is not None
     precision = "float32" if run.q.dtype == np.float32 else "float64"
     with uninterrupted(), RunWriter.create(

@@ -11,7 +11,7 @@ import pytest
 import flocking as fk
 from flocking.papers.stored_rates import stored_rates
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 LARGE = " ".join((ROOT / "docs" / "large_groups.md").read_text(encoding="utf-8").split())
 TWO = (ROOT / "docs" / "two_papers.md").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ from flocking.engine.driver.registry import BUILT_IN
 
 APP = command_line()
 COMMANDS = sorted(name for name in APP if not name.startswith("-"))
-README = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+README = (Path(__file__).resolve().parents[3] / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
