@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.driver.checkpoint import pack
 from flocking.engine.exact.crossings.obstacle_centres import LASTING
 from flocking.errors import Chattering
 from flocking.papers.olfati_saber_2006 import system
+from tests.engine.storage.stored_runs import unpack
 
 
 def inside(gain, offset, p=(0.0, 0.0), t_end=400.0, stiffness=None, radius=3.0):
@@ -57,3 +59,19 @@ def test_one_that_rests_at_the_centre_does_not_end_a_long_run_of_short_steps(rad
     assert session.time == 20.0
     assert session.steps > 3 * LASTING, "nobody looked whether it leaves"
     assert session.state.q[0].tolist() == [offset, 0.0]
+
+
+def test_a_session_that_goes_on_ends_where_the_whole_run_does(tmp_path):
+    made = inside(4.5, [0.5, 0.3])
+    with pytest.raises(Chattering) as whole:
+        fk.simulate(made, progress=False)
+    session = fk.start(made)
+    while session.steps < 1.5 * LASTING:
+        session.advance(made.t_end, seconds=0.0)
+    assert session.time < whole.value.time
+    restored = unpack(pack(session), session.run("unfinished"), None, tmp_path)
+    for other in (restored, session.moment()()):
+        with pytest.raises(Chattering) as found:
+            other.advance(made.t_end)
+        assert found.value.time == whole.value.time
+        assert fk.first_difference(found.value.run, whole.value.run) is None

@@ -152,8 +152,9 @@ def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     one, two = session.snapshot(), restored.snapshot()
     assert {f.name for f in dataclasses.fields(one)} == {
         "scenario", "time", "stepper", "segment", "pending", "links", "recorder", "energy", "jumped", "steps",
-        "tolerance", "sliding", "plant", "error", "origin", "momentum", "limits",
+        "tolerance", "sliding", "plant", "error", "origin", "momentum", "limits", "centres",
     }  # fmt: skip
+    assert one.centres == two.centres
     assert not np.size(one.limits if one.limits is not None else ())
     assert not np.size(two.limits if two.limits is not None else ())
     assert (one.time, one.energy, one.jumped, one.steps) == (two.time, two.energy, two.jumped, two.steps)

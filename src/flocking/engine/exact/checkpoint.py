@@ -44,6 +44,8 @@ def pack_exact(snapshot: Snapshot) -> tuple[dict[str, object], Arrays]:
         arrays["limits"] = snapshot.limits
     if snapshot.tolerance is not None:
         arrays["tolerance"] = snapshot.tolerance
+    if snapshot.centres is not None:
+        numbers["centres"] = snapshot.centres
     if snapshot.error is not None:
         difference = snapshot.error.difference
         numbers["error"] = [difference.rate, difference.lost, snapshot.error.doubts]
@@ -85,7 +87,7 @@ def restore_exact(numbers: Mapping[str, object], arrays: Arrays, stored: Stored)
         checked["energy"], checked["jumped"], checked["steps"],
         arrays.get("tolerance"),
         {(w, i, j): (time, speed, count) for w, i, j, time, speed, count in checked["sliding"]}, plant,
-        ErrorMemory(Difference(nodes, rate, lost), doubts), arrays.get("limits"),
+        ErrorMemory(Difference(nodes, rate, lost), doubts), arrays.get("limits"), checked.get("centres"),
         origin=origin, momentum=np.array(checked["momentum"]),
     )  # fmt: skip
 

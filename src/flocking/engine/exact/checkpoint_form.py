@@ -26,6 +26,7 @@ from flocking.engine.archives.data_checks import (
     squarable,
 )
 from flocking.engine.exact.companion import NODES
+from flocking.engine.exact.crossings.obstacle_centres import CentresMemory
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.dynamics import LEDGER
 from flocking.engine.exact.extremes import NAMES
@@ -67,6 +68,7 @@ class ExactNumbers(TypedDict):
     closest: tuple[Extreme, Extreme]
     largest: dict[str, Extreme]
     error: NotRequired[tuple[float, float, DoubtMemory]]
+    centres: NotRequired[CentresMemory]
 
 
 def check_exact(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario, plant: Law | None) -> ExactNumbers:
@@ -147,7 +149,10 @@ def _numbers(scenario: Scenario, links: LinkState) -> Names:
             "doubts": Many(Row([doubt.get(name, ANY) for name in DOUBT_FIELDS.names or ()])),
             "closest": Row([closest, closest]), "largest": Names({}, extremes),
         },
-        {"error": Row([POSITIVE, ANY, Row([Many(near), Many(fresh)])])},
+        {
+            "error": Row([POSITIVE, ANY, Row([Many(near), Many(fresh)])]),
+            "centres": Row([Integer(), Real(), Many(Row([agent, Integer()]))]),
+        },
     )  # fmt: skip
 
 

@@ -170,7 +170,7 @@ class ExactSession(AdaptiveSession):
         found = None if records.fine is not None else take_block(
             dynamics, self._links, self._stepper, self._error, records.extremes, self._precision, origin,
             (self.energy, self.kinetic, self.jumped), (until, self._jumps.bound(self._segment.t1)),
-            records.to_come(origin.time), seconds=stop - time.monotonic(),
+            records.to_come(origin.time), seconds=stop - time.monotonic(), most=self._centres.until_look(self.steps),
         )  # fmt: skip
         if found is None or not found.taken:
             return found
@@ -227,7 +227,6 @@ class ExactSession(AdaptiveSession):
         """Record the current segment and apply the switches at its end."""
         segment = self._segment
         t, y = segment.t1, segment.coefficients[-1]
-        self._centres.look(self.steps, lambda: (self.state, self.accelerations()))
         if t > segment.t0:
             self._error.leave(segment, self._links, self._origin)
             self.records.sample(segment, self._dynamics.split, self._origin)
@@ -236,6 +235,7 @@ class ExactSession(AdaptiveSession):
             self.time = self._origin.time_at(t)
             self._record_frames(t, left=True)
             self._record_trace()
+            self._centres.look(self.steps, lambda: (self.state, self.accelerations()))
         error = self._switch() if self._pending else None
         after = float(np.nextafter(t, np.inf))
         if after == self._jumps.following(t):
@@ -315,7 +315,7 @@ class ExactSession(AdaptiveSession):
             self.scenario, self.time, self._stepper.memory, self._segment, list(self._pending),
             self._links.memory(), recorder, self.energy, self.jumped, self.steps, self._stepper.tolerance,
             dict(self._links.sliding), self.plant, self._error.memory, origin=self._origin, momentum=self._momentum,
-            limits=self._dynamics.held.acting,
+            limits=self._dynamics.held.acting, centres=self._centres.memory,
         )  # fmt: skip
 
     @classmethod
@@ -332,6 +332,7 @@ class ExactSession(AdaptiveSession):
         session.jumped, session.steps = snapshot.jumped, snapshot.steps
         session._segment, session._pending = snapshot.segment, list(snapshot.pending)
         session._prepare(scenario.start.n, scenario.start.dimension)
+        session._centres.recall(snapshot.centres)
         q, _, session._tail = (np.array(x) for x in session._dynamics.split(snapshot.segment.coefficients[0]))
         session._links = LinkState(
             session._dynamics.layout.law, q, t=snapshot.segment.t0, headings=scenario.agents.headings,

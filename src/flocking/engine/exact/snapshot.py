@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.adaptive_steps.stepper import StepperMemory
+from flocking.engine.exact.crossings.obstacle_centres import CentresMemory
 from flocking.engine.exact.crossings.switching import Crossing
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
@@ -43,6 +44,8 @@ class Snapshot:
         State of the error estimate.
     limits
         Which limits of the bodies act on which agents on that step, shape (limits, N).
+    centres
+        Who was close to centres of balls in the last look for agents that stay there.
     """
 
     scenario: Scenario
@@ -60,5 +63,6 @@ class Snapshot:
     plant: Law | None = None
     error: ErrorMemory | None = None
     limits: Array | None = None
+    centres: CentresMemory | None = None
     origin: Origin = field(kw_only=True)
     momentum: Array = field(kw_only=True)

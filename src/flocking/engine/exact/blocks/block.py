@@ -143,6 +143,7 @@ def take_block(
     frame_times: Array,
     *,
     seconds: float,
+    most: float,
 ) -> StepBlock | None:
     """Take steps, up to the first that leaves something to decide; None if that is impossible.
 
@@ -170,6 +171,8 @@ def take_block(
         The own times of the frames to come.
     seconds
         Remaining wall time.
+    most
+        Most steps to take.
     """
     law, watched, memory = dynamics.compiled, links.tables(dynamics.barriers), stepper.memory
     known = error.difference
@@ -180,8 +183,8 @@ def take_block(
         if not 0.0 < memory.step < np.inf:
             return None
     n, pairs, size = dynamics.n, len(dynamics.pairs[0]), len(memory.y)
-    most = min(MOST_STEPS, MOST_STATES // (16 * size), WORK // (n * n + LINKED_COST * pairs + 1))
-    room = 1 if seconds < SHORT_SLICE else max(1, most)
+    most = min(most, MOST_STEPS, MOST_STATES // (16 * size), WORK // (n * n + LINKED_COST * pairs + 1))
+    room = 1 if seconds < SHORT_SLICE else max(1, int(most))
     solution = _solution(memory, known, stepper.slopes, energies)
     switching = switching_tables(dynamics, links)
     law = law._replace(pairs=with_room(law.pairs, len(links.graphs), n, watched[1]))

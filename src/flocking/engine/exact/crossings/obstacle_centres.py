@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from flocking.arrays import Array
+from flocking.engine.archives.data_checks import MalformedError
 from flocking.errors import Chattering
 from flocking.model.law import Scenario
 from flocking.model.leaders_and_obstacles.obstacles import Ball
@@ -22,6 +23,10 @@ LASTING = 1000
 
 REMAINING = 100
 """Looks that the rest of the run would take if steps stayed as short: below, it ends in reasonable time."""
+
+
+CentresMemory = tuple[int, float, tuple[tuple[int, int], ...]]
+"""Steps and time of the last look, and the agents and balls of whose centres they were close, as plain data."""
 
 
 class ObstacleCentres:
@@ -42,6 +47,30 @@ class ObstacleCentres:
         self._end, self._steps, self._time = scenario.t_end, 0, scenario.start.t
         self._order = scenario.agents.order
         self._there: set[tuple[int, int]] = set()
+
+    def until_look(self, steps: int) -> float:
+        """Steps until the next look, after so many ``steps``: where looks fall does not depend on how a run is cut."""
+        return self._steps + LASTING - steps if self._balls else np.inf
+
+    @property
+    def memory(self) -> CentresMemory | None:
+        """What was seen in the last look; None where there are no balls."""
+        return (self._steps, self._time, tuple(sorted(self._there))) if self._balls else None
+
+    def recall(self, memory: CentresMemory | None) -> None:
+        """Go on from what was seen in the last look, if that is known.
+
+        Raises
+        ------
+        MalformedError
+            If there are no such balls.
+        """
+        if memory is None:
+            return
+        self._steps, self._time, there = memory
+        self._there = set(there)
+        if any(ball >= len(self._balls) for _, ball in there):
+            raise MalformedError("centres must name balls that there are")
 
     def look(self, steps: int, moment: Callable[[], tuple[State, Array]]) -> None:
         """Look at a state after so many steps.
