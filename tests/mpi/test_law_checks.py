@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.driver.checkpoint import pack
 from flocking.errors import LawNotObeyed, StepTooLarge, UnsupportedLaw
 from flocking.study.claims.claim import Verdict
+from tests.engine.storage.stored_runs import unpack
 from tests.mpi.job import scenario
 from tests.mpi.laws import PAIR_STYLES
 
@@ -29,6 +31,17 @@ def test_a_plant_with_a_gain_one_per_cent_off_fails_the_ledger():
         found = fk.audit(run)["ledger"]
         assert found.verdict == Verdict.FAILS
         assert "differs from the declared law" in found.note
+
+
+def test_what_a_run_states_of_its_forces_and_its_rounding_outlives_a_stop(tmp_path):
+    session = fk.start(scenario("olfati-saber (34)", 2, t_end=0.5, frames=2), **PAIR_STYLES)
+    session.advance(0.25)
+    session.records.energy_rounding = 0.25
+    again = unpack(pack(session), session.run("unfinished"), None, tmp_path, name="lammps")
+    assert session.fidelity.law.checks > 1
+    assert again.fidelity == session.fidelity
+    for each in (session, again):
+        each.close()
 
 
 def test_a_wrong_translation_stops_the_run(monkeypatch):

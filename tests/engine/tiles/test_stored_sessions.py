@@ -29,6 +29,7 @@ from flocking.engine.tiles.session import TilesOptions, TilesSession, TilesSnaps
 from flocking.errors import InvalidInput, StepTooLarge, StorageError
 from flocking.model.leaders_and_obstacles.obstacles import Ball
 from flocking.model.terms.avoidance import Avoid
+from tests.engine.storage import crafted
 from tests.engine.storage.stored_runs import fill_the_disk_after_three_commits, unpack
 from tests.engine.tiles.laws import PerAgentRadii, saber, structural, zhou
 
@@ -378,3 +379,18 @@ def test_a_damaged_checkpoint(tmp_path: Path, stop_after: Callable[[int], None],
     with pytest.raises(StorageError, match=r"does not match its checksum|cannot read the checkpoint"):
         fk.resume(tmp_path / "run", progress=False)
     assert len(read_run(tmp_path / "run").t) > 0
+
+
+@pytest.mark.parametrize("name", ["tiles", "held tiles"])
+def test_the_bound_on_rounding_outlives_a_stop(tmp_path: Path, name: str) -> None:
+    session = fk.start(crafted.scenario(name), "tiles", threads=1)
+    session.advance(0.1)
+    session.records.energy_rounding = 0.25
+    assert session.fidelity.ledger.rounding == 0.25
+    data, records = pack(session), session.run("unfinished")
+    assert unpack(data, records, None, tmp_path, name="tiles", threads=1).fidelity == session.fidelity
+    # Earlier versions did not store it.
+    numbers, arrays = crafted.contents(data)
+    del numbers["session"]["dict"]["records"]["dict"]["rounding"]
+    earlier = unpack(crafted.written(numbers, arrays), records, None, tmp_path, name="tiles", threads=1)
+    assert earlier.fidelity.ledger.rounding == 0.0

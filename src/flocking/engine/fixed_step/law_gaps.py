@@ -61,6 +61,11 @@ class LawGaps:
         """The deviation for the run's `Fidelity`."""
         return LawAgreement(self.checks, self.gap, self.allowed)
 
+    def recall(self, known: LawAgreement) -> None:
+        """Go on from what a stored run states."""
+        self.checks, self.gap, self.allowed = known.checks, known.gap, known.allowed
+        self.worst = known.gap / max(known.allowed, NO_LESS)
+
     def compare_forces(self, declared: Statement, force: Reals, rounding: Reals) -> int | None:
         """Compare forces with the law; returns the checked agent with the largest excess, or None.
 

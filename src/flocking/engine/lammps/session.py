@@ -328,7 +328,11 @@ class LammpsSession(Session):
         """Restore a session from its packed form, on any number of ranks; all get the same arguments."""
         restart, options = unpacked(*packed, stored.scenario)
         session = cls(stored.scenario, options, plant=stored.plant, restart=restart)
-        session.records.resume(stored.read(), session.gathered_state())
+        run = stored.read()
+        session.records.resume(run, session.gathered_state())
+        if session.ranks.first and (known := run.fidelity.law) is not None:
+            session._judge = LawCheck(session.scenario, session.deck)
+            session._judge.gaps.recall(known)
         return session
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:

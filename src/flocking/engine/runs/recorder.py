@@ -330,6 +330,7 @@ class Recorder:
         self.switches, self.trace = run.switches.tolist(), run.trace.tolist()
         self.observed = [] if run.observables is None else run.observables.tolist()
         self.closest_linked, self.closest_unlinked = run.closest_linked, run.closest_unlinked
+        self.energy_rounding = run.fidelity.ledger.rounding
         times = run.provenance.get(CHANGED, ())
         if run.fidelity.changed:
             found = times if isinstance(times, list) else []

@@ -162,7 +162,7 @@ def check_records(scenario: Scenario) -> Names:
             "open": one_row,
             "closest": _closest(scenario.start.n),
         },
-        {"replaced": replaced},
+        {"replaced": replaced, "rounding": POSITIVE},
     )
 
 

@@ -13,7 +13,8 @@ from flocking.model.law import Scenario
 
 class RecordsMemory(TypedDict):
     """State of the records besides those on disk: the number of frames, the initial energy of pairs without a link,
-    the first and the last row of the ledger, the closest linked pair, and when law or state were replaced.
+    the first and the last row of the ledger, the closest linked pair, when law or state were replaced, and the largest
+    error of the energy from rounding that a check of the ledger needed, which earlier versions left out.
     """
 
     count: int
@@ -22,6 +23,7 @@ class RecordsMemory(TypedDict):
     open: list[tuple[float, ...]]
     closest: Closest
     replaced: NotRequired[list[float]]
+    rounding: NotRequired[float]
 
 
 class TilesRecorder(Recorder):
@@ -56,6 +58,7 @@ class TilesRecorder(Recorder):
         found: RecordsMemory = {
             "count": self.count, "apart": self.apart, "first": None if self.first is None else (*self.first,),
             "open": [(*row,) for row in self.trace[-1:]], "closest": self.closest_linked,
+            "rounding": self.energy_rounding,
         }  # fmt: skip
         if self.replaced_at:
             found["replaced"] = list(self.replaced_at)
@@ -74,7 +77,7 @@ class TilesRecorder(Recorder):
         self.recall(counts, read)
         self._skipped = memory["count"] - self.stored["time"]
         self.apart, self.first, self.closest_linked = memory["apart"], memory["first"], memory["closest"]
-        self.trace = list(memory["open"])
+        self.trace, self.energy_rounding = list(memory["open"]), float(memory.get("rounding", 0.0))
         self.replaced_at = tuple(memory.get("replaced", ()))
         assert isinstance(self.closest_linked, Closest)
 
