@@ -311,12 +311,14 @@ class Session(ABC):
     def moment(self) -> Callable[[], Session]:
         """A function that opens a session in the present state of this one."""
         packed = copy.deepcopy(self.pack())
-        records, run = self.records.copy(), self.run("unfinished")
-        stored = Stored(self.scenario, self.plant, records.counts, lambda: run)
+        scenario, records, run = self.scenario, self.records.copy(), self.run("unfinished")
+        # A session may go on beyond the end of its scenario, and stored ones may not.
+        longer = scenario if self.time <= scenario.t_end else scenario.with_numbers(scenario.law, self.time)
+        stored = Stored(longer, self.plant, records.counts, lambda: run)
 
         def back() -> Session:
             again = type(self).unpack(copy.deepcopy(packed), stored, {})
-            again.records = records.copy()
+            again.scenario, again.records = scenario, records.copy()
             return again
 
         return back
