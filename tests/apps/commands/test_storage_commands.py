@@ -10,6 +10,7 @@ import pytest
 
 import flocking as fk
 from flocking.apps.cli import main
+from flocking.apps.commands.run_commands import _where_stored
 from flocking.apps.commands.run_summary import facts, summary
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import write_run
@@ -141,3 +142,11 @@ def test_numbers_that_are_not_known_are_null_in_json(tmp_path, capsys) -> None:
     write_run(dataclasses.replace(finished(), trace=trace), tmp_path / "run")
     assert main(["info", str(tmp_path / "run"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["ledger_residual"] is None
+
+
+def test_frames_within_one_step_may_be_missing_from_what_is_stored(tmp_path: Path) -> None:
+    stopped = dataclasses.replace(finished(), status="interrupted at t = 2")
+    write_run(stopped.cut(20), tmp_path / "run")
+    assert "holds it up to its last commit; " in _where_stored(stopped, tmp_path / "run")
+    write_run(stopped, tmp_path / "whole")
+    assert "holds it; " in _where_stored(stopped, tmp_path / "whole")

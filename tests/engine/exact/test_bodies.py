@@ -140,7 +140,7 @@ def test_a_stored_run_without_its_columns_is_refused(tmp_path):
     with pytest.raises(fk.StorageError, match="further columns must be 0 numbers"):
         fk.read_run(tmp_path / "run", scenario=plain)
     fk.simulate(plain, save=tmp_path / "plain")
-    with pytest.raises(fk.StorageError, match="further columns must be 2 numbers"):
+    with pytest.raises(fk.InvalidInput, match="stores its own, which is another"):
         fk.read_run(tmp_path / "plain", scenario=scenario(t_end=0.5))
 
 

@@ -164,7 +164,10 @@ def _where_stored(result: Run, out: Path | None) -> str:
     """What is stored of an interrupted run."""
     if out is None:
         return "without --out nothing is stored."
-    from flocking.engine.storage.record import read_provenance
+    from flocking.engine.runs.run import FRAMES
+    from flocking.engine.storage.record import read_provenance, read_record
 
-    complete = read_provenance(out).get("steps") == result.provenance.get("steps")
+    # Several frames may lie within one step.
+    frames = FRAMES in result.provenance or read_record(out)["counts"]["time"] == len(result.t)
+    complete = frames and read_provenance(out).get("steps") == result.provenance.get("steps")
     return f"{out} holds it{'' if complete else ' up to its last commit'}; 'flocking resume {out}' continues it."

@@ -10,7 +10,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.runs.run import OF_VELOCITIES, Run
+from flocking.engine.runs.run import FRAMES, OF_VELOCITIES, Run
 from flocking.formula.safe_digits import rounded_down, rounded_up, time_text
 from flocking.model import observables
 from flocking.model.graphs.connectivity import Links, components
@@ -211,7 +211,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("engine", _engine(found["provenance"])),
         ("motion", _motion(found["provenance"])),
         ("time reached", when(found["time"]) if found["time"] is not None else ""),
-        ("frames", str(found["frames"])),
+        ("frames", str(found["provenance"].get(FRAMES, found["frames"]))),
         ("link switches", switches or found["provenance"].get("switches", "none")),
         ("other switches", others),
         (f"flocks {last}", _flocks(found) + earlier if "flocks" in found else ""),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,15 @@ from flocking.engine.driver.checkpoint import largest_checkpoint, read_checkpoin
 from flocking.engine.driver.registry import entry_named, missing_engine
 from flocking.engine.driver.session_writer import SessionWriter
 from flocking.engine.driver.simulate import drive, open_session
+from flocking.engine.fixed_step.threads import check_threads
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.team import Team
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import checksum, read_soundly, storage_errors
-from flocking.engine.storage.record import engine_of
+from flocking.engine.storage.record import engine_of, goes_on, read_record
 from flocking.engine.storage.run_writer import RunWriter
-from flocking.engine.storage.stored_runs import read_last, read_run, read_scenario_of
+from flocking.engine.storage.stored_runs import own_scenario, read_last, read_run
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.law import Law, Scenario
 
@@ -49,7 +51,8 @@ def resume(
     Raises
     ------
     InvalidInput
-        If ``threads`` is given and the engine that made it has no threads to choose, or a plant without a scenario.
+        If ``threads`` is given and the engine that made it has no threads to choose, a plant without a scenario, or a
+        scenario or a plant for a run that stores another.
     StorageError
         If there is no run, it is damaged, another process writes it, or it ended with an error.
     EngineMissing
@@ -64,6 +67,8 @@ def resume(
             "resume", "plant", "must be a Law, beside the scenario of a run that could not be stored", plant,
             "A stored run has its own plant: leave it out.",
         )  # fmt: skip
+    if threads is not None:
+        check_threads("resume", threads)
     folder = Path(folder)
     with read_soundly(folder):
         return _resume(folder, scenario, plant, progress, {} if threads is None else {"threads": threads})
@@ -92,6 +97,7 @@ def _resume(
         found = read_run(folder, scenario=scenario)
         if found.finished:
             return found
+        _check_goes_on(folder, read_record(folder))
         raise missing_engine(folder, name, package)
     engine = entry.load()
     _check_changes(name, changes, engine.free_options)
@@ -117,18 +123,16 @@ def _check_changes(name: str, changes: dict[str, object], free: frozenset[str]) 
 
 def _left(folder: Path, writer: RunWriter | None, engine: str, scenario: Scenario | None, plant: Law | None) -> _Left:
     assert writer is not None
-    if scenario is None:
-        scenario, plant = read_scenario_of(folder)
+    scenario, plant = own_scenario("resume", folder, scenario, plant)
     record: dict[str, Any] = writer.record
     how = record.get("session") or {}
     left = _Left(scenario, plant, writer.counts, dict(how.get("options", {})))
     if record["status"] == "finished":
-        return _Left(scenario, plant, left.counts, left.options, read_run(folder, scenario=scenario))
+        return _Left(scenario, plant, left.counts, left.options, read_last(folder, scenario, None))
+    _check_goes_on(folder, record)
     checkpoint = record["checkpoint"]
-    if checkpoint is None and record["commits"] == 0:
-        return left
     if checkpoint is None:
-        raise StorageError(f"{folder}: this run cannot continue; it ended with: {record['status']}")
+        return left
     # Damage is reported before the run continues.
     read_last(folder, scenario, 0)
     place = folder / checkpoint["file"]
@@ -143,13 +147,25 @@ def _left(folder: Path, writer: RunWriter | None, engine: str, scenario: Scenari
     return _Left(scenario, plant, left.counts, left.options, None, read_checkpoint(place, engine, place), place)
 
 
+def _check_goes_on(folder: Path, record: Mapping[str, object]) -> None:
+    """Refuse a run that has neither a checkpoint nor a beginning that can be computed again."""
+    if goes_on(record):
+        return
+    if not record["commits"]:
+        raise StorageError(
+            f"{folder}: a run was being copied here, and nothing of it was stored: it cannot continue. Delete the "
+            "folder and write the run again."
+        )
+    raise StorageError(f"{folder}: this run cannot continue; it ended with: {record['status']}")
+
+
 def _session(folder: Path, engine: Engine, team: Team, left: _Left, changes: dict[str, object]) -> Session:
     if left.packed is None:
         options = engine.stored_options({**left.options, **changes})
         return open_session(engine, left.scenario, options, left.plant)
 
     def read() -> Run:
-        return team.shared(lambda: read_run(folder, scenario=left.scenario))
+        return team.shared(lambda: read_last(folder, left.scenario, None))
 
     stored = Stored(left.scenario, left.plant, left.counts, read)
     return restored(engine, left.packed, stored, left.place, changes)

@@ -16,10 +16,10 @@ from flocking.engine.protocol.session import Session
 from flocking.engine.runs.columns import joined_columns
 from flocking.engine.runs.frame_parts import FramePart
 from flocking.engine.runs.message_log import joined_logs
-from flocking.engine.runs.run import Run
+from flocking.engine.runs.run import FRAMES, Run
 from flocking.engine.storage.atomic_files import checksum
 from flocking.engine.storage.part_writer import sees, write_parts
-from flocking.engine.storage.record import RECORD
+from flocking.engine.storage.record import RECORD, read_record
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import read_last
 from flocking.errors import InvalidInput, StorageError
@@ -142,14 +142,19 @@ class SessionWriter:
 
     def run(self, status: str) -> Run:
         """The complete run: the part on disk, and the records after its last commit."""
-        recent = self._session.run(status)
         records = self._session.records
+        if self._writer is not None and records.lets_go:
+            # A second Ctrl-C may have come between a commit and its end here.
+            counts = read_record(self._here.folder)["counts"]
+            records.forget({name: max(count, counts.get(name, 0)) for name, count in records.stored.items()})
+        recent = self._session.run(status)
         if not any(records.stored.values()):
             return recent
         last = None if records.stored["time"] * records.frame_bytes <= MOST_RETURNED else 1
         found = _joined(read_last(self._here.folder, self._session.scenario, last), recent)
         if last is not None:
-            found.provenance["frames"] = f"only the last frame; all frames are in {self._here.folder}"
+            which = "frame" if len(found.t) == 1 else f"{len(found.t)} frames"
+            found.provenance[FRAMES] = f"only the last {which}; all frames are in {self._here.folder}"
         return found
 
     def _write(self, *, complete: bool) -> None:

@@ -18,7 +18,7 @@ from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Session, interrupted_at
 from flocking.engine.protocol.world import check_world
 from flocking.engine.runs.run import Run
-from flocking.engine.storage.new_folders import check_free
+from flocking.engine.storage.new_folders import check_free, check_path
 from flocking.errors import EngineFailed, EngineMissing, FlockingError, InvalidInput, SimulationError, StorageError
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.unbounded_velocities import check_leaders
@@ -164,7 +164,8 @@ def simulate(
     found = _engine_of(scenario, engine, plant)
     if fine and save is not None:
         raise _no_fine_samples(fine)
-    if isinstance(save, str | Path):
+    if save is not None:
+        check_path("simulate", "save", save)
         # Before the session is opened, which takes long for a large group.
         check_free(Path(save).resolve())
     chosen = options_of(found, {**options, **fine_option(found, fine)})

@@ -46,6 +46,9 @@ def is_tangential(speed: float, relative: float) -> bool:
     return abs(speed) < TANGENTIAL * max(relative, AT_REST)
 
 
+FRAMES = "frames"
+"""Name in the provenance of a run of which frames it holds, in words, where most are left out."""
+
 DOUBT_FIELDS = np.dtype(
     [
         ("begin", "f8"), ("end", "f8"), ("time", "f8"), ("i", "i8"), ("j", "i8"), ("kind", "U10"), ("graph", "i8"),
@@ -309,14 +312,20 @@ class Run:
         return self.status == "finished"
 
     def until(self, end: float) -> Run:
-        """The same run with its frames, fine samples, switches and ledger up to time ``end`` only.
+        """The same run with its frames, fine samples, switches, observations and ledger up to time ``end`` only.
 
-        Its closest approaches remain those of the entire run. Of a finished run its status is that it was cut, so that
-        audits conclude nothing of later times from it.
+        Its closest approaches and largest values remain those of the entire run. Of a finished run its status is that
+        it was cut, so that audits conclude nothing of later times from it.
         """
         if not len(self.t) or self.t[-1] <= end:
             return self
-        count = int(np.searchsorted(self.t, end, side="right"))
+        return self.cut(int(np.searchsorted(self.t, end, side="right")), end)
+
+    def cut(self, count: int, end: float | None = None) -> Run:
+        """The same run with its first ``count`` frames only, all else up to ``end``: the last of these by default."""
+        if end is None:
+            end = float(self.t[count - 1]) if count else self.scenario.start.t
+        known, seen = self.accuracy, self.observables
         return replace(
             self,
             status=f"cut at t = {given_text(end)}" if self.finished else self.status,
@@ -329,6 +338,8 @@ class Run:
             trace=self.trace[self.trace["time"] <= end],
             fine=self.fine.until(end) if self.fine is not None else None,
             log=None if self.log is None else self.log.until(nanosecond_of(end - self.scenario.start.t)),
+            accuracy=known if known is None else replace(known, frames=known.frames[:count]),
+            observables=seen if seen is None else seen[seen["time"] <= end],
         )
 
     def state(self, frame: int) -> State:

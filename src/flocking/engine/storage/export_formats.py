@@ -17,6 +17,7 @@ from flocking.engine.runs.columns import LOG
 from flocking.engine.runs.run import OF_VELOCITIES, Run
 from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, storage_errors, write_through
 from flocking.engine.storage.left_overs import partial_file, remove_files_left_over
+from flocking.engine.storage.new_folders import check_path
 from flocking.errors import InvalidInput, StorageError
 from flocking.model import observables
 from flocking.model.checks import Array
@@ -45,7 +46,7 @@ def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
     Raises
     ------
     InvalidInput
-        If it is no run, or the format is unknown.
+        If the format is unknown, the run is none, or the file no path.
     StorageError
         If the file cannot be written or the format needs a package that is not installed.
     """
@@ -53,10 +54,12 @@ def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
         raise InvalidInput(
             "export_run", "run", "must be a Run", run, "Use fk.simulate(scenario) or fk.read_run(folder)."
         )
+    check_path("export_run", "path", path)
     path = Path(path)
-    form = (to or path.suffix.removeprefix(".")).lower()
+    form = (path.suffix.removeprefix(".") if to is None else str(to)).lower()
     if form not in FORMATS:
-        raise InvalidInput("export_run", "to", f"must be one of {', '.join(FORMATS)}", form)
+        given = path.name if to is None else to
+        raise InvalidInput("export_run", "to", f"must be one of {', '.join(FORMATS)}, or the suffix of the file", given)
     with storage_errors(path, f"write {form}", full=NOTHING_WRITTEN):
         remove_files_left_over(path)
         FORMATS[form](run, path)

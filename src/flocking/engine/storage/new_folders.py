@@ -7,9 +7,28 @@ from pathlib import Path
 
 from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, storage_errors
 from flocking.engine.storage.record import RECORD
-from flocking.errors import StorageError
+from flocking.errors import InvalidInput, StorageError
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import ForeignPart, to_data
+
+
+def check_path(owner: str, name: str, path: object) -> None:
+    """Check that a place to write to is named by a path.
+
+    Parameters
+    ----------
+    owner, name
+        The function and its parameter, for the message.
+    path
+        What was given.
+
+    Raises
+    ------
+    InvalidInput
+        If it is no path.
+    """
+    if not isinstance(path, str | Path):
+        raise InvalidInput(owner, name, "must be a path", path, "Give a text or a pathlib.Path.")
 
 
 def check_free(folder: Path) -> None:

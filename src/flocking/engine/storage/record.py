@@ -22,6 +22,8 @@ FIRST_ENGINE = "exact"
 
 RECORD = "zarr.json"
 SCENARIO = "scenario.json"
+COPIED = "copied"
+"""Key in the session of a run that was computed before it was written: an engine does not begin it anew."""
 UNFINISHED = "unfinished"
 """Status of a run whose end was not recorded: it is running, or was killed."""
 
@@ -77,6 +79,19 @@ def engine_of(folder: Path) -> tuple[str, str]:
     session = read_record(folder).get("session") or {}
     name = read_provenance(folder).get("engine") or session.get("engine") or FIRST_ENGINE
     return str(name), str(session.get("package", ""))
+
+
+def goes_on(record: Mapping[str, object]) -> bool:
+    """Whether an unfinished run can continue: from a checkpoint, or from its start as long as nothing was committed.
+
+    Parameters
+    ----------
+    record
+        The record of its last commit.
+    """
+    session = record.get("session")
+    copied = isinstance(session, Mapping) and COPIED in session
+    return record["checkpoint"] is not None or not (record["commits"] or copied)
 
 
 def write_record(folder: Path, record: dict[str, Any], provenance: Mapping[str, object]) -> None:

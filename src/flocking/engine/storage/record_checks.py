@@ -17,6 +17,8 @@ from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.model.world.information import Delayed
 from flocking.model.world.times import PER_SECOND
 
+SAME_PLACE = 1e-5
+"""Share of the largest coordinate by which a place at the start may differ: rounding to single precision is 6e-8."""
 MOST_SAMPLES = 2**56
 """Largest number of a sample: the random numbers are functions of 56 bits of it."""
 
@@ -44,10 +46,25 @@ def check_records(
             f"{folder}: holds {record['n']} agents in {record['dimension']} dimensions, "
             f"its scenario {shape[0]} in {shape[1]}."
         )
+    about = record["scenario"]
+    if isinstance(about, dict) and about["left_out"] and not _begins_with(scenario, parts):
+        raise StorageError(
+            f"{folder}: the agents of the given scenario begin elsewhere than those of the run. Give the scenario that "
+            "was simulated."
+        )
     try:
         _check(scenario, parts, tables)
     except MalformedError as error:
         raise StorageError(f"{folder}: the data do not fit the scenario: {error}; the file was damaged.") from None
+
+
+def _begins_with(scenario: Scenario, parts: dict[str, AnyArray]) -> bool:
+    """Whether a frame of the start of a scenario, if there is one, has its agents where they begin."""
+    times, start = parts["time"], scenario.start
+    if not len(times) or times[0] != start.t:
+        return True
+    found = parts["position"][0]
+    return not bool((np.abs(found - start.q) > SAME_PLACE * np.abs(start.q).max(initial=0.0)).any())
 
 
 def _check(scenario: Scenario, parts: dict[str, AnyArray], tables: dict[str, AnyArray]) -> None:

@@ -40,7 +40,8 @@ from flocking.engine.runs.run_errors import accuracy_of
 from flocking.engine.runs.stored_fidelity import fidelity_of
 from flocking.engine.storage.atomic_files import NO_MEMORY, read_soundly, storage_errors
 from flocking.engine.storage.bounded_chunks import bounded_store, bounds_of
-from flocking.engine.storage.record import SCENARIO, read_record, read_root
+from flocking.engine.storage.new_folders import check_path, scenario_text
+from flocking.engine.storage.record import COPIED, SCENARIO, goes_on, read_record, read_root
 from flocking.engine.storage.record_checks import check_records
 from flocking.engine.storage.regular_files import LARGEST_SCENARIO, bounded_content
 from flocking.engine.storage.run_writer import RunWriter
@@ -49,7 +50,7 @@ from flocking.errors import FlockingError, InvalidInput, StorageError
 from flocking.formula.listed_files import files_below
 from flocking.model.checks import integer
 from flocking.model.law import Law, Scenario
-from flocking.model.serial import from_data
+from flocking.model.serial import ForeignPart, from_data, to_data
 
 if TYPE_CHECKING:
     import zarr
@@ -62,18 +63,20 @@ def write_run(run: Run, folder: str | Path) -> Path:
 
     Raises
     ------
-    InvalidInput
-        If it is no run.
     StorageError
         If the folder is not empty or cannot be written.
+    InvalidInput
+        If the run is none, or not of as many entries everywhere as it has frames, or the folder no path.
     """
     if not isinstance(run, Run):
         raise InvalidInput("write_run", "run", "must be a Run", run, "Use fk.simulate(scenario).")
+    check_path("write_run", "folder", folder)
+    _check_lengths(run)
     links, observed = run.links.shape[1:] == (run.n, run.n), run.observables is not None
     precision = "float32" if run.q.dtype == np.float32 else "float64"
     with uninterrupted(), RunWriter.create(
         folder, run.scenario, with_links=links, precision=precision, observed=observed,
-        with_errors=run.accuracy is not None, with_log=run.log is not None,
+        with_errors=run.accuracy is not None, with_log=run.log is not None, session={COPIED: True},
     ) as writer:  # fmt: skip
         errors = None if run.accuracy is None else run.accuracy.frames
         columns = joined_columns(run.scenario, run.columns)
@@ -87,6 +90,19 @@ def write_run(run: Run, folder: str | Path) -> Path:
     return Path(folder)
 
 
+def _check_lengths(run: Run) -> None:
+    """Refuse a run put together of parts that do not fit: its tables could not be read again."""
+    parts: dict[str, AnyArray] = {"q": run.q, "p": run.p, "links": run.links, **run.columns}
+    if run.accuracy is not None:
+        parts["accuracy.frames"] = run.accuracy.frames
+    for name, values in parts.items():
+        if len(values) != len(run.t):
+            raise InvalidInput(
+                "write_run", "run", f"must have an entry of {name} for each of its {len(run.t)} frames", len(values),
+                "run.until(time) shortens all of them.",
+            )  # fmt: skip
+
+
 def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: int | None = None) -> Run:
     """Read the committed part of a run.
 
@@ -97,12 +113,15 @@ def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: in
     scenario
         Its scenario, for a run whose scenario could not be stored.
     frames
-        Number of frames to read, for example those before a damaged one.
+        Number of frames to read, for example those before a damaged one. With fewer than there are the run is cut
+        after them, see `flocking.engine.runs.run.Run.until`.
 
     Raises
     ------
     StorageError
         If there is no run, it was written by a newer version, or data do not match their checksums.
+    InvalidInput
+        If the run stores another scenario than the given one.
     """
     if not isinstance(folder, str | Path):
         raise InvalidInput("read_run", "folder", "must be a path", folder)
@@ -110,11 +129,11 @@ def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: in
         integer("read_run", "frames", frames, least=0)
     folder = Path(folder)
     with read_soundly(folder):
-        return _read_run(folder, scenario, frames)
+        return _read_run(folder, own_scenario("read_run", folder, scenario, None)[0], frames)
 
 
-def read_last(folder: Path, scenario: Scenario | None, last: int | None) -> Run:
-    """Read a run with only its ``last`` frames, or with all of them.
+def read_last(folder: Path, scenario: Scenario, last: int | None) -> Run:
+    """Read a run of a ``scenario``, which is its own, with only its ``last`` frames, or with all of them.
 
     Raises
     ------
@@ -125,10 +144,8 @@ def read_last(folder: Path, scenario: Scenario | None, last: int | None) -> Run:
         return _read_run(folder, scenario, None, last)
 
 
-def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last: int | None = None) -> Run:
+def _read_run(folder: Path, scenario: Scenario, frames: int | None, last: int | None = None) -> Run:
     record = read_record(folder)
-    if scenario is None:
-        scenario, _ = read_scenario_of(folder)
     with storage_errors(folder, "read the run"), zarr_calls():
         import zarr
 
@@ -155,7 +172,7 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     columns = separate_columns(scenario, tables[COLUMN]) if COLUMN in tables else {}
     provenance = dict(group.attrs["provenance"])
     linked, unlinked = (_closest_of(c) for c in record["closest"])
-    return Run(
+    found = Run(
         scenario, parts["time"], parts["position"], parts["velocity"],
         parts["links"] if record["links"] else np.zeros((count - first, 0, 0), dtype=bool),
         switch_table(tables), table_of(tables[LEDGER], TRACE_FIELDS), linked, unlinked, record["status"], provenance,
@@ -165,6 +182,7 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
         columns=columns,
         log=MessageLog(*(tables[name] for name in LOG)) if "tick" in tables else None,
     )  # fmt: skip
+    return found.cut(count) if count < record["counts"]["time"] else found
 
 
 def _fidelity(folder: Path, data: object, provenance: dict[str, object], scenario: Scenario) -> Fidelity:
@@ -210,7 +228,7 @@ def _stored_facts(folder: Path) -> StoredFacts:
     return {
         "title": record["title"], "status": record["status"], "agents": record["n"], "dimension": record["dimension"],
         "frames": record["counts"]["time"], "links": record["links"], "commits": record["commits"],
-        "can_go_on": record["checkpoint"] is not None or record["commits"] == 0,
+        "can_go_on": goes_on(record),
         "scenario_stored": not record["scenario"]["left_out"], "format": record["format"], "bytes": size,
     }  # fmt: skip
 
@@ -241,6 +259,49 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
     if not isinstance(scenario, Scenario) or not isinstance(plant, Law | None):
         raise StorageError(f"{folder / SCENARIO}: contains no scenario.")
     return scenario, plant
+
+
+def own_scenario(owner: str, folder: Path, given: Scenario | None, plant: Law | None) -> tuple[Scenario, Law | None]:
+    """Scenario of a run on disk, and its plant if it has one: those that it stores, else the given ones.
+
+    Parameters
+    ----------
+    owner
+        The function that was called, for messages.
+    given, plant
+        Scenario and plant as they were given; a stored run may be given its own again.
+
+    Raises
+    ------
+    StorageError
+        If none is stored and none given, or the stored one is damaged.
+    InvalidInput
+        If the run stores another scenario or plant than the given one.
+    """
+    if given is None:
+        return read_scenario_of(folder)
+    if not isinstance(given, Scenario):
+        raise InvalidInput(owner, "scenario", "must be a Scenario", given)
+    about = read_record(folder)["scenario"]
+    # One that is stored may be damaged: the given one then takes its place where it has its checksum.
+    if about["left_out"] or zlib.crc32(scenario_text(given, plant)[0]) == about["checksum"]:
+        return given, plant
+    scenario, own_plant = read_scenario_of(folder)
+    for name, one, other in (("scenario", given, scenario), ("plant", plant, own_plant)):
+        if one is not None and not _same_data(one, other):
+            raise InvalidInput(
+                owner, name, f"must be absent, for {folder} stores its own, which is another", one,
+                "A scenario is given for a run whose scenario could not be stored.",
+            )  # fmt: skip
+    return scenario, own_plant
+
+
+def _same_data(one: Scenario | Law, other: Scenario | Law | None) -> bool:
+    """Whether two parts are written as the same data; one from outside this library is not written."""
+    try:
+        return other is not None and json.dumps(to_data(one)) == json.dumps(to_data(other))
+    except ForeignPart:
+        return False
 
 
 def _read(folder: Path, array: zarr.Array, name: str, count: int, begin: int = 0) -> AnyArray:
