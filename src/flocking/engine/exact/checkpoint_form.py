@@ -133,7 +133,9 @@ def _numbers(scenario: Scenario, links: LinkState) -> Names:
     nobody = Row([Integer(-1, -1), Integer(-1, -1)])
     closest = _Either(Row([ANY, ANY, nobody, ANY]), Row([ANY, ANY, Row([agent, agent]), ANY]))
     kind, what = Text(("near miss", "switch")), Text(KINDS)
-    doubt = {"kind": kind, "what": what, "i": agent, "j": other, "graph": Integer(0, len(links.graphs) - 1)}
+    groups = links.contacts.groups
+    met, owners = Integer(0, max(n, *(max(g.numbers) + 1 for g in groups), 1) - 1), max(len(links.graphs), len(groups))
+    doubt = {"kind": kind, "what": what, "i": agent, "j": met, "graph": Integer(0, owners - 1)}
     extreme = Row([ANY, ANY, Many(agent), ANY])
     near: Row[object] = Row([pair, Row([ANY, ANY, ANY, ANY])])
     fresh: Row[object] = Row([pair, Row([ANY, ANY, ANY, Flag(), what, ANY, Flag()])])

@@ -8,7 +8,6 @@ import numpy as np
 
 from flocking.engine.adaptive_steps.segment import ROUNDING, Segment
 from flocking.engine.exact.companion import (
-    SAFETY,
     Companion,
     Difference,
     StateError,
@@ -16,6 +15,7 @@ from flocking.engine.exact.companion import (
     unexplained_energy,
 )
 from flocking.engine.exact.crossings.images import nearest_shift
+from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep
 from flocking.engine.exact.crossings.switch_numbers import radial_motion, switch_errors
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
@@ -228,10 +228,24 @@ class SolutionError:
         if not np.isfinite(change).all():
             self._companion.lose(t)
             return
-        _, _, acceleration = _radial(segment, i, j, *self._sizes, links.space)
+        if number >= links.first_level:
+            motion = segment.motion(*self._sizes, self._dynamics.order)
+            acceleration = ObstacleStep(links, segment, motion.positions).acceleration(number, i, j)
+        else:
+            _, _, acceleration = _radial(segment, i, j, *self._sizes, links.space)
+        since = longest
         if acceleration:
             longest = min(longest, 3 * float(np.sqrt(2 * bound / abs(acceleration))))
-        self._companion.push(change * longest)
+        kick = change * longest
+        if self._dynamics.order == 2:
+            # The force acted some time since the doubt began, and the velocity has moved the agents from then on.
+            count = self._dynamics.n * self._dynamics.m
+            kick[:count] += kick[count : 2 * count] * since
+        self._companion.push(kick)
+
+    def _agent(self, y: Array, i: int) -> Array:
+        """Position of an agent in a state vector ``y``, shape (m,)."""
+        return y[i * self._dynamics.m : (i + 1) * self._dynamics.m]
 
     def _velocities(self, segment: Segment) -> Array:
         """Differences of the velocities, shape (k, N m): those of agents of order 1 are their slopes."""
@@ -269,7 +283,11 @@ class SolutionError:
             return np.inf, np.inf
         if watch.kind in ("obstacle", "rim"):
             bound, drift = error.agent(i), np.inf
-            late, drift, delay = switch_errors(bound, drift, speed, bound / SAFETY, 0.0, 0.0, 0.0)
+            if links.contacts.levels[crossing.watch - links.first_level].jumps:
+                self._settle(self._doubts.cross(crossing, k, segment.t1, links, bound), segment, links)
+            y, e = (self._agent(x, i) for x in (segment.coefficients[-1], self.difference.nodes[-1]))
+            off = links.contacts.farther(watch.graph - len(links.graphs), segment.t1 + links.base, y, e, j)
+            late, drift, delay = switch_errors(bound, drift, speed, off, 0.0, 0.0, 0.0)
         else:
             bound = error.pair(i, j)
             drift = error.pair_velocity(i, j, self._velocities(segment))

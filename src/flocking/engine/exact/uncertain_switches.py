@@ -10,6 +10,7 @@ from flocking.engine.adaptive_steps.segment import ROUNDING, Segment
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import closest_after, first_beyond, within_error
 from flocking.engine.exact.crossings.images import image_doubts, pair_paths
+from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep, agent_slack, recorded
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.crossings.watch_tables import near_miss_floor
@@ -116,7 +117,8 @@ class Doubts:
         n, m = error.n, error.m
         motion = segment.motion(n, m, error.order)
         B, far = motion.positions, motion.far
-        settled, ended = self._fresh(segment, B, links, error)
+        obstacles = ObstacleStep(links, segment, B) if links.contacts.levels else None
+        settled, ended = self._fresh(segment, B, links, error, obstacles)
         found: dict[Key, tuple[float, float, float, bool]] = {}
         most, nodes = error.pairs, error.q
         for number, watch, active, view in links.watched():
@@ -139,13 +141,20 @@ class Doubts:
                 rows = image_doubts(links.space, *given)
             for i, j, x, margin, bound, end in rows.tolist():
                 found[number, int(i), int(j)] = (x, margin, bound, bool(end))
+        if obstacles is not None:
+            bounds = np.array([error.agent(i) for i in range(n)])
+            for number, i, o, x, margin, bound, inside in obstacles.within(bounds, error.q_floor):
+                found[number, i, o] = (x, margin, bound, inside)
         for key, after in ended.items():
             # It left at its switch; only what it does after that is an approach.
             number, i, j = key
             watch, inside = links.watches[number], bool(links.near[number][i, j])
             if key in found:
-                level = float(watch.leave[i] if inside else watch.enter[i])
-                margin, x = closest_after(*pair_paths(links.space, B, i, j), level, inside, after)
+                if obstacles is not None and number >= links.first_level:
+                    margin, x = obstacles.nearest(number, i, j, inside, after)
+                else:
+                    level = float(watch.leave[i] if inside else watch.enter[i])
+                    margin, x = closest_after(*pair_paths(links.space, B, i, j), level, inside, after)
                 if margin < LEFT * found[key][2]:
                     found[key] = (x, margin, *found[key][2:])
                 else:
@@ -153,18 +162,23 @@ class Doubts:
         return settled + self._compare(segment, links, found)
 
     def _fresh(
-        self, segment: Segment, B: Array, links: LinkState, error: StateError
+        self, segment: Segment, B: Array, links: LinkState, error: StateError, obstacles: ObstacleStep | None
     ) -> tuple[list[Settled], dict[Key, float]]:
         """Pairs that have switched and come back without being beyond the error, and those that are, with where."""
         settled: list[Settled] = []
         ended: dict[Key, float] = {}
         for key, fresh in list(self.fresh.items()):
             number, i, j = key
-            bound = error.pair(i, j) + slack_of(links.watches[number], error.q_floor / ROUNDING)
             sign = 1.0 if fresh.outward else -1.0
-            pair = pair_paths(links.space, B, i, j)
-            x = first_beyond(*pair, fresh.level + sign * bound, fresh.outward)
-            back = first_beyond(*pair, fresh.level - sign * bound, not fresh.outward)
+            if obstacles is not None and number >= links.first_level:
+                bound = error.agent(i) + agent_slack(error.q_floor, fresh.level)
+                x = obstacles.first_past(number, i, j, fresh.level + sign * bound, outward=fresh.outward)
+                back = obstacles.first_past(number, i, j, fresh.level - sign * bound, outward=not fresh.outward)
+            else:
+                bound = error.pair(i, j) + slack_of(links.watches[number], error.q_floor / ROUNDING)
+                pair = pair_paths(links.space, B, i, j)
+                x = first_beyond(*pair, fresh.level + sign * bound, fresh.outward)
+                back = first_beyond(*pair, fresh.level - sign * bound, not fresh.outward)
             fresh.error = max(fresh.error, bound)
             if x <= 1.0 and x <= back:
                 del self.fresh[key]
@@ -208,7 +222,8 @@ class Doubts:
         links: LinkState,
     ) -> DoubtRow:  # fmt: skip
         number, i, j = key
-        return (begin, end, time, i, j, kind, links.watches[number].graph, what, about.margin, about.error)
+        graph, other = recorded(links, number, j)
+        return (begin, end, time, i, other, kind, graph, what, about.margin, about.error)
 
     def cross(self, crossing: Crossing, k: int, t: float, links: LinkState, bound: float) -> list[Settled]:
         """Note that pair ``k`` of a crossing is about to switch at time ``t``; the doubts that end with it.
@@ -265,8 +280,9 @@ class Doubts:
         """Take such ``rows`` in place of those known; ``links`` has the watches."""
         self.fresh = {}
         for watch, i, j, time, begin, level, outward, error, *_ in rows.tolist():
-            kink = links.watches[int(watch)].kind == "kink"
-            what = "kink" if kink else "break" if outward else "appear"
+            kind = links.watches[int(watch)].kind
+            what = "kink" if kind in ("kink", "rim") else kind
+            what = ("break" if outward else "appear") if what == "link" else what
             self.fresh[int(watch), int(i), int(j)] = Fresh(time, begin, level, bool(outward), what, error)
 
     def memory(self) -> DoubtMemory:

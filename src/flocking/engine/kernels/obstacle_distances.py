@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Law
-from flocking.model.terms.avoidance import ObstacleGroup, ObstacleTerm
+from flocking.model.terms.avoidance import Avoid, ObstacleGroup, ObstacleTerm
 
 Indices = NDArray[np.intp]
 
@@ -30,11 +30,19 @@ class Level:
         ``"obstacle"`` at the range of the term, ``"rim"`` at a kink of its force below it.
     distance
         The distance.
+    jumps
+        Whether the force may jump there.
     """
 
     group: int
     kind: str
     distance: float
+    jumps: bool = True
+
+
+def _jumps_at(term: ObstacleTerm, distance: float) -> bool:
+    """Whether the force of a term may jump at a kink: of `Avoid` only where its repulsion has one of its own."""
+    return not isinstance(term, Avoid) or distance in term.repulsion.kinks()
 
 
 class ObstacleDistances:
@@ -49,7 +57,7 @@ class ObstacleDistances:
                 for group in term.groups:
                     number = len(self.groups)
                     self.levels.append(Level(number, "obstacle", term.range))
-                    self.levels += [Level(number, "rim", distance) for distance in inner]
+                    self.levels += [Level(number, "rim", x, _jumps_at(term, x)) for x in inner]
                     self.groups.append(group)
         self._distance = [g.obstacles[0].distance_function() for g in self.groups]
         self._rows = [np.array([v.values for v in g.rows.values()]) for g in self.groups]

@@ -58,7 +58,8 @@ DOUBT_FIELDS = np.dtype(
 """Fields of a switch that the integration error leaves open. ``kind`` is ``near miss``: a pair came within ``error`` of
 the distance at which it would have switched, ``margin`` short of it at ``time``, some time between ``begin`` and
 ``end``; or ``switch``: it switched at ``time`` but went no further than ``error`` beyond. ``what`` is the kind of the
-switch as in `SWITCH_FIELDS`."""
+switch as in `SWITCH_FIELDS`, and so are ``j`` and ``graph`` where it is ``obstacle``, or where it is ``kink`` of the
+force of an obstacle."""
 
 DoubtRow = tuple[float, float, float, int, int, str, int, str, float, float]
 """A switch that the integration error leaves open, fields `DOUBT_FIELDS`."""
@@ -280,8 +281,8 @@ class Run:
             return np.zeros(len(self.switches), dtype=bool)
         doubts = self.accuracy.doubts[self.accuracy.doubts["kind"] == "switch"]
         names = ("time", "i", "j", "graph")
-        doubtful = {tuple(row[name] for name in names) for row in doubts}
-        certain = [tuple(row[name] for name in names) not in doubtful for row in self.switches]
+        doubtful = {(*(row[name] for name in names), str(row["what"])) for row in doubts}
+        certain = [(*(row[name] for name in names), str(row["kind"])) not in doubtful for row in self.switches]
         return np.asarray(known & np.array(certain, dtype=bool))
 
     @property

@@ -22,6 +22,7 @@ from flocking.engine.exact.blocks.arrays import (
     Work,
 )
 from flocking.engine.exact.blocks.slides import slides
+from flocking.engine.exact.blocks.tried_steps import LAST
 from flocking.engine.exact.companion import SAFETY
 from flocking.engine.exact.crossings.switch_numbers import agent_difference, pair_speed, switch_errors
 from flocking.engine.exact.crossings.watch_tables import BallWatches
@@ -109,8 +110,11 @@ def judge_contact(
         work.d[k] = y[i * m + k] - balls.centres[level, 0, o, k]
         work.v[k] = y[(n + i) * m + k] if law.order == 2 else work.velocities[0, i * m + k]
     speed, size = pair_speed(work.d, work.v)
+    for k in range(m):
+        work.v[k] = work.e[LAST, i * m + k]
+    off, _ = pair_speed(work.d, work.v)
     bound = SAFETY * agent_difference(work.e, i, m) + q_floor
-    late, drift, delay = switch_errors(bound, np.inf, speed, bound / SAFETY, 0.0, 0.0, 0.0)
+    late, drift, delay = switch_errors(bound, np.inf, speed, off, 0.0, 0.0, 0.0)
     if not np.isfinite(late) or slides(switched, False, balls.levels[level], crossed[c], stop, speed):
         return False
     rows[s, WATCH], rows[s, FIRST], rows[s, SECOND], rows[s, SWITCHED_AT] = crossed[c, 0], i, o, stop

@@ -208,8 +208,11 @@ def judge_switches(
         s, w = counts[SWITCH_ROWS] + c, int(crossed[c, 0])
         i, j = int(crossed[c, 2]), int(crossed[c, 3])
         if w >= pairs.enter.shape[0]:
-            if again(crossed, c) or not judge_contact(
-                law, watches, stop, late_by, q_floor, c, s, solution, switched, work
+            fresh = row_of(switched.fresh, counts[FRESH_ROWS], crossed[c, 0], crossed[c, 2], crossed[c, 3])
+            if (
+                fresh >= 0
+                or again(crossed, c)
+                or not judge_contact(law, watches, stop, late_by, q_floor, c, s, solution, switched, work)
             ):
                 return False
             continue

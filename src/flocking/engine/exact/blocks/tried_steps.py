@@ -31,7 +31,7 @@ from flocking.engine.exact.blocks.arrays import (
     Work,
 )
 from flocking.engine.exact.companion import NODES, SLOWER, companion_gap, compare, unexplained_energy
-from flocking.engine.exact.crossings.ball_guards import ball_slack, find_ball_crossings
+from flocking.engine.exact.crossings.ball_guards import contact_slack, find_ball_crossings
 from flocking.engine.exact.crossings.guards import deepest_dip_of, find_crossings
 from flocking.engine.exact.crossings.nearby_pairs import require_pairs
 from flocking.engine.exact.crossings.switching import TIE
@@ -164,7 +164,7 @@ def all_crossings(watches: Watches, extent: float, solution: Solution, work: Wor
             )  # fmt: skip
         else:
             b = w - pairs.enter.shape[0]
-            slack = ball_slack(extent) * max(balls.levels[b], 1.0)
+            slack = contact_slack(extent, balls.levels[b])
             found = find_ball_crossings(
                 motion.positions, balls.centres[b], balls.radii[b], balls.inside[b], balls.active[b], balls.levels[b],
                 slack, work.hits,

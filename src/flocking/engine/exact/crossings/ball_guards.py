@@ -30,6 +30,11 @@ def ball_slack(size: float) -> float:
     return ROUNDED + ROUNDING * size
 
 
+def contact_slack(size: float, level: float) -> float:
+    """Distance beyond a ``level`` of an obstacle at which an agent has crossed it; see `ball_slack`; also native."""
+    return ball_slack(size) * max(level, 1.0)
+
+
 def uniform_balls(group: ObstacleGroup) -> bool:
     """Whether all obstacles of a group are balls that stand still or move uniformly."""
     # Subclasses may move otherwise.

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from flocking.engine.adaptive_steps.integration_method import DEGREE
 from flocking.engine.adaptive_steps.segment import Segment
-from flocking.engine.exact.crossings.ball_guards import _place, ball_crossings, ball_slack, centre_paths, uniform_balls
+from flocking.engine.exact.crossings.ball_guards import (
+    _place,
+    ball_crossings,
+    centre_paths,
+    contact_slack,
+    uniform_balls,
+)
 from flocking.engine.exact.crossings.switch_numbers import pair_speed
 from flocking.engine.exact.crossings.watch_tables import BallWatches
 from flocking.engine.kernels.obstacle_crossings import first_crossings, speed_bound
@@ -36,6 +42,14 @@ class ObstacleContacts(ObstacleDistances):
         super().__init__(law)
         self._reading = Reading()
         self._balls = [uniform_balls(g) for g in self.groups]
+
+    def are_balls(self, group: int) -> bool:
+        """Whether the obstacles of a ``group`` are balls that stand still or move uniformly."""
+        return self._balls[group]
+
+    def radii(self, group: int) -> Array:
+        """Radii of the balls of a ``group``, shape (K,)."""
+        return np.asarray(self._rows[group][list(self.groups[group].rows).index("radius")])
 
     def record(
         self, group: int, t: float, q: Array, p: Array, pair: tuple[int, int]
@@ -67,6 +81,21 @@ class ObstacleContacts(ObstacleDistances):
         """
         return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, is_tangential(speed, size))
 
+    def farther(self, group: int, t: float, q: Array, e: Array, o: int) -> float:
+        """How much further from obstacle ``o`` of a ``group`` an agent is if its position has an error.
+
+        Parameters
+        ----------
+        t, q, e
+            The time, the position and its error, shape (m,).
+        """
+        obstacle = self.groups[group].obstacles[o]
+        if self._balls[group]:
+            return float(pair_speed(q - _place(obstacle.centre, t), e)[0])  # type: ignore[attr-defined,operator]
+        moved, which = np.stack([q, q + e]), np.array([o, o])
+        before, after = self.clearance(group, moved, np.array([t, t]), which).tolist()
+        return float(after - before)
+
     def next_crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
     ) -> list[tuple[int, Array, Indices]]:
@@ -94,12 +123,12 @@ class ObstacleContacts(ObstacleDistances):
     def _crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
     ) -> list[tuple[int, Array, Indices]]:
-        slack = ball_slack(float(np.abs(B).max(initial=0.0)))
+        size = float(np.abs(B).max(initial=0.0))
         length = segment.t1 - segment.t0
         found = []
         for g, group in enumerate(self.groups):
             if self._balls[g]:
-                found += self._ball_crossings(g, segment, B, near, active, slack)
+                found += self._ball_crossings(g, segment, B, near, active, size)
                 continue
             excursion = np.sqrt(((B - B[0]) ** 2).sum(axis=2).max(axis=0))
             clear = self.distances(g, B[0], segment.t0)
@@ -108,13 +137,14 @@ class ObstacleContacts(ObstacleDistances):
             for number, level in enumerate(self.levels):
                 if level.group != g:
                     continue
-                allowance = excursion[:, None] + moved + 2 * slack * max(level.distance, 1.0)
+                slack = contact_slack(size, level.distance)
+                allowance = excursion[:, None] + moved + 2 * slack
                 candidates = np.abs(clear - level.distance) <= allowance
                 if level.kind == "rim":
                     candidates &= active[g]
                 i, o = np.nonzero(candidates)
                 sign = np.where(near[number][i, o], 1.0, -1.0)
-                border = level.distance + sign * slack * max(level.distance, 1.0)
+                border = level.distance + sign * slack
                 parts.append((np.full(len(i), number), i, o, sign, border))
             levels, i, o, sign, border = (np.concatenate(x) for x in zip(*parts, strict=True))
             if len(i):
@@ -145,7 +175,7 @@ class ObstacleContacts(ObstacleDistances):
             path = paths[level.group]
             balls = slice(path.shape[1])
             centres[number, :, balls] = path
-            radii[number, balls] = self._rows[level.group][list(self.groups[level.group].rows).index("radius")]
+            radii[number, balls] = self.radii(level.group)
             inside[number, :, balls] = near[number]
             watched[number, :, balls] = active[level.group] if level.kind == "rim" else True
         ranges = [number for number, level in enumerate(self.levels) if level.kind == "obstacle"]
@@ -153,19 +183,20 @@ class ObstacleContacts(ObstacleDistances):
             centres, radii, inside, watched, np.array([level.distance for level in self.levels]),
             np.array([level.group for level in self.levels], dtype=np.int64),
             np.array([level.kind == "rim" for level in self.levels], dtype=bool),
+            np.array([level.jumps for level in self.levels], dtype=bool),
             np.array(ranges, dtype=np.int64), np.array([p.shape[1] for p in paths], dtype=np.int64),
         )  # fmt: skip
 
     def _ball_crossings(
-        self, g: int, segment: Segment, B: Array, near: list[Links], active: list[Links], slack: float
+        self, g: int, segment: Segment, B: Array, near: list[Links], active: list[Links], size: float
     ) -> list[tuple[int, Array, Indices]]:
         centres = centre_paths(self.groups[g].obstacles, segment.t0, segment.t1)  # type: ignore[arg-type]
-        radii = self._rows[g][list(self.groups[g].rows).index("radius")]
+        radii = self.radii(g)
         found = []
         for number, level in enumerate(self.levels):
             if level.group == g:
                 watched = active[g] if level.kind == "rim" else np.ones_like(active[g])
-                margin = slack * max(level.distance, 1.0)
+                margin = contact_slack(size, level.distance)
                 when, candidate = ball_crossings(B, centres, radii, near[number], watched, level.distance, margin)
                 if len(when):
                     found.append((number, when, candidate))

@@ -92,7 +92,7 @@ class LinkState:
         base: float = 0.0,
         space: Space = OPEN,
     ) -> None:
-        self._base = base
+        self.base = base
         self.space = space
         self._law = law
         self.graphs: tuple[Graph, ...] = law.graphs
@@ -104,7 +104,7 @@ class LinkState:
         self.watches = watches_of(law, len(q))
         self.near: list[Links] = [self._near_at(q, w) for w in self.watches]
         self.contacts = ObstacleContacts(law)
-        self._first_level = len(self.watches)
+        self.first_level = len(self.watches)
         self._numbers: tuple[Array, Array, Array, Mask, Mask] | None = None
         for level in self.contacts.levels:
             distance = np.full(len(q), level.distance)
@@ -127,7 +127,7 @@ class LinkState:
         obstacles = [(g.structure, g.rows) for g in contacts.groups] == [
             (g.structure, g.rows) for g in self.contacts.groups
         ]
-        before = self.watches[: self._first_level]
+        before = self.watches[: self.first_level]
         if not (
             obstacles and contacts.levels == self.contacts.levels
             and len(watches) == len(before) and all(map(Watch.is_where, watches, before))
@@ -135,7 +135,7 @@ class LinkState:
             return None
         found = copy(self)
         found._law, found.graphs, found.contacts = law, law.graphs, contacts
-        found.watches = [*watches, *self.watches[self._first_level :]]
+        found.watches = [*watches, *self.watches[self.first_level :]]
         found.recall((self.links, self.near))
         found._sliding, found._numbers = LastCrossings(), None
         found.forget_nearby()
@@ -198,7 +198,7 @@ class LinkState:
 
     def watched(self) -> Iterator[tuple[int, Watch, Links, tuple[Array, Array] | None]]:
         """Watches of pairs of agents: number, watch, pairs checked, headings and cosines of views."""
-        for number, watch in enumerate(self.watches[: self._first_level]):
+        for number, watch in enumerate(self.watches[: self.first_level]):
             active = self.links[watch.graph] if watch.kind == "kink" else self._allowed[watch.graph]
             yield number, watch, active, self._views[watch.graph]
 
@@ -214,22 +214,22 @@ class LinkState:
             return None
         balls: BallWatches | None = NO_BALLS
         if self.contacts.levels:
-            balls = self.contacts.tables(self.near[self._first_level :], self.active())
+            balls = self.contacts.tables(self.near[self.first_level :], self.active())
         if balls is None:
             return None
         n = len(self._allowed[0])
         pairs = [pairs for _, _, pairs, _ in self.watched()]
-        near = np.array(self.near[: self._first_level], dtype=bool).reshape(-1, n, n)
+        near = np.array(self.near[: self.first_level], dtype=bool).reshape(-1, n, n)
         active = np.array(pairs, dtype=bool).reshape(-1, n, n)
         if self._numbers is None:
-            watches = self.watches[: self._first_level]
+            watches = self.watches[: self.first_level]
             enter = np.array([w.enter for w in watches]).reshape(-1, n)
             leave = np.array([w.leave for w in watches]).reshape(-1, n)
             slack = np.array([slack_of(w, 0.0) for w in watches])
             directed = np.array([self.graphs[w.graph].directed for w in watches], dtype=bool)
             smooth = np.array([w.smooth for w in watches], dtype=bool)
             self._numbers = enter, leave, slack, directed, smooth
-        barred = [w.kind == "link" and barriers[w.graph] for w in self.watches[: self._first_level]]
+        barred = [w.kind == "link" and barriers[w.graph] for w in self.watches[: self.first_level]]
         return PairWatches(near, active, *self._numbers, np.array(barred, dtype=bool)), balls
 
     def take(self, near: Mask, links: Mask, inside: Mask) -> None:
@@ -246,9 +246,9 @@ class LinkState:
         """
         self.links = list(links)
         for level, here in enumerate(inside):
-            known = self.near[self._first_level + level]
-            self.near[self._first_level + level] = here[:, : known.shape[1]].copy()
-        for number, watch in enumerate(self.watches[: self._first_level]):
+            known = self.near[self.first_level + level]
+            self.near[self.first_level + level] = here[:, : known.shape[1]].copy()
+        for number, watch in enumerate(self.watches[: self.first_level]):
             self.near[number] = self.links[watch.graph] if watch.kind == "link" else near[number]
 
     def forget_nearby(self) -> None:
@@ -288,8 +288,11 @@ class LinkState:
         number
             Number of the watch.
         """
-        if self.watches[number].kind == "kink":
+        kind = self.watches[number].kind
+        if kind in ("kink", "rim"):
             return "kink"
+        if kind == "obstacle":
+            return kind
         return "break" if self.near[number][i, j] else "appear"
 
     def next_crossings(self, segment: Segment, n: int, m: int, order: int) -> tuple[float, list[Crossing]]:
@@ -317,10 +320,10 @@ class LinkState:
             if len(when):
                 found.append((number, when, which))
         if self.contacts.levels:
-            near = self.near[self._first_level :]
-            late = Segment(segment.t0 + self._base, segment.t1 + self._base, segment.coefficients)
+            near = self.near[self.first_level :]
+            late = Segment(segment.t0 + self.base, segment.t1 + self.base, segment.coefficients)
             for level, when, which in self.contacts.next_crossings(late, B, near, self.active()):
-                found.append((self._first_level + level, when, which))
+                found.append((self.first_level + level, when, which))
         if not found:
             return 2.0, []
         first = min(float(when.min()) for _, when, _ in found)

@@ -51,8 +51,9 @@ class BallWatches(NamedTuple):
         Which agents are within the distance, and which pairs are watched; shape (levels, N, K).
     levels
         The distances, shape (levels,).
-    groups, rims
-        Group of obstacles of each level, and whether it is a kink of the force inside the range, shape (levels,).
+    groups, rims, jumps
+        Group of obstacles of each level, whether it is a kink of the force inside the range, and whether the force may
+        jump there, shape (levels,).
     ranges, counts
         Level of the range of each group, and how many balls it has, shape (groups,).
     """
@@ -64,6 +65,7 @@ class BallWatches(NamedTuple):
     levels: Array
     groups: Indices
     rims: Mask
+    jumps: Mask
     ranges: Indices
     counts: Indices
 
@@ -71,7 +73,7 @@ class BallWatches(NamedTuple):
 NO_BALLS = BallWatches(
     np.zeros((0, DEGREE + 1, 0, 1)), np.zeros((0, 0)), np.zeros((0, 1, 0), dtype=bool),
     np.zeros((0, 1, 0), dtype=bool), np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=bool),
-    np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64),
+    np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64),
 )  # fmt: skip
 """Those of a law without obstacles."""
 
