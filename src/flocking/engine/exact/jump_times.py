@@ -1,4 +1,4 @@
-"""Times at which terms of a law switch by themselves; a step ends at the last floating-point time before one."""
+"""Times at which terms of a law switch or leaders move suddenly; steps end at the last floating-point time before."""
 
 from __future__ import annotations
 
@@ -7,32 +7,35 @@ import numpy as np
 from flocking.engine.exact.origin import Origin
 from flocking.model.bodies.body import Body
 from flocking.model.law import Law
+from flocking.model.leaders_and_obstacles.sudden_velocities import sudden_times
 
 
 class JumpTimes:
-    """The session's own times at which terms of a law switch by themselves, or bodies change by the clock.
+    """The session's own times at which terms of a law switch by themselves, leaders move suddenly, or bodies change by
+    the clock.
 
     Parameters
     ----------
     origin
         Origin of the session's own time.
-    end
-        End of the run, in the user's time; a session that goes on beyond it has no end.
+    start, end
+        Start and end of the run, in the user's time; a session that goes on beyond it has no end.
     bodies
         What the agents are: some of their numbers are set by the clock.
     """
 
-    def __init__(self, law: Law, origin: Origin, end: float, bodies: Body) -> None:
+    def __init__(self, law: Law, origin: Origin, start: float, end: float, bodies: Body) -> None:
         self._bodies = bodies
         self._law, self._end = law, origin.own_time(end)
         self._origin = origin
         self._next = -np.inf
+        self._sudden = sorted({s for leader in law.leaders for s in sudden_times(leader, start, end)})
 
     def following(self, now: float) -> float:
         """The first one after ``now``."""
         if not self._next > now:
             terms = self._law.body_terms
-            times = [s for term in terms for s in term.switch_times(self._origin.time_at(now), np.inf)]
+            times = [s for term in terms for s in term.switch_times(self._origin.time_at(now), np.inf)] + self._sudden
             later = [s for s in times if self._origin.own_time(s) > now]
             self._next = min(self._origin.own_time(min(later, default=np.inf)), self._bodies.drawn_until(now))
         return self._next

@@ -85,7 +85,8 @@ class ExactSession(AdaptiveSession):
         """Kernels and parameters: all that depends on the law but not on the state."""
         self.n, self.m = n, m
         self._dynamics = dynamics or Dynamics(self.scenario, self.plant, n, m, self._origin.time)
-        self._jumps = JumpTimes(self._dynamics.layout.law, self._origin, self.scenario.t_end, self.scenario.agents)
+        times = self.scenario.start.t, self.scenario.t_end
+        self._jumps = JumpTimes(self._dynamics.layout.law, self._origin, *times, self.scenario.agents)
         self._lengths = StepLengths(self.scenario.t_end - self.scenario.start.t)
         self._centres = ObstacleCentres(self.scenario)
 

@@ -1,0 +1,67 @@
+"""Leaders whose velocity jumps, has a kink, or is at rest but for a short pulse, against closed forms."""
+
+from __future__ import annotations
+
+from math import erf, exp, pi, sqrt
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.model.leaders_and_obstacles.sudden_velocities import sudden_times
+
+SUDDEN = 3.3
+
+
+def followed(velocity: str, tolerance: float, **numbers: float) -> fk.Run:
+    """An agent that takes over a leader's velocity: dp/dt = v - p."""
+    law = fk.Law(fk.Fixed(1, []), [fk.Track(fk.Path([velocity, "0*t"], **numbers), velocity_gain=1.0)])
+    scenario = fk.Scenario(law, fk.State([[0.0, 0.0]]), 10.0, frames=21, tolerance=tolerance)
+    return fk.simulate(scenario, engine="exact", progress=False)
+
+
+def off(run: fk.Run, expected: list[float]) -> np.ndarray:
+    """Errors of the velocities at the frames over those that the run states."""
+    assert run.accuracy is not None
+    return np.asarray(np.abs(run.p[:, 0, 0] - expected) / (run.accuracy.frames[:, 1] + 1e-12))
+
+
+@pytest.mark.parametrize("width", [0.1, 1e-3, 1e-6])
+def test_no_step_jumps_over_a_pulse(width: float) -> None:
+    """The convolution of a Gauss function with exp(-t)."""
+    s, w = 5.1, width
+    run = followed("exp(-((t - s)/w)**2)/w", 1e-9, s=s, w=w)
+    size = sqrt(pi) / 2
+    expected = [
+        size * exp(s - t + w * w / 4) * (erf((t - s) / w - w / 2) + erf(s / w + w / 2)) if t > s - 20 * w else 0.0
+        for t in run.t.tolist()
+    ]
+    assert max(expected) > 1.0
+    assert (off(run, expected) <= 1.0).all()
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-8])
+def test_steps_end_where_a_velocity_jumps_or_has_a_kink(tolerance: float) -> None:
+    jump = followed("where(t < s, 0, 1)", tolerance, s=SUDDEN)
+    assert (off(jump, [1.0 - exp(SUDDEN - t) if t > SUDDEN else 0.0 for t in jump.t.tolist()]) <= 1.0).all()
+    kink = followed("where(t < s, 0, t - s)", tolerance, s=SUDDEN)
+    expected = [t - SUDDEN - 1.0 + exp(SUDDEN - t) if t > SUDDEN else 0.0 for t in kink.t.tolist()]
+    assert (off(kink, expected) <= 1.0).all()
+    for run in (jump, kink):
+        assert np.abs(run.trace["time"] - SUDDEN).min() < 1e-12
+
+
+def test_only_sudden_changes_end_steps() -> None:
+    def times(*velocity: str, end: float = 20.0) -> tuple[float, ...]:
+        return sudden_times(fk.Path(velocity), 0.0, end)
+
+    assert (
+        times("sin(t)", "cos(2*t)")
+        == times("sin(t)/sqrt(2 - cos(t))", "0*t")
+        == times("exp(-t)", "tanh(t - 10)")
+        == times("t**2", "1/(1 + t)")
+        == ()
+    )
+    assert times("abs(t - 2)", "where(t < 7, 1, 2)") == pytest.approx((2.0, 7.0), rel=1e-14)
+    assert sudden_times(fk.Velocity([1.0, 0.0]), 0.0, 1.0) == sudden_times(fk.Sink([1.0, 0.0]), 0.0, 1.0) == ()
+    assert min(abs(t - 4.0) for t in times("exp(-((t - 4)/0.01)**2)", "0*t")) < 0.01
