@@ -18,6 +18,7 @@ from flocking.engine.exact.crossings.images import nearest_shift
 from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep
 from flocking.engine.exact.crossings.switch_numbers import radial_motion, switch_errors
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
+from flocking.engine.exact.crossings.view_guards import bearing_motion
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.extremes import Extremes
 from flocking.engine.exact.origin import Origin
@@ -294,7 +295,11 @@ class SolutionError:
             self._settle(self._doubts.cross(crossing, k, segment.t1, links, bound), segment, links)
             radial = _radial(segment, i, j, *self._sizes, links.space, self.difference.nodes[-1])
             # The crossing counts from where the pair is that far beyond the distance.
-            late, drift, delay = switch_errors(bound, drift, speed, *radial, slack_of(watch, error.q_floor / ROUNDING))
+            errors = switch_errors(bound, drift, speed, *radial, slack_of(watch, error.q_floor / ROUNDING))
+            view = next((view for number, _, _, view in links.watched() if number == crossing.watch), None)
+            if view is not None and watch.kind == "link":
+                errors = self._by_bearing(errors, bound, segment, i, j, view, float(watch.leave[i]))
+            late, drift, delay = errors
         if not np.isfinite(late):
             self._companion.lose(segment.t1)
             return np.inf, np.inf
@@ -302,6 +307,34 @@ class SolutionError:
             self._jump = (delay, segment.with_slope(segment.t1)[1])
         # The user's time is resolved no finer.
         return late + float(np.spacing(abs(segment.t1 + self._dynamics.base))), drift
+
+    def _by_bearing(
+        self, errors: tuple[float, float, float], bound: float, segment: Segment, i: int, j: int,
+        view: tuple[Array, Array], radius: float,
+    ) -> tuple[float, float, float]:  # fmt: skip
+        """`switch_errors` of an agent that enters or leaves a field of view, which may be by its bearing.
+
+        Parameters
+        ----------
+        errors
+            Those of a crossing of its ``radius``, which hold where it crosses that.
+        bound
+            Error of the distance of the pair.
+        segment, i, j
+            The step, the agent that looks, and the other one.
+        view
+            Headings and cosines.
+        """
+        m, C, e = self._dynamics.m, segment.coefficients, self.difference.nodes[-1]
+        apart = C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m]
+        off = self._agent(e, j) - self._agent(e, i)
+        inside, steep, rate, bend, off_border = bearing_motion(
+            apart, segment.t0, segment.t1, off, view[0][i], float(view[1][i])
+        )
+        if abs(radius - float(np.linalg.norm(apart[-1]))) <= abs(inside):
+            return errors
+        late, _, delay = switch_errors(bound * steep, 0.0, rate, off_border, 0.0, bend, abs(inside))
+        return late, errors[1], delay
 
     def switched(self, slope: Array) -> None:
         """Update the difference after a switch of the law; ``slope`` is the slope after it."""

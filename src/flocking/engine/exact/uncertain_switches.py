@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from flocking.engine.exact.crossings.band_guards import closest_after, first_bey
 from flocking.engine.exact.crossings.images import image_doubts, pair_paths
 from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep, agent_slack, recorded
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
-from flocking.engine.exact.crossings.view_guards import view_crossings
+from flocking.engine.exact.crossings.view_guards import view_crossings, view_place
 from flocking.engine.exact.crossings.watch_tables import near_miss_floor
 from flocking.engine.runs.run import DoubtRow
 from flocking.model.checks import Array
@@ -118,7 +119,8 @@ class Doubts:
         motion = segment.motion(n, m, error.order)
         B, far = motion.positions, motion.far
         obstacles = ObstacleStep(links, segment, B) if links.contacts.levels else None
-        settled, ended = self._fresh(segment, B, links, error, obstacles)
+        views = {k: view for k, watch, _, view in links.watched() if view is not None and watch.kind == "link"}
+        settled, ended = self._fresh(segment, B, links, error, obstacles, views)
         found: dict[Key, tuple[float, float, float, bool]] = {}
         most, nodes = error.pairs, error.q
         for number, watch, active, view in links.watched():
@@ -150,7 +152,12 @@ class Doubts:
             number, i, j = key
             watch, inside = links.watches[number], bool(links.near[number][i, j])
             if key in found:
-                if obstacles is not None and number >= links.first_level:
+                if number in views:
+                    view, bound = views[number], LEFT * found[key][2]
+                    look = B, i, j, view[0][i], view[1][i], watch.leave[i]
+                    x = view_place(*look, inside, -bound, after)
+                    margin = 0.0 if x <= 1.0 else np.inf
+                elif obstacles is not None and number >= links.first_level:
                     margin, x = obstacles.nearest(number, i, j, inside, after)
                 else:
                     level = float(watch.leave[i] if inside else watch.enter[i])
@@ -162,15 +169,22 @@ class Doubts:
         return settled + self._compare(segment, links, found)
 
     def _fresh(
-        self, segment: Segment, B: Array, links: LinkState, error: StateError, obstacles: ObstacleStep | None
-    ) -> tuple[list[Settled], dict[Key, float]]:
+        self, segment: Segment, B: Array, links: LinkState, error: StateError, obstacles: ObstacleStep | None,
+        views: Mapping[int, tuple[Array, Array]],
+    ) -> tuple[list[Settled], dict[Key, float]]:  # fmt: skip
         """Pairs that have switched and come back without being beyond the error, and those that are, with where."""
         settled: list[Settled] = []
         ended: dict[Key, float] = {}
         for key, fresh in list(self.fresh.items()):
             number, i, j = key
             sign = 1.0 if fresh.outward else -1.0
-            if obstacles is not None and number >= links.first_level:
+            view = views.get(number)
+            if view is not None:
+                # Links of fields of view change by bearing, too: it has left when it is seen, or not, by the error.
+                bound = error.pair(i, j) + slack_of(links.watches[number], error.q_floor / ROUNDING)
+                look = B, i, j, view[0][i], view[1][i], links.watches[number].leave[i]
+                x, back = (view_place(*look, seen, bound, 0.0) for seen in (fresh.outward, not fresh.outward))
+            elif obstacles is not None and number >= links.first_level:
                 bound = error.agent(i) + agent_slack(error.q_floor, fresh.level)
                 x = obstacles.first_past(number, i, j, fresh.level + sign * bound, outward=fresh.outward)
                 back = obstacles.first_past(number, i, j, fresh.level - sign * bound, outward=not fresh.outward)

@@ -8,9 +8,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.exact.crossings.guards import _PRODUCT, places_and_pairs, squared_distance
+from flocking.engine.exact.crossings.switch_numbers import DIFFERENCED
 from flocking.engine.imperfect.view_switches import view_change
-from flocking.engine.kernels.bernstein import add_row, all_rows
+from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, part_from
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
@@ -58,6 +60,59 @@ def view_crossings(
     """
     given = B, far, near, headings, cosines, radii, slack
     return places_and_pairs(all_rows(lambda found: int(_view_crossings(*given, found)), 3))
+
+
+@native
+def view_place(
+    B: Array, i: int, j: int, heading: Array, cosine: float, radius: float, near: bool, slack: float, after: float
+) -> float:
+    """First place after ``after`` at which a seen agent is lost or an unseen one is seen, or `NEVER`.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    heading, cosine, radius
+        Where agent ``i`` looks, shape (m,), the cosine of its half angle and its radius.
+    near
+        Whether it counts as seen.
+    slack
+        Overshoot in distance that counts as a change; a negative one asks how near it comes to that.
+    """
+    out = np.empty((3, 15))
+    _polynomials(B, i, j, heading, cosine, out)
+    square, ahead, product = part_from(out[0], after), part_from(out[1], after), part_from(out[2], after)
+    x = view_change(near, square, ahead, product, cosine, radius, slack)
+    return float(after + x * (1.0 - after) if x <= 1.0 else NEVER)
+
+
+def bearing_motion(
+    apart: Array, begin: float, end: float, e: Array, heading: Array, cosine: float
+) -> tuple[float, float, float, float, float]:
+    """Of two agents at the end of a step: how far the second is inside the border of the view, g = d.h - c |d|, the
+    size of the gradient of g, its rate and second derivative, and its difference by an error.
+
+    Parameters
+    ----------
+    apart
+        Bernstein coefficients of the difference of their positions d, shape (8, m).
+    begin, end
+        Times of the step.
+    e
+        Difference of the errors of their positions, shape (m,).
+    heading, cosine
+        Where the first looks, shape (m,), and the cosine of its half angle.
+    """
+    segment, rates, gradient = Segment(begin, end, apart), [], np.zeros_like(e)
+    d = apart[-1]
+    for t in (end - DIFFERENCED * (end - begin), end):
+        d, v = segment.with_slope(t)
+        r = float(np.linalg.norm(d))
+        gradient = heading - (cosine * d / r if r > 0.0 else 0.0)
+        rates.append(float(gradient @ v))
+    inside = float(d @ heading) - cosine * float(np.linalg.norm(d))
+    bend = (rates[1] - rates[0]) / (DIFFERENCED * (end - begin))
+    return inside, float(np.linalg.norm(gradient)), rates[1], bend, float(gradient @ e)
 
 
 @native

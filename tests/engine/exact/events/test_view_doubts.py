@@ -1,0 +1,44 @@
+"""Agents that come into a field of view by their bearing, near the turning point of an orbit in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+
+HALF_ANGLE, PHASE = 0.5, 1.0
+
+
+def turning(depth: float, tolerance: float) -> fk.Run:
+    """Agent 0 rests and sees up to the axis y = 0; agent 1, on an ellipse, rises this far above it at 2 pi - 1."""
+    middle = [4.0, depth - 1.0]
+    leader = fk.Track(fk.Sink(middle), position_gain=[0.0, 1.0], velocity_gain=0.0)
+    law = fk.Law(fk.FieldOfView(10.0, HALF_ANGLE), [fk.Consensus(0.0), leader])
+    q = [[0.0, 0.0], [middle[0] + 2.0 * np.sin(PHASE), middle[1] + np.cos(PHASE)]]
+    p = [[0.0, 0.0], [2.0 * np.cos(PHASE), -np.sin(PHASE)]]
+    bodies = fk.PointMass(headings=[HALF_ANGLE, 0.0])
+    scenario = fk.Scenario(law, fk.State(q, p), 8.0, agents=bodies, frames=3, tolerance=tolerance)
+    return fk.simulate(scenario, engine="exact", progress=False)
+
+
+@pytest.mark.parametrize(("depth", "tolerance"), [(1e-2, 1e-4), (1e-3, 1e-6), (1e-4, 1e-6), (1e-4, 1e-8)])
+def test_times_of_views_by_bearing_are_within_their_errors(depth: float, tolerance: float) -> None:
+    run = turning(depth, tolerance)
+    expected = 2 * np.pi - PHASE + np.arccos(1.0 - depth) * np.array([-1.0, 1.0])
+    assert run.switches["kind"].tolist() == ["appear", "break"]
+    assert (np.abs(run.switches["time"] - expected) <= run.switches["time_error"]).all()
+    assert (run.switches["time_error"] < 0.1 * np.ptp(expected)).all()
+    assert run.certain.all()
+    assert run.accuracy is not None
+    assert len(run.accuracy.doubts) == 0
+
+
+def test_views_by_bearing_that_the_error_decides_are_in_doubt() -> None:
+    seen = turning(1e-4, 1e-4)
+    assert len(seen.switches) == 2
+    assert not seen.certain.any()
+    missed = turning(-1e-6, 1e-5)
+    assert len(missed.switches) == 0
+    assert missed.accuracy is not None
+    assert set(missed.accuracy.doubts["kind"]) == {"near miss"}
