@@ -60,7 +60,8 @@ class Formula:
     ----------
     text
         Arithmetic on names and numbers with ``+ - * / **`` (``^`` is read as ``**``), the functions in
-        `FUNCTIONS`, and ``where(condition, value_if_true, value_if_false)``.
+        `FUNCTIONS`, of which ``log`` is the natural logarithm, and ``where(condition, value_if_true, value_if_false)``.
+        It means what SymPy simplifies it to: ``sqrt(x)**2`` is x and ``x/x`` is 1, for negative x and zero too.
     owner
         Who owns the formula; used in error messages.
 

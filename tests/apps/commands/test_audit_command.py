@@ -10,6 +10,8 @@ import pytest
 
 import flocking as fk
 from flocking.apps.cli import main
+from flocking.apps.commands import audit_command
+from flocking.study.sample_files.samples import Samples
 
 LAW = """format = 1
 [graph]
@@ -81,6 +83,13 @@ def test_wrong_input_is_one_sentence(place, capsys, monkeypatch, words, message)
     shown = capsys.readouterr().err
     assert message in shown
     assert shown.count("\n") == 1
+
+
+def test_a_law_of_a_paper_is_that_of_the_paper_whatever_lies_in_the_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "zhou-2015").mkdir()
+    samples = Samples(np.array([0.0, 1.0]), np.zeros((2, 1, 2)), None, ("0",))
+    assert audit_command._law("zhou-2015", samples)[0].name == "zhou-2015"
 
 
 def test_columns_that_are_not_read_are_named(tmp_path, capsys):

@@ -158,7 +158,8 @@ def test_parameters_cannot_be_changed_in_place():
     with pytest.raises(TypeError):
         ZHOU.parameters["R"] = 5  # type: ignore[index]
     assert ZHOU.with_parameters(R=5).parameters["R"] == 5
-    assert "R=4" in repr(ZHOU)
+    assert "R=4)" in repr(ZHOU)
+    assert "R=4.000000125)" in repr(ZHOU.with_parameters(R=4.000000125))
 
 
 def test_a_parameter_may_be_called_self(tmp_path):

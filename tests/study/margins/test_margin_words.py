@@ -42,6 +42,12 @@ def test_what_cannot_be_told_apart_is_refused(options, words):
         margins(**options)
 
 
+@pytest.mark.parametrize("t_end", [0.0, 1e-300, 1e-10])
+def test_a_run_without_time_for_controls_is_refused(t_end):
+    with pytest.raises(fk.InvalidInput, match=r"margins: t_end must be at least .* after the start"):
+        margins(lambda seed: fk.Scenario(make(seed).law, make(seed).start, t_end=t_end), "loss", levels=None)
+
+
 def test_claims_of_one_key_are_refused_wherever_verdicts_are_kept_by_keys():
     run = fk.simulate(make(0), progress=False)
     with pytest.raises(fk.InvalidInput, match="audit: claims must have different keys"):

@@ -100,7 +100,9 @@ class Potential:
         return (_rebuild, (self.formula.text, dict(self.parameters)))
 
     def __repr__(self) -> str:
-        values = "".join(f", {name}={value:g}" for name, value in self.parameters.items())
+        # In few digits where these are the number.
+        shown = ((name, f"{value:g}", value) for name, value in self.parameters.items())
+        values = "".join(f", {name}={text if float(text) == value else repr(value)}" for name, text, value in shown)
         return f"Potential({self.formula.text!r}{values})"
 
     def with_parameters(self, **parameters: float) -> Potential:

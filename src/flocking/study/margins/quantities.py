@@ -100,11 +100,20 @@ def rounded_levels(low: float, high: float) -> tuple[float, ...]:
 
 
 def base_period(scenario: Scenario) -> float:
-    """The period of the base world of a scenario: its own, or one that gives about `PERIODS` ticks."""
+    """The period of the base world of a scenario: its own, or one that gives about `PERIODS` ticks.
+
+    Raises
+    ------
+    InvalidInput
+        When the run is so short that this is less than a nanosecond.
+    """
     for part in (scenario.control, scenario.information):
         if isinstance(part, Held | Messages):
             return float(np.max(part.period))
     length = scenario.t_end - scenario.start.t
+    if length / PERIODS < NANOSECOND:
+        rule = f"must be at least {PERIODS * NANOSECOND:g} after the start, or period must be given"
+        raise InvalidInput("margins", "t_end", rule, scenario.t_end, "Runs need time for controls and messages.")
     return max(rounded_levels(length / PERIODS / 10, length / PERIODS))
 
 
