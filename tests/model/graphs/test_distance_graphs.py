@@ -85,6 +85,15 @@ def test_networkx_round_trip():
     assert fk.Fixed.complete(1).edges == ()
 
 
+def test_weights_of_a_networkx_graph_are_not_dropped_without_a_word():
+    graph = networkx.Graph([(0, 1)])
+    graph.add_edge(1, 2, weight=2.0)
+    with pytest.raises(InvalidInput, match="must have no weights other than 1"):
+        fk.Fixed.from_networkx(graph)
+    # Weights of 1 are links, and parallel edges one link.
+    assert fk.Fixed.from_networkx(networkx.MultiGraph([(0, 1), (0, 1, {"weight": 1})])).edges == ((0, 1),)
+
+
 def test_the_draws_of_a_large_graph_end(monkeypatch):
     monkeypatch.setattr(connectivity, "MOST_PAIRS", 90_000)
     with pytest.raises(InvalidInput, match="gave no connected graph in 100 draws"):

@@ -8,7 +8,7 @@ import pytest
 import flocking as fk
 from flocking.study.claims.claim import Claim, Verdict
 from flocking.study.claims.conclusions.energy import speeds_bounded
-from flocking.study.claims.conclusions.limits import positions_agree
+from flocking.study.claims.conclusions.limits import imbalance, positions_agree
 from flocking.study.claims.general_claims import GENERAL
 from flocking.study.claims.judgement import judge
 from flocking.study.evidence import Evidence
@@ -128,3 +128,11 @@ def test_a_key_that_no_claim_has_is_named_beside_those_there_are():
         report["leger"]
     with pytest.raises(fk.InvalidInput, match="at least one report"):
         judge(GENERAL, [])
+
+
+@pytest.mark.parametrize("strength", [1e-9, 1.0])
+def test_a_force_without_stiffness_does_not_vanish_however_small_its_unit(strength):
+    """Two agents on a line that attract each other with a constant force."""
+    law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("c*r", c=strength))])
+    made = fk.Scenario(law, fk.State([[0.0], [1.0]]), t_end=0.1, frames=101, agents=fk.PointMass(strength))
+    assert imbalance(Evidence(fk.simulate(made, progress=False))) == np.inf

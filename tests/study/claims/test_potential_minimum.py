@@ -12,7 +12,7 @@ from flocking.papers.tanner_2003_fixed.theorems import longest_path
 from flocking.study.claims.potential_minimum import smallest_value
 from flocking.study.evidence import NotResolvable
 
-UNITS = [(length, energy) for length in (1e-8, 1e-3, 1.0, 1e7) for energy in (1e-20, 1.0, 1e9)]
+UNITS = [(length, energy) for length in (1e-20, 1e-8, 1.0, 1e7, 1e15) for energy in (1e-20, 1.0, 1e9)]
 
 
 def tanner(length: float, energy: float) -> fk.Potential:

@@ -75,11 +75,14 @@ def test_a_jump_as_large_as_the_energy_is_not_called_continuous(unit, holds, dec
     assert (abs(found.margin) > found.error) == decided
 
 
-@pytest.mark.parametrize(("unit", "holds", "decided"), [(1.0, False, True), (1e-10, False, False)])
-def test_a_mean_velocity_that_is_lost_is_not_called_constant(unit, holds, decided):
+@pytest.mark.parametrize(
+    ("unit", "length", "holds", "decided"),
+    [(1.0, 1.0, False, True), (1e-10, 1.0, False, False), (1e-10, 1e-10, False, True)],
+)
+def test_a_mean_velocity_that_is_lost_is_not_called_constant(unit, length, holds, decided):
     """Damping takes nine tenths of the mean velocity."""
     law = fk.Law(fk.Complete(), [fk.Consensus(1.0)])
-    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[unit, 0.0], [0.5 * unit, 0.0]])
+    start = fk.State([[0.0, 0.0], [length, 0.0]], [[unit, 0.0], [0.5 * unit, 0.0]])
     scenario = fk.Scenario(law, start, t_end=float(np.log(10.0)), frames=11, agents=fk.PointMass(damping=1.0))
     found = momentum_drift(Evidence(fk.simulate(scenario, engine="exact", progress=False)))
     assert (found.margin - found.error > 0.0) == holds

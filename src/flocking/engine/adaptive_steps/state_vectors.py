@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
+from flocking.engine.adaptive_steps.state_tolerances import ORDINARY, counted, natural_sizes, state_tolerances
+from flocking.model.bodies.actuators import APPLIED
 from flocking.model.checks import Array
 from flocking.model.state import State
 
@@ -49,7 +50,7 @@ def further_columns(y: Array, first: int, n: int, widths: Mapping[str, int]) -> 
 
 
 def component_tolerances(
-    state: State, order: int, widths: Mapping[str, int], tolerance: float, duration: float
+    state: State, order: int, widths: Mapping[str, int], tolerance: float, duration: float, mass: float
 ) -> Array:
     """Absolute error tolerance of each component of a state vector.
 
@@ -63,9 +64,18 @@ def component_tolerances(
         The tolerance relative to the sizes of positions, velocities and each column.
     duration
         Length of the run.
+    mass
+        The largest mass. Where velocities are so small that they count as they are, so do applied forces (of order 1
+        velocities), by the force that gives the heaviest agent the natural velocity in the whole time. The units of
+        other columns are not known.
     """
     parts = [state_tolerances(state, order, tolerance, duration)]
+    speed = natural_sizes(state, duration)[1]
     for name in widths:
         values = state.columns[name]
-        parts.append(np.full(values.size, tolerance * max(1.0, float(np.abs(values).max(initial=0.0)))))
+        size = float(np.abs(values).max(initial=0.0))
+        natural = 0.0
+        if name == APPLIED and speed < ORDINARY and duration > 0.0:
+            natural = max(size, speed if order == 1 else mass * speed / duration)
+        parts.append(np.full(values.size, tolerance * counted(size, natural)))
     return np.concatenate(parts)

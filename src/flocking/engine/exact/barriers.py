@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.engine.adaptive_steps.integration_method import RELATIVE
 from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.state_tolerances import ORDINARY
 from flocking.engine.exact.crossings.guards import deepest_dip
 from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.switching import LinkState
@@ -75,7 +76,7 @@ class LedgerState:
     kinetic: float
 
 
-def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> bool:
+def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState, kept: float) -> bool:
     """Whether a step changes the energy by far more than its ledger explains.
 
     Parameters
@@ -86,9 +87,12 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
         The step.
     ledger
         The ledger at the start of the step.
+    kept
+        Absolute tolerance of the ledger.
     """
     tolerance = dynamics.scenario.tolerance
-    if _gap(dynamics, segment.t1, segment.coefficients[-1], ledger) > LEDGER_GAP * tolerance:
+    least = least_energy(kept, tolerance)
+    if _gap(dynamics, segment.t1, segment.coefficients[-1], ledger, least) > LEDGER_GAP * tolerance:
         return True
     if not dynamics.singular:
         return False
@@ -97,7 +101,7 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
     if x > 1.0:
         return False
     inside = segment.cut(x)
-    return _gap(dynamics, inside.t1, inside.coefficients[-1], ledger) > DIP_GAP
+    return _gap(dynamics, inside.t1, inside.coefficients[-1], ledger, least) > DIP_GAP
 
 
 def grown_tolerance(dynamics: Dynamics, tolerance: Array, y: Array, slope: Array) -> Array:
@@ -226,17 +230,34 @@ def check_resolved(dynamics: Dynamics, links: LinkState, segment: Segment, toler
         raise unresolved(segment.t1 + dynamics.base, near.agents, near.gap, at_break=near.at_break)
 
 
-def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState) -> float:
+def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState, least: float) -> float:
     """Residual of the ledger between the start of the step and ``y``, relative to the energies."""
     _, dissipated, supplied = (y[dynamics.columns_size :] - ledger.tail)[dynamics.departs :][:LEDGER]
     energy, kinetic = dynamics.energy(t, y)
-    gap = relative_gap(energy, kinetic, ledger.energy, ledger.kinetic, dissipated, supplied)
+    gap = relative_gap(energy, kinetic, ledger.energy, ledger.kinetic, dissipated, supplied, least)
     return float(gap) if np.isfinite(gap) else np.inf
 
 
+def least_energy(ledger_tolerance: float, tolerance: float) -> float:
+    """The energy that energies count as at least, in a gap relative to them; for native functions too.
+
+    It is 1, and in a world of small units the natural energy, to which the tolerance of the ledger is relative there.
+
+    Parameters
+    ----------
+    ledger_tolerance
+        Absolute tolerance of the ledger.
+    tolerance
+        Tolerance of the scenario.
+    """
+    found = ledger_tolerance / tolerance
+    return found if found < ORDINARY else 1.0
+
+
 def relative_gap(
-    energy: float, kinetic: float, energy_before: float, kinetic_before: float, dissipated: float, supplied: float
-) -> float:
+    energy: float, kinetic: float, energy_before: float, kinetic_before: float, dissipated: float, supplied: float,
+    least: float,
+) -> float:  # fmt: skip
     """Residual of the ledger for a change of energy, relative to the energies; for native functions too.
 
     Parameters
@@ -245,6 +266,8 @@ def relative_gap(
         Energy and kinetic energy after the change and before it.
     dissipated, supplied
         Entries of the ledger for the change.
+    least
+        See `least_energy`.
     """
     gap = abs(energy - energy_before + dissipated - supplied)
-    return gap / max(1.0, abs(energy_before), abs(supplied), kinetic_before, kinetic)
+    return gap / max(least, abs(energy_before), abs(supplied), kinetic_before, kinetic)

@@ -81,7 +81,8 @@ def found_step(
             segment, crossings = segment.cut(change), []
         lost = links.lost_link(crossings, dynamics.barriers)
         share = dynamics.allowed_share(segment, links)
-        jumped = ledger is not None and lost is None and share >= 1 and jumps_barrier(dynamics, segment, ledger)
+        kept = float(stepper.tolerance[dynamics.motion_size])
+        jumped = ledger is not None and lost is None and share >= 1 and jumps_barrier(dynamics, segment, ledger, kept)
         if lost is None and share >= 1 and not jumped:
             break
         longest = (segment.t1 - segment.t0) * (share if share < 1 else SHORTENED)

@@ -185,7 +185,7 @@ class Doubts:
                 look = B, i, j, view[0][i], view[1][i], links.watches[number].leave[i]
                 x, back = (view_place(*look, seen, bound, 0.0) for seen in (fresh.outward, not fresh.outward))
             elif obstacles is not None and number >= links.first_level:
-                bound = error.agent(i) + agent_slack(error.q_floor, fresh.level)
+                bound = error.agent(i) + agent_slack(error.q_floor, fresh.level, obstacles.radius(number))
                 x = obstacles.first_past(number, i, j, fresh.level + sign * bound, outward=fresh.outward)
                 back = obstacles.first_past(number, i, j, fresh.level - sign * bound, outward=not fresh.outward)
             else:

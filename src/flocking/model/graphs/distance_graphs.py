@@ -241,13 +241,19 @@ class Fixed(Graph):
 
     @classmethod
     def from_networkx(cls, graph: networkx.Graph[object]) -> Fixed:
-        """The links of a networkx graph; its nodes are numbered in their sorted or given order."""
+        """The links of a networkx graph; its nodes are numbered in their sorted or given order.
+
+        Edges with a weight other than 1 are refused: links have none.
+        """
+        if any(weight != 1 for *_, weight in graph.edges(data="weight", default=1)):
+            fix = "Give weights to the term: Consensus(weights=MatrixWeights(...))."
+            raise InvalidInput("Fixed.from_networkx", "graph", "must have no weights other than 1", graph, fix)
         try:
             nodes = sorted(graph.nodes)
         except TypeError:
             nodes = list(graph.nodes)
         number_of = {node: k for k, node in enumerate(nodes)}
-        edges = tuple((number_of[a], number_of[b]) for a, b in graph.edges)
+        edges = tuple((number_of[a], number_of[b]) for a, b in graph.edges())
         return cls(len(nodes), edges, directed=bool(graph.is_directed()))
 
     @classmethod

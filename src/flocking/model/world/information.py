@@ -61,9 +61,10 @@ class Messages(Information):
     expires
         Age from which a sample is not used any more; None where it is used until a newer one arrives.
     predict
-        Whether a receiver moves samples on with their velocity.
+        Whether a receiver moves the samples of others on with their velocity; its own one it holds as it is.
     self_known
-        ``"true"``: an agent knows its own true state; ``"measured"``: its own newest sample, without delay.
+        ``"true"``: an agent knows its own true state; ``"measured"``: its own newest sample, without delay, held until
+        the next one whether or not those of others are moved on.
     seed
         Seed of losses, jitter and noise.
     leader

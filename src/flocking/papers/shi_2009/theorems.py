@@ -23,6 +23,9 @@ from flocking.study.evidence import Evidence, NotMeasurable
 SAME_LEADER = 1e-9
 """Largest difference of a leader from the paper's; computed positions and velocities of both are of order 1."""
 
+CENTRE = 1e4
+"""Tolerances, of the largest coordinate, by which the centre of mass may differ from its closed form."""
+
 LAST = 2 * np.pi
 """Period of v0(t) = (sin t, cos t); steady errors are taken over the last one."""
 
@@ -110,7 +113,9 @@ def centre_follows(law: int) -> Callable[[Evidence], Measure]:
             law, t, place[0], e.mean_velocity[0], h0, r0, start_time=float(t[0])
         )
         gap = max(float(np.abs(place - expected_place).max()), float(np.abs(e.mean_velocity - expected_velocity).max()))
-        allowed = 1e4 * e.run.scenario.tolerance * max(1.0, float(np.abs(place).max()))
+        # The closed forms are of the paper's leader, whose speed is the unit of velocities.
+        size = max(float(np.abs(leader_velocity(e)).max()), float(np.abs(place).max()))
+        allowed = CENTRE * e.run.scenario.tolerance * size
         return below(gap, allowed, f"centre of mass within {gap:.1e} of the closed form")
 
     return conclusion

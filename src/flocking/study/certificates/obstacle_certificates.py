@@ -20,7 +20,7 @@ from flocking.formula.intervals import Interval
 from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.law import Law, Scenario
-from flocking.model.leaders_and_obstacles.obstacles import Ball, Wall
+from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Wall
 from flocking.model.leaders_and_obstacles.polygons import ConvexPolygon
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.avoidance import Avoid
@@ -43,7 +43,8 @@ CONVEX = (Ball, Wall, ConvexPolygon)
 """Obstacles that are proven to be convex bodies; one of a user may be none, whatever its documentation requires."""
 
 DISTANCE_ERROR = 1e-12
-"""Relative error of computed signed distances: some thousand units of rounding."""
+"""Error of computed signed distances relative to the numbers from which they are computed, places of agents and of the
+obstacle and its radius: some thousand units of rounding."""
 
 
 @dataclass(frozen=True)
@@ -169,13 +170,22 @@ class ObstacleSetting:
             leasts.append(least)
             for obstacle in term.obstacles:
                 s = obstacle.distance(scenario.start.q, scenario.start.t)
-                slack = DISTANCE_ERROR * (1.0 + np.abs(s) + np.abs(scenario.start.q).max())
+                size = _extent(obstacle, scenario.start.t) + float(np.abs(scenario.start.q).max())
+                slack = DISTANCE_ERROR * (size + np.abs(s))
                 places = Interval(
                     np.clip(s - slack, np.finfo(np.float64).tiny, term.range), np.minimum(s + slack, term.range)
                 )
                 above = energy.on(places) - least
                 total = total + Interval(np.maximum(above.lo, 0.0), above.hi).total()
         return total, leasts
+
+
+def _extent(obstacle: Obstacle, time: float) -> float:
+    """The largest number from which the distance of a convex body at rest is computed."""
+    place = np.zeros(1) if obstacle.mover is None else np.abs(obstacle.mover.at(time)[0])
+    lengths = [getattr(obstacle, name, 0.0) for name in ("radius", "rounding")]
+    corners = np.abs(getattr(obstacle, "vertices", np.zeros(1)))
+    return float(place.max()) + float(corners.max()) + float(sum(lengths))
 
 
 def obstacle_certificates(scenario: Scenario) -> tuple[Certificate, ...]:

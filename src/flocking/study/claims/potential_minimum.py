@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.errors import FormulaError
 from flocking.model.potentials.potential import Potential
 from flocking.study.evidence import NotResolvable
+from flocking.study.potentials.potential_units import POWERS, lengths_of
 
 MINIMUM_ERROR = 1e-12
 """Tolerance of the located minimum, relative to its bracket; near one a value depends on its place by the square of the
 error."""
 
 SEARCHED = 1e-9, 1e9
-"""Distances that are searched for a graph without a break radius; a convention."""
+"""Distances that are searched for a graph without a break radius, in the unit in which something happens; a
+convention."""
 
 PER_DECADE = 667
 """Points of the logarithmic grid in a decade: minima further apart than 0.4 % of their distance are separated."""
@@ -89,6 +92,19 @@ def farthest_distance(potential: Potential, value: float) -> float:
     return np.inf if value - below > JUMP * abs(value) else found
 
 
+def _unit(potential: Potential) -> float:
+    """The unit in which distances are searched, see `lengths_of`; also of numbers too extreme for many digits."""
+    try:
+        return lengths_of(potential, None)[1]
+    except FormulaError:
+        grid = 2.0 ** np.arange(-POWERS, POWERS + 1)
+        with np.errstate(all="ignore"):
+            rises = potential.slope(grid) > 0.0
+        turns = grid[:-1][~rises[:-1] & rises[1:]]
+        usual = turns[(turns >= SEARCHED[0]) & (turns <= SEARCHED[1])]
+        return 1.0 if len(usual) or not len(turns) else float(turns[0])
+
+
 def smallest_value(potential: Potential, radius: float = np.inf) -> tuple[float, float]:
     """Distance and value of the smallest minimum on (0, radius): a dense grid, then refinement.
 
@@ -106,7 +122,10 @@ def smallest_value(potential: Potential, radius: float = np.inf) -> tuple[float,
     """
     from scipy.optimize import minimize_scalar
 
-    low, end = (NEAREST * radius, radius) if np.isfinite(radius) else SEARCHED
+    if np.isfinite(radius):
+        low, end = NEAREST * radius, radius
+    else:
+        low, end = (x * _unit(potential) for x in SEARCHED)
     grid = np.geomspace(low, end, round(PER_DECADE * np.log10(end / low)))[:-1]
     if np.isfinite(radius):
         grid = np.unique(np.concatenate([grid, np.linspace(0, end, GRID)[1:-1]]))

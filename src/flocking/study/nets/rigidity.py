@@ -1,4 +1,8 @@
-"""Rigidity and planarity of frameworks: a net together with the positions of its agents."""
+"""Rigidity and planarity of frameworks: a net together with the positions of its agents.
+
+All is of open space, and of which agents are linked: weights other than zero count as links, and where space repeats
+positions are to be given so that linked agents are at their nearest images.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +29,8 @@ def _links(links: Links) -> Links:
 def rigidity_matrix(q: Array, links: Links) -> Array:
     """Rows q_i - q_j at agent i and q_j - q_i at agent j, one per link, shape (E, N m).
 
-    Its kernel is the space of velocities that change no link's length.
+    Its kernel is the space of velocities that change no link's length. Links have no weights here, and lengths are
+    those of open space.
     """
     points = array("rigidity_matrix", "q", q, ndim=2)
     n, m = points.shape

@@ -28,7 +28,7 @@ from flocking.engine.exact.blocks.arrays import (
     Work,
 )
 from flocking.engine.exact.companion import NODES, SAFETY
-from flocking.engine.exact.crossings.ball_guards import find_ball_crossings
+from flocking.engine.exact.crossings.ball_guards import find_ball_crossings, largest_radius
 from flocking.engine.exact.crossings.band_guards import closest_after, find_within_error, first_beyond
 from flocking.engine.exact.crossings.nearby_pairs import BASE, TOP
 from flocking.engine.exact.crossings.obstacle_approaches import agent_slack
@@ -160,7 +160,8 @@ def comes_back_to_ball(watches: Watches, work: Work, fresh: Array, q_floor: floa
     """
     balls, i, o = watches.balls, int(fresh[FIRST]), int(fresh[SECOND])
     b = int(fresh[WATCH]) - watches.pairs.enter.shape[0]
-    bound = SAFETY * agent_difference(work.e, i, work.offsets.shape[2]) + q_floor + agent_slack(q_floor, fresh[LEVEL])
+    slack = agent_slack(q_floor, fresh[LEVEL], largest_radius(balls.radii[b]))
+    bound = SAFETY * agent_difference(work.e, i, work.offsets.shape[2]) + q_floor + slack
     outward, distance = fresh[OUTWARD] != 0.0, balls.radii[b, o] + fresh[LEVEL]
     sign, paths = 1.0 if outward else -1.0, ball_paths(watches, work, b, i, o)
     left = first_beyond(paths, 0, 1, distance + sign * bound, outward)
@@ -194,7 +195,8 @@ def nears_ball(watches: Watches, switched: Switched, crossed: Array, work: Work,
     for b in range(balls.levels.shape[0]):
         if not balls.jumps[b]:
             continue
-        bound = error + agent_slack(q_floor, balls.levels[b])
+        slack = agent_slack(q_floor, balls.levels[b], largest_radius(balls.radii[b]))
+        bound = error + slack
         found = find_ball_crossings(
             B, balls.centres[b], balls.radii[b], balls.inside[b], balls.active[b], balls.levels[b], -bound, work.hits
         )
@@ -209,7 +211,7 @@ def nears_ball(watches: Watches, switched: Switched, crossed: Array, work: Work,
                     continue
                 # It left at its switch; only what it does after that is an approach.
                 after = fresh[f, LEFT_AT]
-            own = SAFETY * agent_difference(work.e, i, B.shape[2]) + q_floor + agent_slack(q_floor, balls.levels[b])
+            own = SAFETY * agent_difference(work.e, i, B.shape[2]) + q_floor + slack
             distance, paths = balls.radii[b, o] + balls.levels[b], ball_paths(watches, work, b, i, o)
             margin, _ = closest_after(paths, 0, 1, distance, balls.inside[b, i, o], after)
             if f >= 0:

@@ -11,7 +11,7 @@ from flocking.engine.adaptive_steps.corrected_companion import SHORT, correct
 from flocking.engine.adaptive_steps.integration_method import DEGREE, STAGES, error_norm, next_length, polynomial
 from flocking.engine.adaptive_steps.segment import Motion, fill_part, split_motion
 from flocking.engine.adaptive_steps.stepper import SPACINGS
-from flocking.engine.exact.barriers import LEDGER_GAP, relative_gap
+from flocking.engine.exact.barriers import LEDGER_GAP, least_energy, relative_gap
 from flocking.engine.exact.blocks.arrays import (
     BEGIN,
     ENERGY,
@@ -31,7 +31,7 @@ from flocking.engine.exact.blocks.arrays import (
     Work,
 )
 from flocking.engine.exact.companion import NODES, SLOWER, companion_gap, compare, unexplained_energy
-from flocking.engine.exact.crossings.ball_guards import contact_slack, find_ball_crossings
+from flocking.engine.exact.crossings.ball_guards import find_ball_crossings, largest_radius, level_slack
 from flocking.engine.exact.crossings.guards import deepest_dip_of, find_crossings
 from flocking.engine.exact.crossings.nearby_pairs import require_pairs
 from flocking.engine.exact.crossings.switching import TIE
@@ -164,7 +164,7 @@ def all_crossings(watches: Watches, extent: float, solution: Solution, work: Wor
             )  # fmt: skip
         else:
             b = w - pairs.enter.shape[0]
-            slack = contact_slack(extent, balls.levels[b])
+            slack = level_slack(extent, balls.levels[b], largest_radius(balls.radii[b]))
             found = find_ball_crossings(
                 motion.positions, balls.centres[b], balls.radii[b], balls.inside[b], balls.active[b], balls.levels[b],
                 slack, work.hits,
@@ -265,7 +265,8 @@ def is_sound(law: CompiledLaw, watches: Watches, limits: Limits, stop: float, so
             return False
     energy, tail = energy_at(law, limits, stop, new, found), new.shape[0] - LEDGER
     dissipated, supplied = new[tail + 1] - y[tail + 1], new[tail + 2] - y[tail + 2]
-    missed = relative_gap(energy, found[2], progress[ENERGY], progress[KINETIC], dissipated, supplied)
+    least = least_energy(limits.components[tail], limits.tolerance)
+    missed = relative_gap(energy, found[2], progress[ENERGY], progress[KINETIC], dissipated, supplied, least)
     if not missed <= LEDGER_GAP * limits.tolerance:
         return False
     if watches.singular:

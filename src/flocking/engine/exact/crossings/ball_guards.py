@@ -25,14 +25,34 @@ ROUNDED = 1e-13
 """Slack of a distance whose coordinates are exact: above the rounding of a distance, some units of 2.2e-16."""
 
 
-def ball_slack(size: float) -> float:
-    """Distance beyond a ball's level at which an agent has crossed it, for coordinates up to ``size``; also native."""
-    return ROUNDED + ROUNDING * size
+SHORTEST_USUAL, LONGEST_USUAL = 1e-2, 1e4
+"""Lengths in a world of usual units, in which distances below 1 count as 1; in others they count as they are."""
 
 
-def contact_slack(size: float, level: float) -> float:
-    """Distance beyond a ``level`` of an obstacle at which an agent has crossed it; see `ball_slack`; also native."""
-    return ball_slack(size) * max(level, 1.0)
+def level_slack(size: float, level: float, radius: float) -> float:
+    """Distance beyond a level of an obstacle at which an agent has crossed it; for native functions too.
+
+    Parameters
+    ----------
+    size
+        The largest coordinate.
+    level
+        Distance from the obstacle.
+    radius
+        The radius of a ball, from which that distance is measured; 0 of another obstacle.
+    """
+    largest = max(size, level, radius)
+    if SHORTEST_USUAL <= largest <= LONGEST_USUAL:
+        return (ROUNDED + ROUNDING * size) * max(level, 1.0)
+    return ROUNDED * max(level, radius) + ROUNDING * largest
+
+
+def largest_radius(radii: Array) -> float:
+    """The largest of some radii, 0 of none; for native functions too."""
+    found = 0.0
+    for k in range(radii.shape[0]):
+        found = max(found, radii[k])
+    return found
 
 
 def uniform_balls(group: ObstacleGroup) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from flocking.engine.adaptive_steps.segment import ROUNDING, Segment
-from flocking.engine.exact.crossings.ball_guards import centre_paths, contact_slack
+from flocking.engine.exact.crossings.ball_guards import centre_paths, largest_radius, level_slack
 from flocking.engine.exact.crossings.band_guards import closest_after, first_beyond
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.kernels.bernstein import NEVER
@@ -28,15 +28,17 @@ DIFFERENCED = 0.05
 the size, makes an error of 1e-13 of the size over the squared step."""
 
 
-def agent_slack(q_floor: float, level: float) -> float:
+def agent_slack(q_floor: float, level: float, radius: float) -> float:
     """How far an agent must pass a ``level`` of an obstacle to have crossed it; for native functions too.
 
     Parameters
     ----------
     q_floor
         What rounding adds to a position: a known share of the largest coordinate.
+    radius
+        The largest radius of the balls of the level; 0 of other obstacles.
     """
-    return contact_slack(q_floor / ROUNDING, level)
+    return level_slack(q_floor / ROUNDING, level, radius)
 
 
 def recorded(links: LinkState, number: int, j: int) -> tuple[int, int]:
@@ -74,6 +76,11 @@ class ObstacleStep:
         """The distance of the watch ``number``."""
         return self._links.contacts.levels[number - self._links.first_level]
 
+    def radius(self, number: int) -> float:
+        """The largest radius of the balls of the watch ``number``; 0 of other obstacles."""
+        contacts, group = self._links.contacts, self.level(number).group
+        return largest_radius(contacts.radii(group)) if contacts.are_balls(group) else 0.0
+
     def within(self, bounds: Array, q_floor: float) -> Iterator[tuple[int, int, int, float, float, float, bool]]:
         """Agents that come within their error of a distance at which they would cross it.
 
@@ -101,7 +108,7 @@ class ObstacleStep:
                 moved = np.array([speed_bound(x, self._t0, self._t1) for x in contacts.groups[group].obstacles])
                 known[group] = contacts.distances(group, B[0], self._t0), self._length * moved
             clear, moved = known[group]
-            reach = bounds + agent_slack(q_floor, level.distance)
+            reach = bounds + agent_slack(q_floor, level.distance, self.radius(number))
             candidates = np.abs(clear - level.distance) <= (excursion + reach)[:, None] + moved
             if level.kind == "rim":
                 candidates &= active[group]

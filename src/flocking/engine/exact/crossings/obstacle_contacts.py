@@ -13,13 +13,7 @@ from numpy.typing import NDArray
 
 from flocking.engine.adaptive_steps.integration_method import DEGREE
 from flocking.engine.adaptive_steps.segment import Segment
-from flocking.engine.exact.crossings.ball_guards import (
-    _place,
-    ball_crossings,
-    centre_paths,
-    contact_slack,
-    uniform_balls,
-)
+from flocking.engine.exact.crossings.ball_guards import _place, ball_crossings, centre_paths, level_slack, uniform_balls
 from flocking.engine.exact.crossings.switch_numbers import pair_speed
 from flocking.engine.exact.crossings.watch_tables import BallWatches
 from flocking.engine.kernels.obstacle_crossings import first_crossings, speed_bound
@@ -137,7 +131,7 @@ class ObstacleContacts(ObstacleDistances):
             for number, level in enumerate(self.levels):
                 if level.group != g:
                     continue
-                slack = contact_slack(size, level.distance)
+                slack = level_slack(size, level.distance, 0.0)
                 allowance = excursion[:, None] + moved + 2 * slack
                 candidates = np.abs(clear - level.distance) <= allowance
                 if level.kind == "rim":
@@ -196,7 +190,7 @@ class ObstacleContacts(ObstacleDistances):
         for number, level in enumerate(self.levels):
             if level.group == g:
                 watched = active[g] if level.kind == "rim" else np.ones_like(active[g])
-                margin = contact_slack(size, level.distance)
+                margin = level_slack(size, level.distance, float(np.max(radii, initial=0.0)))
                 when, candidate = ball_crossings(B, centres, radii, near[number], watched, level.distance, margin)
                 if len(when):
                     found.append((number, when, candidate))

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.state_tolerances import state_tolerances
 from flocking.formula.safe_digits import compared_texts
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.study.claims.claim import Measure, below
@@ -61,8 +62,8 @@ def momentum_drift(e: Evidence) -> Measure:
     drift = float(np.abs(e.mean_velocity - e.mean_velocity[0]).max(initial=0.0))
     fastest = float(e.speeds.max())
     note, of_speeds = f"mean velocity moved by {drift:.1e}", DRIFT_TOLERANCES * e.run.scenario.tolerance * fastest
-    # Tolerances of engines are also absolute errors; samples are judged in their own units, however small the numbers.
-    absolute = 0.0 if e.sampled and fastest > 0.0 else DRIFT_TOLERANCES * e.run.scenario.tolerance
+    # Tolerances of engines are absolute errors in usual units; samples are judged in their own, however small.
+    absolute = 0.0 if e.sampled and fastest > 0.0 else DRIFT_TOLERANCES * _velocity_tolerance(e)
     if of_speeds < drift < absolute:
         note += f", the largest speed is {fastest:.1e}: the absolute tolerance of the engine may explain it"
         found = Measure(absolute - drift, np.inf, note)
@@ -70,6 +71,13 @@ def momentum_drift(e: Evidence) -> Measure:
         found = below(drift, max(of_speeds, absolute), note, 2.0 * e.velocity_error)
     # A conserved quantity is decided at any time.
     return replace(found, everywhere=False)
+
+
+def _velocity_tolerance(e: Evidence) -> float:
+    """Absolute tolerance of velocities of an engine with adaptive steps; of speeds below 1 in usual units, of 1."""
+    scenario = e.run.scenario
+    duration = scenario.t_end - scenario.start.t
+    return min(scenario.tolerance, float(state_tolerances(scenario.start, 2, scenario.tolerance, duration)[-1]))
 
 
 @about(Subject.LEDGER, _largest_rise, lasting=True)

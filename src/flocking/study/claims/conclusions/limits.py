@@ -164,7 +164,8 @@ def _force_scale(e: Evidence) -> float:
 def _imbalance_at(e: Evidence, frame: int, scale: float) -> float:
     found = e.equilibrium if frame in (-1, len(e.t) - 1) else e.equilibrium_at(frame)
     largest = float(np.linalg.norm(found.forces, axis=1).max(initial=0.0)) if len(found.r) else 0.0
-    return largest / scale if scale > 0 else largest
+    # Without any stiffness no force is small: its unit alone would decide.
+    return largest / scale if scale > 0 else np.inf if largest > 0.0 else 0.0
 
 
 def imbalance(e: Evidence) -> float:
