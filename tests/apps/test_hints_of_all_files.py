@@ -107,6 +107,9 @@ OF_OBJECTS = {
     "Write it as text, as in Potential('(r - 1)**2/2'): engines, files and formulas on paper come from it.",
     "Write Gradient(Potential('1/r + 1/(R - r)', R=4)).",
     "Pass fk.audit, or a function that calls it.",
+    "Use fk.simulate(scenario) or fk.read_run(folder).",
+    "Use fk.simulate(scenario).",
+    "run.until(time) shortens all of them.",
 }
 """Hints about objects of the wrong type where files have texts and tables, whose faults the reader names itself."""
 

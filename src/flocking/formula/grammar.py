@@ -346,7 +346,7 @@ def _names(node: Node) -> Iterator[str]:
 
 
 def has_pieces(tree: Node) -> bool:
-    """Whether a formula may consist of pieces: by ``where`` or ``abs``, or as a root of a power."""
+    """Whether a formula of this ``tree`` may consist of pieces: by ``where`` or ``abs``, or as a root of a power."""
     return any(_is_pieced(node) for node in _walk(tree))
 
 

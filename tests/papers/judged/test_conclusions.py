@@ -96,8 +96,7 @@ def led(q: np.ndarray, p: np.ndarray, law: fk.Law) -> SimpleNamespace:
     return evidence(
         t=T, q=q, p=p, law=law, mean_velocity=p.mean(axis=1), diameter=2 * np.linalg.norm(offsets, axis=2).max(axis=1),
         speeds=np.linalg.norm(p, axis=2), velocity_spread=np.zeros(len(T)),
-        run=SimpleNamespace(n=q.shape[1], scenario=SimpleNamespace(tolerance=1e-8)), spread_error=0.0,
-        late_errors=(0.0, 0.0),
+        run=SimpleNamespace(n=q.shape[1], scenario=SimpleNamespace(tolerance=1e-8)),
     )  # fmt: skip
 
 

@@ -323,8 +323,7 @@ class ExactSession(AdaptiveSession):
     def resume(cls, snapshot: Snapshot, *, plant: Law | None = None) -> ExactSession:
         """A session that goes on exactly as the one the snapshot was taken of."""
         known_plant("ExactSession", plant)
-        scenario = snapshot.scenario
-        session = cls.__new__(cls)
+        scenario, session = snapshot.scenario, cls.__new__(cls)
         session.scenario, session.plant = scenario, plant or snapshot.plant
         session.records = snapshot.recorder.copy()
         session.options = ExactOptions(session.records.fine is not None)

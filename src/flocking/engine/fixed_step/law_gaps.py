@@ -62,7 +62,7 @@ class LawGaps:
         return LawAgreement(self.checks, self.gap, self.allowed)
 
     def recall(self, known: LawAgreement) -> None:
-        """Go on from what a stored run states."""
+        """Go on from the agreement ``known`` that a stored run states."""
         self.checks, self.gap, self.allowed = known.checks, known.gap, known.allowed
         self.worst = known.gap / max(known.allowed, NO_LESS)
 

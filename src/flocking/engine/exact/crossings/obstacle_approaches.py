@@ -48,6 +48,8 @@ def recorded(links: LinkState, number: int, j: int) -> tuple[int, int]:
     ----------
     links
         The watches and the obstacles.
+    number
+        Number of the watch.
     """
     graph = links.watches[number].graph
     group = graph - len(links.graphs)
@@ -140,7 +142,15 @@ class ObstacleStep:
         return self._links.contacts.clearance(self.level(number).group, points, times, which)
 
     def first_past(self, number: int, i: int, o: int, distance: float, *, outward: bool) -> float:
-        """First place at which an agent is further from an obstacle than a ``distance``, or closer; or `NEVER`."""
+        """First place at which an agent is further from an obstacle than a ``distance``, or closer; or `NEVER`.
+
+        Parameters
+        ----------
+        number, i, o
+            Numbers of the watch, the agent and the obstacle.
+        outward
+            Whether it is to be further.
+        """
         ball = self._ball(number, i, o)
         if ball is not None:
             paths, radius = ball
@@ -157,7 +167,15 @@ class ObstacleStep:
         return float(first_crossings(above, path, np.array([moved]))[0])
 
     def nearest(self, number: int, i: int, o: int, inside: bool, after: float) -> tuple[float, float]:
-        """How near an agent comes to crossing the distance of a watch after the place ``after``, and where."""
+        """How near an agent comes to crossing the distance of a watch after the place ``after``, and where.
+
+        Parameters
+        ----------
+        number, i, o
+            Numbers of the watch, the agent and the obstacle.
+        inside
+            Whether it counts as closer.
+        """
         level, ball = self.level(number).distance, self._ball(number, i, o)
         if ball is not None:
             paths, radius = ball
@@ -175,7 +193,13 @@ class ObstacleStep:
         return margin, place
 
     def acceleration(self, number: int, i: int, o: int) -> float:
-        """Second derivative of the distance of an agent from an obstacle at the end of the step."""
+        """Second derivative of the distance of an agent from an obstacle at the end of the step.
+
+        Parameters
+        ----------
+        number, i, o
+            Numbers of the watch, the agent and the obstacle.
+        """
         if not self._length > 0.0:
             return 0.0
         before, middle, last = self._clearance(number, i, o, 1.0 - DIFFERENCED * np.array([2.0, 1.0, 0.0]))

@@ -60,6 +60,11 @@ class ObstacleCentres:
     def recall(self, memory: CentresMemory | None) -> None:
         """Go on from what was seen in the last look, if that is known.
 
+        Parameters
+        ----------
+        memory
+            What `memory` gave, or None.
+
         Raises
         ------
         MalformedError
