@@ -25,6 +25,11 @@ def is_name(name: str) -> bool:
     return name in TITLES or (bool(key) and name in paper(key).scenarios())
 
 
+def is_file(name: str) -> bool:
+    """Whether a scenario named by a user is in a file, there or not: no scenario has that name."""
+    return not is_name(name) and (Path(name).suffix == ".toml" or Path(name).exists())
+
+
 def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scenario:
     """The scenario named by a user: of a paper or a showcase, or in a TOML file.
 
@@ -55,7 +60,7 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
         raise InvalidInput(
             "scenario", "file", "must be a TOML file", name, "Samples of a motion are judged by 'flocking audit'."
         )
-    if Path(name).suffix == ".toml" or Path(name).exists():
+    if is_file(name):
         from flocking.study.scenario_files.scenario_file import MOST_AGENTS, read_scenario
 
         return read_scenario(name, seed=seed, most_agents=MOST_AGENTS if most_agents is None else most_agents)

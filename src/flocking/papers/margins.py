@@ -19,6 +19,9 @@ from flocking.study.margins.search import MOST_RUNS, find_margins
 VARIED = ("period", "delay", "loss", "noise", "limit")
 """Quantities that are varied when none are named."""
 
+WIDTH = 0.2
+"""Width of the bracket of a margin when none is given, as a share of its larger end."""
+
 SEEDS = 5
 """Seeds when none are named: a level that all show has a probability of 0.48 at least, with 95 % confidence."""
 
@@ -44,7 +47,7 @@ def margins(
     period: float | None = None,
     t_end: float | None = None,
     share: float = 1.0,
-    width: float = 0.2,
+    width: float = WIDTH,
     confidence: float = 0.95,
     most_runs: int = MOST_RUNS,
     out: str | Path | None = None,

@@ -47,7 +47,10 @@ def test_steps_end_where_a_velocity_jumps_or_has_a_kink(tolerance: float) -> Non
     kink = followed("where(t < s, 0, t - s)", tolerance, s=SUDDEN)
     expected = [t - SUDDEN - 1.0 + exp(SUDDEN - t) if t > SUDDEN else 0.0 for t in kink.t.tolist()]
     assert (off(kink, expected) <= 1.0).all()
-    for run in (jump, kink):
+    # The root of a square has the kink of the absolute value.
+    root = followed("(t - s + sqrt((t - s)^2))/2", tolerance, s=SUDDEN)
+    assert (off(root, expected) <= 1.0).all()
+    for run in (jump, kink, root):
         assert np.abs(run.trace["time"] - SUDDEN).min() < 1e-12
 
 

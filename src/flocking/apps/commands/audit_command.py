@@ -228,11 +228,11 @@ def _law(name: str, samples: Samples) -> tuple[Scenario, bool | None]:
 
     The second is False for such a file, and else None: `motion_of` compares the start with the samples.
     """
-    from flocking.apps.scenario_names import find_scenario, is_name
+    from flocking.apps.scenario_names import find_scenario, is_file
     from flocking.model.state import State
     from flocking.study.scenario_files.scenario_file import ScenarioFileError, read_scenario
 
-    if is_name(name) or (Path(name).suffix != ".toml" and not Path(name).exists()):
+    if not is_file(name):
         return find_scenario(name, None, None), None
     speeds = samples.q[0] * 0.0 if samples.p is None else samples.p[0]
     first = State(samples.q[0], speeds, float(samples.t[0]))

@@ -11,9 +11,6 @@ from cyclopts import Parameter
 
 from flocking.apps.json_output import print_json
 
-WIDTH = 0.2
-"""Width of the bracket of a margin unless another is asked for, as in `flocking.papers.margins.margins`."""
-
 FINE, DIFFERENT, INTERRUPTED = 0, 1, 130
 """Exit codes: success, other tables than the stored ones, and 128 + 2 after the interrupt signal, as shells have it."""
 
@@ -87,7 +84,7 @@ def margins(
     from flocking.apps.scenario_names import find_scenario
     from flocking.apps.tables import print_table
     from flocking.engine.storage.atomic_files import write_file
-    from flocking.papers.margins import SEEDS, VARIED
+    from flocking.papers.margins import SEEDS, VARIED, WIDTH
     from flocking.papers.margins import margins as find_margins
     from flocking.show.margin_pictures import margins_figure
     from flocking.show.style import save
@@ -162,11 +159,10 @@ def _drawn(scenario: str) -> bool:
     """Whether a scenario depends on a seed: that of a paper does, and a file that draws something at random."""
     import tomllib
 
-    from flocking.apps.scenario_names import is_name
+    from flocking.apps.scenario_names import is_file
 
     path = Path(scenario)
-    # A name comes before a file or folder of that name, as where the scenario is found.
-    if is_name(scenario) or (path.suffix != ".toml" and not path.exists()):
+    if not is_file(scenario):
         return True
     from flocking.study.scenario_files.scenario_file import LARGEST_FILE
     from flocking.study.scenario_files.scenario_reader import drawn_tables

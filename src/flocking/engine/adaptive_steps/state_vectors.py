@@ -9,6 +9,7 @@ import numpy as np
 from flocking.engine.adaptive_steps.state_tolerances import ORDINARY, counted, natural_sizes, state_tolerances
 from flocking.model.bodies.actuators import APPLIED
 from flocking.model.checks import Array
+from flocking.model.law import Scenario
 from flocking.model.state import State
 
 
@@ -49,9 +50,7 @@ def further_columns(y: Array, first: int, n: int, widths: Mapping[str, int]) -> 
     return found
 
 
-def component_tolerances(
-    state: State, order: int, widths: Mapping[str, int], tolerance: float, duration: float, mass: float
-) -> Array:
+def component_tolerances(state: State, order: int, widths: Mapping[str, int], scenario: Scenario) -> Array:
     """Absolute error tolerance of each component of a state vector.
 
     Parameters
@@ -60,15 +59,13 @@ def component_tolerances(
         The group at the start; a size below 1 counts as 1, of positions and velocities as in `state_tolerances`.
     order, widths
         As for `joined`.
-    tolerance
-        The tolerance relative to the sizes of positions, velocities and each column.
-    duration
-        Length of the run.
-    mass
-        The largest mass. Where velocities are so small that they count as they are, so do applied forces (of order 1
-        velocities), by the force that gives the heaviest agent the natural velocity in the whole time. The units of
-        other columns are not known.
+    scenario
+        Its tolerance is relative to the sizes of positions, velocities and each column. Where velocities are so small
+        that they count as they are, so do applied forces (of order 1 velocities), by the force that gives the heaviest
+        agent the natural velocity in the whole time. The units of other columns are not known.
     """
+    tolerance, duration = scenario.tolerance, scenario.t_end - scenario.start.t
+    mass = float(np.max(scenario.agents.masses))
     parts = [state_tolerances(state, order, tolerance, duration)]
     speed = natural_sizes(state, duration)[1]
     for name in widths:

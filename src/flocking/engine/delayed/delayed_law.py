@@ -77,9 +77,7 @@ class DelayedLaw(TrueLaw):
 
     def tolerances(self, state: State) -> Array:
         """Absolute error tolerance of each component of the state vector, from the size of the group at ``state``."""
-        duration = self.scenario.t_end - self.scenario.start.t
-        mass = float(np.max(self.scenario.agents.masses))
-        return component_tolerances(state, self.order, self.widths, self.scenario.tolerance, duration, mass)
+        return component_tolerances(state, self.order, self.widths, self.scenario)
 
     def relink(self, known_links: Links, met: Sequence[tuple[Indices, Indices]] = ()) -> None:
         """Take ``known_links``, by what agents know, shape (graphs, N, N), for the forces from now on.

@@ -399,8 +399,7 @@ class Dynamics:
     def tolerances(self, state: State, energy: float) -> Array:
         """Absolute error tolerance of each component, from the size of the group at ``state`` and the ``energy``."""
         tolerance, duration = self.scenario.tolerance, self.scenario.t_end - self.scenario.start.t
-        mass = float(np.max(self.scenario.agents.masses))
-        found = component_tolerances(state, self.order, self.columns, tolerance, duration, mass)
+        found = component_tolerances(state, self.order, self.columns, self.scenario)
         speed = natural_sizes(state, duration)[1]
         moving = 0.5 * float(np.sum(self.scenario.agents.masses * np.ones(self.n))) * speed**2
         ledger = np.full(self.departs + LEDGER, tolerance * counted(abs(energy), max(abs(energy), moving)))

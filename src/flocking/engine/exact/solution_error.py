@@ -296,8 +296,8 @@ class SolutionError:
             radial = _radial(segment, i, j, *self._sizes, links.space, self.difference.nodes[-1])
             # The crossing counts from where the pair is that far beyond the distance.
             errors = switch_errors(bound, drift, speed, *radial, slack_of(watch, error.q_floor / ROUNDING))
-            view = next((view for number, _, _, view in links.watched() if number == crossing.watch), None)
-            if view is not None and watch.kind == "link":
+            view = links.view_of(crossing.watch)
+            if view is not None:
                 errors = self._by_bearing(errors, bound, segment, i, j, view, float(watch.leave[i]))
             late, drift, delay = errors
         if not np.isfinite(late):

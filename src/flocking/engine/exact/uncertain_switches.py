@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,8 +118,7 @@ class Doubts:
         motion = segment.motion(n, m, error.order)
         B, far = motion.positions, motion.far
         obstacles = ObstacleStep(links, segment, B) if links.contacts.levels else None
-        views = {k: view for k, watch, _, view in links.watched() if view is not None and watch.kind == "link"}
-        settled, ended = self._fresh(segment, B, links, error, obstacles, views)
+        settled, ended = self._fresh(segment, B, links, error, obstacles)
         found: dict[Key, tuple[float, float, float, bool]] = {}
         most, nodes = error.pairs, error.q
         for number, watch, active, view in links.watched():
@@ -152,8 +150,9 @@ class Doubts:
             number, i, j = key
             watch, inside = links.watches[number], bool(links.near[number][i, j])
             if key in found:
-                if number in views:
-                    view, bound = views[number], LEFT * found[key][2]
+                view = links.view_of(number)
+                if view is not None:
+                    bound = LEFT * found[key][2]
                     look = B, i, j, view[0][i], view[1][i], watch.leave[i]
                     x = view_place(*look, inside, -bound, after)
                     margin = 0.0 if x <= 1.0 else np.inf
@@ -169,16 +168,15 @@ class Doubts:
         return settled + self._compare(segment, links, found)
 
     def _fresh(
-        self, segment: Segment, B: Array, links: LinkState, error: StateError, obstacles: ObstacleStep | None,
-        views: Mapping[int, tuple[Array, Array]],
-    ) -> tuple[list[Settled], dict[Key, float]]:  # fmt: skip
+        self, segment: Segment, B: Array, links: LinkState, error: StateError, obstacles: ObstacleStep | None
+    ) -> tuple[list[Settled], dict[Key, float]]:
         """Pairs that have switched and come back without being beyond the error, and those that are, with where."""
         settled: list[Settled] = []
         ended: dict[Key, float] = {}
         for key, fresh in list(self.fresh.items()):
             number, i, j = key
             sign = 1.0 if fresh.outward else -1.0
-            view = views.get(number)
+            view = links.view_of(number)
             if view is not None:
                 # Links of fields of view change by bearing, too: it has left when it is seen, or not, by the error.
                 bound = error.pair(i, j) + slack_of(links.watches[number], error.q_floor / ROUNDING)
@@ -294,9 +292,7 @@ class Doubts:
         """Take such ``rows`` in place of those known; ``links`` has the watches."""
         self.fresh = {}
         for watch, i, j, time, begin, level, outward, error, *_ in rows.tolist():
-            kind = links.watches[int(watch)].kind
-            what = "kink" if kind in ("kink", "rim") else kind
-            what = ("break" if outward else "appear") if what == "link" else what
+            what = links.watches[int(watch)].switch_kind(bool(outward))
             self.fresh[int(watch), int(i), int(j)] = Fresh(time, begin, level, bool(outward), what, error)
 
     def memory(self) -> DoubtMemory:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.formula.grammar import has_pieces
 from flocking.model.checks import Array
 from flocking.model.leaders_and_obstacles.leaders import Leader, Path
 
@@ -77,7 +78,7 @@ def _found(leader: Leader, start: float, end: float) -> tuple[float, ...]:
 
 def _breaks(leader: Leader, start: float, end: float) -> list[float]:
     """Times at which the formula of the velocity passes from one piece to the next."""
-    if type(leader) is Path and not any(name in f.text for f in leader.formulas for name in ("where", "abs")):
+    if type(leader) is Path and not any(has_pieces(f.tree) for f in leader.formulas):
         return []
     import sympy
 

@@ -13,6 +13,7 @@ from flocking.papers.zhou_2015.grounds import grounds
 from flocking.papers.zhou_2015.system import LEADER, scenarios
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below
+from flocking.study.claims.conclusions.energy import within_tolerances
 from flocking.study.claims.conclusions.leaders import one_gain, tracking
 from flocking.study.claims.settling import limit_of, limit_of_series, of_configuration
 from flocking.study.claims.subjects import Subject, about
@@ -134,12 +135,7 @@ def mean_velocity_decays(e: Evidence) -> Measure:
     decay = np.exp(-one_gain(track, "velocity_gain") * (e.t - e.t[0]))
     expected = goal + (e.mean_velocity[0] - goal) * decay[:, None]
     off = float(np.abs(e.mean_velocity - expected).max())
-    allowed = CLOSED_FORM * e.run.scenario.tolerance * float(e.speeds.max())
-    absolute = CLOSED_FORM * e.run.scenario.tolerance
-    if allowed < off < absolute:
-        note = f"off by {off:.1e}: the absolute tolerance of the engine may explain it"
-        return Measure(absolute - off, np.inf, note)
-    return below(off, allowed, f"off by {off:.1e}")
+    return within_tolerances(e, off, CLOSED_FORM, e.run.scenario.tolerance, f"off by {off:.1e}")
 
 
 def leader_offset(e: Evidence) -> Measure:

@@ -27,6 +27,18 @@ def rounding(terms: int) -> float:
     return (terms + 2) * UNIT / (1.0 - (terms + 2) * UNIT)
 
 
+def unit_of_rates(square: float) -> float:
+    """A power of two near the root of a number, one over a squared time: a unit of rates, and dividing by it rounds
+    nothing.
+
+    Parameters
+    ----------
+    square
+        The number, for example the largest stiffness per mass.
+    """
+    return float(2.0 ** np.round(0.5 * np.log2(square)))
+
+
 def norm_bound(matrix: Array) -> float:
     """A bound of the spectral norm of any matrix whose elements are not larger than those of this one.
 

@@ -16,7 +16,7 @@ from flocking.model.world.noises import WhiteNoise
 from flocking.model.world.times import PER_SECOND, nanoseconds
 from flocking.study.certificates.certificate import Hypothesis, until_failed
 from flocking.study.certificates.consensus_certificates import LinearConsensus
-from flocking.study.certificates.enclosed_matrices import UNIT
+from flocking.study.certificates.enclosed_matrices import UNIT, unit_of_rates
 from flocking.study.certificates.random_recursion import RandomRecursion
 
 LARGEST_SYSTEM, LARGEST_RANDOM = 400, 200
@@ -228,19 +228,16 @@ class SampledConsensus:
 
     @cached_property
     def frequency(self) -> float:
-        """The unit of velocities over lengths for order 2: a power of two near the root of the gain of positions.
-
-        Dividing by it rounds nothing.
-        """
-        return float(2.0 ** np.round(0.5 * np.log2(float(self.consensus.place_gain.lo)))) if self.order == 2 else 1.0
+        """The unit of velocities over lengths for order 2, near the root of the gain of positions; 1 for order 1."""
+        return unit_of_rates(float(self.consensus.place_gain.lo)) if self.order == 2 else 1.0
 
     def recursion(self, period: float) -> RandomRecursion:
         """One axis of the disagreement from tick to tick, at a period that may differ from the declared one.
 
         Components are positions (velocities, where those alone are agreed on) and, for order 2, velocities over
-        `frequency`, so that nothing depends on the unit of time, now and as
-        many periods ago as messages are late, then what is stored of each neighbour whose messages are lost. All
-        are relative to the position of agent 0, and its velocity where late positions do not determine a common motion.
+        `frequency`, so that nothing depends on the unit of time, now and as many periods ago as messages are late, then
+        what is stored of each neighbour whose messages are lost. All are relative to the position of agent 0, and its
+        velocity where late positions do not determine a common motion.
         Where agents know themselves by their samples and these are late to others, what is stored of earlier ticks are
         the samples with their errors: an agent has used the error of its sample before its neighbours do.
 

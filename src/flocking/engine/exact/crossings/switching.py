@@ -196,6 +196,11 @@ class LinkState:
                 found[number] = values
         return found
 
+    def view_of(self, number: int) -> tuple[Array, Array] | None:
+        """Headings and cosines of a watch of links by views; None for a watch ``number`` of another kind."""
+        watch = self.watches[number]
+        return self._views[watch.graph] if watch.kind == "link" else None
+
     def watched(self) -> Iterator[tuple[int, Watch, Links, tuple[Array, Array] | None]]:
         """Watches of pairs of agents: number, watch, pairs checked, headings and cosines of views."""
         for number, watch in enumerate(self.watches[: self.first_level]):
@@ -288,12 +293,7 @@ class LinkState:
         number
             Number of the watch.
         """
-        kind = self.watches[number].kind
-        if kind in ("kink", "rim"):
-            return "kink"
-        if kind == "obstacle":
-            return kind
-        return "break" if self.near[number][i, j] else "appear"
+        return self.watches[number].switch_kind(bool(self.near[number][i, j]))
 
     def next_crossings(self, segment: Segment, n: int, m: int, order: int) -> tuple[float, list[Crossing]]:
         """Earliest crossing on a segment as a fraction of it, with all crossings of that instant; 2.0 when none.

@@ -57,6 +57,12 @@ class Watch:
         """Whether pieces of a formula meet there, inside the reach of the link or the obstacle."""
         return self.kind in ("kink", "rim")
 
+    def switch_kind(self, outward: bool) -> str:
+        """Kind of a switch there, as in `SWITCH_FIELDS`; ``outward``: what was nearer goes further away."""
+        if self.kind == "link":
+            return "break" if outward else "appear"
+        return "kink" if self.inner else self.kind
+
     def is_where(self, other: Watch) -> bool:
         """Whether it watches the same distances of the same pairs as an ``other`` watch."""
         alike = (self.graph, self.kind) == (other.graph, other.kind)

@@ -100,9 +100,7 @@ class HeldBodies:
 
     def _tolerances(self, start: State, scenario: Scenario) -> Array:
         """Absolute error tolerance of each component: infinite for those of the ledger, which is computed otherwise."""
-        duration = scenario.t_end - scenario.start.t
-        mass = float(np.max(scenario.agents.masses))
-        found = component_tolerances(start, self.order, self.widths, scenario.tolerance, duration, mass)
+        found = component_tolerances(start, self.order, self.widths, scenario)
         return np.concatenate([found, np.full(int(self.departs) + len(RATES), np.inf)])
 
     def hold(self, force: Array) -> None:

@@ -26,6 +26,7 @@ from flocking.study.certificates.enclosed_matrices import (
     norm_bound,
     rounding,
     spectral_radius,
+    unit_of_rates,
 )
 from flocking.study.certificates.linear.equilibria import Equilibrium, orthogonal_to
 from flocking.study.certificates.linear.near_equilibrium import NearEquilibrium
@@ -125,7 +126,7 @@ class LossyLattice:
         if not max(away, apart) <= ORTHONORMAL:
             away = np.inf
         mass = float(self.near.mass.lo)
-        often = 2.0 ** np.round(0.5 * np.log2(float(at.link_stresses[1].hi.max()) / mass))
+        often = unit_of_rates(float(at.link_stresses[1].hi.max()) / mass)
         t = float(world.period * often)
         d, e = deforming.shape[1], moving.shape[1]
         steady = np.eye(d + e)

@@ -30,6 +30,7 @@ from flocking.study.certificates.enclosed_matrices import (
     eigenvalues,
     least_eigenvalue,
     symmetric_eigenvalues,
+    unit_of_rates,
 )
 from flocking.study.certificates.energy_setting import EnergySetting
 from flocking.study.certificates.linear.equilibria import Equilibrium, PairForce, descended, proven
@@ -273,7 +274,7 @@ class NearEquilibrium:
         h, b = (relative(x) for x in (self.stiffness, self.full_damping))
         # Velocities in lengths times a power of two near the highest frequency, which rounds nothing: all numbers are
         # rates then, and a unit of time does not decide how far the discs of eigenvalues reach.
-        frequency = 2.0 ** np.round(0.5 * np.log2(np.abs(h.values).max(initial=0.0) / mass))
+        frequency = unit_of_rates(float(np.abs(h.values).max(initial=0.0)) / mass)
         h = EnclosedMatrix(h.values / frequency, h.error / frequency)
         none = np.zeros((size, size))
         matrix = EnclosedMatrix(

@@ -60,17 +60,42 @@ def momentum_drift(e: Evidence) -> Measure:
     if len(e.t) < 2:
         raise NotResolvable("one frame does not show whether the mean velocity changes")
     drift = float(np.abs(e.mean_velocity - e.mean_velocity[0]).max(initial=0.0))
-    fastest = float(e.speeds.max())
-    note, of_speeds = f"mean velocity moved by {drift:.1e}", DRIFT_TOLERANCES * e.run.scenario.tolerance * fastest
     # Tolerances of engines are absolute errors in usual units; samples are judged in their own, however small.
-    absolute = 0.0 if e.sampled and fastest > 0.0 else DRIFT_TOLERANCES * _velocity_tolerance(e)
-    if of_speeds < drift < absolute:
-        note += f", the largest speed is {fastest:.1e}: the absolute tolerance of the engine may explain it"
-        found = Measure(absolute - drift, np.inf, note)
-    else:
-        found = below(drift, max(of_speeds, absolute), note, 2.0 * e.velocity_error)
+    absolute = 0.0 if e.sampled and float(e.speeds.max()) > 0.0 else _velocity_tolerance(e)
+    note = f"mean velocity moved by {drift:.1e}"
+    found = within_tolerances(e, drift, DRIFT_TOLERANCES, absolute, note, 2.0 * e.velocity_error)
     # A conserved quantity is decided at any time.
     return replace(found, everywhere=False)
+
+
+def within_tolerances(
+    e: Evidence, off: float, tolerances: float, absolute: float, note: str, error: float = 0.0
+) -> Measure:
+    """A difference of mean velocities against tolerances of the engine.
+
+    Between what the tolerance allows relative to the largest speed, and what it allows at all, nothing is decided.
+
+    Parameters
+    ----------
+    e
+        The evidence.
+    off
+        The difference.
+    tolerances
+        How many tolerances it may be.
+    absolute
+        Absolute tolerance of velocities.
+    note
+        The difference in words.
+    error
+        Error of the difference.
+    """
+    fastest = float(e.speeds.max())
+    of_speeds, most = tolerances * e.run.scenario.tolerance * fastest, tolerances * absolute
+    if of_speeds < off < most:
+        note += f", the largest speed is {fastest:.1e}: the absolute tolerance of the engine may explain it"
+        return Measure(most - off, np.inf, note)
+    return below(off, max(of_speeds, most), note, error)
 
 
 def _velocity_tolerance(e: Evidence) -> float:
