@@ -18,6 +18,10 @@ TWO = (ROOT / "docs" / "two_papers.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
+def words(row: str) -> str:
+    return " ".join(NUMBER.sub("", row).split())
+
+
 def test_the_readme_prints_what_its_code_prints(tmp_path, monkeypatch, capsys):
     """Words are the same; estimated errors and residuals may differ from machine to machine, by less than half."""
     monkeypatch.chdir(tmp_path)
@@ -28,7 +32,8 @@ def test_the_readme_prints_what_its_code_prints(tmp_path, monkeypatch, capsys):
         found = shown[line.split()[0]]
         stated, measured = (list(map(float, NUMBER.findall(row))) for row in (line, found))
         np.testing.assert_allclose(measured[: len(stated)], stated, rtol=0.5, err_msg=line)
-        assert NUMBER.sub("", found).split()[: len(NUMBER.sub("", line).split())] == NUMBER.sub("", line).split()
+        # Rows are shortened on the page.
+        assert words(found).startswith(words(line))
 
 
 def test_what_the_page_on_large_groups_says_of_stored_runs_is_so():
