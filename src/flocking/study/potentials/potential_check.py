@@ -299,7 +299,7 @@ class Properties:
         if self.radius is None:
             return PropertyRow(name, None, NO_RADIUS)
         R = self.radius
-        samples = [R * (1 + 10.0**k) for k in np.linspace(-9, 6, SAMPLES_BEYOND)]
+        samples = [float(R * (1 + 10.0**k)) for k in np.linspace(-9, 6, SAMPLES_BEYOND)]
         slopes = [(abs(float(self.shape.slope(x))), x) for x in samples]
         worst = max(slopes, key=lambda pair: np.inf if np.isnan(pair[0]) else pair[0])
         bound = ROUNDING * self.shape.energy / R
