@@ -60,7 +60,9 @@ def correct(
             at = t if k == 0 else t + 0.5 * h if k < 3 else min(t + h, end)
             ahead = 0.0 if k == 0 else 0.5 * h if k < 3 else h
             x = (at - begin) / span
-            fill_part(coefficients, x, left)
+            # The second and the third slope are at one place.
+            if k != 2:
+                fill_part(coefficients, x, left)
             for c in range(size):
                 z[c] = left[left.shape[0] - 1, c] + (e[c] + ahead * slopes[max(k - 1, 0), c] if k > 0 else e[c])
             stages(law, places, weights, 0, 1, -1, at + base, z, 0.0, room, none)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.arrays import Array
 
 if TYPE_CHECKING:
     import sympy
@@ -36,6 +41,36 @@ def leader_source(
         f"    return {place}, {written(p)}, {written(a)}\n\n\n"
         f"def branches(t, {', '.join(names)}):\n    return [{', '.join(written(_branches(v)) for v in p)}]\n"
     )
+
+
+def motions(
+    function: Callable[..., Sequence[Sequence[float]]], times: Array, numbers: Sequence[float], dimension: int
+) -> Array:
+    """Positions, velocities and accelerations at many times, shape (K, 3, m); NaN where they have no real value.
+
+    Parameters
+    ----------
+    function
+        Gives the three of one time, see `leader_source`.
+    times
+        The times, shape (K,).
+    numbers
+        Parameters of the leader.
+    dimension
+        Number of axes m.
+    """
+    none, found = [[math.nan] * dimension] * 3, []
+    for t in times.tolist():
+        try:
+            found.append(function(t, *numbers))
+        except (ValueError, ArithmeticError, TypeError):
+            found.append(none)
+    try:
+        return np.array(found, dtype=np.float64).reshape(-1, 3, dimension)
+    except TypeError:  # The square root of a negative number is complex.
+        if len(found) == 1:
+            return np.array([none])
+        return np.concatenate([motions(function, times[k : k + 1], numbers, dimension) for k in range(len(times))])
 
 
 def _branches(velocity: sympy.Expr) -> list[sympy.Expr]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,14 +19,13 @@ from flocking.formula.grammar import Formula
 from flocking.formula.interval_jets import Jet, on_jets
 from flocking.model.checks import Array, array, listed, named_parameters, number
 from flocking.model.checks import parameters as checked_parameters
-from flocking.model.leaders_and_obstacles.leader_code import leader_source
+from flocking.model.leaders_and_obstacles.leader_code import leader_source, motions
 from flocking.model.parts import values as fields
 from flocking.model.parts.description import Group, Short, Stored, add_group
 from flocking.model.parts.registration import description_of, register_part
 
 if TYPE_CHECKING:
     import sympy
-
 
 SPEED_INTERVALS = 8
 """Number of parts of a time interval for the bound of the speed; more parts give a tighter bound."""
@@ -110,12 +110,9 @@ class Leader(ABC):
         times
             The times, shape (K,).
         """
-        module, given = self._module, self.parameters
-        numbers = tuple(given.values())
-        times = np.asarray(times, dtype=np.float64)
-        found = np.array([self._motion(module, float(t), numbers) for t in times]).reshape(-1, 3, self.dimension)
-        if not module.CLOSED:
-            found[:, 0] = self._travelled(given, times)
+        found = self._motions(times)
+        if not self.closed_form:
+            found[:, 0] = self._travelled(self.parameters, np.asarray(times, dtype=np.float64))
         return found[:, 0], found[:, 1], found[:, 2]
 
     def _travelled(self, given: Mapping[str, float], times: Array) -> list[Array]:
@@ -147,7 +144,17 @@ class Leader(ABC):
 
     def velocity_at(self, t: float) -> Array:
         """Velocity at time ``t``, shape (m,)."""
-        return np.asarray(self._motion(self._module, float(t), tuple(self.parameters.values()))[1])
+        return np.asarray(self.velocities_at([t])[0])
+
+    def velocities_at(self, times: ArrayLike) -> Array:
+        """Velocities at many times, shape (K, m); NaN where the formulas have no real value.
+
+        Parameters
+        ----------
+        times
+            The times, shape (K,).
+        """
+        return self._motions(times)[:, 1]
 
     def speed_bound(self, t0: float, t1: float) -> float:
         """Upper bound of the speed on [t0, t1], by interval arithmetic on the formulas of the velocity.
@@ -178,12 +185,9 @@ class Leader(ABC):
             return np.full(len(low), np.inf)
         return np.asarray(ROUNDED_UP * np.sqrt(square))
 
-    def _motion(self, module: ModuleType, t: float, numbers: tuple[float, ...]) -> Array:
-        """Values of the formulas, shape (3, m); NaN if they have no real value."""
-        try:
-            return np.array(module.leader(t, *numbers), dtype=np.float64)
-        except (ValueError, ArithmeticError, TypeError):  # The square root of a negative number is complex.
-            return np.full((3, self.dimension), np.nan)
+    def _motions(self, times: ArrayLike) -> Array:
+        numbers = tuple(self.parameters.values())
+        return motions(self._module.leader, np.asarray(times, dtype=np.float64), numbers, self.dimension)
 
 
 add_group(Group("leader", Leader, names="leader"))
@@ -375,7 +379,9 @@ class Path(Leader):
             raise InvalidInput("Path", odd, "must be both used in a formula and given a value", self.values)
 
     def __repr__(self) -> str:
-        return f"Path({[f.text for f in self.formulas]}, start={self.start.tolist()})"
+        since = {"start_time": self.start_time} if self.start_time else {}
+        given = "".join(f", {name}={value}" for name, value in {**since, **self.values}.items())
+        return f"Path({[f.text for f in self.formulas]}, start={self.start.tolist()}{given})"
 
     @property
     def dimension(self) -> int:
@@ -410,9 +416,5 @@ class Path(Leader):
 def _motion_formulas(leader: Leader) -> tuple[Sequence[sympy.Expr] | None, Sequence[sympy.Expr], Sequence[sympy.Expr]]:
     import sympy
 
-    t = sympy.Symbol("t", real=True)
-
-    def parameter(name: str) -> sympy.Expr:
-        return sympy.Symbol(name, real=True)
-
+    t, parameter = sympy.Symbol("t", real=True), partial(sympy.Symbol, real=True)
     return leader.position(t, parameter), leader.velocity(t, parameter), leader.acceleration(t, parameter)

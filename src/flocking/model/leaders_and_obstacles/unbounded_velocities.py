@@ -50,7 +50,7 @@ def unbounded_at(leader: Leader, t0: float, t1: float) -> float | None:
     if not (math.isfinite(t0) and math.isfinite(t1) and t0 < t1):
         return None
     times = np.linspace(t0, t1, FIRST + 1)
-    suspected = [float(t) for t in times if not math.isfinite(_speed(leader, float(t)))]
+    suspected = times[~np.isfinite(_speeds(leader, times))].tolist()
     if not np.isfinite(leader.speed_bounds(times[:-1], times[1:])).all():
         suspected += [*_without_bound(leader, times), *_peaks(leader, t0, t1)]
     for t in sorted(suspected):
@@ -83,9 +83,14 @@ def check_leaders(leaders: Iterable[Leader], t0: float, t1: float) -> None:
             )  # fmt: skip
 
 
-def _speed(leader: Leader, t: float) -> float:
+def _speeds(leader: Leader, times: Array) -> Array:
+    """Largest components of the velocity at some times, NaN where it is not real."""
     with np.errstate(all="ignore"):
-        return float(np.abs(leader.velocity_at(t)).max())
+        return np.asarray(np.abs(leader.velocities_at(times)).max(axis=1))
+
+
+def _speed(leader: Leader, t: float) -> float:
+    return float(_speeds(leader, np.array([t]))[0])
 
 
 def _without_bound(leader: Leader, edges: Array) -> list[float]:
@@ -121,7 +126,7 @@ def _peaks(leader: Leader, t0: float, t1: float) -> list[float]:
 
 def _finite(leader: Leader, times: Array) -> Array:
     """Speeds at some times, infinite where there is none."""
-    speeds = np.array([_speed(leader, float(t)) for t in times])
+    speeds = _speeds(leader, times)
     return np.where(np.isnan(speeds), np.inf, speeds)
 
 

@@ -204,6 +204,12 @@ FAULTS = (
         "        if count > 0:\n            copy_links(switching.linked[0], work.linked)\n        for f in range(shown, due):\n            make_frame",
     ),
     Fault(
+        "links for frames and extremes do not follow a switch",
+        "blocks/loop.py",
+        "            copy_links_of(solution.crossed, count, watches.pairs, switching.linked[0], work.linked)\n",
+        "",
+    ),
+    Fault(
         "both directions of a link: only one switches",
         "blocks/switches.py",
         "        if both:\n            switching.linked[g, j, i] = now\n",

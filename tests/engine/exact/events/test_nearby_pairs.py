@@ -10,6 +10,8 @@ from flocking.engine.adaptive_steps.segment import Motion, split_motion
 from flocking.engine.exact import session
 from flocking.engine.exact.blocks import block
 from flocking.engine.exact.crossings.nearby_pairs import (
+    BASE,
+    SKIN,
     NearbyPairs,
     all_pairs,
     note_displacements,
@@ -77,6 +79,30 @@ def test_linked_pairs_and_those_within_a_distance_are_listed_however_far() -> No
     watched.near[0, 0, 1], linked[0, 1, 2], linked[0, 2, 1] = True, True, True
     require_pairs(nearby, motion(q, 0.0 * q), watched, linked, 100.0)
     assert listed(nearby) == {(0, 1), (1, 0), (1, 2), (2, 1)}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_list_is_that_of_all_pairs_looked_at_one_by_one(seed: int) -> None:
+    """Two watches and two graphs; few, many or no pairs that belong to it are far apart, in one order or both."""
+    rng = np.random.default_rng(seed)
+    n, radius, share = 40, 1.0, (0.0, 1e-3, 0.02, 0.5)[seed]
+    one = watches(n, radius)
+    watched = PairWatches(*(np.concatenate([field, field]) for field in one))
+    linked = rng.random((2, n, n)) < share
+    watched.near[:] = rng.random((2, n, n)) < share
+    q = rng.uniform(0, 12, (n, 3 if seed % 2 else 2))
+    nearby = unknown_pairs(watched, n)
+    require_pairs(nearby, motion(q, 0.0 * q), watched, linked, 12.0)
+    tied = (linked | watched.near).any(axis=0)
+    apart = np.linalg.norm(q[None] - q[:, None], axis=-1)
+    reach = nearby.bounds[BASE] + nearby.bounds[SKIN]
+    expected = (apart <= reach) | tied | tied.T
+    np.fill_diagonal(expected, False)
+    assert listed(nearby) == {(int(i), int(j)) for i, j in zip(*np.nonzero(expected), strict=True)}
+    assert all(
+        (np.diff(nearby.partners[a:b]) > 0).all() for a, b in zip(nearby.starts, nearby.starts[1:], strict=False)
+    )
+    assert nearby.moved.max() == 0.0
 
 
 def test_displacements_of_steps_add_up() -> None:

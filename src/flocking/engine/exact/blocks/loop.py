@@ -33,6 +33,7 @@ from flocking.engine.exact.blocks.doubts import leaves_no_doubt, settle_fresh
 from flocking.engine.exact.blocks.switches import (
     apply_switches,
     copy_links,
+    copy_links_of,
     judge_switches,
     restart,
     velocities_at_end,
@@ -135,7 +136,7 @@ def step_block(
         shown = due
         rows = add_step(records, rows, solution, switched, stop - t)
         if count > 0:
-            copy_links(switching.linked[0], work.linked)
+            copy_links_of(solution.crossed, count, watches.pairs, switching.linked[0], work.linked)
             restart(law, method, watches, limits, stop, count, solution, switched, work)
             if jumping:
                 energy = found[0] + found[1] + found[2] + limits.unlinked[0]

@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Mask
 from flocking.engine.adaptive_steps.integration_method import DEGREE
-from flocking.engine.adaptive_steps.segment import ROUNDING, fill_part
+from flocking.engine.adaptive_steps.segment import ROUNDING
 from flocking.engine.exact.blocks.arrays import (
     BEGIN,
     DELAY,
@@ -42,7 +42,7 @@ from flocking.engine.exact.blocks.slides import slides, slides_now
 from flocking.engine.exact.blocks.tried_steps import LAST, energy_at
 from flocking.engine.exact.companion import SAFETY
 from flocking.engine.exact.crossings.switch_numbers import largest_difference, pair_speed, radial_motion, switch_errors
-from flocking.engine.exact.crossings.watch_tables import slack_at
+from flocking.engine.exact.crossings.watch_tables import PairWatches, slack_at
 from flocking.engine.kernels.law_kernels import CompiledLaw, stages
 from flocking.formula.native.functions import native_apart
 
@@ -52,6 +52,22 @@ def copy_links(source: Mask, target: Mask) -> None:
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
             target[i, j] = source[i, j]
+
+
+def copy_links_of(crossed: Array, count: int, pairs: PairWatches, source: Mask, target: Mask) -> None:
+    """Copy elements of pairs that have switched, in both orders, from ``source`` to ``target``; for native functions.
+
+    Parameters
+    ----------
+    crossed, count
+        What has crossed a distance, and how many these are.
+    pairs
+        The distances of pairs that are watched; what crosses others changes no links.
+    """
+    for c in range(count):
+        if crossed[c, 0] < pairs.enter.shape[0]:
+            i, j = int(crossed[c, 2]), int(crossed[c, 3])
+            target[i, j], target[j, i] = source[i, j], source[j, i]
 
 
 @native_apart
@@ -346,10 +362,8 @@ def restart(
     t = stop + limits.base
     stages(law, tableau.nodes, tableau.weights, 0, 1, -1, t, solution.y, 0.0, work.K, work.middle)
     # The companion crosses by as much later as it is behind: the saltation rule.
-    span = stop - begin
-    x = (stop - begin) / span
-    fill_part(solution.coefficients, x, work.part)
+    span, C = stop - begin, solution.coefficients
     for c in range(size):
-        before = DEGREE / (x * span) * (work.part[DEGREE, c] - work.part[DEGREE - 1, c])
+        before = DEGREE / span * (C[DEGREE, c] - C[DEGREE - 1, c])
         solution.slope[c] = work.K[0, c]
         solution.difference[LAST, c] += (before - work.K[0, c]) * delay

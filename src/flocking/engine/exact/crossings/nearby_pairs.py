@@ -97,9 +97,46 @@ def require_pairs(nearby: NearbyPairs, motion: Motion, watches: PairWatches, lin
         return
     bounds[SKIN] = max(SHARE * bounds[TOP], 2.0 * widest * (1.0 + 2.0 * ROUNDED))
     cutoff = (bounds[BASE] + bounds[SKIN]) * (1.0 + ROUNDED)
-    count = 0
+    axes, squares = np.empty((m, n)), np.empty(n)
     for i in range(n):
         moved[i] = 0.0
+        for k in range(m):
+            axes[k, i] = B[0, i, k]
+    count, tied = 0, 0
+    for i in range(n):
+        # Whole rows, so that these loops run over vectors.
+        for j in range(n):
+            squares[j] = 0.0
+        for k in range(m):
+            for j in range(n):
+                squares[j] += (axes[k, j] - axes[k, i]) ** 2
+        for w in range(watches.near.shape[0]):
+            for j in range(n):
+                tied += 1 if watches.near[w, i, j] else 0
+        for g in range(linked.shape[0]):
+            for j in range(n):
+                tied += 1 if linked[g, i, j] else 0
+        nearby.starts[i] = count
+        for j in range(n):
+            if squares[j] <= cutoff * cutoff and i != j:
+                nearby.partners[count] = j
+                count += 1
+                for w in range(watches.near.shape[0]):
+                    tied -= 1 if watches.near[w, i, j] else 0
+                for g in range(linked.shape[0]):
+                    tied -= 1 if linked[g, i, j] else 0
+    nearby.starts[n] = count
+    if tied > 0:
+        _list_with_links(nearby, B, watches, linked, cutoff)
+
+
+def _list_with_links(nearby: NearbyPairs, B: Array, watches: PairWatches, linked: Mask, cutoff: float) -> None:
+    """Make the list where pairs farther apart than ``cutoff`` belong to it in one order or the other.
+
+    It reads matrices in both orders of a pair, which takes long for large groups.
+    """
+    n, m, count = B.shape[1], B.shape[2], 0
+    for i in range(n):
         nearby.starts[i] = count
         for j in range(n):
             if i == j:
