@@ -266,6 +266,16 @@ def test_more_agents_than_the_limit_need_a_word(quick: Path, capsys: pytest.Capt
     assert "--most-agents 6" in err
 
 
+def test_the_limit_of_agents_holds_for_named_scenarios_and_stored_runs(
+    quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(capsys, "run", quick, "--out", tmp_path / "stored")[0] == 0
+    for command in (("certify", "zhou-2015"), ("run", "zhou-2015"), ("plot", tmp_path / "stored")):
+        code, out, err = call(capsys, *command, "--most-agents", "5")
+        assert (code, out) == (2, "")
+        assert "most-agents must be at least the" in err
+
+
 def test_check_exits_with_1_only_where_a_named_definition_fails(capsys: pytest.CaptureFixture[str]) -> None:
     formula = "1/r + 1/(R - r)"
     code, out, _ = call(capsys, "check", formula, "-p", "R=4", "--radius", "4", "--json")

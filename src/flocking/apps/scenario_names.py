@@ -30,6 +30,20 @@ def is_file(name: str) -> bool:
     return not is_name(name) and (Path(name).suffix == ".toml" or Path(name).exists())
 
 
+def within_most_agents(scenario: Scenario, most_agents: int | None) -> Scenario:
+    """The ``scenario``, unless it has more agents than were allowed.
+
+    Raises
+    ------
+    InvalidInput
+        When it has.
+    """
+    if most_agents is not None and scenario.start.n > most_agents:
+        allowed = f"must be at least the {scenario.start.n} of this scenario"
+        raise InvalidInput("scenario", "most-agents", allowed, most_agents, "Raise it, or leave it out.")
+    return scenario
+
+
 def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scenario:
     """The scenario named by a user: of a paper or a showcase, or in a TOML file.
 
@@ -40,12 +54,12 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
     seed
         Seed of its random draws; that of the file, or 0 for a paper's scenario, when absent.
     most_agents
-        Largest number of agents a file may ask for.
+        Largest number of agents it may have; that of files when absent.
 
     Raises
     ------
     InvalidInput
-        When there is no such name or file, or the file has faults.
+        When there is no such name or file, the file has faults, or there are more agents.
     """
     from flocking.papers import paper, paper_of
     from flocking.papers.showcases.files import TITLES, showcase_scenario
@@ -53,9 +67,9 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
 
     key = paper_of(name)
     if key and name in (made := paper(key).scenarios()):
-        return made[name](0 if seed is None else seed)
+        return within_most_agents(made[name](0 if seed is None else seed), most_agents)
     if name in TITLES:
-        return showcase_scenario(name, seed)
+        return within_most_agents(showcase_scenario(name, seed), most_agents)
     if Path(name).suffix in ENDINGS and Path(name).is_file():
         raise InvalidInput(
             "scenario", "file", "must be a TOML file", name, "Samples of a motion are judged by 'flocking audit'."

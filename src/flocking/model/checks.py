@@ -116,14 +116,16 @@ def integer(owner: str, parameter: str, value: object, *, least: int) -> int:
     return int(value)
 
 
-def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
+def array(owner: str, parameter: str, value: Any, *, ndim: int, truth_values: bool = False) -> Array:
     """A read-only copy of ``value`` as a finite float64 array with ``ndim`` axes.
+
+    With ``truth_values`` these are taken for 0 and 1, as in a matrix of neighbours.
 
     Raises
     ------
     InvalidInput
-        If ``value`` has the wrong number of axes, contains NaN, infinities, texts, dates or complex numbers, or has
-        masked entries.
+        If ``value`` has the wrong number of axes, contains NaN, infinities, texts, dates, truth values or complex
+        numbers, or has masked entries.
     """
     if np.ma.is_masked(value):
         masked = f"{int(np.ma.getmaskarray(value).sum())} of {np.size(value)} masked"
@@ -136,6 +138,8 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
         result = np.array(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InvalidInput(owner, parameter, "must be an array of numbers", value) from None
+    if not truth_values and _has_truth_values(value):
+        raise InvalidInput(owner, parameter, "must be an array of numbers", "truth values")
     if result.ndim != ndim:
         raise InvalidInput(owner, parameter, f"must have {ndim} axes", f"shape {result.shape}")
     if not np.isfinite(result).all():
@@ -143,6 +147,15 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
         raise InvalidInput(owner, parameter, f"must be finite, but entry {where} is not", float(result[where]))
     result.setflags(write=False)
     return result
+
+
+def _has_truth_values(value: object) -> bool:
+    """Whether a truth value is among the elements of an array or of nested lists."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind == "b" or (value.dtype.kind == "O" and any(map(_has_truth_values, value.flat)))
+    if isinstance(value, list | tuple) and not set(map(type, value)) <= {int, float}:
+        return any(map(_has_truth_values, value))
+    return isinstance(value, bool | np.bool_)
 
 
 def _is_text(value: object) -> bool:
@@ -162,9 +175,6 @@ def scalar_or_each(
     if axes_of(value) == 0:
         return number(owner, parameter, value, least=least, above=above)
     result = array(owner, parameter, value, ndim=1)
-    listed = value if isinstance(value, list | tuple) else ()
-    if np.asarray(value).dtype == bool or any(isinstance(entry, bool) for entry in listed):
-        raise InvalidInput(owner, parameter, "must be a number for every agent", "truth values")
     too_small = np.zeros(len(result), dtype=bool)
     if least is not None:
         too_small |= result < least

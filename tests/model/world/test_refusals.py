@@ -103,8 +103,25 @@ def test_a_run_too_long_for_nanoseconds_is_refused():
 @pytest.mark.parametrize("value", [[True, False], [0.1, True], np.array([True, True])])
 def test_truth_values_are_no_numbers_of_agents(value):
     for build in (lambda: fk.Held(0.1, latency=value), lambda: fk.Held(value), lambda: fk.Agents(masses=value)):
-        with pytest.raises(InvalidInput, match="must be a number for every agent; got 'truth values'"):
+        with pytest.raises(InvalidInput, match="must be an array of numbers; got 'truth values'"):
             build()
+
+
+@pytest.mark.parametrize("value", [[True, False], (np.True_, 0.5), np.array([True, 2], dtype=object), [0.1, True]])
+def test_truth_values_are_no_coordinates(value):
+    for build in (
+        lambda: fk.State([value, [0.0, 1.0]]),
+        lambda: fk.State([[0.0, 1.0]], [value]),
+        lambda: fk.Sink(value),
+        lambda: fk.Velocity([1.0, 0.0], start=value),
+    ):
+        with pytest.raises(InvalidInput, match="must be an array of numbers; got 'truth values'"):
+            build()
+
+
+def test_a_matrix_of_neighbours_gives_weights():
+    near = np.array([[False, True], [True, False]])
+    assert fk.Consensus(1.0, weights=near).weights.values.tolist() == [[0.0, 1.0], [1.0, 0.0]]
 
 
 def test_times_that_round_to_zero_are_no_part_of_a_summary():

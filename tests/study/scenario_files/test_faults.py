@@ -250,6 +250,19 @@ def test_integers_that_python_cannot_print_are_refused(number):
             parse_scenario(text)
 
 
+@pytest.mark.parametrize("number", ["1e-400", "-0.000_1e-330", "0.1E-5000"])
+def test_numbers_that_floating_point_would_take_for_zero_are_refused(number):
+    with pytest.raises(ScenarioFileError, match="too small for a floating-point number: write 0"):
+        parse_scenario(f"t_end = {number}\n{DRAWN}")
+
+
+@pytest.mark.parametrize("number", ["0.0", "0e5", "-0.0", "0.000e-9999", "1e-320"])
+def test_zero_and_the_smallest_numbers_are_read(number):
+    with pytest.raises(ScenarioFileError) as error:
+        parse_scenario(f"x = {number}\n{DRAWN}")
+    assert "too small" not in str(error.value)
+
+
 def test_a_key_of_a_file_is_one_line_of_bounded_length():
     with pytest.raises(ScenarioFileError) as error:
         parse_scenario('"a\\nflocking: all is fine\\u202e\\u001b[2J" = 1\n' + "k" * 1_000_000 + " = 1\n")

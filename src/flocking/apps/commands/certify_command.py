@@ -39,7 +39,7 @@ def certify(
     seed
         Seed of the start; that of the file, or 0 for a paper's scenario, when absent.
     most_agents
-        Largest number of agents that a file may ask for.
+        Largest number of agents it may have.
     hypotheses
         Show the hypotheses of each theorem as they were found.
     as_json

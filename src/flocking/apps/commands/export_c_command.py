@@ -35,7 +35,7 @@ def export_c(
     seed
         Seed of the scenario's draws.
     most_agents
-        Largest number of agents that a file may request.
+        Largest number of agents it may have.
     """
     from flocking.apps.scenario_names import find_scenario
     from flocking.engine.driver.law_export import export_c as write

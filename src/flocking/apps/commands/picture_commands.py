@@ -48,7 +48,7 @@ def plot(
     seed
         Seed of the random draws of a scenario.
     most_agents
-        Largest number of agents a file may ask for.
+        Largest number of agents it may have.
     """
     from flocking.engine.driver.waits import Wait, stage
     from flocking.errors import InvalidInput
@@ -118,7 +118,7 @@ def animate(
     seed
         Seed of the random draws of a scenario.
     most_agents
-        Largest number of agents a file may ask for.
+        Largest number of agents it may have.
     """
     from flocking.show.animate import SUFFIXES, animate, ffmpeg, film_path
     from flocking.show.style import check_writable
@@ -135,7 +135,7 @@ def animate(
 def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int | None) -> tuple[Run, Path, int]:
     """The run named by a user, the path of its pictures without kind and ending, and the exit code."""
     from flocking.apps.commands.run_summary import tell_unfinished
-    from flocking.apps.scenario_names import find_scenario
+    from flocking.apps.scenario_names import find_scenario, within_most_agents
     from flocking.engine.driver.simulate import simulate
     from flocking.engine.driver.waits import Wait, stage
     from flocking.engine.storage.stored_runs import read_run
@@ -151,6 +151,7 @@ def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int |
         with Wait(owner):
             stage("reading the run")
             run = read_run(folder)
+        within_most_agents(run.scenario, most_agents)
         tell_unfinished(run, "drawn")
         return run, resolved.with_name(resolved.name), DRAWN
     scenario = find_scenario(source, seed, most_agents)

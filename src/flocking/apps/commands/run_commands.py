@@ -69,7 +69,7 @@ def run(
     option
         Any option of the engine, as name=value; once for each.
     most_agents
-        Largest number of agents a file may ask for; one million by default.
+        Largest number of agents it may have; one million by default.
     as_json
         Print JSON.
     """

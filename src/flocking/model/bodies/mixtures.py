@@ -69,7 +69,7 @@ class Mixture(Body):
                 "Mixture", "bodies", "must all be of one order and move continuously",
                 ", ".join(type(body).__name__ for body in given),
             )  # fmt: skip
-        kinds = array("Mixture", "kinds", self.kinds, ndim=1)
+        kinds = array("Mixture", "kinds", self.kinds, ndim=1, truth_values=True)
         if not len(kinds):
             raise InvalidInput("Mixture", "kinds", "must hold at least 1 agent", list(kinds))
         if np.asarray(self.kinds).dtype == bool:

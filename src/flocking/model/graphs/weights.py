@@ -61,7 +61,7 @@ class MatrixWeights(PairWeights):
         def __init__(self, values: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
-        values = array("Consensus", "weights", self.values, ndim=2)
+        values = array("Consensus", "weights", self.values, ndim=2, truth_values=True)
         if values.shape[0] != values.shape[1]:
             raise InvalidInput("Consensus", "weights", "must be a square matrix", f"shape {values.shape}")
         if (values < 0).any():

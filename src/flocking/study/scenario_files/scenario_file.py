@@ -187,11 +187,19 @@ def _toml(text: str, source: str) -> dict[str, object]:
         # Python reads them, and prints none of more than 4,300 decimal digits.
         raise ScenarioFileError(source, [f"file: must not hold an integer of more than {MOST_DIGITS} digits"])
     try:
-        return tomllib.loads(text)
+        return tomllib.loads(text, parse_float=_decimal)
     except tomllib.TOMLDecodeError as error:
         raise ScenarioFileError(source, [f"file: is not TOML: {error}"]) from None
     except (ValueError, RecursionError, OverflowError) as error:
         raise ScenarioFileError(source, [f"file: is not TOML that can be read ({error})"]) from None
+
+
+def _decimal(text: str) -> float:
+    """The number that a text states, unless it is so small that floating point has 0 for it."""
+    number = float(text)
+    if number == 0.0 and re.search("[1-9]", text.lower().partition("e")[0]):
+        raise ValueError(f"{text} is too small for a floating-point number: write 0 instead")
+    return number
 
 
 _TEXTS = re.compile(
