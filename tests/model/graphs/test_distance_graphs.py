@@ -71,6 +71,18 @@ def test_components_agree_with_networkx(n, seed, chance):
     assert is_connected(links) is (len(groups) == 1)
 
 
+@pytest.mark.parametrize("n", [1, 2, 8, 9, 63, 64, 65, 130])
+def test_a_chain_is_connected_until_a_link_is_left_out(n):
+    order = np.random.default_rng(n).permutation(n)
+    links = np.zeros((n, n), dtype=bool)
+    links[order[:-1], order[1:]] = True
+    assert is_connected(links)
+    for k in {0, n // 2, n - 2} & set(range(n - 1)):
+        broken = links.copy()
+        broken[order[k], order[k + 1]] = False
+        assert not is_connected(broken)
+
+
 def test_distances_are_infinite_to_oneself():
     d = pair_distances(np.array([[0.0, 0], [3, 4]]))
     assert np.isinf(d.diagonal()).all()

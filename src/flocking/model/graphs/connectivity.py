@@ -10,6 +10,9 @@ from flocking.arrays import Links as Links
 SMALL = 300
 """Largest group whose components are found by a plain loop, which is faster there than to import SciPy's graphs."""
 
+WORD = 64
+"""Bits of a word, and the largest group whose sets of agents are words."""
+
 MOST_DRAWS = 100_000
 """Largest number of draws until a random graph, or that of a random start, is connected."""
 
@@ -46,7 +49,20 @@ def components(links: Links) -> NDArray[np.intp]:
 
 def is_connected(links: Links) -> bool:
     """Whether all agents belong to one weakly connected component (Olfati-Saber, Definition 1)."""
-    return bool(_reached(links | links.T, 0).all())
+    either = links | links.T
+    if not 0 < len(either) <= WORD:
+        return bool(_reached(either, 0).all())
+    # Matrices of few agents are asked about many times a run: sets of agents are the bits of an integer.
+    packed = np.zeros((len(either), WORD // 8), dtype=np.uint8)
+    packed[:, : -(-len(either) // 8)] = np.packbits(either, axis=1, bitorder="little")
+    rows = packed.view("<u8")[:, 0].tolist()
+    reached = todo = 1
+    while todo:
+        agent = todo.bit_length() - 1
+        found = rows[agent] & ~reached
+        reached |= found
+        todo = (todo ^ (1 << agent)) | found
+    return reached.bit_count() == len(rows)
 
 
 def _reached(either: Links, agent: int) -> Links:
