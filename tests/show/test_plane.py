@@ -7,6 +7,7 @@ import pytest
 import flocking as fk
 from flocking.engine.runs.run import Run
 from flocking.show.agent_colors import flock_colors
+from flocking.show.density import density
 from flocking.show.plane import net, pairs_of
 from flocking.show.style import GREY, PALETTE, figure
 
@@ -185,6 +186,29 @@ def test_obstacles_of_the_law_are_drawn_where_they_are(run):
         assert disc.mean(axis=0) == pytest.approx([2.0 + when, 3.0], abs=0.02)
     assert np.ptp(axes.get_xlim()) < 50
     assert not net(met, obstacles=()).patches
+
+
+def test_pictures_before_a_change_say_whose_obstacles_they_show():
+    """Of a law that was replaced only the last one is known: its obstacle stands in pictures of all times."""
+
+    def scenario(radius):
+        avoid = fk.Avoid([fk.Ball([9.0, 9.0], radius)], range=1.0, gamma_agents=False)
+        law = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0), avoid])
+        return fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.1, 0.0], [0.0, 0.1]]), t_end=2.0, frames=5)
+
+    session = fk.start(scenario(0.5))
+    session.advance(1.0)
+    session.replace(law=scenario(2.0).law)
+    session.advance(2.0)
+    run = session.run()
+
+    def notes(made):
+        return [text.get_text() for text in made.texts if text.get_gid() == "notes"]
+
+    for draw in (net, density):
+        assert notes(draw(run, time=0.5)) == ["obstacles and leaders as after a change at t = 1"]
+        assert notes(draw(run, time=1.5)) == notes(draw(fk.simulate(scenario(0.5), progress=False), time=0.5)) == []
+    assert notes(net(run, time=0.5, obstacles=())) == []
 
 
 @pytest.mark.parametrize("bodies", [fk.Unicycle(0.1), fk.Limited(fk.Unicycle(0.1), force=1.0)])

@@ -31,7 +31,14 @@ def is_file(name: str) -> bool:
 
 
 def within_most_agents(scenario: Scenario, most_agents: int | None) -> Scenario:
-    """The ``scenario``, unless it has more agents than were allowed.
+    """The scenario, unless it has more agents than were allowed.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    most_agents
+        Largest number of agents; any number when absent.
 
     Raises
     ------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.engine.runs.message_log import CHANGED
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.formula.safe_digits import EXACT_DIGITS, given_text, nearest_text, time_text
@@ -119,6 +120,28 @@ def own_obstacles(what: Run | State) -> list[Obstacle]:
         return []
     terms = [t for t in what.scenario.law.body_terms if isinstance(t, ObstacleTerm)]
     return list({id(o): o for term in terms for o in term.obstacles}.values())
+
+
+def changed_later(what: object, time: float) -> list[str]:
+    """A note for a picture at a ``time`` of a run whose law or state was replaced later; none for others.
+
+    Only the law after the last change is known of a run, with its obstacles and leaders.
+
+    Parameters
+    ----------
+    what
+        What is drawn.
+    time
+        The time of the picture.
+    """
+    if not isinstance(what, Run) or not what.fidelity.changed:
+        return []
+    listed = what.provenance.get(CHANGED)
+    times = [float(t) for t in listed if isinstance(t, int | float)] if isinstance(listed, list | tuple) else []
+    if not times:
+        return ["obstacles and leaders of the last law; it was changed during the run"]
+    last = max(times)
+    return [f"obstacles and leaders as after a change at t = {time_of(what, last)}"] if time < last else []
 
 
 def leader_at(leader: Leader, time: float) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 from flocking.show.agent_colors import DotLook, LineLook, net_colors
-from flocking.show.frames import frame_at, leaders_at, need_velocities, own_obstacles, time_of
+from flocking.show.frames import changed_later, frame_at, leaders_at, need_velocities, own_obstacles, time_of
 from flocking.show.motion import motion_of, thinned_path
 from flocking.show.style import COLUMN, GREEN, OUTLINE_POINTS, PURPLE, VERMILION, axes_or_new, in_style, quivers, theme
 
@@ -167,6 +167,7 @@ def net(
     if isinstance(what, Run) and color in ("speed", "heading"):
         need_velocities("net", what)
     notes = [f"{len(found)} obstacle{'s' * (len(found) > 1)} not drawn"] if found and m != 2 else []
+    notes += changed_later(what, state.t) if own or followed else []
     for outline in (*outlines, *own):
         axes.fill(*outline.T, facecolor=theme().faint, edgecolor=theme().ink, alpha=0.45, lw=0.6, zorder=0.5)
     if paths is not None:
