@@ -177,3 +177,33 @@ def test_steps_under_which_a_velocity_would_swing_ever_further_are_refused(share
             fk.Scenario(law, start, 0.2, **{**made, "agents": fk.VelocityUnit([1.0, 0.01], substeps=10)})
         with pytest.raises(fk.InvalidInput, match="VelocityUnit: substeps must be more than"):
             fk.Scenario(law, start, 0.2, **made)
+
+
+@pytest.mark.filterwarnings("ignore:State. q has shape")
+@pytest.mark.parametrize("dimension", [2, 4])
+def test_without_a_range_agents_are_heard_that_are_further_away_than_they_are_known_to_be(dimension):
+    """As with a range beyond all of them: a fix that is late, or off, places another within reach of a term."""
+    q, p = np.zeros((12, dimension)), np.zeros((12, dimension))
+    q[:, 0], p[:, 0] = 4.0 * np.arange(12), np.linspace(0.5, 9.0, 12)
+    law = fk.Law(fk.Proximity(1.0), [fk.SelfPropulsion(1.0), fk.LinearRepulsion(1.0, 12.0, 5.0)])
+    made = fk.Scenario(law, fk.State(q, p), t_end=2.4, frames=13, agents=fk.VelocityUnit(1.0, speed=9.0),
+                       control=fk.Held(0.2))  # fmt: skip
+    errors = {"diffusion": 0.5, "damping": 2.0, "stiffness": 3.0}
+    runs = [
+        fk.simulate(made.with_(information=fk.Fixes(0.2, delay=0.6, range=far, **errors)), progress=False).q
+        for far in (None, 1e9)
+    ]
+    assert_allclose(runs[0], runs[1], rtol=0.0, atol=0.0)
+
+
+def test_the_fix_at_the_start_has_the_errors_of_one_step_and_others_are_known_exactly_then():
+    fixes = fk.Fixes(0.2, delay=0.4, diffusion=0.5, damping=2.0, stiffness=3.0)
+    start = flock().start
+    exact = np.concatenate([start.q, start.p], axis=1)
+    session = fk.start(flock(information=fixes))
+    session.advance(0.1)
+    heard = session.memory.heard
+    assert_allclose(heard[1:], np.repeat(exact[None], 2, axis=0), rtol=0.0, atol=0.0)
+    kicks = (heard[0] - exact)[:, 2:] / np.sqrt(2.0 * 2.0 * 0.2 * 0.5)
+    assert_allclose((heard[0] - exact)[:, :2], 0.2 * (heard[0] - exact)[:, 2:], atol=1e-12)
+    assert 0.5 < kicks.std() < 1.5

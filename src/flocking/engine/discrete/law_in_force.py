@@ -55,6 +55,12 @@ class Known(NamedTuple):
     heard: Array
     range: float
 
+    def furthest_off(self, q: Array) -> float:
+        """How far known distances of two agents may be from the true ones with agents at ``q``, shape (N, m)."""
+        m = q.shape[1]
+        own, late = (float(np.sqrt(((x[:, :m] - q) ** 2).sum(axis=1)).max()) for x in (self.heard[0], self.heard[-1]))
+        return own + late
+
     def seen(self, agents: Indices, others: tuple[Indices, Indices]) -> Seen:
         """What agents know of others.
 
@@ -147,7 +153,12 @@ class DiscreteLaw:
     def _steering(self, q: Array, p: Array, known: Known | None = None) -> Array:
         """Forces of the steering terms, shape (N, m), on agents that a cell list finds, beyond its axes all pairs."""
         agents, space = np.arange(self.n), self.scenario.space
-        others = everyone(agents, q, self._reach, space) if self._search is None else self._search.near(q)[:2]
+        reach, search = self._reach, self._search
+        if known is not None and not np.isfinite(known.range) and reach:
+            # All are heard: terms compare distances that are known, and agents further away may be known to be near.
+            reach += known.furthest_off(q)
+            search = None if search is None else CellPairs(space, reach * WIDER, self.n)
+        others = everyone(agents, q, reach, space) if search is None else search.near(q)[:2]
         if known is None:
             seen = seen_by(agents, others, q, p, space)
         else:

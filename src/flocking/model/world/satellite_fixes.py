@@ -30,8 +30,9 @@ class Fixes(Information):
     An agent knows its own newest fix, and of each other agent within a range the fix that is ``delay`` old. Errors are
     the motion of a damped mass on a spring that is kicked at random, by steps of one period T (Vasarhelyi et al. 2018):
     v' = v - T (s x + b v) + sqrt(2 b T D) N(0, 1), x' = x + T v' along each axis, with stiffness s, damping b and
-    diffusion D. Positions are off by x and velocities by v. Errors are zero at the start; before a delay has passed
-    others are known as they were then. An agent is within range by the true positions at the time of the tick.
+    diffusion D. Positions are off by x and velocities by v. The fix at the start has the errors of the first of these
+    steps, from zero; before a delay has passed others are known as they are at the start, exactly. An agent is within
+    range by the true positions at the time of the tick.
 
     Parameters
     ----------
