@@ -207,3 +207,12 @@ def test_the_fix_at_the_start_has_the_errors_of_one_step_and_others_are_known_ex
     kicks = (heard[0] - exact)[:, 2:] / np.sqrt(2.0 * 2.0 * 0.2 * 0.5)
     assert_allclose((heard[0] - exact)[:, :2], 0.2 * (heard[0] - exact)[:, 2:], atol=1e-12)
     assert 0.5 < kicks.std() < 1.5
+
+
+@pytest.mark.parametrize("desired", [1e3, 1e200])
+def test_the_largest_acceleration_holds_for_velocities_whose_squares_overflow(desired):
+    start = fk.State([[0.0, 0.0], [9.0, 0.0]], [[0.5, 0.0], [0.0, 0.5]])
+    made = fk.Scenario(fk.Law(fk.Proximity(1.0), [fk.SelfPropulsion(desired)]), start, 0.2, frames=2,
+                       agents=fk.VelocityUnit(1.0, acceleration=6.0), control=fk.Held(0.2))  # fmt: skip
+    run = fk.simulate(made, progress=False)
+    assert_allclose(run.p[1], [[0.5 + 0.2 * 6.0, 0.0], [0.0, 0.5 + 0.2 * 6.0]], atol=1e-12)

@@ -270,7 +270,10 @@ class SampledSession(ImperfectSession):
     def _measure(self, measuring: Indices, seconds: float) -> None:
         """Take a sample of agents."""
         everyone = self.motion.at(seconds)[0] if self.knowledge.reads_distances else None
-        self.knowledge.measure(measuring, *self.motion.at(seconds, measuring), everyone)
+        q, p = self.motion.at(seconds, measuring)
+        if self.motion.order == 1 and not seconds:
+            p = np.zeros_like(p)  # They stand still before the start, and gusts and lagged velocities begin after it.
+        self.knowledge.measure(measuring, q, p, everyone)
 
     def _desired(
         self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices], leaders: Instants | None

@@ -199,11 +199,8 @@ class VelocityUnit(DiscreteBody):
             q = q + h * p
             change = rate * (goal - p)
             if self.acceleration is not None:
-                length = np.sqrt((change**2).sum(axis=1, keepdims=True))
-                change = change * np.minimum(1.0, h * self.acceleration / np.maximum(length, TINY))
+                with np.errstate(over="ignore"):
+                    length = np.linalg.norm(change, axis=1)
+                change = scaled(change, length > h * self.acceleration, h * self.acceleration)
             p = p + change if kicks is None else p + change + kicks[step]
         return q, p
-
-
-TINY = 1e-300
-"""Keeps a division by a length of zero finite."""

@@ -31,8 +31,9 @@ SELF_KNOWN = ("true", "measured")
 class Messages(Information):
     """Agents measure themselves at times phase_j + k period_j and send the samples to all others.
 
-    A sample is the true position and velocity plus noise, rounded to the resolution. It reaches agent i after the delay
-    and a jitter of its own, unless it is lost. Agent i uses the newest sample of each other agent by the time at which
+    A sample is the true position and velocity plus noise, rounded to the resolution; agents of order 1 state the velocity
+    with which they moved until then, zero at the start. It reaches agent i after the delay and a jitter of its own,
+    unless it is lost. Agent i uses the newest sample of each other agent by the time at which
     it was taken, held as it is or, with ``predict``, moved on with its velocity. A sample that is ``expires`` old is
     discarded, and its sender with it: link memory is cleared, and a link must appear anew. Under held control links
     follow at the ticks of the receiver alone: one whose sample expired and was replaced between two of them stays as it

@@ -113,6 +113,8 @@ class Arrivals:
     def _measured(self, agent: int, k: int) -> Sample:
         instant = self.taken(agent, k)
         q, p = self.motion.state(agent, instant * NANOSECOND, instant)
+        # What is sent is the velocity before that time: agents of order 1 stand still before the start.
+        p = p if instant or self.motion.order > 1 else np.zeros_like(p)
         found, world = [q, p], self.world
         if world.noise is not None and not world.noise.ideal:
             if not self._errors:
