@@ -31,7 +31,7 @@ SELF_KNOWN = ("true", "measured")
 class Messages(Information):
     """Agents measure themselves at times phase_j + k period_j and send the samples to all others.
 
-    A sample is the true position and velocity plus noise, rounded to the resolution; agents of order 1 send the velocity
+    A sample is the true position and velocity plus noise, rounded to the resolution; those of order 1 send the velocity
     with which they moved until then, zero at the start. It reaches agent i after the delay and a jitter of its own,
     unless it is lost. Agent i uses the newest sample of each other agent by the time at which
     it was taken, held as it is or, with ``predict``, moved on with its velocity. A sample that is ``expires`` old is
