@@ -246,7 +246,7 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         points, links = self.delays.points, self.known_links
         points.reach(t, links)
         known = self.delays.jumps.following(t, points.rounding(t))
-        bound = min(points.following(t, links), known, self._next_gains(), self._gust_ends)
+        bound = min(points.following(t, links), known, self._next_gains(), self._next_gust())
         before, crossings = self._stepper.memory, NOBODY
         try:
             segment = self._stepper.step(bound, self._longest_step * self.delays.least)
@@ -306,6 +306,10 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         self.delays.points.jump(t, np.flatnonzero(pairs.any(axis=1)), self.known_links)
         self._begin_anew(t)
         self._check_slope()
+
+    def _next_gust(self) -> float:
+        """When a gust begins next, in seconds from the start."""
+        return self._gust_ends
 
     def _change_bodies(self, t: float) -> None:
         """Take the gusts that begin now, and change which limits act."""

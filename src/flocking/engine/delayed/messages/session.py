@@ -13,7 +13,7 @@ from flocking.engine.delayed.messages.instants import BEFORE
 from flocking.engine.delayed.messages.leader_samples import LeaderSamples
 from flocking.engine.delayed.messages.message_states import MessageStates
 from flocking.engine.delayed.replacement import Replacement
-from flocking.engine.delayed.session import DelayedSession
+from flocking.engine.delayed.session import CLOCK, DelayedSession
 from flocking.engine.imperfect.messages.interventions import (
     KEPT,
     Interventions,
@@ -76,6 +76,25 @@ class MessagesSession(DelayedSession):
         self._states.prepare(*self._law.linked)
 
     # What falls on an instant.
+
+    def _with_instant(self, seconds: float, rounding: float) -> float:
+        """A time in seconds from the start, or that of the next instant where it is later by rounding alone.
+
+        Samples are taken first: the velocities that agents of order 1 send must not depend on how equal times are
+        rounded.
+        """
+        if self._law.order != 1:
+            return seconds
+        instant = self._states.points.following(seconds, self.known_links)
+        return instant if 0.0 < instant - seconds <= rounding else seconds
+
+    def _next_gust(self) -> float:
+        found = super()._next_gust()
+        return self._with_instant(found, CLOCK * found)
+
+    def _next_gains(self) -> float:
+        found = super()._next_gains()
+        return self._with_instant(found, CLOCK * (abs(self._base) + abs(self._base + found)))
 
     def _seen(self, seconds: float) -> tuple[Array, Array]:
         """True positions and velocities before forces change at a time; of order 1 the velocity agents move with."""
