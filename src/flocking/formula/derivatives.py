@@ -56,8 +56,15 @@ def derivative(expression: sympy.Expr, x: sympy.Symbol, times: int = 1) -> sympy
     if times == 1:
         return first
     small = sum(1 for _, _ in zip(sympy.preorder_traversal(first), range(SMALL + 1), strict=False)) <= SMALL
-    small = small and expanded_addends(first) <= FEW_ADDENDS
+    small = small and expanded_addends(first) <= FEW_ADDENDS and not _has_named_powers(expression, x)
     return sympy.diff(expression, x, 2) if small else rules.second(expression)
+
+
+def _has_named_powers(expression: sympy.Expr, x: sympy.Symbol) -> bool:
+    """Whether a part that depends on ``x`` has a power that is no number: SymPy divides such powers by the part."""
+    import sympy
+
+    return any(x in power.base.free_symbols and not power.exp.is_number for power in expression.atoms(sympy.Pow))
 
 
 class _Rules:
@@ -133,6 +140,9 @@ class _Rules:
 
         base, exponent = e.args
         once = [self.first(part) for part in e.args]
+        if times == 1 and once[1] == 0 and not exponent.is_number:
+            # Not the power over its base, which has no value where the base is zero.
+            return once[0] * exponent * base ** (exponent - 1)
         rate = once[0] * exponent / base
         if once[1] != 0:
             rate = once[1] * sympy.log(base) + rate

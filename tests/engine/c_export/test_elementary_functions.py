@@ -69,7 +69,8 @@ def draws(functions, count):
         "sin": [(rng.uniform(-7, 7, count),), (rng.uniform(-angle, angle, count),)],
         "cos": [(rng.uniform(-7, 7, count),), (rng.uniform(-angle, angle, count),)],
         "pow": [(rng.uniform(0.01, 100, count), rng.uniform(-9, 9, count)),
-                (rng.uniform(0.5, 2, count), rng.uniform(-50, 50, count))],
+                (rng.uniform(0.5, 2, count), rng.uniform(-50, 50, count)),
+                (rng.uniform(-9, -0.1, count), rng.integers(-9, 9, count))],
     }  # fmt: skip
 
 
@@ -88,7 +89,8 @@ def test_ends_of_the_range(functions):
     assert functions("pow", [0, 0, 0, 3], [2, -1, 0, 0]).tolist() == [0, inf, 1, 1]
     for name, values in (("exp", [nan]), ("log", [nan, -1]), ("sqrt", [nan, -1]), ("sin", [nan, 1e7]), ("cos", [inf])):
         assert np.isnan(functions(name, values)).all()
-    assert np.isnan(functions("pow", [-1, nan, 2], [2, 1, nan])).all()
+    assert functions("pow", [-3, -2, -2, -2, -1], [2, 3, -2, 0, -5]).tolist() == [9, -8, 0.25, 1, -1]
+    assert np.isnan(functions("pow", [-1, nan, 2, -2], [0.5, 1, nan, 2.5])).all()
     tiny = np.arange(1, 3000).astype(functions.kind) * least
     assert (functions("sqrt", tiny) == np.sqrt(tiny)).all()
     x = np.random.default_rng(0).uniform(-1e5, 1e5, 1000).astype(functions.kind)

@@ -152,6 +152,16 @@ FORMULAS = [
 ]
 
 
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("exponent", [1.0, 2.0, 3.0])
+def test_powers_with_a_parameter_have_whole_exponents_of_negative_numbers(exponent, precision):
+    law = fk.Law(fk.Proximity(1.6), [fk.Gradient(fk.Potential("(r - 1)**k + (1 + r)**(-k)", k=exponent))])
+    # The square of side 1 has distances at which the base is zero.
+    state = fk.State([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.3, 0.2]])
+    found, expected, scale = accelerations(law, state, precision=precision)
+    assert_close(found, expected, scale + 1.0, 1e-12 if precision == "float64" else 1e-5)
+
+
 @pytest.mark.parametrize("formula", FORMULAS)
 def test_formulas_of_users(formula):
     law = fk.Law(fk.Proximity(1.2), [fk.Gradient(fk.Potential(formula))])

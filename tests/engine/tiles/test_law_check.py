@@ -116,3 +116,29 @@ def test_powers_that_cancel_give_no_alarm():
         )  # fmt: skip
         run = fk.simulate(moving, engine="tiles", step=0.005)
         assert run.provenance["law_gap"] <= max(run.provenance["law_gap_allowed"], 1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_supplies_of_agents_of_order_1_that_cancel_give_no_alarm(n):
+    q = np.random.default_rng(n).uniform(0.0, 3.0, (n, 2))
+    pursuit = fk.Track(fk.Sink([0.68, -0.13]), position_gain=0.78, velocity_gain=0.67)
+    scenario = fk.Scenario(
+        fk.Law(fk.Proximity(2.0), [pursuit]), fk.State(q), t_end=0.02, frames=2, agents=fk.SingleIntegrator()
+    )
+    run = fk.simulate(scenario, engine="tiles", step=5e-4, threads=1, progress=False)
+    rate = np.exp(-0.78 * 0.02)
+    assert run.q[-1] == pytest.approx(np.array([0.68, -0.13]) + rate * (q - [0.68, -0.13]), rel=1e-12)
+
+
+@pytest.mark.parametrize("m", [2, 3])
+def test_the_supply_of_two_agents_about_their_centre_of_mass_gives_no_alarm(m):
+    """Unequal gains: of two equal masses the powers beyond dissipation are equal and opposite."""
+    rng = np.random.default_rng(3)
+    start = fk.State(rng.normal(size=(2, m)), rng.normal(size=(2, m)))
+    law = fk.Law(fk.Proximity(9.0), [fk.Consensus([1.0, 2.0])])
+    scenario = fk.Scenario(law, start, t_end=0.02, frames=2, energy=fk.Energy("centre of mass"))
+    run = fk.simulate(scenario, engine="tiles", scheme="rk4", step=1e-3, threads=1, progress=False)
+    # The difference of the velocities falls at the rate 3.
+    kinetic = 0.25 * ((start.p[1] - start.p[0]) ** 2).sum() * np.exp(-6.0 * run.t)
+    assert run.trace["energy"][[0, -1]] == pytest.approx(kinetic, rel=1e-9)
+    assert np.abs(run.trace["supplied"]).max() < 1e-14

@@ -202,3 +202,18 @@ def test_the_root_of_a_square_is_an_absolute_value_with_its_kink(text):
     assert psi.slope(r) == pytest.approx(power * side * np.abs(r - at) ** (power - 1), rel=1e-14)
     assert psi.curvature(r) == pytest.approx(power * (power - 1) * np.abs(r - at) ** max(power - 2, 0), rel=1e-14)
     assert psi.kinks() == pytest.approx((at,))
+
+
+@pytest.mark.parametrize("power", [2.0, 3.0, 4.5])
+def test_powers_with_a_parameter_have_derivatives_where_their_base_is_zero(power):
+    psi = fk.Potential("abs(r - a)**k", k=power, a=1.25)
+    r = np.array([0.75, 1.25, 2.25])
+    away = np.abs(r - 1.25)
+    assert psi.slope(r) == pytest.approx(np.sign(r - 1.25) * power * away ** (power - 1), rel=1e-14, abs=0.0)
+    assert psi.curvature(r) == pytest.approx(power * (power - 1) * away ** (power - 2), rel=1e-14, abs=0.0)
+
+
+def test_a_start_at_the_rest_length_of_a_potential_with_a_parameter_as_exponent_has_a_force():
+    law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("(r - 1)**k", k=2))])
+    force = fk.evaluate(law, fk.State([[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]])).u[:, 0]
+    assert force == pytest.approx([4.0, 2.0, -6.0], rel=1e-15)

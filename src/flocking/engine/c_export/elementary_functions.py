@@ -74,6 +74,9 @@ BOUNDS: Mapping[str, tuple[float, str]] = {
 }  # fmt: skip
 """Largest errors of the functions; tests hold all of them against mpmath, and binary32 over all its exponents."""
 
+LARGEST_INTEGER = 2.0**30
+"""Largest exponent of a negative number: it fits into 32 bits. Nearly all powers beyond it are 0 or infinite."""
+
 SUBNORMAL = 2
 """Further units of the last place where the value of an exponential or a power is below the normal numbers."""
 
@@ -314,19 +317,25 @@ class _Writer:
         )
 
     def pow(self) -> str:
-        x, real, zero = self.x, self.real, self.number(0)
+        x, real, zero, one = self.x, self.real, self.number(0), self.number(1)
+        most = self.number(LARGEST_INTEGER)
         return (
-            f"/* a to the power b; NaN for a negative a, whose whole powers are products elsewhere. */\n"
+            f"/* a to the power b; of a negative a for whole b of at most 2^30 alone, else NaN. */\n"
             f"static {real} {x}pow({real} a, {real} b)\n{{\n    {real} found = {x}nan();\n"
-            f"    if (b == {zero})\n    {{\n        found = {self.number(1)};\n    }}\n"
+            f"    {real} size = a;\n    {real} sign = {one};\n"
+            f"    if ((a < {zero}) && (b >= (-{most})) && (b <= {most}))\n    {{\n"
+            f"        const int32_t whole = (int32_t)b;\n"
+            f"        if (({real})whole == b)\n        {{\n            size = -a;\n"
+            f"            sign = (((uint32_t)whole & 1u) != 0u) ? (-{one}) : {one};\n        }}\n    }}\n"
+            f"    if (b == {zero})\n    {{\n        found = {one};\n    }}\n"
             f"    else if (a == {zero})\n    {{\n"
             f"        found = {x}two_to({self.f.bias});\n"
             f"        found = (b > {zero}) ? {zero} : (found * found);\n    }}\n"
-            f"    else if ((a > {zero}) && (a <= {x.upper()}LARGEST))\n    {{\n        {real} below;\n"
-            f"        const {real} above = {x}log_of(a, &below);\n        const {real} p = above * b;\n"
+            f"    else if ((size > {zero}) && (size <= {x.upper()}LARGEST))\n    {{\n        {real} below;\n"
+            f"        const {real} above = {x}log_of(size, &below);\n        const {real} p = above * b;\n"
             f"        if ((p > {self.number(-ENDLESS)}) && (p < {self.number(ENDLESS)}))\n        {{\n"
-            f"            found = {x}exp_of(p, {x}product_rest(above, b, p) + (below * b));\n        }}\n"
-            f"        else\n        {{\n            found = {x}exp_of(p, {zero});\n        }}\n    }}\n"
+            f"            found = sign * {x}exp_of(p, {x}product_rest(above, b, p) + (below * b));\n        }}\n"
+            f"        else\n        {{\n            found = sign * {x}exp_of(p, {zero});\n        }}\n    }}\n"
             f"    else\n    {{\n        /* NaN. */\n    }}\n    return found;\n}}\n"
         )
 

@@ -171,6 +171,8 @@ class Declared:
             np.add.at(supply, met, (push * u[met]).sum(axis=1))
             strength = np.sqrt((push**2).sum(axis=1) * (u[met] ** 2).sum(axis=1))
             np.add.at(off_supply, met, NEAR_OBSTACLES * self.rounding * strength)
+        # What a term leaves beside the descent of its storage may be a difference of two that are equal.
+        size += 2.0 * seen.size * np.sqrt((u**2).sum(axis=1))
         off_supply += off["supply"] + SAFETY * self.rounding * (size + np.abs(supply))
         powers = np.column_stack([seen.powers[:, :2], square, square, supply])
         errors = np.column_stack([seen.power_errors[:, :2], off_square, off_square, off_supply])
@@ -185,6 +187,7 @@ class Declared:
         q, p = (np.asarray(x[judged], dtype=np.float64) for x in (group.q, group.p))
         who = group.ids[judged]
         A = [np.broadcast_to(row, self.scenario.start.n)[who].astype(np.float64) for row in rows]
+        speeds = _speeds(group, p)
         for number, (k, j, certain) in enumerate(pairs):
             if not len(k):
                 continue
@@ -210,6 +213,8 @@ class Declared:
                 force[:, axis] += np.bincount(k, one[:, axis], minlength=count)
             size += np.bincount(k, magnitude, minlength=count)
             error += np.bincount(k, doubt, minlength=count)
+            # Powers of forces that are not opposite are products with differences of velocities, which may cancel.
+            sizes["supply"] += magnitude * (2.0 * speeds[k] + v_size)
             for column, name in ((0, "storage"), (3, "dissipation"), (4, "supply")):
                 value = 0.5 * found[name]
                 powers[:, column] += np.bincount(k, value, minlength=count)
@@ -242,9 +247,12 @@ class Declared:
         force += own
         size += sum(sizes[f"force{k}"] for k in range(m))
         error += sum(off[f"force{k}"] for k in range(m))
+        strengths = sum(sizes[f"force{k}"] for k in range(m)) + A[1] * np.sqrt((p**2).sum(axis=1))
         for column, name in ((1, "storage"), (3, "dissipation"), (4, "supply")):
             powers[:, column] += body[name]
             errors[:, column] += off[name] + SAFETY * self.rounding * sizes[name]
+        # Velocities relative to the frame may cancel.
+        errors[:, 3:] += (SAFETY * self.rounding * strengths * _speeds(group, p))[:, None]
         for i, values in obstacles_met(self.scenario.law, self._layout, self._module, q, P, given):
             push = np.stack([values[f"force{k}"] for k in range(m)], axis=1)
             np.add.at(force, i, push)
@@ -303,6 +311,11 @@ class Declared:
             gap = np.where(np.isfinite(gap), gap, np.abs(value))
             off[key] = SAFETY * unit * (gap + float(gap.mean() if len(gap) else 0.0))
         return found, off
+
+
+def _speeds(group: Group, p: Array) -> Array:
+    """Sizes of what the velocities of agents relative to the frame are a difference of, shape (S,)."""
+    return np.asarray(np.sqrt((p**2).sum(axis=1)) + np.sqrt((group.frame**2).sum()))
 
 
 def _pair_values(d: Array, v: Array, own: Array) -> dict[str, Array]:

@@ -262,7 +262,7 @@ class _Printer(ExpressionVisitor[str]):
         import sympy
 
         if not exponent.is_number:
-            return f"fast_exp({self._factor(exponent)} * fast_log({self.visit(base)}))"
+            return f"fast_power({self.visit(base)}, {self.visit(exponent)})"
         if exponent.is_negative:
             factors = self._inverse(base, -exponent)
             if factors is not None:

@@ -253,7 +253,7 @@ def module_header(spec: KernelSpec, kernels: str) -> str:
     """
     from flocking.engine.tiles.simd import elementary_functions as vector_math
 
-    used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in kernels}
+    used = {name for name in vector_math.NAMES if name + "(" in kernels}
     header = "import math\n\nimport numpy as np\n\n"
     header += f"from flocking.engine.tiles.simd.vectors import ({', '.join(_PRIMITIVES)})\n"
     header += "from flocking.engine.tiles.simd.row_transposition import GATHERERS, LOADERS, STORERS\n"

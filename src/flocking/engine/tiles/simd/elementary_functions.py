@@ -1,7 +1,8 @@
-"""Vectorisable sin, cos, exp and log without branches, accurate to a few units in the last place.
+"""Vectorisable sin, cos, exp, log and powers without branches, accurate to a few units in the last place.
 
 Series are truncated where their remainder is below the rounding error of the precision. Arguments are reduced with
-constants split into parts, accurate up to |x| of about 1e5 radians.
+constants split into parts, accurate up to |x| of about 1e5 radians. A power is the exponential of a product, whose
+size is the number of further units by which it may be off.
 """
 
 from __future__ import annotations
@@ -23,6 +24,10 @@ FORMATS = (127, 23), (1023, 52)
 
 LEADING = (10, 30)
 """Bits of the leading parts of pi and log(2): products with multiples of up to 14 and 23 bits are exact."""
+
+
+NAMES = ("fast_sin", "fast_cos", "fast_exp", "fast_log", "fast_power")
+"""Functions of which there is source."""
 
 
 def _split(value: Fraction, keep: int) -> list[float]:
@@ -48,7 +53,7 @@ def _horner(coefficients: list[float], variable: str) -> str:
 
 
 def source(names: set[str], double: bool) -> str:
-    """Source of the requested functions among fast_sin, fast_cos, fast_exp and fast_log, with the type ``T``.
+    """Source of the requested functions among `NAMES`, with the type ``T``, and of those that they call.
 
     Parameters
     ----------
@@ -57,8 +62,11 @@ def source(names: set[str], double: bool) -> str:
     double
         Whether numbers have 64 bits, else 32.
     """
-    makers = {"fast_sin": _wave, "fast_cos": _wave, "fast_exp": _exponential, "fast_log": _logarithm}
-    return "".join(makers[name](name, double) for name in sorted(names))
+    makers = {
+        "fast_sin": _wave, "fast_cos": _wave, "fast_exp": _exponential, "fast_log": _logarithm, "fast_power": _power,
+    }  # fmt: skip
+    needed = names | ({"fast_exp", "fast_log"} if "fast_power" in names else set())
+    return "".join(makers[name](name, double) for name in sorted(needed))
 
 
 def _wave(name: str, double: bool) -> str:
@@ -122,5 +130,21 @@ def _logarithm(name: str, double: bool) -> str:
         "    special = select(x == T(0.0), T(-np.inf), T(np.nan))",
         "    value = select(x > T(0.0), value, special)",
         "    return select(x < T(np.inf), value, select(x > T(0.0), x, value))",
+    ]
+    return "\n".join(lines) + "\n\n\n"
+
+
+def _power(name: str, double: bool) -> str:
+    """A power whose exponent is known when a kernel runs, as of C: of negative bases for whole exponents alone."""
+    lines = [
+        f"def {name}(x, exponent):",
+        "    size = select(x < T(0.0), -x, x)",
+        "    value = fast_exp(exponent * fast_log(size))",
+        "    whole = floor_of(exponent)",
+        "    odd = whole - T(2.0) * floor_of(whole * T(0.5))",
+        "    signed = select(exponent == whole, value * (T(1.0) - T(2.0) * odd), T(np.nan))",
+        "    value = select(x < T(0.0), signed, value)",
+        # The product of zero and an infinite logarithm has no value.
+        "    return select(exponent == T(0.0), T(1.0), value)",
     ]
     return "\n".join(lines) + "\n\n\n"
