@@ -55,6 +55,51 @@ def test_saturated_feedback_is_printed_with_norms():
     assert law_latex(law, 3).count(r"\left\|p_i - v_0\right\|^{2}") == 1
 
 
+def test_different_things_of_one_name_have_different_symbols():
+    wide, near = fk.Smooth(2.0, 0.5), fk.Smooth(1.0, 0.5)
+    law = fk.Law(
+        wide,
+        [
+            fk.Gradient(fk.Potential("1/r"), weighting="force"),
+            fk.Gradient(fk.Potential("c/r^2", c=3.0), weighting="force", over=near),
+            fk.Consensus(0.8), fk.Consensus([1.0, 2.0], over=near), fk.Track([1.0, 0.0]), fk.Track([0.0, 1.0]),
+            fk.Track([1.0, 0.0], velocity_gain=2.0), fk.CuckerSmale(0.8, 0.3, 0.5), fk.CuckerSmale(0.7, 0.3, 1.5),
+        ],
+    )  # fmt: skip
+    shown = [term.latex for term in term_formulas(law)]
+    assert r"a{\left(r_{ij}\right)} \psi'{\left(r_{ij}\right)}" in shown[0]
+    assert r"a_{2}{\left(r_{ij}\right)} \psi_{2}'{\left(r_{ij}\right)}" in shown[1]
+    assert r"} c\,\left" in shown[2]
+    assert r"} c_{i,2}\,\left" in shown[3]
+    assert shown[4] == r"- c_{\mathrm{velocity}} \left(p_i - v_0\right)"
+    assert shown[5] == r"- c_{\mathrm{velocity}} \left(p_i - v_{0,2}\right)"
+    assert shown[6] == r"- c_{\mathrm{velocity},2} \left(p_i - v_0\right)"
+    assert r"c \left(\mathrm{scale}^{2}" in shown[7]
+    assert r"c_{3} \left(\mathrm{scale}_{2}^{2}" in shown[8]
+    assert weight_latex(near, 1).startswith("a_{2}(r) = ")
+    page = law_html(law)
+    assert all(to_mathml(x) in page for x in ("c_{3}", "c_{i,2}", r"c_{\mathrm{velocity},2}", r"\mathrm{scale}_{2}"))
+    to_mathml(law_latex(law))
+
+
+def test_the_average_over_a_further_graph_counts_its_neighbours():
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(), fk.VelocityAverage(2.0, over=fk.Proximity(1.0))])
+    assert r"\frac{1}{1 + \left|N_i^{(2)}\right|}" in term_formulas(law)[1].latex
+
+
+def test_gamma_agents_of_polygons_are_in_the_formula():
+    polygon, wall = fk.ConvexPolygon([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], 0.2), fk.Wall([0.0, -3.0], [0.0, 1.0])
+
+    def shown(obstacles, **more):
+        (found,) = term_formulas(fk.Law(fk.Proximity(2.0), [fk.Avoid(obstacles, [1.0, 0.0], range=2.0, **more)]))
+        return found
+
+    assert r"\psi_{\mathrm{attraction}}'" in shown([polygon]).latex
+    assert not shown([polygon, wall]).exact
+    assert shown([polygon, wall], gamma_agents=False).exact
+    assert r"\psi_{\mathrm{attraction}}'" not in shown([wall]).latex
+
+
 @dataclass(frozen=True)
 class Turn(BodyTerm):
     """A force across the velocity, which no formula of vectors without a rotation states."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,8 @@ from flocking.errors import FlockingError
 from flocking.model.bodies.body import Body, MotionSymbols
 from flocking.model.checks import Array
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.parts.registration import description_of
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.model.terms.body_terms import BodyTerm
@@ -23,6 +25,7 @@ from flocking.model.typesetting.symbols import (
     Names,
     by_name,
     named_function,
+    numbered,
     parameter_latex,
     value_of_vectors,
     with_stand_ins,
@@ -57,12 +60,15 @@ class TermFormula:
         Whether it is its formula.
     potentials
         The potentials in it, by their names in LaTeX.
+    numbers
+        Numbers of its parameters among different ones of a name in the law, where they are not the first.
     """
 
     term: Term
     latex: str
     exact: bool
     potentials: dict[str, Potential]
+    numbers: Mapping[str, int] = field(default_factory=dict)
 
 
 def law_latex(law: StatedLaw, dimension: int = 2) -> str:
@@ -94,26 +100,67 @@ def term_formulas(law: StatedLaw, dimension: int = 2) -> list[TermFormula]:
     dimension
         Number of axes.
     """
-    return [_term(term, law, dimension) for term in law.terms]
+    every = zip(law.terms, numbers_of(law.terms), strict=True)
+    return [_term(term, law, dimension, numbers) for term, numbers in every]
 
 
-def _term(term: Term, law: StatedLaw, dimension: int) -> TermFormula:
+def numbers_of(terms: Sequence[Term]) -> list[dict[str, int]]:
+    """Of each term the numbers of what it has among different values of one name, where it is not the first.
+
+    Parameters
+    ----------
+    terms
+        Terms of a law.
+    """
+    known: dict[str, list[object]] = {}
+    found = []
+    for term in terms:
+        kind = description_of(term)
+        fields = {} if kind is None else {x.name: getattr(term, x.attribute, None) for x in kind.fields.values()}
+        named = {name: x for name, x in fields.items() if isinstance(x, Potential | Leader) or name == "bump"}
+        # Numbers of a potential stand in no formula of a term.
+        plain = not any(isinstance(x, Potential) for x in fields.values())
+        named |= {name: fields.get(name, x) for name, x in term.parameters.items() if plain or name in fields}
+        numbers: dict[str, int] = {}
+        for name, value in named.items():
+            values = known.setdefault(name, [])
+            place = next((k for k, other in enumerate(values) if _same(value, other)), len(values))
+            values += [value] * (place == len(values))
+            numbers |= {name: place + 1} if place else {}
+        found.append(numbers)
+    return found
+
+
+def _same(a: object, b: object) -> bool:
+    if a is b:
+        return True
+    if isinstance(a, Leader) and isinstance(b, Leader):
+        return type(a) is type(b) and a.structure == b.structure and a.parameters == b.parameters
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return np.array_equal(a, b)
+    return type(a) is type(b) and bool(a == b)
+
+
+def _term(term: Term, law: StatedLaw, dimension: int, numbers: Mapping[str, int]) -> TermFormula:
     try:
-        shown, potentials = by_name(term)
+        shown, potentials = by_name(term, numbers)
     except UNPRINTABLE:
         shown, potentials = term, {}
     latex: str | None = None
     try:
         if isinstance(shown, PairTerm):
-            latex = _pair(shown, law.graph_number(term) if isinstance(term, PairTerm) else 0, _is_weighted(term, law))
+            number = law.graph_number(term) if isinstance(term, PairTerm) else 0
+            latex = _pair(shown, number, _is_weighted(term, law), numbers)
         elif isinstance(shown, ObstacleTerm):
-            latex = _near_obstacles(shown, dimension)
+            latex = _near_obstacles(shown, dimension, numbers)
         elif isinstance(shown, BodyTerm):
-            latex = _of_body(shown, dimension)
+            latex = _of_body(shown, dimension, numbers)
     except UNPRINTABLE:
         latex = None
     exact = latex is not None
-    return TermFormula(term, latex or rf"\mathrm{{{type(term).__name__}}}_i", exact, potentials if exact else {})
+    return TermFormula(
+        term, latex or rf"\mathrm{{{type(term).__name__}}}_i", exact, potentials if exact else {}, numbers
+    )
 
 
 def _is_weighted(term: Term, law: StatedLaw) -> bool:
@@ -129,14 +176,15 @@ def neighbours_latex(number: int) -> str:
     return "N_i" if number == 0 else rf"N_i^{{({number + 1})}}"
 
 
-def _pair(term: PairTerm, number: int, weighted: bool) -> str:
+def _pair(term: PairTerm, number: int, weighted: bool, numbers: Mapping[str, int]) -> str:
     import sympy
 
-    names = Names()
+    names = Names(numbers)
     r = names.scalar("r_{ij}")
-    weight = named_function("a")(r) if weighted else sympy.Integer(1)
+    weight = named_function(numbered("a", number + 1))(r) if weighted else sympy.Integer(1)
     average = getattr(term, "functional", False) == AVERAGE
-    functional = names.scalar(r"\frac{1}{1 + \left|N_i\right|}" if average else "s_i")
+    count = rf"\frac{{1}}{{1 + \left|{neighbours_latex(number)}\right|}}"
+    functional = names.scalar(count if average else numbered("s_i", number + 1))
     symbols = PairSymbols(
         r, weight, names.scalar(r"\left\|p_j - p_i\right\|^2"), names.scalar(r"\dot{r}_{ij}"), functional,
         names.parameter(term.parameters),
@@ -156,13 +204,13 @@ def _pair(term: PairTerm, number: int, weighted: bool) -> str:
     return rf"\sum_{{j \in {neighbours_latex(number)}}} {inside}"
 
 
-def _of_body(term: BodyTerm, dimension: int) -> str:
-    names = Names()
+def _of_body(term: BodyTerm, dimension: int, numbers: Mapping[str, int]) -> str:
+    names = Names(numbers)
     vector = names.vector
     parameter = names.parameter(term.parameters)
     latex = {
         "q": "q_i", "p": "p_i", "mean_q": r"\bar{q}", "mean_p": r"\bar{p}", "frame_q": "q_f", "frame_p": "p_f",
-        "leader_q": "x_0", "leader_p": "v_0", "leader_a": r"\dot{v}_0",
+        **_leader_latex(numbers),
     }  # fmt: skip
     scalars = {"t": names.scalar("t"), "mass": names.scalar("m_i"), "damping": names.scalar("k_i")}
     vectors = {name: vector(text) for name, text in latex.items()}
@@ -173,24 +221,38 @@ def _of_body(term: BodyTerm, dimension: int) -> str:
     return _vector_form(force, vectors, names, dimension)
 
 
-def _near_obstacles(term: ObstacleTerm, dimension: int) -> str:
-    names = Names()
+def _leader_latex(numbers: Mapping[str, int]) -> dict[str, str]:
+    """Place, velocity and acceleration of the leader of a term."""
+    shown = {"leader_q": "x_0", "leader_p": "v_0", "leader_a": r"\dot{v}_0"}
+    return {name: numbered(latex, numbers.get("leader", 1)) for name, latex in shown.items()}
+
+
+def _near_obstacles(term: ObstacleTerm, dimension: int, numbers: Mapping[str, int]) -> str:
+    import sympy
+
+    names = Names(numbers)
     parameter = names.parameter(term.parameters)
     latex = {
         "q": "q_i", "p": "p_i", "normal": r"\mathbf{n}_{ik}", "boundary": r"\hat{p}_{ik}", "anchor": "b_k",
-        "frame_p": "p_f", "leader_q": "x_0", "leader_p": "v_0", "leader_a": r"\dot{v}_0",
+        "frame_p": "p_f", **_leader_latex(numbers),
     }  # fmt: skip
     scalars = {"t": names.scalar("t"), "mass": names.scalar("m_i"), "distance": names.scalar("d_{ik}")}
     vectors = {name: names.vector(text) for name, text in latex.items()}
-    anchored = any(hasattr(x, "centre") for x in term.obstacles)
+    centres = {x.anchor(sympy.Symbol("t", real=True), sympy.Symbol) is not None for x in term.obstacles}
 
-    def force(values: Components) -> Sequence[sympy.Expr]:
-        anchor = values["anchor"] if anchored else None
-        given = {name: value for name, value in values.items() if name != "anchor"}
-        return term.obstacle_force(ObstacleSymbols(**given, anchor=anchor, **scalars, parameter=parameter))
+    def force(anchored: bool) -> Callable[[Components], Sequence[sympy.Expr]]:
+        def stated(values: Components) -> Sequence[sympy.Expr]:
+            anchor = values["anchor"] if anchored else None
+            given = {name: value for name, value in values.items() if name != "anchor"}
+            return term.obstacle_force(ObstacleSymbols(**given, anchor=anchor, **scalars, parameter=parameter))
 
-    inside = _vector_form(force, vectors, names, dimension)
-    return rf"\sum_{{k:\, d_{{ik}} \le {parameter_latex('range')}}} \left[{inside}\right]"
+        return stated
+
+    shown = {_vector_form(force(each), vectors, names, dimension) for each in centres or {False}}
+    if len(shown) > 1:
+        raise ValueError("obstacles with a centre act otherwise than those without")
+    reach = parameter_latex("range", number=numbers.get("range", 1))
+    return rf"\sum_{{k:\, d_{{ik}} \le {reach}}} \left[{shown.pop()}\right]"
 
 
 def _vector_form(
@@ -225,15 +287,16 @@ def _number(expression: sympy.Expr, numbers: Mapping[sympy.Symbol, Array]) -> fl
     return float(with_stand_ins(expression).evalf(subs={s: float(numbers[s]) for s in expression.free_symbols}))
 
 
-def weight_latex(graph: Graph) -> str:
-    """Weight a(r) of a link of a graph; empty where it is 1."""
+def weight_latex(graph: Graph, number: int = 0) -> str:
+    """Weight a(r) of a link of a graph, of that ``number`` in its law, from 0; empty where it is 1."""
     import sympy
 
     names = Names()
     r = names.scalar("r")
     try:
         weight = graph.weight(r, names.parameter(graph.parameters))
-        return "" if weight == 1 else f"a(r) = {names.print(sympy.piecewise_fold(weight))}"
+        name = numbered("a", number + 1)
+        return "" if weight == 1 else f"{name}(r) = {names.print(sympy.piecewise_fold(weight))}"
     except UNPRINTABLE:
         return ""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from html import escape
 
 import numpy as np
@@ -31,7 +32,7 @@ def formula_html(latex: str) -> str:
     return f'<div class="formula" tabindex="0" role="group" aria-label="formula">{shown}</div>'
 
 
-def part_html(part: object, symbols: tuple[str, ...] = ()) -> str:
+def part_html(part: object, symbols: tuple[str, ...] = (), numbers: Mapping[str, int] | None = None) -> str:
     """A part in words: its name, what it is, and a table of its values with their meanings.
 
     Parameters
@@ -40,6 +41,8 @@ def part_html(part: object, symbols: tuple[str, ...] = ()) -> str:
         The part.
     symbols
         Names of its fields that stand in a formula by a symbol.
+    numbers
+        Numbers of these fields among different ones of a name, where they are not the first.
     """
     kind = description_of(part)
     name = type(part).__name__
@@ -52,7 +55,8 @@ def part_html(part: object, symbols: tuple[str, ...] = ()) -> str:
         if value is None or field.name in LISTED_BESIDE or isinstance(value, Potential):
             continue
         each = isinstance(value, np.ndarray)
-        symbol = to_mathml(parameter_latex(field.name, each=each)) if field.name in symbols else ""
+        latex = parameter_latex(field.name, each=each, number=(numbers or {}).get(field.name, 1))
+        symbol = to_mathml(latex) if field.name in symbols else ""
         rows.append(
             f"<tr><td>{symbol}</td><th scope='row'>{escape(field.name)}</th><td>{escape(value_words(value))}</td>"
             f"<td>{set_text(meanings.get(field.name, ''))}</td></tr>"
@@ -128,12 +132,12 @@ def parts_html(law: StatedLaw, dimension: int) -> str:
         Number of axes.
     """
     parts = []
-    for graph in law.graphs:
-        weight = weight_latex(graph)
+    for number, graph in enumerate(law.graphs):
+        weight = weight_latex(graph, number)
         parts.append(part_html(graph, tuple(graph.parameters)) + (formula_html(weight) if weight else ""))
     for term in term_formulas(law, dimension):
         note = "" if term.exact else "<p>Its formula has no short form; its documentation states it.</p>"
-        parts.append(part_html(term.term, tuple(term.term.parameters)) + note)
+        parts.append(part_html(term.term, tuple(term.term.parameters), term.numbers) + note)
     return "".join(parts)
 
 

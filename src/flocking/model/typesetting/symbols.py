@@ -19,7 +19,25 @@ SMALLEST = 1e-100
 """Numbers below this stand in roots against a division by zero alone, and are not printed."""
 
 
-def parameter_latex(name: str, *, each: bool = False) -> str:
+def numbered(latex: str, number: int) -> str:
+    """A symbol with a number among its subscripts, where it is not the first of those with one name.
+
+    Parameters
+    ----------
+    latex
+        The symbol.
+    number
+        1, 2, ...
+    """
+    if number == 1:
+        return latex
+    head, found, below = latex.rpartition("_")
+    if not found:
+        return rf"{latex}_{{{number}}}"
+    return rf"{head}_{{{below[1:-1] if below.startswith('{') else below},{number}}}"
+
+
+def parameter_latex(name: str, *, each: bool = False, number: int = 1) -> str:
     """Symbol of a parameter: a letter by itself, a gain as c with what it is the gain of, others upright.
 
     Parameters
@@ -28,24 +46,30 @@ def parameter_latex(name: str, *, each: bool = False) -> str:
         Its name.
     each
         Whether each agent has its own.
+    number
+        Its number among different ones of that name.
     """
     own = "i," if each else ""
     if name == "weights":
-        return "w_{ij}"
-    if name == "gain":
-        return "c_i" if each else "c"
-    if name.endswith("_gain"):
-        return rf"c_{{{own}\mathrm{{{name[:-5].replace('_', chr(92) + ' ')}}}}}"
-    if len(name) == 1:
-        return f"{name}_i" if each else name
-    text = name.replace("_", r"\ ")
-    return rf"\mathrm{{{text}}}_i" if each else rf"\mathrm{{{text}}}"
+        found = "w_{ij}"
+    elif name == "gain":
+        found = "c_i" if each else "c"
+    elif name.endswith("_gain"):
+        found = rf"c_{{{own}\mathrm{{{name[:-5].replace('_', chr(92) + ' ')}}}}}"
+    elif len(name) == 1:
+        found = f"{name}_i" if each else name
+    else:
+        text = name.replace("_", r"\ ")
+        found = rf"\mathrm{{{text}}}_i" if each else rf"\mathrm{{{text}}}"
+    return numbered(found, number)
 
 
 class Names:
     """Symbols with their LaTeX, and which of them are vectors."""
 
-    def __init__(self) -> None:
+    def __init__(self, numbers: Mapping[str, int] | None = None) -> None:
+        self.numbers = numbers or {}
+        """Numbers of parameters among different ones of a name, where they are not the first."""
         self.latex: dict[sympy.Symbol, str] = {}
         self.vectors: set[sympy.Symbol] = set()
 
@@ -71,7 +95,8 @@ class Names:
             if name not in made:
                 value = values.get(name)
                 each = isinstance(value, np.ndarray) or bool(getattr(value, "per_agent", False))
-                made[name] = self.scalar(parameter_latex(name, each=each), "a")
+                number = self.numbers.get(name, 1)
+                made[name] = self.scalar(parameter_latex(name, each=each, number=number), "a")
             return made[name]
 
         return named
@@ -117,24 +142,34 @@ class NamedPotential(Potential):
 
 
 class NamedBump(Bump):
-    """A bump function that is printed by its name."""
+    """A bump function that is printed by its name.
 
-    def __init__(self, bump: Bump) -> None:
+    Parameters
+    ----------
+    bump
+        The function.
+    latex
+        Its name.
+    """
+
+    def __init__(self, bump: Bump, latex: str) -> None:
         super().__init__(bump.name, bump.formula)
-        object.__setattr__(self, "function", named_function(r"\rho"))
+        object.__setattr__(self, "function", named_function(latex))
 
     def expression(self, z: sympy.Expr, k0: sympy.Expr) -> sympy.Expr:
         """The name at ``z``; the onset ``k0`` is not shown."""
         return self.function(z)  # type: ignore[attr-defined]
 
 
-def by_name(part: Any) -> tuple[Any, dict[str, Potential]]:
+def by_name(part: Any, numbers: Mapping[str, int] | None = None) -> tuple[Any, dict[str, Potential]]:
     """A term whose potentials and bump functions are printed by their names, and its potentials by those names.
 
     Parameters
     ----------
     part
         The term.
+    numbers
+        Numbers of its fields among different ones of a name, where they are not the first.
     """
     from dataclasses import replace
 
@@ -149,10 +184,12 @@ def by_name(part: Any) -> tuple[Any, dict[str, Potential]]:
         value = getattr(part, field.attribute)
         if isinstance(value, Potential):
             latex = r"\psi" if field.name == "potential" else rf"\psi_{{\mathrm{{{field.name}}}}}"
+            latex = numbered(latex, (numbers or {}).get(field.name, 1))
             changed[field.attribute] = NamedPotential(value, latex)
             shown[latex] = value
         elif field.name == "bump":
-            changed[field.attribute] = NamedBump(bump_named(type(part).__name__, value))
+            shape = numbered(r"\rho", (numbers or {}).get(field.name, 1))
+            changed[field.attribute] = NamedBump(bump_named(type(part).__name__, value), shape)
     return (replace(part, **changed) if changed else part), shown
 
 
