@@ -53,8 +53,10 @@ def test_a_radius_that_rounding_crosses_is_open(tmp_path):
 @pytest.mark.parametrize(
     ("texts", "expected"),
     [
-        (("0.5", "1.25"), 5e-3), (("1", "20"), 0.0), (("1e3", "2"), 0.0), (("1.5e-3", "2"), 5e-5),
-        (("0.0", "0.30000000000000004"), 5e-18), ((" 1.50 ", "2.0"), 5e-3), (("-1.", "2"), 0.0),
+        (("0.5", "1.25"), 5e-3), (("1", "20"), 0.0), (("1e3", "2"), 0.0), (("1.5e-3", "2"), 5e-2),
+        (("0.0", "0.30000000000000004"), 5e-17), ((" 1.50 ", "2.0"), 5e-3), (("-1.", "2"), 0.0),
+        (("123.456", "0.00123456"), 5e-4), (("1.23456e+02", "1.23456e-03"), 5e-4), (("1.23e+06", "4.56e+05"), 5e3),
+        (("0.00", "0.01"), 5e-3), (("999.25", "-1000.00"), 5e-3), (("1.5", "1.5e-" + "9" * 5000), 5e-2),
     ],
 )  # fmt: skip
 def test_decimals_of_coordinates_are_counted(tmp_path, texts, expected):
@@ -62,3 +64,14 @@ def test_decimals_of_coordinates_are_counted(tmp_path, texts, expected):
     rows = [f"{k},a,{text},{k}" for k, text in enumerate([*texts, texts[0]])]
     path.write_text("\n".join(["t,id,x,y", *rows]))
     assert read_samples(path).rounding == (pytest.approx(expected, rel=1e-9), 0.0)
+
+
+@pytest.mark.parametrize("form", ["{:.6g}", "{:.5e}"])
+def test_numbers_near_zero_do_not_make_large_ones_exact(tmp_path, form):
+    """123.4564 from the first agent, written as 123.456 like 123.4561; the third is at 0.00123456."""
+    q = resting(0.0, 123.4564, 0.0)
+    q[:, 2, 1] = 0.00123456
+    found = verdicts(table(tmp_path, q, form), radius=123.4562)
+    for key in ("connected", "neighbours-kept"):
+        assert found[key] is Verdict.NOT_RESOLVED
+    assert verdicts(table(tmp_path, q, "{:.17e}"), radius=123.4562)["connected"] is Verdict.FAILS

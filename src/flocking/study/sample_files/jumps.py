@@ -51,7 +51,7 @@ class Jump:
         )
 
 
-def largest_jump(t: Array, q: Array, p: Array | None) -> Jump | None:
+def largest_jump(t: Array, q: Array, p: Array | None, *, discrete: bool = False) -> Jump | None:
     """The largest jump of sampled positions; None where there is none.
 
     A step between two samples is off by what velocities do not explain. With velocities that do not leave the range of
@@ -66,6 +66,9 @@ def largest_jump(t: Array, q: Array, p: Array | None) -> Jump | None:
         Positions, shape (F, N, m).
     p
         Velocities, shape (F, N, m); None where none are given.
+    discrete
+        Whether velocities are set at ticks, of which few may lie at samples: between two samples they may then be any
+        that are as large as the largest one that is given.
     """
     steps, moved = np.diff(t)[:, None, None], np.diff(q, axis=0)
     if p is None:
@@ -75,6 +78,8 @@ def largest_jump(t: Array, q: Array, p: Array | None) -> Jump | None:
         about = _neighbours(p, 4)[:, :-1]
         expected = 0.5 * (p[1:] + p[:-1])
         bounds = np.ptp(about, axis=0) * steps
+        if discrete:
+            bounds = 2.0 * np.linalg.norm(p, axis=2).max() * steps
         fastest = np.linalg.norm(p - p.mean(axis=1, keepdims=True), axis=2).max()
     off = np.abs(moved - expected * steps)
     typical = np.maximum(np.median(off), np.median(off, axis=0))

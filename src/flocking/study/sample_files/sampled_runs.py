@@ -20,7 +20,7 @@ from flocking.study.claims.general_claims import GENERAL
 from flocking.study.sample_files.jumps import largest_jump
 from flocking.study.sample_files.samples import LARGEST_FILE, Samples
 from flocking.study.sample_files.velocities import SPREADS, WINDOW, Velocities, smoothed_velocities
-from flocking.study.sample_files.velocity_check import doubted_velocities
+from flocking.study.sample_files.velocity_check import doubted_velocities, rounded_velocities
 from flocking.study.trajectory import SAMPLES, closest_of, largest_gap, run_from_samples, starts_with
 
 DRAWS = 4
@@ -130,14 +130,15 @@ def motion_of(
 
 def _velocities(samples: Samples, *, discrete: bool) -> Velocities | None:
     """Velocities with errors: estimated ones, and given ones that the positions contradict; None for exact ones."""
-    t, q, p, (place, speed) = samples.t, samples.q, samples.p, samples.rounding
-    if p is not None and discrete:
-        # Agents in discrete time move along straight lines between updates, of which samples may see few.
-        return None
-    found = (
-        smoothed_velocities(t, q, rounding=place) if p is None else doubted_velocities(t, q, p, rounding=(place, speed))
-    )
-    jump = largest_jump(t, q, p)
+    t, q, p, rounding = samples.t, samples.q, samples.p, samples.rounding
+    if p is None:
+        found: Velocities | None = smoothed_velocities(t, q, rounding=rounding[0])
+    elif discrete:
+        # Between updates, of which few may lie at samples, agents move along straight lines: slopes contradict nothing.
+        found = rounded_velocities(p, rounding)
+    else:
+        found = doubted_velocities(t, q, p, rounding=rounding)
+    jump = largest_jump(t, q, p, discrete=discrete)
     if jump is None:
         return found
     if found is None:
@@ -171,8 +172,11 @@ def _described(found: Velocities) -> str:
 def _residual_changes(run: Run, found: Velocities) -> float:
     """Largest change of the ledger's residual under perturbations as large as the estimated errors.
 
-    Infinite where positions jump: distances, and energies with them, may be those of other agents or images.
+    Infinite where positions jump: distances, and energies with them, may be those of other agents or images; 0 of a run
+    without a ledger.
     """
+    if not len(run.trace):
+        return 0.0
     if found.jump:
         return float("inf")
     t, q, p = run.t, run.q, run.p

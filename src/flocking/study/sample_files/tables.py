@@ -28,6 +28,7 @@ from flocking.study.sample_files.samples import (
     reason,
     storage_rounding,
 )
+from flocking.study.sample_files.written_digits import WrittenDigits, written_rounding
 
 if TYPE_CHECKING:
     from _csv import Reader
@@ -38,10 +39,6 @@ TABLE_COLUMNS = ("t", "id", "x", "y", "z", "vx", "vy", "vz")
 
 SEPARATORS = {";": "semicolons", "\t": "tabulators", "|": "vertical bars"}
 """Signs that other programs write between columns."""
-
-
-MOST_DECIMALS = 17
-"""Decimals of a column beyond which no further ones are looked for: those of a number near 0.1 at full precision."""
 
 
 def read_csv(path: Path, columns: Columns) -> Samples:
@@ -84,16 +81,18 @@ def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
     places = [header.index(columns.name(ours)) for ours in needed]
     agent_place = header.index(columns.name("id"))
     values, numbers, agents, known = buffer("d"), buffer("q"), buffer("q"), dict[str, int]()
-    decimals = [0] * len(needed)
+    # Times have a format of their own.
+    written = [WrittenDigits() for _ in (*axes, *speeds)]
     for row in lines:
         if not row:
             continue
         if len(row) != len(header):
             raise InvalidInput(str(path), f"line {lines.line_num}", f"must have {len(header)} columns", len(row))
-        for k, (ours, place) in enumerate(zip(needed, places, strict=True)):
+        for ours, place in zip(needed, places, strict=True):
             values.append(number(path, lines.line_num, columns.name(ours), row[place]))
-            if decimals[k] < MOST_DECIMALS:
-                decimals[k] = max(decimals[k], _decimals(row[place]))
+        for digits, place in zip(written, places[1:], strict=True):
+            if not digits.complete:
+                digits.add(row[place])
         label = row[agent_place].strip()
         if not label:
             raise InvalidInput(
@@ -106,21 +105,9 @@ def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
     table = np.frombuffer(values, dtype=np.float64).reshape(-1, len(needed)) if values else np.zeros((0, len(needed)))
     rows = np.array(numbers, dtype=np.int64)
     samples = _pivoted(path, columns, table, np.array(agents, dtype=np.int64), list(known), rows, len(axes), "line")
-    first = 1 + len(axes)
-    rounding = _text_rounding(decimals[1:first]), _text_rounding(decimals[first:])
+    largest, m = np.abs(table[:, 1:]).max(axis=0, initial=0.0).tolist(), len(axes)
+    rounding = written_rounding(written[:m], largest[:m]), written_rounding(written[m:], largest[m:])
     return replace(samples, rounding=rounding, unused=columns.unused([*needed, "id"], header))
-
-
-def _decimals(text: str) -> int:
-    """Decimals to which a number is written."""
-    digits, _, exponent = text.strip().lower().partition("e")
-    return len(digits.partition(".")[2]) - int(exponent or 0)
-
-
-def _text_rounding(decimals: list[int]) -> float:
-    """Most that writing rounded a value: half a unit of the last decimal, of columns in one format; 0 without any."""
-    most = max(decimals, default=0)
-    return 0.5 * 10.0**-most if most > 0 else 0.0
 
 
 def read_parquet(path: Path, columns: Columns) -> Samples:

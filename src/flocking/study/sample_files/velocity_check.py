@@ -64,6 +64,23 @@ def doubted_velocities(
     return Velocities(p, p, np.full_like(p, SPREADS * of_velocities), noise, method)
 
 
+def rounded_velocities(p: Array, rounding: tuple[float, float]) -> Velocities | None:
+    """Given velocities with no error but that of their storage; None where neither they nor positions are rounded.
+
+    Parameters
+    ----------
+    p
+        Velocities, shape (F, N, m).
+    rounding
+        Most that a coordinate of a position, and of a velocity, was rounded by where it was stored.
+    """
+    place, speed = rounding
+    if not place and not speed:
+        return None
+    method = f"given in the file, rounded by up to {speed:.1e}, positions by up to {place:.1e}"
+    return Velocities(p, p, np.full_like(p, SPREADS * speed), place, method)
+
+
 def _noise(found: Velocities, values: Array) -> float:
     """The noise that was found; 0 for rounding."""
     noise = found.resolved_noise
