@@ -108,6 +108,22 @@ def test_differences_within_the_error_of_a_run_are_open(row: fk.Run) -> None:
     assert measured(Evidence(clear), "converged") == [False]
 
 
+@pytest.mark.parametrize(("later", "agreed"), [(-1e-6, False), (-1e-12, None), (1e-12, None), (1e-6, True)])
+def test_a_hundredth_within_the_error_of_a_run_is_open(later: float, agreed: bool | None) -> None:
+    """Velocities of two agents differ by 2 exp(-2 t), a hundredth of the first after log(100)/2, to 1e-9."""
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [-1.0, 0.0]])
+    end = np.log(100.0) / 2.0 * (1.0 + later)
+    e = Evidence(fk.simulate(fk.Scenario(law, start, end, frames=11), progress=False))
+    assert measured(e, "converged") == [agreed]
+    if agreed:
+        assert measured(e, "convergence_time") == [end]
+    # A frame that may be the first one leaves the time open, and not what is so at the end.
+    longer = fk.simulate(fk.Scenario(law, start, 2.0 * end, frames=21), progress=False)
+    time = {-1e-6: longer.t[11], 1e-6: longer.t[10]}.get(later)
+    assert measured(Evidence(longer), "converged", "convergence_time") == [True, time]
+
+
 def test_a_leaders_velocity_is_followed_from_the_start_by_agents_that_have_it() -> None:
     leader = fk.Track(fk.Velocity([0.1, 0.7]), velocity_gain=2.0)
     law = fk.Law(fk.Proximity(3.0), [fk.Consensus(1.0), leader])

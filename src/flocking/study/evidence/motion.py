@@ -71,8 +71,17 @@ class MotionEvidence(RunEvidence):
     @cached_property
     def spread_error(self) -> float:
         """Estimated error of the differences of two velocities of the run; 0 where none is stated."""
-        known = 0.0 if self.run.accuracy is None else 2.0 * float(self.run.accuracy.frames[:, 1].max(initial=0.0))
-        return known + 2.0 * self.velocity_error * float(np.sqrt(self.run.scenario.start.q.shape[1]))
+        return float(self.spread_errors.max(initial=0.0))
+
+    @cached_property
+    def spread_errors(self) -> Array:
+        """The same at each of `spread_times`, shape (F,); where these are no frames, the largest of the frames."""
+        stated = 2.0 * self.velocity_error * float(np.sqrt(self.run.scenario.start.q.shape[1]))
+        found = np.full(len(self.spread_times), stated)
+        if self.run.accuracy is None:
+            return found
+        errors = 2.0 * np.asarray(self.run.accuracy.frames[:, 1], dtype=np.float64)
+        return found + (errors if len(errors) == len(found) else errors.max(initial=0.0))
 
     @cached_property
     def late_errors(self) -> tuple[float, float]:

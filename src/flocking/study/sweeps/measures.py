@@ -36,50 +36,83 @@ VERDICT = "claim_"
 """Prefix of the columns that hold verdicts."""
 
 
-def _settling(e: Evidence, t: Array, sizes: Array, what: str) -> float:
+def _settling(e: Evidence, t: Array, sizes: Array, what: str, *, end: bool) -> float:
     """First time from which sizes stay within `SETTLED` of their largest or of rounding; nan where the end is not.
 
+    Parameters
+    ----------
+    t, sizes
+        Times and sizes of the differences of velocities, shape (F,).
+    what
+        What they are differences of, for messages.
+    end
+        Whether it is asked of the end alone if they are within it, so that the time need not be certain.
+
     Raises
     ------
     NotResolvable
-        When the largest of these differences of velocities is more than rounding and no more than their error.
+        When the largest of these differences of velocities is more than rounding and no more than their error, or when
+        errors leave open which of them are within it.
     """
-    largest = float(sizes.max(initial=0.0))
+    largest, errors = float(sizes.max(initial=0.0)), e.spread_errors
     if e.spread_rounding < largest <= e.spread_error:
         raise NotResolvable(f"{what} differ by {largest:.1e} at most, no more than their error, {e.spread_error:.1e}")
-    outside = np.flatnonzero(sizes > max(SETTLED * largest, e.spread_rounding))
+    within = max(SETTLED * largest, e.spread_rounding)
+    outside = np.flatnonzero(sizes > within)
     if len(outside) == 0:
         return float(t[0])
-    return float(t[outside[-1] + 1]) if outside[-1] + 1 < len(t) else math.nan
+    first = int(outside[-1]) + 1
+    # Only these decide: all after the time, and the one before it.
+    decide = slice(-1, None) if end or first == len(t) else slice(first - 1, None)
+    unsure = np.abs(sizes - within)[decide] < (errors + SETTLED * errors[sizes.argmax()])[decide]
+    if unsure.any():
+        k = int(np.arange(len(t))[decide][unsure][0])
+        raise NotResolvable(
+            f"{what} differ by {sizes[k]:.2e} at t = {e.when(float(t[k]))}, by an error of {errors[k]:.1e}: "
+            f"whether by less than {within:.2e} is open"
+        )
+    return float(t[first]) if first < len(t) else math.nan
 
 
-def convergence_time(e: Evidence) -> float:
+def convergence_time(e: Evidence, *, end: bool = False) -> float:
     """First frame from which on the velocity spread is a hundredth of its largest, or rounding; nan when never.
+
+    Parameters
+    ----------
+    e
+        The evidence of a run.
+    end
+        Whether it is asked of the end alone if it is, so that the time need not be certain.
 
     Raises
     ------
     NotResolvable
-        When velocities differ by no more than their error, and by more than rounding.
+        When velocities differ by no more than their error, and by more than rounding, or when it leaves this open.
     """
-    return _settling(e, e.spread_times, e.velocity_spread, "velocities")
+    return _settling(e, e.spread_times, e.velocity_spread, "velocities", end=end)
 
 
-def following_time(e: Evidence) -> float:
+def following_time(e: Evidence, *, end: bool = False) -> float:
     """First frame from which on every velocity is the leader's, to a hundredth of the largest difference or rounding.
+
+    Parameters
+    ----------
+    e, end
+        As for `convergence_time`.
 
     Raises
     ------
     InvalidInput
         When the law has no leader.
     NotResolvable
-        When they differ by no more than the error of the run, and by more than rounding.
+        When they differ by no more than the error of the run, and by more than rounding, or when it leaves this open.
     """
     track = next((term for term in e.law.body_terms if isinstance(term, Track)), None)
     if track is None:
         raise InvalidInput("sweep", "measures", "has 'following_time', which needs a law with a leader", e.law)
     goal = np.array([track.leader.at(float(t))[1] for t in e.t])
     apart = np.linalg.norm(e.p - goal[:, None, :], axis=2).max(axis=1)
-    return _settling(e, e.t, apart, "velocities and the leader's")
+    return _settling(e, e.t, apart, "velocities and the leader's", end=end)
 
 
 def _or_nan(value: float) -> float:
@@ -180,11 +213,11 @@ MEASURES: dict[str, tuple[str, Measuring]] = {
     "convergence_time": ("time from which velocities differ by no more than a hundredth of their largest difference",
                          convergence_time),
     "converged": ("whether velocities differ at the end by no more than a hundredth of their largest difference",
-                  lambda e: not math.isnan(convergence_time(e))),
+                  lambda e: not math.isnan(convergence_time(e, end=True))),
     "following_time": ("time from which velocities are the leader's to a hundredth of the largest difference",
                        following_time),
     "following": ("whether velocities are the leader's at the end, to a hundredth of the largest difference",
-                  lambda e: not math.isnan(following_time(e))),
+                  lambda e: not math.isnan(following_time(e, end=True))),
     "energy_start": ("energy at the start", lambda e: float(e.trace["energy"][0])),
     "energy": ("energy at the end", lambda e: float(_ledger(e)["energy"][-1])),
     "energy_most": ("largest energy at a recorded time", lambda e: float(_ledger(e)["energy"].max())),
