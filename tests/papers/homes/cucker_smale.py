@@ -178,7 +178,7 @@ GROUP = [
     ("momentum", NOT, "OWN", "HOLDS", True, "momentum_drift", "granted"),
 ]
 UNCONDITIONAL = (
-    "velocities-agree", f"main theorem, {CITED}", "PAPER", "HOLDS", True, "velocities_agree", "granted"
+    "velocities-agree", f"main theorem, {CITED}", "PAPER", "HOLDS", True, "velocities_agree", "weights_not_summable"
 )  # fmt: skip
 INVARIANT = ("invariant", NOT, "OWN", "HOLDS", True, "invariant_kept", "granted")
 AGREE_LATE = ("agree-late", LATE, "OWN", "HOLDS", True, "velocities_agree", "stable_delay")
@@ -186,7 +186,7 @@ STATED = {
     "": [*GROUP, UNCONDITIONAL, *BOUNDS],
     "-critical": [
         *GROUP,
-        ("velocities-agree-critical", HA, "OWN", "HOLDS", True, "velocities_agree", "granted"),
+        ("velocities-agree-critical", HA, "OWN", "HOLDS", True, "velocities_agree", "weights_not_summable"),
         *BOUNDS,
     ],
     "-sharp": [*GROUP, ("agree-if-held", HA, "OWN", "HOLDS", True, "velocities_agree", "held_together"), *BOUNDS],
@@ -199,10 +199,18 @@ STATED = {
         INVARIANT,
         ("final-speed", NOT, "OWN", "HOLDS", True, "speed_as_predicted", "granted"),
         ("parting", NOT, "OWN", "HOLDS", True, "parts_for_ever", "granted"),
-        ("agree-always", NOT, "OWN", "FAILS", True, "velocities_agree", "granted"),
+        ("agree-always", NOT, "OWN", "FAILS", True, "velocities_agree", "exponent_of_one"),
     ],
     "-delayed": [
-        ("agree-late-neighbours", "Rodriguez Cartabia 2020", "OWN", "HOLDS", True, "velocities_agree", "granted")
+        (
+            "agree-late-neighbours",
+            "Rodriguez Cartabia 2020",
+            "OWN",
+            "HOLDS",
+            True,
+            "velocities_agree",
+            "late_neighbours",
+        )
     ],
     "-reaction": [
         AGREE_LATE,
@@ -210,7 +218,7 @@ STATED = {
         ("monotone-late", LATE, "OWN", "FAILS", True, "keeps_its_sign", "granted"),
     ],
     "-monotone": [AGREE_LATE, ("monotone", LATE, "OWN", "HOLDS", True, "keeps_its_sign", "monotone_delay")],
-    "-unstable": [("shrink-too-late", LATE, "OWN", "FAILS", True, "differences_shrink", "granted")],
+    "-unstable": [("shrink-too-late", LATE, "OWN", "FAILS", True, "differences_shrink", "too_long_delay")],
 }
 
 

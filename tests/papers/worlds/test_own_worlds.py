@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +14,10 @@ import flocking as fk
 from flocking.papers import keys, paper
 from flocking.papers.auditing import paper_claims
 from flocking.papers.cucker_smale_2007 import system
+from flocking.papers.olfati_saber_2006 import system as group_of_2006
+from flocking.papers.olfati_saber_2006 import theorems as claims_of_2006
 from flocking.study.claims.claim import Verdict
+from flocking.study.evidence import Evidence, NotMeasurable
 
 NAMES = [(key, name) for key in keys() for name in paper(key).scenarios()]
 
@@ -168,3 +173,125 @@ def test_limits_of_boids_are_not_held_against_other_bodies() -> None:
     assert verdicts(damped)["force"] == Verdict.NOT_APPLICABLE
     fast = made.with_(agents=fk.Impulsive(force=0.1, speed=1.0, update="forward"))
     assert verdicts(fast)["force"] == Verdict.NOT_APPLICABLE
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"agents": fk.Heading(0.03, masses=0.4)},
+        {"agents": fk.Heading(0.03, masses=[0.5] * 20 + [1.0] * 20)},
+        {"control": fk.Held(2.0), "frames": 11},
+        {"control": fk.Held(0.5), "frames": 41},
+    ],
+)
+def test_headings_that_are_not_set_to_the_average_are_not_judged_by_its_rule(changes: dict) -> None:
+    """w = p + (T/m) u is the average velocity where T = m: else headings leave their sector, and it failed."""
+    still = made_of("vicsek-1995-noiseless", t_end=20.0, frames=21)
+    found = verdicts(still.with_(**changes))
+    assert {found[key] for key in ("sector", "velocities-agree", "noise-within")} == {Verdict.NOT_APPLICABLE}
+
+
+def test_twice_the_mass_with_twice_the_period_is_the_same_rule() -> None:
+    still = made_of("vicsek-1995-noiseless", t_end=20.0, frames=11)
+    found = verdicts(still.with_(agents=fk.Heading(0.03, masses=2.0), control=fk.Held(2.0)))
+    assert found["sector"] == found["noise-within"] == Verdict.HOLDS
+
+
+def test_averages_of_different_speeds_are_not_means_of_headings() -> None:
+    still = made_of("vicsek-1995-noiseless", t_end=20.0, frames=21)
+    speeds = np.where(np.arange(still.start.n) % 2, 0.03, 0.3)
+    start = fk.State(still.start.q, still.start.p / 0.03 * speeds[:, None])
+    found = verdicts(still.with_(agents=fk.Heading(speeds), start=start))
+    assert {found[key] for key in ("sector", "velocities-agree", "noise-within")} == {Verdict.NOT_APPLICABLE}
+
+
+def test_a_delay_that_a_pair_stands_is_not_one_beyond_its_limit() -> None:
+    """Differences shrink for lambda tau = 1, which says nothing of lambda tau > pi/2."""
+    made = system.late_pair(1.7, duration=30.0, name=system.UNSTABLE)
+    assert verdicts(made)["shrink-too-late"] == Verdict.FAILS
+    stable = made.with_(information=fk.Delayed(1.0, self_delayed=True))
+    assert verdicts(stable)["shrink-too-late"] == Verdict.HYPOTHESIS_NOT_MET
+    assert verdicts(made.with_(information=fk.Delayed(1.7)))["shrink-too-late"] == Verdict.NOT_APPLICABLE
+
+
+@pytest.mark.parametrize("graph", [fk.Proximity(1.2), fk.Fixed(2, [(0, 1)], directed=True)], ids=["near", "one-way"])
+def test_a_late_pair_acts_on_each_other_at_all_times(graph: fk.Graph) -> None:
+    """Both move apart, so that a link of 1.2 breaks for ever; with one link alone lambda is half as large."""
+    made = system.late_pair(1.0, duration=5.0, name=system.REACTION)
+    assert verdicts(made.with_(law=fk.Law(graph, made.law.terms)))["agree-late"] == Verdict.NOT_APPLICABLE
+
+
+def test_agreement_from_every_start_is_asked_of_the_exponent_of_the_claim() -> None:
+    made = system.pair(1.7, name=system.PARTING, duration=200.0)
+    assert verdicts(made)["agree-always"] == Verdict.NOT_YET
+    assert verdicts(made.with_(law=system.law(0.5, 0.3)))["agree-always"] == Verdict.NOT_APPLICABLE
+
+
+def test_a_lone_agent_is_judged_by_its_closed_form_where_nothing_else_moves_it() -> None:
+    """A largest speed below v_flock, or errors of fixes, lead it elsewhere: it is another system."""
+    made = made_of("vasarhelyi-2018-alone")
+    assert set(verdicts(made).values()) == {Verdict.HOLDS}
+    for body in (fk.VelocityUnit(1.0, 6.0, 2.0), fk.VelocityUnit(1.0, 6.0, 6.0, fixed=True)):
+        found = verdicts(made.with_(agents=body))
+        assert found == {"lone-speed": Verdict.NOT_APPLICABLE, "straight": Verdict.HOLDS}
+    noisy = made.with_(information=paper("vasarhelyi-2018").scenarios()["vasarhelyi-2018"](0).information)
+    assert set(verdicts(noisy).values()) == {Verdict.NOT_APPLICABLE}
+
+
+@lru_cache(maxsize=8)
+def at_the_start(scenario: fk.Scenario) -> Evidence:
+    return Evidence(fk.simulate(scenario.with_(t_end=1e-3, frames=2), progress=False))
+
+
+GENTLE = group_of_2006.scenarios()[group_of_2006.GENTLE](0)
+OF_PAIRS = GENTLE.law.terms[1:]
+OTHER_ENERGY = {
+    "gain": {"law": fk.Law(GENTLE.law.graph, (fk.Gradient(group_of_2006.potential(gain=0.01), "force"), *OF_PAIRS))},
+    "distance": {"law": fk.Law(GENTLE.law.graph, (fk.Gradient(group_of_2006.potential(5.0), "force"), *OF_PAIRS))},
+    "mass": {"agents": fk.PointMass(50.0)},
+    "damping": {"agents": fk.PointMass(1.0, 0.2)},
+}
+"""Changes of the law and the agents of which H(0), as stated for Algorithm 1, is not the energy."""
+
+
+def test_bounds_from_the_energy_of_algorithm_1_are_of_its_own_law() -> None:
+    """With a hundredth of the gain agents collided, and a proven claim failed with the energy of another law."""
+    others = [at_the_start(GENTLE.with_(**changes)) for changes in OTHER_ENERGY.values()]
+    for measure in (claims_of_2006.too_little_energy, claims_of_2006.apart_by_energy, claims_of_2006.few_collisions):
+        assert measure(at_the_start(GENTLE)).holds
+        for other in others:
+            with pytest.raises(NotMeasurable, match="Algorithm 1"):
+                measure(other)
+
+
+@pytest.mark.parametrize("measure", [claims_of_2006.quasi_lattice, claims_of_2006.never_merge])
+def test_measures_in_units_of_the_lattice_are_of_laws_with_its_distance(measure: Callable) -> None:
+    """A group whose distance is 5 is no quasi alpha-lattice of distance 7, and failed to be one."""
+    assert measure(at_the_start(GENTLE)).holds
+    stronger = fk.Law(GENTLE.law.graph, (fk.Gradient(group_of_2006.potential(gain=3.0), "force"), *OF_PAIRS))
+    assert measure(at_the_start(GENTLE.with_(law=stronger))).holds
+    for changes in (OTHER_ENERGY["distance"], {"law": fk.Law(GENTLE.law.graph, OF_PAIRS)}):
+        with pytest.raises(NotMeasurable, match="distance"):
+            measure(at_the_start(GENTLE.with_(**changes)))
+
+
+def test_agreement_is_measured_by_the_speed_of_the_leader_that_is_followed() -> None:
+    """Deviations of 0.3 are small beside a speed of 5, and not beside one of 0.1."""
+    start = fk.State(GENTLE.start.q, 0.3 * np.random.default_rng(0).normal(size=GENTLE.start.q.shape))
+
+    def behind(leader: fk.Velocity | fk.Sink) -> Evidence:
+        algorithm = group_of_2006.Algorithm(2, (1.0, 1.0, 0.05), goal=leader)
+        return at_the_start(GENTLE.with_(start=start, law=group_of_2006.law(algorithm)))
+
+    assert claims_of_2006.aligned_at_end(behind(group_of_2006.goal())).holds
+    assert not claims_of_2006.aligned_at_end(behind(fk.Velocity([0.1, 0.0]))).holds
+    with pytest.raises(NotMeasurable, match="rest"):
+        claims_of_2006.aligned_at_end(behind(fk.Sink([1.0, 0.0])))
+
+
+def test_the_centre_of_a_group_with_one_way_links_has_no_closed_form() -> None:
+    law = group_of_2006.law(group_of_2006.Algorithm(2, (1.0, 1.0, 0.05), goal=group_of_2006.goal()))
+    one_way = fk.Fixed(GENTLE.start.n, [(0, 1), (1, 2)], directed=True)
+    assert claims_of_2006.centre_as_predicted(at_the_start(GENTLE.with_(law=law))).holds
+    with pytest.raises(NotMeasurable, match="cancel"):
+        claims_of_2006.centre_as_predicted(at_the_start(GENTLE.with_(law=fk.Law(one_way, law.terms))))

@@ -87,6 +87,14 @@ def weights_not_summable(e: Evidence) -> Measure:
     return _up_to_critical(max(weight.exponent for weight in found.weights), found.unconditional)
 
 
+def exponent_of_one(e: Evidence) -> Measure:
+    """Whether beta is 1, of all weights."""
+    found = Alignment(e.run.scenario)
+    if not found.holds or any(weight.exponent != 1.0 for weight in found.weights):
+        raise NotMeasurable("not an alignment of all pairs with beta = 1")
+    return Measure(np.inf, 0.0, "beta = 1", everywhere=False)
+
+
 def late_neighbours(e: Evidence) -> Measure:
     """Whether only neighbours are known late, all as late, and the weights are not summable over the distance."""
     information, terms, agents = e.run.scenario.information, e.law.terms, e.run.scenario.agents
@@ -110,6 +118,11 @@ def _up_to_critical(exponent: float, met: bool) -> Measure:
 def stable_delay(e: Evidence) -> Measure:
     """The delay against pi/(2 lambda)."""
     return _delay_below(e, 1)
+
+
+def too_long_delay(e: Evidence) -> Measure:
+    """The delay against pi/(2 lambda), which it exceeds."""
+    return stable_delay(e).opposite
 
 
 def monotone_delay(e: Evidence) -> Measure:
@@ -136,7 +149,9 @@ def _delay_below(e: Evidence, which: int) -> Measure:
     agents = e.run.scenario.agents
     if not is_point_mass(agents) or np.ptp(agents.masses) or np.any(np.asarray(agents.damping)):
         raise NotMeasurable("the two agents are no free point masses of one mass")
-    if not e.run.scenario.control.ideal or not all(g.initial(e.run.scenario.start.q).any() for g in e.law.graphs):
+    graph, start = terms[0].over or e.law.graph, e.run.scenario.start
+    links = graph.initial(start.q) if start.links is None or graph is not e.law.graph else start.links
+    if not e.run.scenario.control.ideal or graph.moves or int(np.count_nonzero(links)) != e.run.n:
         raise NotMeasurable("the two agents do not act on each other at all times")
     limit = delay_limits(2.0 * terms[0].gain / float(np.max(agents.masses)))[which]
     return Measure(limit - delay, 0.0, f"delay {delay:.4g}, limit {limit:.4g}", everywhere=False)

@@ -22,11 +22,13 @@ from flocking.papers.cucker_smale_2007.closed_forms import (
 from flocking.papers.cucker_smale_2007.hypotheses import (
     alignment,
     discrete_system,
+    exponent_of_one,
     held_together,
     late_neighbours,
     monotone_delay,
     short_steps,
     stable_delay,
+    too_long_delay,
     weights_not_summable,
 )
 from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved, refuted
@@ -299,7 +301,7 @@ def _of_two(name: str, own: Origin) -> Sequence[Claim]:
         Claim("parting", "not stated", "They part for ever if w(0) exceeds the integral of the weights.",
               parts_for_ever, origin=own),
         Claim("agree-always", "not stated", "All velocities become the same from every start for beta = 1.",
-              general.velocities_agree, origin=own, expected=Verdict.FAILS,
+              general.velocities_agree, exponent_of_one, origin=own, expected=Verdict.FAILS,
               reason="For beta > 1/2 the weights are summable, and a start that is fast enough escapes."),
     )  # fmt: skip
 
@@ -309,8 +311,8 @@ def _late(name: str, own: Origin) -> Sequence[Claim]:
                    "With constant weights, all states known late, velocities agree for lambda tau < pi/2.",
                    general.velocities_agree, stable_delay, origin=own)  # fmt: skip
     unstable = Claim("shrink-too-late", "Haskovec, Markou 2020",
-                     "Differences of velocities shrink also for lambda tau > pi/2.", differences_shrink, origin=own,
-                     expected=Verdict.FAILS,
+                     "Differences of velocities shrink also for lambda tau > pi/2.", differences_shrink,
+                     too_long_delay, origin=own, expected=Verdict.FAILS,
                      reason="Two roots of the characteristic equation have positive real parts.")  # fmt: skip
     shrinking = Claim("shrink", "Haskovec, Markou 2020", "Differences of velocities shrink for lambda tau < pi/2.",
                       differences_shrink, stable_delay, origin=own)  # fmt: skip

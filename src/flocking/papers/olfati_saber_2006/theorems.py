@@ -13,6 +13,7 @@ from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.observables import flocks
 from flocking.model.state import State
 from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import Gradient
 from flocking.model.terms.schedules import Schedule
 from flocking.model.world.control import Held
 from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved, refuted
@@ -60,8 +61,27 @@ ROUNDING = 1e-12
 """Relative difference of gains that counts as none."""
 
 
+def _need_algorithm_1(e: Evidence) -> None:
+    """Refuse laws and agents whose energy is not the H of Algorithm 1 with the numbers of this package."""
+    agents = e.run.scenario.agents
+    unit = is_point_mass(agents) and np.all(np.asarray(agents.masses) == 1.0) and not np.any(np.asarray(agents.damping))
+    if not unit or e.law != system.law(system.Algorithm(1)):
+        raise NotMeasurable(
+            "H is the energy of undamped unit masses under Algorithm 1 with the numbers of this package"
+        )
+
+
+def _need_distance(e: Evidence) -> None:
+    """Refuse laws whose potential has its least value at another distance than d."""
+    gradient = next((t for t in e.law.pair_terms if isinstance(t, Gradient)), None)
+    slope = 0.0 if gradient is None else float(gradient.potential.slope(system.DISTANCE))
+    if gradient is None or not abs(slope) <= ROUNDING * abs(float(gradient.potential.slope(system.RADIUS))):
+        raise NotMeasurable(f"the law has no potential that is least at the distance {system.DISTANCE:g}")
+
+
 def too_little_energy(e: Evidence) -> Measure:
     """H(0) against psi_alpha(0), which one collision needs."""
+    _need_algorithm_1(e)
     energy, needed = structural_energy(e.run.scenario.start), pair_potential(0.0)
     measured = below(energy, needed, f"H(0) = {energy:.4g}, a collision needs {needed:.4g}")
     return Measure(measured.margin, 0.0, measured.note, everywhere=False)
@@ -72,6 +92,7 @@ def apart_by_energy(e: Evidence) -> Measure:
     """The closest approach against the distance whose potential is H(0)."""
     from scipy.optimize import brentq
 
+    _need_algorithm_1(e)
     energy = structural_energy(e.run.scenario.start)
     if not energy < pair_potential(0.0):
         raise NotMeasurable("the energy suffices for a collision")
@@ -85,6 +106,7 @@ def apart_by_energy(e: Evidence) -> Measure:
 @about(Subject.CLOSEST, lasting=True)
 def never_merge(e: Evidence) -> Measure:
     """The closest approach against a hundredth of d."""
+    _need_distance(e)
     found = e.closest
     note = f"closest {found.distance:.3g} at t = {e.when(found.time, 3)} (agents {found.pair[0]}, {found.pair[1]})"
     return above(found.distance, NEAR, note, e.error_of(found))
@@ -93,6 +115,7 @@ def never_merge(e: Evidence) -> Measure:
 @about(Subject.CLOSEST)
 def few_collisions(e: Evidence) -> Measure:
     """Number of pairs that collide, 0 where all agents stay apart, against the k of the energy at the start."""
+    _need_algorithm_1(e)
     most = most_collisions(structural_energy(e.run.scenario.start))
     found = e.closest
     if not found.distance > e.error_of(found):
@@ -117,6 +140,7 @@ def several_flocks(e: Evidence) -> Measure:
 @about(Subject.NET)
 def quasi_lattice(e: Evidence) -> Measure:
     """Deviation energy at the end."""
+    _need_distance(e)
     e.frame_links  # noqa: B018  raises where frames hold no links
     value = float(metrics(e.checked)["deviation energy"][-1])
     measured = below(value, QUASI, f"deviation energy {value:.2g} d^2 at the end")
@@ -128,8 +152,11 @@ def aligned_at_end(e: Evidence) -> Measure:
     """Velocity mismatch at the end, by the square of the speed of the gamma-agent."""
     if not len(e.t):
         raise NotMeasurable("the run keeps no frames")
+    speed = max((float(np.linalg.norm(x.at(float(e.t[-1]))[1])) for x in e.law.leaders), default=0.0)
+    if not speed > 0.0:
+        raise NotMeasurable("there is no gamma-agent, or it is at rest")
     p = np.asarray(e.p[-1], dtype=np.float64)
-    value = float(0.5 * ((p - p.mean(axis=0)) ** 2).sum() / len(p)) / system.GOAL_VELOCITY**2
+    value = float(0.5 * ((p - p.mean(axis=0)) ** 2).sum() / len(p)) / speed**2
     measured = below(value, ALIGNED, f"velocity mismatch {value:.2g} v^2 at the end")
     return Measure(measured.margin, 0.0, measured.note, everywhere=False)
 
@@ -140,7 +167,9 @@ def _critical_pursuit(e: Evidence) -> tuple[Velocity, float]:
     if world or len(terms) != 1 or type(terms[0]) is not Track:
         raise NotMeasurable(world or "the law has not one pursuit as its only body term")
     unit = is_point_mass(agents) and np.all(np.asarray(agents.masses) == 1.0) and not np.any(np.asarray(agents.damping))
-    if not unit or not all("momentum" in t.symmetries for t in e.law.pair_terms):
+    opposite = all("momentum" in t.symmetries for t in e.law.pair_terms)
+    opposite = opposite and all("momentum" in g.symmetries for g in e.law.graphs)
+    if not unit or not opposite:
         raise NotMeasurable("forces of pairs do not cancel, or agents are no undamped unit masses")
     track = terms[0]
     gains = track.position_gain, track.velocity_gain

@@ -15,6 +15,7 @@ import numpy as np
 from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.checks import NO_LESS, Array
 from flocking.model.world.control import Held
+from flocking.model.world.satellite_fixes import Fixes
 from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved
 from flocking.papers.vasarhelyi_2018 import system
 from flocking.papers.vasarhelyi_2018.closed_forms import lone_speeds
@@ -121,6 +122,9 @@ def _need_lone_agent(e: Evidence) -> None:
         raise NotMeasurable("the agent is not the vehicle of the paper without noise")
     if np.any(np.asarray(body.time_constant) != right.time_constant):
         raise NotMeasurable("the agent has another time constant than that of the paper")
+    known = e.run.scenario.information
+    if not isinstance(known, Fixes) or known.diffusion:
+        raise NotMeasurable("the agent does not know its own velocity")
     if not np.any(e.p[0]):
         raise NotMeasurable("the agent is at rest at the start")
 
@@ -132,8 +136,11 @@ def lone_speed(e: Evidence) -> Measure:
     ticks = np.rint((e.t - e.t[0]) / system.REFRESH).astype(int)
     if np.abs(ticks * system.REFRESH - (e.t - e.t[0])).max() > 1e-6:
         raise NotMeasurable("the frames are not at ticks")
-    speeds = np.linalg.norm(e.p[:, 0], axis=1)
-    largest = e.run.scenario.agents.acceleration  # type: ignore[attr-defined]
+    speeds, body = np.linalg.norm(e.p[:, 0], axis=1), e.run.scenario.agents
+    assert isinstance(body, VelocityUnit)
+    limit, largest = body.speed, body.acceleration
+    if limit is not None and (limit != system.FLOCK_SPEED if body.fixed else limit < system.FLOCK_SPEED):
+        raise NotMeasurable("the agent does not follow the desired speed, v_flock")
     if largest is not None and abs(speeds[0] - system.FLOCK_SPEED) > system.TIME_CONSTANT * float(np.max(largest)):
         raise NotMeasurable("the agent cannot accelerate as much as the closed form asks for")
     off = float(np.abs(speeds - lone_speeds(float(speeds[0]), int(ticks[-1]))[ticks]).max()) / system.FLOCK_SPEED

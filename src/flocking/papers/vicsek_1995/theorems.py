@@ -61,6 +61,22 @@ def _of_every_update(e: Evidence) -> None:
         raise NotMeasurable("the frames are not those of every update")
 
 
+def _sets_the_average(e: Evidence) -> None:
+    """Refuse agents that do not turn into the mean direction of their neighbours.
+
+    They turn into w = p + (T/m) u, the average velocity where T is m in units of the paper's step; of different speeds
+    its direction is not that of the mean heading.
+    """
+    body, control = _body(e), e.run.scenario.control
+    if e.law != system.law() or not isinstance(control, Held):
+        raise NotMeasurable("the law is not that of the paper")
+    share = np.asarray(control.period) / (system.STEP * np.asarray(body.masses))
+    if np.any(np.abs(share - 1.0) > ROUNDING):
+        raise NotMeasurable("with this mass and time between updates headings are not set to the average")
+    if np.ptp(_speeds(e)):
+        raise NotMeasurable("agents have different speeds")
+
+
 @lru_cache(maxsize=8)
 def _deviations(e: Evidence) -> Array:
     """Angles between the headings after each update and the mean directions before it, shape (F - 1, N)."""
@@ -68,8 +84,9 @@ def _deviations(e: Evidence) -> Array:
     body, graph = _body(e), e.law.graph
     if body.noise_kind != "angular" or body.update != "backward":
         raise NotMeasurable("the noise is not that of angles, or the update not that of the paper")
-    if e.law != system.law() or e.q.shape[2] != 2:
-        raise NotMeasurable("the law is not that of the paper")
+    _sets_the_average(e)
+    if e.q.shape[2] != 2:
+        raise NotMeasurable("headings are angles in the plane alone")
     e.need_few()
     space, radius = e.run.scenario.space, float(np.max(np.asarray(graph.break_radius)))
     return np.array([deviations(e.q[k], e.p[k], e.p[k + 1], space, radius) for k in range(len(e.t) - 1)])
@@ -154,8 +171,7 @@ def within_a_half_plane(e: Evidence) -> Measure:
         return Measure(-1.0, 0.0, "there is noise", everywhere=False)
     if e.p.shape[2] != 2:
         raise NotMeasurable("headings are angles in the plane alone")
-    if e.law != system.law():
-        raise NotMeasurable("the law is not that of the paper")
+    _sets_the_average(e)
     width = _width(e.p[0])
     note = f"headings lie within {width:.4g} at the start"
     return Measure(np.pi - width, ROUNDING, note, everywhere=False)
