@@ -157,3 +157,12 @@ def test_two_thousand_random_starts_keep_what_is_promised() -> None:
     broken, tightness = held_against_runs(range(1000, 3000))
     assert not broken
     print({key: (len(values), round(float(np.median(values)), 3)) for key, values in tightness.items()})
+
+
+def test_what_the_weights_suffice_for_at_most_is_not_rounded_below_it() -> None:
+    """K/(1 + r^2) from zero on is pi/2 K: of two agents at one place they hold pi K together, 3.14159265..."""
+    law = fk.Law(fk.Complete(), [fk.CuckerSmale(1.0, 1.0)])
+    start = fk.State([[0.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [4.0, 0.0]])
+    reason = fk.certify(fk.Scenario(law, start, t_end=1.0))["alignment_diameter"].reason
+    most = float(reason.partition("differences of ")[2].split()[0])
+    assert np.pi <= most < np.pi * (1 + 1e-6)

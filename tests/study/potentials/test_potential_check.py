@@ -85,7 +85,7 @@ def test_zhous_potential_is_judged_at_its_own_radius():
     [
         ("sin(r)", "unique minimum", False, "60 local minima"),
         ("sin(r)", "infinite at 0", False, "tends to 0"),
-        ("sin(r)", "radially unbounded", False, "no limit"),
+        ("sin(r)", "radially unbounded", False, "no known limit"),
         ("7", "unique minimum", False, r"7 is taken at r = \[0, inf\]"),
         ("1/r", "unique minimum", False, "fall to 0 as r -> inf"),
         ("1/r^12 - 1/r^6", "nonnegative", False, "-0.25 at r = 1.122"),

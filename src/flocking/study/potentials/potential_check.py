@@ -11,13 +11,13 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import number
 from flocking.model.potentials.potential import Potential
 from flocking.study.potentials.potential_bounds import Lower, lower_value, steeper_slope
+from flocking.study.potentials.potential_limits import Limit
 from flocking.study.potentials.potential_shape import (
     FARTHEST,
     MOST_MINIMA,
     NEAREST,
     SAME,
     SAMPLES,
-    Limit,
     Minimum,
     Shape,
     same,
@@ -37,7 +37,7 @@ class PropertyRow:
     name
         The property.
     holds
-        Whether it holds; None where it needs a radius and none is known.
+        Whether it holds; None where it needs a radius and none is known, or where a limit is not known.
     explanation
         The numbers: what fails and where.
     """
@@ -65,7 +65,7 @@ class DefinitionRow:
 
     @property
     def holds(self) -> bool | None:
-        """Whether every property holds; None where none fails and one needs a radius that is unknown."""
+        """Whether every property holds; None where none fails and one is open."""
         verdicts = [row.holds for row in self.rows]
         return False if False in verdicts else None if None in verdicts else True
 

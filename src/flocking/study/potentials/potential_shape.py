@@ -15,6 +15,7 @@ from flocking.formula.precise import evaluator, joint_evaluator, wide_context
 from flocking.formula.symbolic import with_floats
 from flocking.model.checks import Array
 from flocking.model.potentials.potential import Potential
+from flocking.study.potentials.potential_limits import Limit, limit, limit_at_infinity, limit_at_zero
 from flocking.study.potentials.potential_units import DISTANCES, energy_of, lengths_of
 
 if TYPE_CHECKING:
@@ -50,16 +51,6 @@ NEAREST, FARTHEST = 1e-9, 1e9
 """Range of distances that is searched for breaks and minima."""
 SAMPLES = 97
 """Distances from 1e-6 to 1e6, eight a decade, at which the formula must have a real value."""
-SHRINKING = 0.75
-"""Differences each at most this share of the one before it belong to a finite limit, by extrapolation."""
-CONVERGED = 1e-6
-"""A last difference below this share of the value gives a finite limit: the differences that follow are smaller."""
-ZERO = 1e-60
-"""Smaller limits are zero: at the nearest point, 10^-256, the fourth root of the distance is 10^-64."""
-GROWING = 0.9
-"""Differences of values at 10^-1, 10^-2, 10^-4, ... from a point show that there is no finite limit if none is below
-this share of the one before: those of a logarithm double, of a negative power grow, of a positive power vanish."""
-
 GRID = 36_001
 """Points of the search, 2000 for each of 18 decades: a feature wider than 0.12 % of its distance is met."""
 MOST_BREAKS = 40
@@ -68,24 +59,6 @@ MOST_MINIMA = 60
 """Minima that are located at most, a bound on time."""
 SAME = 1e-10
 """Relative difference below which two one-sided limits count as equal."""
-
-
-@dataclass(frozen=True)
-class Limit:
-    """Where values tend to, by ``kind``: ``"finite"``, ``"infinite"`` (the sign is that of ``value``) or ``"none"``."""
-
-    kind: str
-    value: float = np.nan
-
-    @property
-    def rises(self) -> bool:
-        """Whether it is plus infinity."""
-        return self.kind == "infinite" and self.value > 0
-
-    def __str__(self) -> str:
-        if self.kind == "none":
-            return "no limit"
-        return f"{self.value:.6g}" if self.kind == "finite" else "+infinity" if self.value > 0 else "-infinity"
 
 
 @dataclass(frozen=True)
@@ -217,10 +190,7 @@ def shape_of(potential: Potential, radius: float | None = None) -> Shape:
             for sign in (-1, 1)
         ]
         breaks.append(Break(float(c), sides[0], sides[1], inner))  # type: ignore[arg-type]
-    # At 0 and infinity no digits cancel: exponents alone reach further, and slow powers show their limit.
-    far = [context.mpf(10) ** (2**k) for k in range(14)]
-    zero = _times(limit([functions[0](1 / x) for x in far]), energy)
-    infinity = _times(limit([functions[0](x) for x in far]), energy)
+    zero, infinity = _times(limit_at_zero(psi, r), energy), _times(limit_at_infinity(psi, r), energy)
 
     def slopes(x: Array) -> Array:
         return potential.slope(length * x) * (length / energy)
@@ -249,33 +219,6 @@ def _times(limit: Limit, unit: float) -> Limit:
 def _all_times(side: tuple[Limit, Limit, Limit], units: tuple[float, float, float]) -> tuple[Limit, Limit, Limit]:
     value, slope, curvature = (_times(one, unit) for one, unit in zip(side, units, strict=True))
     return value, slope, curvature
-
-
-def limit(values: list[Number]) -> Limit:
-    """Limit of values at 10^-1, 10^-2, 10^-4, ... from a point: by how their differences grow or shrink."""
-    context = wide_context()
-    tail = values[-5:]
-    if any(context.isnan(v) for v in tail):
-        return Limit("none")
-    if context.isinf(tail[-1]):
-        return Limit("infinite", float(tail[-1])) if tail[-1] == tail[-2] else Limit("none")
-    if any(context.isinf(v) for v in tail):
-        return Limit("none")
-    d = [b - a for a, b in pairwise(tail)]
-    growing = all(abs(b) >= GROWING * abs(a) for a, b in pairwise(d))
-    if all(x > 0 for x in d) and growing:
-        return Limit("infinite", np.inf)
-    if all(x < 0 for x in d) and growing:
-        return Limit("infinite", -np.inf)
-    if abs(tail[-1]) <= ZERO:
-        return Limit("finite", 0.0)
-    if abs(d[-1]) <= CONVERGED * abs(tail[-1]):
-        return Limit("finite", float(tail[-1]))
-    if all(abs(b) <= SHRINKING * abs(a) for a, b in pairwise(d)):
-        ratio = d[-1] / d[-2]
-        end = tail[-1] + d[-1] * ratio / (1 - ratio)
-        return Limit("finite", float(end) if abs(end) > ZERO else 0.0)
-    return Limit("none")
 
 
 def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> list[Number]:
