@@ -150,3 +150,39 @@ def test_agreement_refuses_what_it_cannot_solve() -> None:
     ):
         with pytest.raises(InvalidInput, match=words):
             agree(theta, all_nets, times)
+
+
+@pytest.mark.parametrize("directed", [False, True])
+@pytest.mark.parametrize("lasted", [1e4, 1e8, 1e12, 1e100])
+def test_long_agreement_stays_at_its_limit(directed: bool, lasted: float) -> None:
+    """Squares of a matrix exponential double its error each time: after 1e14 the limit was off by 8 per cent."""
+    weights = np.roll(np.eye(5), 1, axis=1) if directed else np.eye(5, k=1) + np.eye(5, k=-1)
+    weights[2] *= 0.3 if directed else 1.0
+    theta = np.array([1.0, 2.0, 3.0, 7.0, -4.0])
+    limit = nets.agreement_limit(weights, theta)
+    np.testing.assert_allclose(agree(theta, [weights], [0.0, lasted])[-1], limit, rtol=1e-13)
+    np.testing.assert_allclose(agree(theta, [weights * lasted], [0.0, 1e4])[-1], limit, rtol=1e-13)
+
+
+def test_agreement_with_weights_of_very_different_sizes() -> None:
+    """Two pairs, each agreed at once, whose two means come together at the rate 1e-12: exp(-1e-12 t) is left."""
+    weights = np.array([[0, 1.0, 0, 0], [1.0, 0, 1e-12, 0], [0, 1e-12, 0, 1.0], [0, 0, 1.0, 0]])
+    found = agree([1.0, 1.0, -1.0, -1.0], [weights], [0.0, 1e12])[-1]
+    np.testing.assert_allclose(found, np.exp(-1.0) * np.array([1.0, 1.0, -1.0, -1.0]), rtol=1e-10)
+
+
+def test_agreement_far_from_zero_keeps_differences() -> None:
+    both = np.array([[0.0, 1.0], [1.0, 0.0]])
+    found = agree([1e9, 1e9 + 1.0], [both], [0.0, 0.5])[-1]
+    assert found[1] - found[0] == pytest.approx(np.exp(-1.0), abs=3e-7)
+
+
+def test_agreement_with_negative_weights_is_the_matrix_exponential() -> None:
+    """x = theta_1 - theta_2 has x' = -(1 - 0.5) x."""
+    found = agree([1.0, 0.0], [[[0.0, 1.0], [-0.5, 0.0]]], [0.0, 2.0])[-1]
+    assert found[0] - found[1] == pytest.approx(np.exp(-1.0), rel=1e-13)
+
+
+def test_agreement_refuses_times_and_weights_whose_product_is_no_number() -> None:
+    with pytest.raises(InvalidInput, match="times"):
+        agree([1.0, 0.0], [[[0.0, 1e300], [1e300, 0.0]]], [0.0, 1e300])
