@@ -378,3 +378,15 @@ def test_votes_that_are_no_numbers_are_refused() -> None:
         weights = np.array([[0.0, wrong, 1.0], [wrong, 0.0, 1.0], [1.0, 1.0, 0.0]])
         with pytest.raises(InvalidInput, match="must be finite"):
             structure.vote(weights, np.zeros((3, 2)), 0)
+
+
+@pytest.mark.parametrize("far", [2.0, 1e5, 1e9, 1e150])
+def test_lengths_of_very_different_sizes_hide_no_link(far: float) -> None:
+    """A small triangle held at two of its corners by a large one: its short links are links like the long ones."""
+    q = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 0.9], [far, 0.0], [0.0, far]])
+    links = np.zeros((5, 5), dtype=bool)
+    for i, j in ((0, 1), (0, 2), (1, 2), (0, 3), (0, 4), (3, 4), (1, 4)):
+        links[i, j] = links[j, i] = True
+    assert rigidity.degrees_of_freedom(q, links) == 0
+    links[1, 2] = links[2, 1] = False
+    assert rigidity.degrees_of_freedom(q, links) == 1

@@ -68,10 +68,17 @@ def rigid_motions(q: Array) -> Array:
 
 
 def rank(q: Array, links: Links, tolerance: float = 1e-8) -> int:
-    """Rank of the rigidity matrix: singular values above ``tolerance`` times the largest."""
+    """Rank of the rigidity matrix: singular values above ``tolerance`` times the largest, of rows of unit length.
+
+    A link counts the same however long it is: lengths of very different sizes hide none.
+    """
     matrix = rigidity_matrix(q, links)
     if not matrix.size:
         return 0
+    # By its largest number first, so that no square overflows or vanishes.
+    for sizes in (np.max, np.linalg.norm):
+        size = sizes(np.abs(matrix), axis=1)[:, None]
+        matrix = matrix / np.where(size > 0.0, size, 1.0)
     values = np.linalg.svd(matrix, compute_uv=False)
     return int((values > tolerance * values[0]).sum()) if values[0] > 0 else 0
 
