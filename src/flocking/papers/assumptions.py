@@ -23,6 +23,7 @@ from flocking.model.potentials.potential import Potential
 from flocking.model.terms.body_terms import Track
 from flocking.model.terms.pair_terms import Consensus, Gradient, Term
 from flocking.model.terms.schedules import Schedule
+from flocking.study.certificates.pieces import leader_jump
 from flocking.study.potentials.potential_check import Definition, check_potential
 
 SAME = 1e-9
@@ -79,6 +80,7 @@ def of_stated_law(
             or _graph(scenario, known)
             or _terms(scenario.law, known.law, definition, scenario.name in any_feedback)
             or _energy(scenario, known.energy)
+            or _leaders(scenario)
         )
 
     return differs
@@ -210,6 +212,14 @@ def _feedback(found: Track, known: Track, any_feedback: bool) -> str:
             return f"the theorem is about {name} 1 or 0, not {_range(np.asarray(value))}"
         if np.ndim(stated) == 0 and np.ptp(np.asarray(value)) > 0.0:
             return f"the theorem is about one {name} for all agents, not {_range(np.asarray(value))}"
+    return ""
+
+
+def _leaders(scenario: Scenario) -> str:
+    """Why the velocity of a leader may jump, by which no acceleration is known, and an energy in its frame jumps."""
+    for leader in scenario.law.leaders:
+        if isinstance(leader, Path) and (why := leader_jump(leader, scenario.start.t, scenario.t_end)):
+            return f"the theorem is about a leader whose velocity does not jump, and here {why}"
     return ""
 
 

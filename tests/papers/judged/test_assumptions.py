@@ -38,6 +38,12 @@ def track(**changes: object) -> Callable:
     return lambda term: replace(term, **changes)
 
 
+def led_by(scenario: fk.Scenario, leader: fk.Leader) -> fk.Scenario:
+    """The scenario with another leader, in whose frame its energy is, where it is in one."""
+    energy = scenario.energy if scenario.energy.leader is None else replace(scenario.energy, leader=leader)
+    return law(scenario, Track=track(leader=leader)).with_(energy=energy)
+
+
 def named(name: str) -> fk.Scenario:
     return paper(paper_of(name)).scenarios()[name](0)
 
@@ -106,6 +112,7 @@ OTHER: dict[str, tuple[str, Change, str]] = {
     "shared": (SINK, lambda s: law(s, Track=track(shared=True)), "feedback of each agent"),
     "accelerated": (ZL, lambda s: law(s, Track=track(leader=fk.Path(("3 + t", "3")))), "of kind Velocity"),
     "damped": (f"{S}-uniform", lambda s: law(s, Compensate=None), "a law with Compensate"),
+    "jump": (f"{S}-uniform", lambda s: led_by(s, fk.Path(("where(t < 0.01, 1, 4)", "0"))), "velocity does not jump"),
     "frame": (f"{S}-uniform", lambda s: s.with_(energy=replace(s.energy, frame="lab", leader=None)), "in the frame"),
     "other leader": (ZL, lambda s: law(s, Track=track(leader=fk.Velocity([1.0, 0.0]))), "leader that is followed"),
     "plateau": (T2, lambda s: law(s, graph=fk.Proximity(3.0)), "store 2.30834, the potential at the radius"),
@@ -160,6 +167,7 @@ SAME: dict[str, tuple[str, Change]] = {
     "leader": (ZL, lambda s: s.with_(
         law=fk.Law(s.law.graph, (*s.law.terms[:2], fk.Track(guide := fk.Velocity([1.0, 0.5]), velocity_gain=0.3))),
         energy=replace(s.energy, leader=guide))),
+    "bent path": (f"{S}-uniform", lambda s: led_by(s, fk.Path(("sin(2*t) + abs(t - 0.01)", "1")))),
     "strengths": (FREE, lambda s: law(s, Gradient=lambda _: fk.Gradient(fk.structural_potential(7.0, 2.0, 6.0)))),
     "shared": ("olfati-saber-2003", lambda s: law(s, Track=track(shared=True, saturated=True))),
 }  # fmt: skip
