@@ -15,8 +15,8 @@ import numpy as np
 from flocking.formula.safe_digits import compared_texts, given_text
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
-from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis
-from flocking.model.graphs.weights import MatrixWeights
+from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, pair_distances
+from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Path
 from flocking.model.potentials.potential import Potential
@@ -27,7 +27,7 @@ from flocking.study.certificates.pieces import leader_jump
 from flocking.study.potentials.potential_check import Definition, check_potential
 
 SAME = 1e-9
-"""Relative difference up to which two energies of a pair count as the same: both are computed from one formula."""
+"""Relative difference up to which two energies of a pair, computed from one formula, and two distances count as one."""
 
 GAINS = ("position_gain", "velocity_gain", "acceleration_gain")
 """The gains of a term that follows a leader."""
@@ -81,6 +81,7 @@ def of_stated_law(
             or _terms(scenario.law, known.law, definition, scenario.name in any_feedback)
             or _energy(scenario, known.energy)
             or _leaders(scenario)
+            or _start_links(scenario)
         )
 
     return differs
@@ -179,7 +180,8 @@ def _alignment(found: Consensus) -> str:
         return f"the theorem is about one positive gain of Consensus for all agents, not {values}"
     if found.weights is not None and not found.weights.symmetric:
         return "the theorem is about weights w_ij = w_ji"
-    if isinstance(found.weights, MatrixWeights) and not _between_all(found.weights.values):
+    none = isinstance(found.weights, HashedWeights) and not found.weights.high > 0.0
+    if none or (isinstance(found.weights, MatrixWeights) and not _between_all(found.weights.values)):
         return "the theorem is about weights w_ij above 0 between all agents"
     return ""
 
@@ -221,6 +223,26 @@ def _leaders(scenario: Scenario) -> str:
         if isinstance(leader, Path) and (why := leader_jump(leader, scenario.start.t, scenario.t_end)):
             return f"the theorem is about a leader whose velocity does not jump, and here {why}"
     return ""
+
+
+def _start_links(scenario: Scenario) -> str:
+    """Why links that a start gives do not follow from the rule of the graph: of fixed ones, or of distances."""
+    graph, start = scenario.law.graph, scenario.start
+    if start.links is None:
+        return ""
+    links = np.asarray(start.links, dtype=bool)
+    if not graph.moves:
+        return (
+            "" if (links == graph.initial(start.q)).all() else "the theorem is about the links of the graph, not others"
+        )
+    distance = pair_distances(start.q, scenario.space)
+    enters, leaves = (np.asarray(x, dtype=np.float64)[..., None] for x in (graph.appear_radius, graph.break_radius))
+    apart, far = ~links & (distance < enters * (1.0 - SAME)), links & (distance > leaves * (1.0 + SAME))
+    if not (apart | far).any():
+        return ""
+    i, j = np.argwhere(apart | far)[0]
+    what = "linked" if links[i, j] else "not linked"
+    return f"the theorem is about links by distances, and agents {i} and {j}, {distance[i, j]:.6g} apart, are {what}"
 
 
 def _energy(scenario: Scenario, stated: Energy) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.papers import KEYS, paper, paper_of
 from flocking.study.claims.claim import Basis, Verdict
 from flocking.study.claims.subjects import Subject
@@ -42,6 +43,20 @@ def led_by(scenario: fk.Scenario, leader: fk.Leader) -> fk.Scenario:
     """The scenario with another leader, in whose frame its energy is, where it is in one."""
     energy = scenario.energy if scenario.energy.leader is None else replace(scenario.energy, leader=leader)
     return law(scenario, Track=track(leader=leader)).with_(energy=energy)
+
+
+def nearest(scenario: fk.Scenario) -> tuple[int, int]:
+    distances = pair_distances(scenario.start.q)
+    return tuple(int(x) for x in np.unravel_index(distances.argmin(), distances.shape))
+
+
+def linked(scenario: fk.Scenario, pair: tuple[int, int], link: bool, moved: list[float] | None = None) -> fk.Scenario:
+    """The scenario whose start gives the links of its graph, with that of one pair changed, and agent 0 elsewhere."""
+    q = np.array(scenario.start.q)
+    q[0] += 0.0 if moved is None else moved
+    links = np.array(scenario.law.graph.initial(q))
+    links[pair] = links[pair[::-1]] = link
+    return scenario.with_(start=fk.State(q, scenario.start.p, links=links))
 
 
 def named(name: str) -> fk.Scenario:
@@ -112,7 +127,10 @@ OTHER: dict[str, tuple[str, Change, str]] = {
     "shared": (SINK, lambda s: law(s, Track=track(shared=True)), "feedback of each agent"),
     "accelerated": (ZL, lambda s: law(s, Track=track(leader=fk.Path(("3 + t", "3")))), "of kind Velocity"),
     "damped": (f"{S}-uniform", lambda s: law(s, Compensate=None), "a law with Compensate"),
-    "jump": (f"{S}-uniform", lambda s: led_by(s, fk.Path(("where(t < 0.01, 1, 4)", "0"))), "velocity does not jump"),
+    "no weights": (Z, lambda s: law(s, Consensus=track(weights=fk.HashedWeights(0.0, 0.0, seed=1))), "above 0"),
+    "a near pair without a link": (Z, lambda s: linked(s, nearest(s), False), "are not linked"),
+    "a far pair with a link": (T2, lambda s: linked(s, (0, 1), True, [9.0, 0.0]), "are linked"),
+    "a pair left out": (f"{T1}-complete", lambda s: linked(s, (0, 1), False), "links of the graph, not others"),
     "frame": (f"{S}-uniform", lambda s: s.with_(energy=replace(s.energy, frame="lab", leader=None)), "in the frame"),
     "other leader": (ZL, lambda s: law(s, Track=track(leader=fk.Velocity([1.0, 0.0]))), "leader that is followed"),
     "plateau": (T2, lambda s: law(s, graph=fk.Proximity(3.0)), "store 2.30834, the potential at the radius"),
@@ -168,6 +186,8 @@ SAME: dict[str, tuple[str, Change]] = {
         law=fk.Law(s.law.graph, (*s.law.terms[:2], fk.Track(guide := fk.Velocity([1.0, 0.5]), velocity_gain=0.3))),
         energy=replace(s.energy, leader=guide))),
     "bent path": (f"{S}-uniform", lambda s: led_by(s, fk.Path(("sin(2*t) + abs(t - 0.01)", "1")))),
+    "links of the rule": (Z, lambda s: linked(s, nearest(s), True)),
+    "links of the graph": (T1, lambda s: linked(s, tuple(np.argwhere(s.law.graph.initial(s.start.q))[0]), True)),
     "strengths": (FREE, lambda s: law(s, Gradient=lambda _: fk.Gradient(fk.structural_potential(7.0, 2.0, 6.0)))),
     "shared": ("olfati-saber-2003", lambda s: law(s, Track=track(shared=True, saturated=True))),
 }  # fmt: skip
@@ -212,3 +232,10 @@ def test_what_is_exactly_at_its_bound_does_not_exceed_it() -> None:
     found = fk.audit(fk.simulate(still, progress=False))["speed-bound"]
     assert found.verdict is Verdict.HOLDS
     assert found.margin > 0.0
+
+
+def test_a_leader_whose_velocity_jumps_is_not_that_of_a_theorem() -> None:
+    """No acceleration is known of the jump, at which J rises."""
+    made = led_by(named(f"{S}-uniform"), fk.Path(("where(t < 3, 1, 4)", "0")))
+    assert "velocity does not jump" in paper(S).assumes(made)
+    assert paper(S).assumes(made.with_(t_end=2.9)) == ""
