@@ -81,7 +81,7 @@ def of_stated_law(
             or _terms(scenario.law, known.law, definition, scenario.name in any_feedback)
             or _energy(scenario, known.energy)
             or _leaders(scenario)
-            or _start_links(scenario)
+            or links_by_rule(scenario)
         )
 
     return differs
@@ -225,8 +225,14 @@ def _leaders(scenario: Scenario) -> str:
     return ""
 
 
-def _start_links(scenario: Scenario) -> str:
-    """Why links that a start gives do not follow from the rule of the graph: of fixed ones, or of distances."""
+def links_by_rule(scenario: Scenario) -> str:
+    """Why links that a start gives do not follow from the rule of the graph; empty where they do, or it gives none.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
     graph, start = scenario.law.graph, scenario.start
     if start.links is None:
         return ""

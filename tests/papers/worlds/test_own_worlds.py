@@ -295,3 +295,18 @@ def test_the_centre_of_a_group_with_one_way_links_has_no_closed_form() -> None:
     assert claims_of_2006.centre_as_predicted(at_the_start(GENTLE.with_(law=law))).holds
     with pytest.raises(NotMeasurable, match="cancel"):
         claims_of_2006.centre_as_predicted(at_the_start(GENTLE.with_(law=fk.Law(one_way, law.terms))))
+
+
+def without_links(scenario: fk.Scenario) -> fk.Scenario:
+    n = scenario.start.n
+    start = fk.State(scenario.start.q, scenario.start.p, links=np.zeros((n, n), dtype=bool))
+    return scenario.with_(start=start)
+
+
+def test_links_of_a_start_that_its_graph_does_not_have_are_of_no_rule_of_a_standard_system() -> None:
+    """Steps failed to be those of the authors where the start left all links out."""
+    steps = system.scenarios()[system.DISCRETE](0).with_(t_end=1.0, frames=6)
+    for made in (steps, GENTLE, made_of("vicsek-1995-noiseless")):
+        assert reasons(made) == {""}
+        assert all("the theorem is about" in why for why in reasons(without_links(made)))
+    assert set(verdicts(without_links(steps)).values()) == {Verdict.HYPOTHESIS_NOT_MET}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flocking.papers.assumptions import links_by_rule
 from flocking.papers.cucker_smale_2007.closed_forms import (
     delay_limits,
     discrete_motion,
@@ -28,6 +29,7 @@ PAPER = Paper(
     scenarios=scenarios,
     claims=claims,
     figures=figures,
+    assumes=links_by_rule,
     titles={
         "cucker-smale-2007": "Twenty agents, exponent 0.4: agreement from every start",
         "cucker-smale-2007-critical": "Twenty agents, exponent 1/2",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flocking.papers.assumptions import links_by_rule
 from flocking.papers.description import Paper
 from flocking.papers.olfati_saber_2006.closed_forms import (
     action,
@@ -28,6 +29,7 @@ PAPER = Paper(
     scenarios=scenarios,
     claims=claims,
     figures=figures,
+    assumes=links_by_rule,
     titles={
         "olfati-saber-2006": "Algorithm 2: 150 agents follow a gamma-agent",
         "olfati-saber-2006-fragments": "Algorithm 1: forty agents without a common goal",

@@ -5,6 +5,7 @@ As it is commonly cited, with what later work found of its transition.
 
 from __future__ import annotations
 
+from flocking.papers.assumptions import links_by_rule
 from flocking.papers.description import Paper
 from flocking.papers.vicsek_1995.closed_forms import binder_cumulant, deviations, mean_directions, random_order
 from flocking.papers.vicsek_1995.large_groups import HeadingGroup
@@ -24,6 +25,7 @@ PAPER = Paper(
     scenarios=scenarios,
     claims=claims,
     figures=figures,
+    assumes=links_by_rule,
     titles={
         "vicsek-1995": "Fig. 1 (a), (c): 300 agents on a wide torus with strong noise",
         "vicsek-1995-gathering": "Fig. 1 (b): low density and weak noise",
