@@ -269,11 +269,9 @@ class SampledSession(ImperfectSession):
 
     def _measure(self, measuring: Indices, seconds: float) -> None:
         """Take a sample of agents."""
-        everyone = self.motion.at(seconds)[0] if self.knowledge.reads_distances else None
         q, p = self.motion.at(seconds, measuring)
-        if self.motion.order == 1 and not seconds:
-            p = np.zeros_like(p)  # They stand still before the start, and gusts and lagged velocities begin after it.
-        self.knowledge.measure(measuring, q, p, everyone)
+        p = p if self.motion.order == 2 or seconds else np.zeros_like(p)  # Those of order 1 stand still before.
+        self.knowledge.measure(measuring, q, p, self.motion.at(seconds)[0] if self.knowledge.reads_distances else None)
 
     def _desired(
         self, instant: int, known: Known, pairs: tuple[Indices, Indices, Indices], leaders: Instants | None

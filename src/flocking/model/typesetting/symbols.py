@@ -65,11 +65,16 @@ def parameter_latex(name: str, *, each: bool = False, number: int = 1) -> str:
 
 
 class Names:
-    """Symbols with their LaTeX, and which of them are vectors."""
+    """Symbols with their LaTeX, and which of them are vectors.
+
+    Parameters
+    ----------
+    numbers
+        Numbers of parameters among different ones of a name, where they are not the first.
+    """
 
     def __init__(self, numbers: Mapping[str, int] | None = None) -> None:
         self.numbers = numbers or {}
-        """Numbers of parameters among different ones of a name, where they are not the first."""
         self.latex: dict[sympy.Symbol, str] = {}
         self.vectors: set[sympy.Symbol] = set()
 
