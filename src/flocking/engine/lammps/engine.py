@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 
+from flocking.engine.fixed_step.given_links import check_given_links
 from flocking.engine.fixed_step.supported_bodies import is_known
 from flocking.engine.lammps import library
 from flocking.engine.lammps.domains.checkpoint import stored_options as domain_options
@@ -41,6 +42,7 @@ class LammpsEngine(Engine):
         """Check that the scenario and the plant are supported."""
         for law in [scenario.law] if plant is None else [scenario.law, plant]:
             _check_kernels(scenario.with_(law=law))
+        check_given_links(self.name, scenario)
         if plant is not None:
             if not scenario.control.ideal:
                 raise UnsupportedLaw(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from flocking.engine.fixed_step.given_links import check_given_links
 from flocking.engine.imperfect.messages.leader_news import check_leader_messages
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
@@ -34,6 +35,7 @@ class TilesEngine(Engine):
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Check that the scenario and the plant are supported."""
         check_supported(scenario)
+        check_given_links(self.name, scenario)
         check_messages(scenario)
         check_leader_messages(self.name, scenario)
         if plant is not None:
@@ -44,6 +46,7 @@ class TilesEngine(Engine):
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> TilesSession:
         """Start a session."""
         assert isinstance(options, TilesOptions)
+        check_given_links(self.name, scenario)
         if not (scenario.control.ideal and scenario.information.ideal):
             self.check(scenario, plant)
         if isinstance(scenario.control, Held):

@@ -13,6 +13,7 @@ import numpy as np
 from flocking.arrays import Array, Links, Positions, Velocities
 from flocking.engine import interruption
 from flocking.engine.fixed_step.certain_pairs import too_crowded
+from flocking.engine.fixed_step.given_links import check_given_links
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import ledger_rule, step_too_large
@@ -357,20 +358,19 @@ class TilesSession(Session):
         before = self._energy()
         scenario = self.scenario.with_(law=law or self.scenario.law, t_end=max(self.scenario.t_end, self.time))
         check_supported(scenario)
-        spec = self._spec(scenario)
         scenario.law.check_count(particles.n, particles.m)
-        if state is not None:
-            if state.q.shape != self.scenario.start.q.shape:
-                raise InvalidInput("TilesSession", "state", "must keep the number of agents", state.q.shape)
-            self._particles = self._new_particles(scenario, replace(state, t=self.time))
-            self._set_going()
-        elif spec.graphs == particles.spec.graphs:
+        if state is None and (spec := self._spec(scenario)).graphs == particles.spec.graphs:
             if self.scenario.agents.order == 2:
                 particles.X[particles.m :] = velocities
             self._guarded(lambda: particles.adopt(scenario, spec, self.time))
         else:
-            q, p = particles.in_order(particles.X[: particles.m]), particles.in_order(velocities)
-            self._particles = self._new_particles(scenario, State(q, p, self.time, columns=particles.columns_in_order))
+            if state is None:
+                q, p = particles.in_order(particles.X[: particles.m]), particles.in_order(velocities)
+                state = State(q, p, self.time, columns=particles.columns_in_order)
+            elif state.q.shape != self.scenario.start.q.shape:
+                raise InvalidInput("TilesSession", "state", "must keep the number of agents", state.q.shape)
+            check_given_links(self.engine, scenario, state)
+            self._particles = self._new_particles(scenario, replace(state, t=self.time))
             self._set_going()
         self.scenario = scenario
         for name in ("_law_check", "singular_reach"):
