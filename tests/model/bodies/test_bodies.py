@@ -167,3 +167,34 @@ def test_the_control_of_limited_bodies_at_rest_warns_of_nothing() -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             assert fk.control(law, state, agents=body) == pytest.approx(np.array([[2.0, 0.0], [-2.0, 0.0]]))
+
+
+@pytest.mark.parametrize("command", [[0.0, 0.0, -1.0], [0.0, 0.0, -1.5], [3.0, 0.0, -1.0]])
+def test_quadrotors_do_not_start_with_a_filtered_force_beyond_their_weight(command):
+    """The sum of both may vanish, and its direction and that of the first axis may be one."""
+    weight = 0.5 * 9.81
+    body = fk.Quadrotor([0.5, 0.5, 0.7])
+    law = fk.Law(fk.Fixed(3, []), [fk.Consensus()])
+    columns = {"command": weight * np.array([[0.0] * 3, command, [0.0] * 3])}
+    with pytest.raises(fk.InvalidInput, match=r"command must be shorter than the weight, 4.905; got 'length .* agent 1"):
+        fk.Scenario(law, fk.State(np.zeros((3, 3)), columns=columns), t_end=1.0, agents=body)
+    mixed = fk.Mixture((fk.PointMass(), body), [0, 1, 1])
+    fk.Scenario(law, fk.State(np.zeros((3, 3)), columns={"command": 0.9 * columns["command"] / 3}), 1.0, agents=mixed)
+
+
+@dataclass(frozen=True, eq=False)
+class Slow(fk.PointMass):
+    """One that refuses a start at a speed of more than 1."""
+
+    def check_scenario(self, control, q, p):
+        if (np.linalg.norm(p, axis=1) > 1.0).any():
+            raise fk.InvalidInput("Slow", "start", "must be slow", p)
+
+
+def test_a_body_checks_scenarios_within_chains_and_mixtures_too():
+    law, start = fk.Law(fk.Fixed(2, []), [fk.Consensus()]), fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [2.0, 0.0]])
+    bodies = [fk.Lagged(Slow(), 0.1), fk.Limited(fk.Lagged(Slow(), 0.1), force=1.0)]
+    for body in [Slow(), *bodies, fk.Mixture((fk.PointMass(), Slow()), [0, 1])]:
+        with pytest.raises(fk.InvalidInput, match="Slow: start must be slow"):
+            fk.Scenario(law, start, t_end=1.0, agents=body)
+    fk.Scenario(law, start, t_end=1.0, agents=fk.Mixture((fk.PointMass(), Slow()), [1, 0]))

@@ -15,6 +15,8 @@ from flocking.model.symmetries import SYMMETRIES
 if TYPE_CHECKING:
     import sympy
 
+    from flocking.model.world.control import Control
+
 INNER = "body_"
 """What the names of lets, parameters and held numbers of the inner body begin with."""
 
@@ -186,6 +188,21 @@ class WrappedBody(Body):
         """
         own = {c.name: self.start(c.name, q, p) for c in self.own_columns if c.name not in given}
         return {**self.body.missing_columns(given, q, p), **own}
+
+    def check_scenario(self, control: Control, q: Array, p: Array) -> None:
+        """That of the inner body.
+
+        Parameters
+        ----------
+        control, q, p
+            As for `Body.check_scenario`.
+
+        Raises
+        ------
+        InvalidInput
+            When the inner body refuses.
+        """
+        self.body.check_scenario(control, q, p)
 
     def held(self, dimension: int) -> tuple[str, ...]:
         """Its own, then those of the inner body."""

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import sympy
     from numpy.typing import ArrayLike
 
+    from flocking.model.world.control import Control
+
 KIND = "kind"
 """Parameter with the number of the body of an agent."""
 
@@ -249,6 +251,24 @@ class Mixture(Body):
                 if name in found:
                     found[name][rows] = values
         return found
+
+    def check_scenario(self, control: Control, q: Array, p: Array) -> None:
+        """Those of all bodies, each for its own agents.
+
+        Parameters
+        ----------
+        control, q, p
+            As for `Body.check_scenario`.
+
+        Raises
+        ------
+        InvalidInput
+            When a body refuses.
+        """
+        for k, body in enumerate(self.bodies):
+            rows = np.flatnonzero(self.kinds == k)
+            if rows.size and len(self.kinds) == len(q):
+                body.check_scenario(control, q[rows], p[rows])
 
     @property
     def summary(self) -> str:

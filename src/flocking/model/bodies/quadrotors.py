@@ -43,7 +43,8 @@ class Quadrotor(Body):
 
     The law's force passes a filter of order 2, critically damped, f'' = w_f^2 (s - f) - 2 w_f f', where s is the wanted
     force u scaled down smoothly to less than ``reach`` of the weight, s = u/sqrt(1 + |u|^2/(reach m g)^2). So the force
-    F = f + m g e_3 that rotors are to exert never vanishes nor points down. The attitude follows the one whose third
+    F = f + m g e_3 that rotors are to exert never vanishes nor points down where the filter starts at rest, as it does
+    unless a start gives ``command`` and ``command_rate``. The attitude follows the one whose third
     axis is along F and whose first is as near as possible to the first axis of space, by the controller on SE(3) of
     Lee, Leok and McClamroch (2010) with gains in proportion to the inertia: with the errors e_R of the attitude and e_W
     of the angular velocity, e_W' = -w_a^2 e_R - 2 z w_a e_W. The thrust is the component of F along the third axis;
@@ -272,7 +273,8 @@ class Quadrotor(Body):
         Raises
         ------
         InvalidInput
-            When space has not three dimensions, or the axes are not orthonormal and right-handed.
+            When space has not three dimensions, the axes are not orthonormal and right-handed, or a filtered force is
+            not below the weight.
         """
         if q.shape[1] != SPACE:
             raise InvalidInput("Quadrotor", "start", f"must have {SPACE} dimensions", q.shape[1])
@@ -288,7 +290,24 @@ class Quadrotor(Body):
                     "Quadrotor", AXES[0], "must be right-handed orthonormal axes together with the other two",
                     f"products off by {off[agent]:.3g} of agent {agent}",
                 )  # fmt: skip
+        if COMMAND in given and given[COMMAND].shape == q.shape:
+            self._check_command(given[COMMAND])
         return found
+
+    def _check_command(self, command: Array) -> None:
+        """Refuse filtered forces, shape (K, 3), that are not below the weight: then the sum of both may be zero."""
+        weights = np.asarray(self.masses) * np.asarray(self.gravity)
+        # Agents of a mixture are some of those for whom numbers are given.
+        weight = np.broadcast_to(weights if weights.shape in ((), command.shape[:1]) else weights.max(), len(command))
+        size = np.linalg.norm(command, axis=1)
+        wrong = ~(size < weight)
+        if wrong.any():
+            agent = int(np.argmax(wrong))
+            raise InvalidInput(
+                "Quadrotor", COMMAND, f"must be shorter than the weight, {weight[agent]:.6g}",
+                f"length {size[agent]:.6g} of agent {agent}",
+                "The filter keeps it so from a start without it; leave the column out.",
+            )  # fmt: skip
 
     @property
     def summary(self) -> str:
