@@ -176,7 +176,7 @@ def test_quadrotors_do_not_start_with_a_filtered_force_beyond_their_weight(comma
     body = fk.Quadrotor([0.5, 0.5, 0.7])
     law = fk.Law(fk.Fixed(3, []), [fk.Consensus()])
     columns = {"command": weight * np.array([[0.0] * 3, command, [0.0] * 3])}
-    with pytest.raises(fk.InvalidInput, match=r"command must be shorter than the weight, 4.905; got 'length .* agent 1"):
+    with pytest.raises(fk.InvalidInput, match=r"must be shorter than the weight, 4.905; got 'length .* agent 1"):
         fk.Scenario(law, fk.State(np.zeros((3, 3)), columns=columns), t_end=1.0, agents=body)
     mixed = fk.Mixture((fk.PointMass(), body), [0, 1, 1])
     fk.Scenario(law, fk.State(np.zeros((3, 3)), columns={"command": 0.9 * columns["command"] / 3}), 1.0, agents=mixed)

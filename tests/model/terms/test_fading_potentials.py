@@ -139,3 +139,15 @@ def test_the_energy_of_a_wrong_weighted_force_does_not_close(monkeypatch):
     monkeypatch.setattr(fk.Gradient, "fall", wrong)
     with pytest.raises(AssertionError):
         test_weighted_forces_descend_their_energy_and_nothing_is_supplied("cosine", 2)
+
+
+def test_the_energy_of_a_steep_potential_that_fades_early_is_right_where_pairs_are():
+    """Its value where the weight begins to decrease is 10^12 times that at the distances of the motion."""
+    graph, psi = fk.Smooth(2.0, 0.05), fk.Potential("1/r**12 - 1/r**6")
+    start = fk.State([[0.0, 0.0], [1.1, 0.0], [0.5, 1.2]], [[0.1, 0.0], [-0.2, 0.1], [0.1, -0.1]])
+    run = fk.simulate(fk.Scenario(law(psi=psi, graph=graph), start, t_end=3.0, frames=2), progress=False)
+    assert np.abs(run.residual).max() < 1e-8
+    for onset in (0.1, 0.2):
+        near = fk.Smooth(2.0, onset)
+        expected = -quad(lambda s, g=near: force(g, psi, s), 1.2, 2.0, epsabs=0, epsrel=1e-13)[0]
+        assert evaluate(law(psi=psi, graph=near), pair(1.2)).storage == pytest.approx(expected, rel=1e-8)

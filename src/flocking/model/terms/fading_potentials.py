@@ -3,7 +3,9 @@
 Where the weight decreases it has no closed form for most potentials. By parts it is a psi + (integral of a' psi from r
 to R). The second term is approximated by a polynomial on the interval of the decrease, in Newton's form at Chebyshev
 points in Leja order, which is stable and short. The coefficients are run-time numbers of compiled code, like
-parameters; their number is chosen so that the polynomial has 12 correct digits, or 10 with the largest number.
+parameters; their number is chosen so that the polynomial has 12 correct digits, or 10 with the largest number, of the
+largest value of the integral. Of a steep potential that is the value at the begin of the decrease, and pairs that never
+come there have small energies: 9 digits are asked for of the largest value farther out, or from the middle on.
 """
 
 from __future__ import annotations
@@ -27,6 +29,10 @@ COUNTS = (8, 12, 16, 24, 32, 48, 64, 96)
 
 ACCURACY, POOREST = 1e-12, 1e-10
 """Largest error relative to the largest value of the integral: in general, and with the most coefficients."""
+
+FARTHER_OUT = 1e-9
+"""Largest error relative to the largest value of the integral farther out, or from the middle on: the default tolerance
+of a scenario, to which its ledger holds."""
 
 MOST_REMEMBERED = 256
 """Integrals that are stored: a run asks for that of its law again and again, and the store is bounded."""
@@ -166,6 +172,8 @@ def fall_of(potential: Potential, graph: Smooth) -> Fall | None:
     between = np.linspace(-2.0, 2.0, PLACES)[:-1]
     exact = integral(begin + (end - begin) * (between + 2) / 4)
     size = float(np.abs(exact).max())
+    farther = np.maximum.accumulate(np.abs(exact)[::-1])[::-1]
+    farther = np.maximum(farther, farther[len(farther) // 2])
     if not np.isfinite(exact).all() or size == 0.0:
         return None
     for count in COUNTS:
@@ -178,6 +186,7 @@ def fall_of(potential: Potential, graph: Smooth) -> Fall | None:
         # Zero at the radius, so that the energy does not jump with a link.
         fitted[0] -= newton_value(fitted, np.array([2.0]))[0]
         allowed = POOREST if count == COUNTS[-1] else ACCURACY
-        if np.abs(newton_value(fitted, between) - exact).max() <= allowed * size:
+        error = np.abs(newton_value(fitted, between) - exact)
+        if error.max() <= allowed * size and (error <= FARTHER_OUT * farther).all():
             return Fall(begin, float(end), tuple(fitted.tolist()))
     return None

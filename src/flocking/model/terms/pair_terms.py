@@ -179,9 +179,10 @@ class Gradient(PairTerm):
         Graph of this term; the graph of the law by default.
     stored
         The energy of a weighted force. ``"integral"``: the integral of a psi', zero at the radius, of which the
-        force is the gradient, to 12 digits where the weight decreases. ``"potential"``: a psi, the energy of (35);
-        power due to changes of the weight counts as supplied. This also applies to graphs whose weight is not that of
-        `Smooth`, and to potentials with a kink or a narrow feature where the weight decreases; see `fall`.
+        force is the gradient; where the weight decreases to 12 digits of its largest value there, 10 of steep ones, and
+        9 of the largest one farther out. ``"potential"``: a psi, the energy of (35); power due to changes of the weight
+        counts as supplied. This also applies to graphs whose weight is not that of `Smooth`, and to potentials with a
+        kink, a narrow feature or too steep a slope where the weight decreases; see `fall`.
 
     Raises
     ------
