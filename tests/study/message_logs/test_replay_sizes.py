@@ -74,6 +74,19 @@ def test_what_errors_of_steps_hide_is_open(world):
         assert not found.agrees or found.undecided >= 3, str(found)
 
 
+def test_a_place_is_judged_in_large_units_as_in_others():
+    """What agents go in a nanosecond is a length of the run, and no share of lengths."""
+    run = ran(scenario("messages", length=1e6).with_(t_end=0.035, frames=2))
+    found = fk.replay(run)
+    assert found.agrees, str(found)
+    assert found.undecided == 0
+    q, p = run.q.copy(), run.p.copy()
+    q[1, 2, 1] += 10.0
+    p[1, 3, 1] += 10.0
+    assert not fk.replay(dataclasses.replace(run, q=q)).agrees
+    assert not fk.replay(dataclasses.replace(run, p=p)).agrees
+
+
 @pytest.mark.parametrize("world", ["messages", "delayed"])
 def test_weak_forces_are_judged(world):
     run = ran(scenario(world, gain=1e-8))

@@ -129,7 +129,8 @@ class Arrivals:
         for part, step in enumerate((world.resolution, world.velocity_resolution)):
             if step:
                 ratio = found[part] / step
-                moved = self.motion.error * (1.0 + float(np.abs(found[part]).max())) / step
+                size = 1.0 + float(np.abs(found[part]).max())
+                moved = (self.motion.error * size + self.motion.shifts[part]) / step
                 open_ |= bool((np.abs(ratio - np.floor(ratio) - 0.5) < ROUNDED + moved).any())
                 found[part] = np.rint(ratio) * step
         return Sample(found[0], found[1], q, p, instant, open_)

@@ -21,6 +21,10 @@ EXPECTED = 100.0
 """Error of the motion of a run in tolerances, by which samples are taken to be off as long as it is not known: that of
 the steps between two frames of most runs."""
 
+SWITCHES = 8.0
+"""Links that may switch between two frames beside each other, at times that the log rounds to a nanosecond: a jump of a
+force is no larger than twice the largest one, by half a nanosecond, and random roundings of 64 add up to 8."""
+
 
 class InUse(NamedTuple):
     """What an agent uses.
@@ -76,9 +80,13 @@ class ContinuousMotion(IntegratedForcedMotion):
         super()._follow(run, scenario, log, latency)
         # Times of the log are whole nanoseconds: agents and their velocities move on in one of them. How fast is taken
         # from what is computed here: a stored number must not widen what it is compared within.
-        rate = self._largest_force / float(self.masses.min())
         speed = max((float(np.abs(self.states(float(t) - self._base)[1]).max()) for t in run.t), default=0.0)
-        self.error += NANOSECOND * (rate + speed)
+        if self.order == 1:
+            self.shifts = SWITCHES * NANOSECOND * max(speed, self._largest_force), 0.0
+            return
+        rate = self._largest_force / float(self.masses.min())
+        gap = float(np.diff(run.t, prepend=self._base).max(initial=0.0))
+        self.shifts = SWITCHES * NANOSECOND * (speed + rate * gap), SWITCHES * NANOSECOND * rate
 
     def _jumps(self) -> list[float]:
         return [at - self._base for at in self._law.switches]

@@ -57,6 +57,8 @@ class ForcedMotion:
 
     error = 0.0
     """By how much errors of the run's steps may move agents: both motions are in closed form."""
+    shifts = (0.0, 0.0)
+    """By how much rounded times of changes may move positions and velocities: all are whole nanoseconds."""
 
     def __init__(self, scenario: Scenario, log: MessageLog) -> None:
         assert isinstance(scenario.control, Held)

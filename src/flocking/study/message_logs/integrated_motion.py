@@ -79,6 +79,9 @@ class IntegratedForcedMotion:
         The forces, and when they were computed.
     """
 
+    shifts = (0.0, 0.0)
+    """By how much rounded times of changes may move positions and velocities: held ones are whole nanoseconds."""
+
     def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
         bodies, start = scenario.agents, scenario.start
         self.n, self.m = start.q.shape

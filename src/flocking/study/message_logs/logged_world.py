@@ -196,7 +196,7 @@ def uncertainty_of(run: Run, motion: ForcedMotion | IntegratedForcedMotion) -> t
     states = [(start.q, start.p if motion.order > 1 else 0.0 * start.p), *(motion.states(s) for s in seconds)]
     length, speed = (max(float(np.abs(x[k]).max(initial=0.0)) for x in states) for k in (0, 1))
     if motion.error or not isinstance(motion, ForcedMotion):
-        return motion.error * (1.0 + length), motion.error * (1.0 + speed)
+        return motion.error * (1.0 + length) + motion.shifts[0], motion.error * (1.0 + speed) + motion.shifts[1]
     unit = ROUNDINGS * float(np.finfo(np.float64).eps) * max(len(changes) for changes in motion.begins)
     return unit * (length + speed * max([0.0, *seconds])), unit * speed
 

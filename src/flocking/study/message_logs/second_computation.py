@@ -75,7 +75,8 @@ class SecondComputation:
             compared = [("position", q, run.q[k], world.near * (sizes.place + extent) + world.off_q, extent)]
             if world.motion.order > 1:
                 fastest = float(np.abs(p).max())
-                compared.append(("velocity", p, run.p[k], world.near * (sizes.velocity + fastest), fastest))
+                off_p = world.near * (sizes.velocity + fastest) + world.motion.shifts[1]
+                compared.append(("velocity", p, run.p[k], off_p, fastest))
             for name, again in self._columns(float(t) - world.base).items():
                 size = float(np.abs(again).max())
                 compared.append((name, again, run.columns[name][k], world.near * (sizes.force + size), size))
