@@ -44,9 +44,19 @@ def diameters(points: Reals) -> Array:
     return np.array([float(pdist(each).max(initial=0.0)) for each in np.asarray(points, dtype=np.float64)])
 
 
-def velocity_spread(state: State) -> float:
-    """Largest |p_i - mean p|."""
-    return spread_of(state.p)
+def velocity_spread(state: State, masses: Array | float = 1.0) -> float:
+    """Largest difference of a velocity from that of the centre of mass, as audits and sweeps measure it.
+
+    Parameters
+    ----------
+    state
+        The state.
+    masses
+        Mass of each agent, or of all.
+    """
+    if not np.ptp(masses):
+        return spread_of(state.p)
+    return float(_lengths(state.p - mean_velocity(state, masses)).max())
 
 
 def spread_of(p: Reals) -> float:

@@ -39,6 +39,8 @@ AT_ONCE = 1_000_000
 def spread(run: Run, *, axes: Axes | None = None) -> Axes:
     """Spread of the velocities over time on a logarithmic scale: the largest and the mean-square deviation.
 
+    Deviations are those from the velocity of the centre of mass.
+
     Parameters
     ----------
     run
@@ -53,7 +55,9 @@ def spread(run: Run, *, axes: Axes | None = None) -> Axes:
     """
     need_velocities("spread", run)
     motion = motion_of(run)
-    away = np.linalg.norm(motion.p - motion.p.mean(axis=1, keepdims=True), axis=2)
+    masses = np.asarray(run.scenario.agents.masses, dtype=np.float64)
+    means = np.einsum("i,fik->fk", masses / masses.sum(), motion.p) if np.ptp(masses) else motion.p.mean(axis=1)
+    away = np.linalg.norm(motion.p - means[:, None], axis=2)
     axes = axes_or_new(axes)
     # A logarithmic axis cannot show zero.
     curves = [(away.max(axis=1), BLUE, "largest"), (np.sqrt((away**2).mean(axis=1)), ORANGE, "root mean square")]

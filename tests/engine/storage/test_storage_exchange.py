@@ -99,7 +99,7 @@ def test_tables_of_observables(tmp_path: Path) -> None:
         expected = {
             "time": run.t[k], "links": links.sum() / 2, "flocks": observables.flocks(links),
             "closest_pair": observables.closest_pair(state)[0],
-            "velocity_spread": observables.velocity_spread(state),
+            "velocity_spread": observables.velocity_spread(state, run.scenario.agents.masses),
             "mean_z": (run.q[k][:, 2] * [1.0, 2.0, 0.1, 0.3, 5.0]).sum() / 8.4,
         }  # fmt: skip
         for name, value in expected.items():

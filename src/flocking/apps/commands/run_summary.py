@@ -43,11 +43,11 @@ def summary(run: Run) -> dict[str, Any]:
         "switches": {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)},
     }
     # Frames and observations of agents of order 1 hold zeros in the place of velocities.
-    has_velocities = run.scenario.agents.order != 1
+    has_velocities, masses = run.scenario.agents.order != 1, run.scenario.agents.masses
     if last >= 0:
         state = run.state(last)
         if has_velocities:
-            found["velocity_spread"] = observables.velocity_spread(state)
+            found["velocity_spread"] = observables.velocity_spread(state, masses)
             found["order"] = observables.order(state)
         if state.links is not None:
             found["flocks"] = observables.flocks(state.links)
@@ -61,7 +61,9 @@ def summary(run: Run) -> dict[str, Any]:
         found.setdefault("flocks", int(seen["flocks"][-1]))
         if has_velocities:
             found.setdefault("order", float(seen["order"][-1]))
-            found.setdefault("velocity_spread", float(seen["spread"][-1]))
+            # Engines observe differences from the mean over agents, which is the centre's of equal masses alone.
+            if not np.ptp(masses):
+                found.setdefault("velocity_spread", float(seen["spread"][-1]))
         if found["state_time"] is None:
             found["state_time"] = float(seen["time"][-1])
     found["time"] = _reached(run, found["state_time"])

@@ -69,10 +69,11 @@ def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
 def observable_table(run: Run) -> dict[str, Array]:
     """Observables of every frame, by name, shape (F,) each.
 
-    Time, number of links, flocks and share of the largest, closest pair, order, largest deviation from the mean
-    velocity, and the mean position and velocity (weighted by mass) by axis. Links are pairs of which one agent senses
-    the other. Without link matrices, links and flocks are those recorded during the run, or missing, as links are where
-    they are one-way, of which each counts in the record; without frames, the table contains the recorded observables.
+    Time, number of links, flocks and share of the largest, closest pair, order, the mean position and velocity by axis,
+    which are those of the centre of mass, and the largest difference from that velocity. Links are pairs of which one
+    agent senses the other. Without link matrices, links and flocks are those recorded during the run, or missing, as
+    links are where they are one-way, of which each counts in the record; without frames, the table contains the
+    recorded observables.
     What is made of velocities is missing for agents of order 1, which have none of their own.
     """
     from collections import defaultdict
@@ -101,7 +102,7 @@ def observable_table(run: Run) -> dict[str, Array]:
         rows["closest_pair"].append(observables.closest_pair(state, run.scenario.space)[0])
         if moving:
             rows["order"].append(observables.order(state))
-            rows["velocity_spread"].append(observables.velocity_spread(state))
+            rows["velocity_spread"].append(observables.velocity_spread(state, masses))
         q, p = observables.mean_position(state, masses), observables.mean_velocity(state, masses)
         for axis, name in enumerate(axis_names(len(q))):
             rows[f"mean_{name}"].append(float(q[axis]))

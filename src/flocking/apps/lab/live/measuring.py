@@ -297,7 +297,8 @@ def _numbers(frame: Frame, k: int) -> dict[str, float]:
         since = next((row for row in list(frame.rows[k][0]) if row[0] >= frame.changed_at[k]), last)
         found = ledger(since if since[0] <= last[0] else last, last)
     energy = _energy(state, scenario, last)
-    return measured(state, energy, scenario.space, velocities=scenario.agents.order > 1) | found
+    bodies = scenario.agents
+    return measured(state, energy, scenario.space, velocities=bodies.order > 1, masses=bodies.masses) | found
 
 
 def _energy(state: State, scenario: Scenario, last: tuple[float, ...] | None) -> float:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from flocking.arrays import Array
 from flocking.engine.runs.run import LedgerRow, Run
 from flocking.errors import FlockingError
 from flocking.formula.safe_digits import rounded_up
@@ -36,7 +37,9 @@ LEDGER = ("dissipated", "supplied", "jumped", "departed", "residual")
 NAMES = ("energy", "velocity spread", "connectivity", "flocks", "closest pair", "defect")
 
 
-def measured(state: State, energy: float, space: Space = OPEN, *, velocities: bool = True) -> dict[str, float]:
+def measured(
+    state: State, energy: float, space: Space = OPEN, *, velocities: bool = True, masses: Array | float = 1.0
+) -> dict[str, float]:
     """Numbers of one moment by their `NAMES`; NaN for what a group is too large for, or does not have.
 
     ``defect`` is the relative standard deviation of linked distances.
@@ -49,11 +52,13 @@ def measured(state: State, energy: float, space: Space = OPEN, *, velocities: bo
         The space of the agents.
     velocities
         Whether agents have velocities of their own: states of agents of order 1 hold zeros in their place.
+    masses
+        Mass of each agent, or of all.
     """
     found = dict.fromkeys(NAMES, float("nan"))
     found["energy"] = energy
     if velocities:
-        found["velocity spread"] = observables.velocity_spread(state)
+        found["velocity spread"] = observables.velocity_spread(state, masses)
     found["closest pair"] = observables.closest_pair(state, space)[0]
     if state.links is None:
         return found
