@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import mpmath
+import numpy as np
 import pytest
 
 import flocking as fk
@@ -49,3 +50,23 @@ def test_a_rise_to_infinity_at_a_radius_is_no_jump() -> None:
     for level in (1.5, 10.0, 1e4):
         root = (4.0 + math.sqrt(16.0 - 16.0 / level)) / 2
         assert longest_path(barrier, 3, level) == pytest.approx(3 * root, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("formula", "level"),
+    [
+        ("1/r**2 + r**2*(1 + 0.9*sin(4*r))", 100.0),
+        ("1/r**2 + r**2*(1 + 0.9*sin(4*r))", 1e5),
+        ("1/r**2 + log(r**2) + 0.8*sin(6*r)", 4.0),
+        ("1/r**2 + r**2/50 + 4*exp(-(r - 4)**2)", 3.0),
+        ("1/r**2 + log(r**2) - 20*exp(-((r - 500)/0.02)**2)", 2.0),
+    ],
+)
+def test_the_longest_link_is_at_the_last_crossing(formula: str, level: float) -> None:
+    """A potential that dips again further out allows links up to there: paths were bounded by an earlier crossing."""
+    potential = fk.Potential(formula)
+    found = longest_path(potential, 1, level)
+    places = np.linspace(0.5, 1100.0, 2_000_001)
+    last = float(places[potential(places) <= level].max())
+    assert last <= found * (1 + 1e-12)
+    assert found <= last + 2 * 1100.0 / 2_000_000

@@ -7,6 +7,7 @@ import numpy as np
 from flocking.errors import FormulaError
 from flocking.model.potentials.potential import Potential
 from flocking.study.evidence import NotResolvable
+from flocking.study.potentials.potential_bounds import lower_value
 from flocking.study.potentials.potential_units import POWERS, lengths_of
 
 MINIMUM_ERROR = 1e-12
@@ -32,6 +33,12 @@ FARTHEST_LOGARITHM = 700.0
 BESIDE, JUMP = 1e-9, 1e-3
 """Relative distance below a place where a potential reaches a value, and the share of the value by which it is less
 there if it jumps: rounding of numbers that overflow is distinguished from a steep rise."""
+
+BROAD, FINE = 1.05, 20_001
+"""Range beside a place that is looked at again, relative to it, and its places, of which the first grid has 14."""
+
+AGAIN, MOST_DIPS = 1e6, 16
+"""Range beyond it in which intervals look for lower values, relative to it, and how often they are followed."""
 
 
 def distance_of(potential: Potential, value: float, lowest: float, highest: float) -> float:
@@ -63,12 +70,15 @@ def distance_of(potential: Potential, value: float, lowest: float, highest: floa
 
 
 def farthest_distance(potential: Potential, value: float) -> float:
-    """Distance beyond the smallest minimum at which a potential reaches a value; infinite where it never does.
+    """The largest distance at which a potential is not above a value; infinite where it stays below, or comes back.
+
+    A dense grid up to the largest distances there are, then finer ones about the last place below the value, and
+    further places where intervals find that it is below the value again.
 
     Parameters
     ----------
     potential
-        The potential, increasing beyond its smallest minimum.
+        The potential.
     value
         The value.
 
@@ -78,18 +88,42 @@ def farthest_distance(potential: Potential, value: float) -> float:
         When the value is below the smallest one.
     """
     start = float(np.log(smallest_value(potential)[0]))
-    step = 1.0
+    decades = (FARTHEST_LOGARITHM - start) / np.log(10.0)
     with np.errstate(all="ignore"):
-        while (end := min(start + step, FARTHEST_LOGARITHM)) < FARTHEST_LOGARITHM:
-            if float(potential(np.exp(end))) >= value:
-                break
-            step *= 2.0
-        if float(potential(np.exp(end))) < value:
+        grid = np.linspace(start, FARTHEST_LOGARITHM, round(PER_DECADE * decades))
+        below = potential(np.exp(grid)) < value
+        if below[-1]:
             return np.inf
-        found = distance_of(potential, value, start, end)
+        k = int(np.flatnonzero(below)[-1]) if below.any() else 0
+        found = distance_of(potential, value, float(grid[k]), float(grid[k + 1]))
+        for _ in range(MOST_DIPS):
+            found = _last_beside(potential, value, found)
+            again = _lower_beyond(potential, value, found)
+            if np.isnan(again):
+                break
+            found = again
         # Where squares of distances overflow the potential seems to jump there.
-        below = float(potential(found * (1.0 - BESIDE)))
-    return np.inf if value - below > JUMP * abs(value) else found
+        inside = float(potential(found * (1.0 - BESIDE)))
+    return np.inf if value - inside > JUMP * abs(value) else found
+
+
+def _lower_beyond(potential: Potential, value: float, place: float) -> float:
+    """A distance beyond a place at which a potential is below a value; NaN where none was found."""
+    try:
+        return lower_value(potential, place * (1.0 + BESIDE), place * AGAIN, value).at
+    except FormulaError:
+        # Its numbers are too extreme for exact ones: what the grids show is all that is known.
+        return float("nan")
+
+
+def _last_beside(potential: Potential, value: float, place: float) -> float:
+    """The last distance near a place at which a potential has a value; the place itself where there is none."""
+    fine = np.linspace(place, place * BROAD, FINE)
+    below = np.flatnonzero(potential(fine) < value)
+    if not len(below) or below[-1] == FINE - 1:
+        return place
+    low, high = fine[below[-1]], fine[below[-1] + 1]
+    return distance_of(potential, value, float(np.log(low)), float(np.log(high)))
 
 
 def _unit(potential: Potential) -> float:
