@@ -29,6 +29,15 @@ def test_the_smallest_value_is_found_in_any_unit(length: float, energy: float, r
     assert value == pytest.approx(energy, rel=1e-12)
 
 
+@pytest.mark.parametrize("length", [1e-5, 1e-9, 1e-15])
+def test_a_minimum_far_below_the_radius_is_found(length: float) -> None:
+    """Below a millionth of the radius none was sought: the value there, 16.6 of 1, counted as the least one."""
+    place, value = smallest_value(tanner(length, 1.0), 4.0)
+    assert place == pytest.approx(length, rel=1e-7)
+    assert value == pytest.approx(1.0, rel=1e-12)
+    assert smallest_value(fk.Potential("r**2 + 3"), 4.0)[1] == pytest.approx(3.0, rel=1e-12)
+
+
 @pytest.mark.parametrize(("length", "energy"), UNITS)
 @pytest.mark.parametrize("level", [1.001, 2.0, 40.0])
 def test_the_longest_path_of_links_takes_the_larger_branch(length: float, energy: float, level: float) -> None:

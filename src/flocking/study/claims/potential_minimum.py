@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.errors import FormulaError
 from flocking.model.potentials.potential import Potential
 from flocking.study.evidence import NotResolvable
@@ -26,6 +27,9 @@ GRID = 4001
 
 NEAREST = 1e-6
 """Smallest distance of the grid, as a share of the radius."""
+
+DEEPER, NEARER = 3, 4002
+"""How often smaller distances follow where the least value is at the smallest, and their number: six decades each."""
 
 FARTHEST_LOGARITHM = 700.0
 """Largest logarithm of a distance: beyond it distances overflow."""
@@ -139,6 +143,12 @@ def _unit(potential: Potential) -> float:
         return 1.0 if len(usual) or not len(turns) else float(turns[0])
 
 
+def _least(potential: Potential, grid: Array) -> int:
+    """Number of the place at which a potential is least, of those at which it is finite."""
+    values = potential(grid)
+    return int(np.nanargmin(np.where(np.isfinite(values), values, np.inf)))
+
+
 def smallest_value(potential: Potential, radius: float = np.inf) -> tuple[float, float]:
     """Distance and value of the smallest minimum on (0, radius): a dense grid, then refinement.
 
@@ -147,7 +157,8 @@ def smallest_value(potential: Potential, radius: float = np.inf) -> tuple[float,
     potential
         The potential.
     radius
-        Largest distance of neighbours; `SEARCHED` is searched where it is infinite.
+        Largest distance of neighbours; `SEARCHED` is searched where it is infinite. Below it the search goes down to
+        1e-24 of it where it has to.
 
     Returns
     -------
@@ -163,8 +174,13 @@ def smallest_value(potential: Potential, radius: float = np.inf) -> tuple[float,
     grid = np.geomspace(low, end, round(PER_DECADE * np.log10(end / low)))[:-1]
     if np.isfinite(radius):
         grid = np.unique(np.concatenate([grid, np.linspace(0, end, GRID)[1:-1]]))
-    values = potential(grid)
-    k = int(np.nanargmin(np.where(np.isfinite(values), values, np.inf)))
+    k = _least(potential, grid)
+    for _ in range(DEEPER if np.isfinite(radius) else 0):
+        if k:
+            break
+        # It may fall further below the first distance: that much nearer again.
+        grid = np.concatenate([np.geomspace(grid[0] * NEAREST, grid[0], NEARER)[:-1], grid])
+        k = _least(potential, grid)
     a, b = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
     found = minimize_scalar(
         lambda r: float(potential(r)), bounds=(a, b), method="bounded", options={"xatol": MINIMUM_ERROR * b}
