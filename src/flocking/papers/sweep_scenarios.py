@@ -97,13 +97,13 @@ def _distance_holding(e: Evidence, most: float) -> float:
     """Smallest distance of a linked pair that stores at most ``most``."""
     import numpy as np
 
-    from flocking.study.claims.potential_minimum import distance_of, smallest_value
+    from flocking.study.claims.potential_minimum import nearest_distance, smallest_value
 
     psi = e.potential
     best, lowest = smallest_value(psi, float(np.max(np.asarray(e.law.graph.break_radius))))
     if most <= lowest:
         return float(best)
-    return distance_of(psi, most, -40.0, float(np.log(best)))
+    return nearest_distance(psi, most, best)
 
 
 def _energy_bound(e: Evidence) -> float:

@@ -10,7 +10,7 @@ import pytest
 
 import flocking as fk
 from flocking.papers.tanner_2003_fixed.theorems import longest_path
-from flocking.study.claims.potential_minimum import smallest_value
+from flocking.study.claims.potential_minimum import nearest_distance, smallest_value
 from flocking.study.evidence import NotResolvable
 
 UNITS = [(length, energy) for length in (1e-20, 1e-8, 1.0, 1e7, 1e15) for energy in (1e-20, 1.0, 1e9)]
@@ -79,3 +79,23 @@ def test_the_longest_link_is_at_the_last_crossing(formula: str, level: float) ->
     last = float(places[potential(places) <= level].max())
     assert last <= found * (1 + 1e-12)
     assert found <= last + 2 * 1100.0 / 2_000_000
+
+
+@pytest.mark.parametrize("level", [1.001, 4.0, 40.0, 1e9])
+def test_the_nearest_distance_that_an_energy_allows_is_the_first(level: float) -> None:
+    """1/x^2 + log x^2 = c has x^2 = -1/W(-exp(-c)) with the branch W of Lambert that is near minus infinity."""
+    expected = float(mpmath.sqrt(-1 / mpmath.lambertw(-mpmath.exp(-mpmath.mpf(level)), -1).real))
+    for unit in (1e-20, 1e-9, 1.0, 1e9):
+        found = nearest_distance(tanner(unit, 1.0), level, unit)
+        assert found == pytest.approx(expected * unit, rel=1e-9)
+
+
+def test_a_well_nearer_than_the_best_distance_counts() -> None:
+    """Agents in a higher well were said to be nearer than their energy allows: of several crossings one was taken."""
+    potential = fk.Potential("1/r**2 + log(r**2) - 30*exp(-((r - 0.15)/0.02)**2)")
+    found = nearest_distance(potential, 15.0, 1.0)
+    places = np.geomspace(0.01, 1.0, 1_000_001)
+    assert found == pytest.approx(float(places[potential(places) <= 15.0].min()), rel=1e-5)
+    assert found < 0.15
+    with pytest.raises(NotResolvable):
+        nearest_distance(potential, 0.5, 1.0)

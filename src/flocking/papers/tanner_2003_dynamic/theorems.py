@@ -34,13 +34,13 @@ def without_collision(e: Evidence) -> Measure:
 
 def forbidden_distance(e: Evidence) -> float:
     """Distance whose potential is the initial Q minus the smallest energy of the other pairs."""
-    from flocking.study.claims.potential_minimum import distance_of, smallest_value
+    from flocking.study.claims.potential_minimum import nearest_distance, smallest_value
 
     psi = e.potential
     best, lowest = smallest_value(psi, float(np.max(np.asarray(e.law.graph.break_radius))))
     pairs = e.run.n * (e.run.n - 1) // 2
     most = float(e.trace["energy"][0]) - (pairs - 1) * lowest
-    return distance_of(psi, most, -40.0, float(np.log(best)))
+    return nearest_distance(psi, most, best)
 
 
 def _stated(_: str) -> Sequence[Claim]:

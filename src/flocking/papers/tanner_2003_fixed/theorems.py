@@ -13,7 +13,7 @@ from flocking.papers.tanner_2003_fixed.grounds import grounds
 from flocking.papers.tanner_2003_fixed.system import COMPLETE, scenarios
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict
-from flocking.study.claims.potential_minimum import distance_of, farthest_distance, smallest_value
+from flocking.study.claims.potential_minimum import farthest_distance, nearest_distance, smallest_value
 from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence
 
@@ -101,7 +101,7 @@ def unlinked_keep_distance(e: Evidence) -> Measure:
     if not np.isfinite(found.distance):
         return Measure(np.inf, 0.0, "every pair is linked")
     c = float(e.trace["energy"][0])
-    forbidden = distance_of(e.potential, c, -40.0, float(np.log(smallest_value(e.potential)[0])))
+    forbidden = nearest_distance(e.potential, c, smallest_value(e.potential)[0])
     i, j = found.pair
     note = f"unlinked agents {i}, {j} at {found.distance:.2g}; linked ones never below {forbidden:.2g}"
     return Measure(found.distance - forbidden, e.error_of(found), note)

@@ -34,6 +34,10 @@ DEEPER, NEARER = 3, 4002
 FARTHEST_LOGARITHM = 700.0
 """Largest logarithm of a distance: beyond it distances overflow."""
 
+NEAREST_LOGARITHM = -40.0
+"""Logarithm of the smallest distance at which an energy is looked for, 4e-18, in units of length and of the best
+distance: the inverse square is 6e34 there."""
+
 BESIDE, JUMP = 1e-9, 1e-3
 """Relative distance below a place where a potential reaches a value, and the share of the value by which it is less
 there if it jumps: rounding of numbers that overflow is distinguished from a steep rise."""
@@ -71,6 +75,33 @@ def distance_of(potential: Potential, value: float, lowest: float, highest: floa
         if not excess(lowest) * excess(highest) <= 0:
             raise NotResolvable(f"no distance in reach at which the potential is {value:.4g}")
         return float(np.exp(brentq(excess, lowest, highest)))
+
+
+def nearest_distance(potential: Potential, value: float, best: float) -> float:
+    """The smallest distance at which a potential is not above a value: nearer places store more.
+
+    Parameters
+    ----------
+    potential
+        The potential.
+    value
+        The value.
+    best
+        The distance at which it is least.
+
+    Raises
+    ------
+    NotResolvable
+        When it is above the value even there, or nowhere in reach.
+    """
+    end = float(np.log(best))
+    start = min(NEAREST_LOGARITHM, end + NEAREST_LOGARITHM)
+    grid = np.linspace(start, end, round(PER_DECADE * (end - start) / np.log(10.0)))
+    with np.errstate(all="ignore"):
+        # The last place is the least one, whatever the rounding of its value.
+        allowed = np.append(potential(np.exp(grid[:-1])) <= value, True)
+    k = int(np.argmax(allowed))
+    return distance_of(potential, value, float(grid[max(k - 1, 0)]), float(grid[k]))
 
 
 def farthest_distance(potential: Potential, value: float) -> float:
