@@ -34,5 +34,5 @@ def check_given_links(engine: str, scenario: Scenario, state: State | None = Non
         raise UnsupportedLaw(
             f"engine={engine!r} takes the links of {type(graph).__name__} from the graph, and the links of the state "
             f"differ from it for agents {int(wrong[0][0])} and {int(wrong[0][1])}. Leave links out of the state, give "
-            "fk.Fixed of these links as the graph, or use an engine that keeps them: 'exact', 'sampled', 'delayed'."
+            "a fixed graph of these links, or use an engine that keeps them, such as engine='exact'."
         )
