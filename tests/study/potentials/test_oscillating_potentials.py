@@ -37,6 +37,12 @@ def test_a_potential_below_a_bound_far_away_is_not_radially_unbounded(formula: s
     assert str(found) == "no known limit"
 
 
+@pytest.mark.parametrize("unit", ["1e-15", "1", "1e15"])
+def test_bounds_are_one_limit_in_any_unit_of_energy(unit: str) -> None:
+    assert ends(f"{unit}*(2 + sin(r))")[1] == "no known limit"
+    assert ends(f"{unit}*(2 + sin(r)/r)")[1] == f"{2 * float(unit):.6g}"
+
+
 @pytest.mark.parametrize(
     "formula", ["1/r + r*(1 + sin(r))", "1/r + r*(1 + sin(log(r)))", "1/r + r - sqrt(r)*sin(r)", "r*tan(r)"]
 )

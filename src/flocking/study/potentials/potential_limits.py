@@ -151,6 +151,7 @@ def _bounded(psi: sympy.Expr, r: sympy.Symbol, beyond: Interval) -> Limit:
         return low
     if high.kind == "infinite" and high.value < 0:
         return high
-    if low.kind == high.kind == "finite" and abs(low.value - high.value) <= AGREE * max(1.0, abs(low.value)):
+    size = max(abs(low.value), abs(high.value))
+    if low.kind == high.kind == "finite" and abs(low.value - high.value) <= AGREE * size:
         return Limit("finite", 0.5 * (low.value + high.value))
     return Limit("bounded") if high.kind == "finite" else Limit("unknown")
