@@ -82,7 +82,8 @@ def compared_texts(x: SupportsFloat, y: SupportsFloat, digits: int = 3) -> tuple
     first, second = float(x), float(y)
     for number in range(digits, EXACT_DIGITS + 3):  # seventeen digits distinguish any two doubles
         texts = nearest_text(first, number), nearest_text(second, number)
-        if texts[0] != texts[1] or first == second:
+        # Two texts may be one number below the normal ones.
+        if float(texts[0]) != float(texts[1]) or first == second:
             break
     return texts
 

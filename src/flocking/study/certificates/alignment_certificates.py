@@ -245,7 +245,7 @@ def alignment_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     if far is None:
         reason = (
             f"velocities differ by up to {nearest_text(now.lo)}, and the weights beyond the largest distance suffice "
-            f"for differences of {rounded_up(setting.available)} at most"
+            f"for no difference above {rounded_up(setting.available)}"
         )
         if setting.available > now.lo:
             reason = f"the bound of the largest distance lies beyond {FARTHEST:g}" + (
