@@ -138,7 +138,7 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int, truth_values: bo
         result = np.array(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InvalidInput(owner, parameter, "must be an array of numbers", value) from None
-    if not truth_values and _has_truth_values(value):
+    if not truth_values and has_truth_values(value):
         raise InvalidInput(owner, parameter, "must be an array of numbers", "truth values")
     if result.ndim != ndim:
         raise InvalidInput(owner, parameter, f"must have {ndim} axes", f"shape {result.shape}")
@@ -149,12 +149,18 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int, truth_values: bo
     return result
 
 
-def _has_truth_values(value: object) -> bool:
-    """Whether a truth value is among the elements of an array or of nested lists."""
+def has_truth_values(value: object) -> bool:
+    """Whether a truth value is among the elements of an array or of nested lists.
+
+    Parameters
+    ----------
+    value
+        The array, the list, or one element.
+    """
     if isinstance(value, np.ndarray):
-        return value.dtype.kind == "b" or (value.dtype.kind == "O" and any(map(_has_truth_values, value.flat)))
+        return value.dtype.kind == "b" or (value.dtype.kind == "O" and any(map(has_truth_values, value.flat)))
     if isinstance(value, list | tuple) and not set(map(type, value)) <= {int, float}:
-        return any(map(_has_truth_values, value))
+        return any(map(has_truth_values, value))
     return isinstance(value, bool | np.bool_)
 
 

@@ -182,6 +182,22 @@ def test_quadrotors_do_not_start_with_a_filtered_force_beyond_their_weight(comma
     fk.Scenario(law, fk.State(np.zeros((3, 3)), columns={"command": 0.9 * columns["command"] / 3}), 1.0, agents=mixed)
 
 
+def test_quadrotors_of_a_mixture_are_judged_by_their_own_weights():
+    """The filtered force of the light one is below the weight of the heavy one alone."""
+    heavy = fk.Quadrotor(masses=[1.0, 1.0, 9.0])
+    mixed = fk.Mixture([heavy, fk.Quadrotor(reach=0.3, masses=[1.0, 1.0, 9.0])], [0, 1, 0])
+    law = fk.Law(fk.Complete(), [fk.Consensus(1.0)])
+    for agent, allowed in ((0, False), (1, False), (2, True)):
+        command = np.zeros((3, 3))
+        command[agent, 2] = -5.0 * heavy.gravity
+        start = fk.State(np.eye(3), columns={"command": command})
+        if allowed:
+            fk.Scenario(law, start, 1.0, agents=mixed)
+            continue
+        with pytest.raises(fk.InvalidInput, match="command must be shorter than the weight"):
+            fk.Scenario(law, start, 1.0, agents=mixed)
+
+
 @dataclass(frozen=True, eq=False)
 class Slow(fk.PointMass):
     """One that refuses a start at a speed of more than 1."""

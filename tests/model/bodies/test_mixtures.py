@@ -95,6 +95,7 @@ def test_other_engines_refuse_them_by_name(engine):
         (3, [0], "bodies must be bodies, such as PointMass; got 3"),
         ("PointMass", [0], "bodies must be bodies"),
         ([fk.PointMass()], [True, False], "kinds must be whole numbers"),
+        ([fk.PointMass(), fk.PointMass()], [0, True], "kinds must be whole numbers; got 'truth values'"),
         ([fk.PointMass()], [], "kinds must hold at least 1 agent"),
         ([fk.PointMass(headings=[0.1, 0.2]), fk.PointMass()], [0, 1], "headings of all bodies or of none"),
         (

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.arrays import Indices
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import MOVES_ON, Body, Column, Limit, MotionSymbols
-from flocking.model.checks import Array, array, check_each
+from flocking.model.checks import Array, array, check_each, has_truth_values
 from flocking.model.parts.registration import register_part
+from flocking.model.parts.structure import of_agents
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -74,7 +76,7 @@ class Mixture(Body):
         kinds = array("Mixture", "kinds", self.kinds, ndim=1, truth_values=True)
         if not len(kinds):
             raise InvalidInput("Mixture", "kinds", "must hold at least 1 agent", list(kinds))
-        if np.asarray(self.kinds).dtype == bool:
+        if has_truth_values(self.kinds):
             raise InvalidInput("Mixture", "kinds", "must be whole numbers", "truth values", "Count the bodies from 0.")
         wrong = ~((kinds >= 0) & (kinds < len(given)) & (kinds == np.rint(kinds)))
         if wrong.any():
@@ -242,10 +244,7 @@ class Mixture(Body):
         """
         widths = self.widths(q.shape[1])
         found = {name: np.zeros((len(q), width)) for name, width in widths.items() if name not in given}
-        for k, body in enumerate(self.bodies):
-            rows = np.flatnonzero(self.kinds == k)
-            if not rows.size or len(self.kinds) != len(q):
-                continue
+        for body, rows in self._groups(len(q)):
             mine = {name: x[rows] for name, x in given.items() if name in body.widths(q.shape[1]) and len(x) == len(q)}
             for name, values in body.missing_columns(mine, q[rows], p[rows]).items():
                 if name in found:
@@ -265,10 +264,15 @@ class Mixture(Body):
         InvalidInput
             When a body refuses.
         """
+        for body, rows in self._groups(len(q)):
+            body.check_scenario(control, q[rows], p[rows])
+
+    def _groups(self, n: int) -> Iterator[tuple[Body, Indices]]:
+        """Bodies with the numbers of their own agents, and who these are; none if there are not ``n`` agents."""
         for k, body in enumerate(self.bodies):
             rows = np.flatnonzero(self.kinds == k)
-            if rows.size and len(self.kinds) == len(q):
-                body.check_scenario(control, q[rows], p[rows])
+            if rows.size and len(self.kinds) == n:
+                yield of_agents(body, rows, n), rows
 
     @property
     def summary(self) -> str:

@@ -296,9 +296,7 @@ class Quadrotor(Body):
 
     def _check_command(self, command: Array) -> None:
         """Refuse filtered forces, shape (K, 3), that are not below the weight: then the sum of both may be zero."""
-        weights = np.asarray(self.masses) * np.asarray(self.gravity)
-        # Agents of a mixture are some of those for whom numbers are given.
-        weight = np.broadcast_to(weights if weights.shape in ((), command.shape[:1]) else weights.max(), len(command))
+        weight = np.broadcast_to(np.asarray(self.masses) * np.asarray(self.gravity), len(command))
         size = np.linalg.norm(command, axis=1)
         wrong = ~(size < weight)
         if wrong.any():
