@@ -14,7 +14,7 @@ from flocking.model.checks import number
 from flocking.model.space import OPEN
 from flocking.model.state import State
 from flocking.show.frames import changed_later, frame_at, own_obstacles, time_of
-from flocking.show.plane import Outlined
+from flocking.show.plane import Outlined, draw_notes
 from flocking.show.style import COLUMN, axes_or_new, in_style
 from flocking.study.density_maps import DensityMap, density_map
 
@@ -120,8 +120,7 @@ def density(
     else:
         found = own_obstacles(what) if isinstance(what, Run) else []
         outlines = [o.outline(OUTLINE_POINTS, stated.t) for o in found]
-        for note in changed_later(what, stated.t) if found else ():
-            axes.annotate(note, (0.02, 0.02), xycoords="axes fraction", fontsize=6, va="bottom", gid="notes", zorder=9)
+        draw_notes(axes, changed_later(what, stated.t) if found else [])
     for outline in outlines:
         axes.fill(*(np.asarray(outline).T / unit), facecolor=STONE, edgecolor=STONE_EDGE, lw=0.35, zorder=0.5)
     axes.set(xlim=(left, right), ylim=(down, up), aspect="equal")

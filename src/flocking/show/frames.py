@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.runs.message_log import CHANGED
+from flocking.engine.runs.message_log import changed_times
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.formula.safe_digits import EXACT_DIGITS, given_text, nearest_text, time_text
@@ -136,8 +136,7 @@ def changed_later(what: object, time: float) -> list[str]:
     """
     if not isinstance(what, Run) or not what.fidelity.changed:
         return []
-    listed = what.provenance.get(CHANGED)
-    times = [float(t) for t in listed if isinstance(t, int | float)] if isinstance(listed, list | tuple) else []
+    times = changed_times(what.provenance)
     if not times:
         return ["obstacles and leaders of the last law; it was changed during the run"]
     last = max(times)

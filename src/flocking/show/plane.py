@@ -186,11 +186,24 @@ def net(
     _frame_axes(axes, points, limits)
     if title is not False:
         axes.set_title(f"$t = {time_of(what, state.t)}$" if title is True else title)
+    draw_notes(axes, notes)
+    return axes
+
+
+def draw_notes(axes: Axes, notes: Sequence[str]) -> None:
+    """Write what a picture leaves out in its lower left corner, where there is anything.
+
+    Parameters
+    ----------
+    axes
+        The axes.
+    notes
+        A line each.
+    """
     if notes:
         axes.annotate("\n".join(notes), (0.02, 0.02), xycoords="axes fraction", fontsize=6, color=theme().ink,
                       va="bottom", gid="notes", zorder=9,
                       bbox={"facecolor": theme().ground, "edgecolor": "none", "alpha": 0.85, "pad": 1.5})  # fmt: skip
-    return axes
 
 
 def pairs_of(links: Links) -> NDArray[np.intp]:

@@ -51,6 +51,18 @@ USE_PARTS = ("graph", "sender", "sample")
 """Numbers of an entry: under which graph the sample was used, whose it is, and its number."""
 
 
+def changed_times(provenance: Mapping[str, object]) -> tuple[float, ...]:
+    """Times at which the law or the state of a run was replaced, as far as it states them; see `CHANGED`.
+
+    Parameters
+    ----------
+    provenance
+        That of the run.
+    """
+    stated = provenance.get(CHANGED)
+    return tuple(float(t) for t in stated if isinstance(t, int | float)) if isinstance(stated, list) else ()
+
+
 def keeping_logs(provenance: Mapping[str, object]) -> str:
     """Which runs have a log, in words, for messages of errors on one that has none.
 

@@ -12,7 +12,7 @@ import numpy as np
 from flocking.arrays import Array, Links, Reals
 from flocking.engine.runs.columns import GROWING
 from flocking.engine.runs.frame_parts import FramePart
-from flocking.engine.runs.message_log import CHANGED, LogRecorder
+from flocking.engine.runs.message_log import CHANGED, LogRecorder, changed_times
 from flocking.engine.runs.new_records import NewRecords, RecordLayout, RecordTables, stacked_columns
 from flocking.engine.runs.run import (
     OBSERVED_FIELDS,
@@ -331,10 +331,8 @@ class Recorder:
         self.observed = [] if run.observables is None else run.observables.tolist()
         self.closest_linked, self.closest_unlinked = run.closest_linked, run.closest_unlinked
         self.energy_rounding = run.fidelity.ledger.rounding
-        times = run.provenance.get(CHANGED, ())
         if run.fidelity.changed:
-            found = times if isinstance(times, list) else []
-            self.replaced_at = tuple(float(t) for t in found if isinstance(t, int | float)) or (run.scenario.start.t,)
+            self.replaced_at = changed_times(run.provenance) or (run.scenario.start.t,)
         if self.with_errors:
             known = run.accuracy
             self.errors = [UNKNOWN_ERRORS] * len(run.t) if known is None else [(q, p) for q, p in known.frames.tolist()]

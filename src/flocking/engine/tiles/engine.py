@@ -46,8 +46,9 @@ class TilesEngine(Engine):
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> TilesSession:
         """Start a session."""
         assert isinstance(options, TilesOptions)
-        check_given_links(self.name, scenario)
-        if not (scenario.control.ideal and scenario.information.ideal):
+        if scenario.control.ideal and scenario.information.ideal:
+            check_given_links(self.name, scenario)
+        else:
             self.check(scenario, plant)
         if isinstance(scenario.control, Held):
             return HeldTilesSession(scenario, options)

@@ -61,11 +61,16 @@ ROUNDING = 1e-12
 """Relative difference of gains that counts as none."""
 
 
-def _need_algorithm_1(e: Evidence) -> None:
-    """Refuse laws and agents whose energy is not the H of Algorithm 1 with the numbers of this package."""
+def _has_unit_masses(e: Evidence) -> bool:
+    """Whether agents are undamped unit masses."""
     agents = e.run.scenario.agents
     unit = is_point_mass(agents) and np.all(np.asarray(agents.masses) == 1.0) and not np.any(np.asarray(agents.damping))
-    if not unit or e.law != system.law(system.Algorithm(1)):
+    return bool(unit)
+
+
+def _need_algorithm_1(e: Evidence) -> None:
+    """Refuse laws and agents whose energy is not the H of Algorithm 1 with the numbers of this package."""
+    if not _has_unit_masses(e) or e.law != system.law(system.Algorithm(1)):
         raise NotMeasurable(
             "H is the energy of undamped unit masses under Algorithm 1 with the numbers of this package"
         )
@@ -163,13 +168,12 @@ def aligned_at_end(e: Evidence) -> Measure:
 
 def _critical_pursuit(e: Evidence) -> tuple[Velocity, float]:
     """The leader and the c1 of a law whose centre moves as one agent, critically damped."""
-    world, agents, terms = e.run.scenario.imperfections, e.run.scenario.agents, e.law.body_terms
+    world, terms = e.run.scenario.imperfections, e.law.body_terms
     if world or len(terms) != 1 or type(terms[0]) is not Track:
         raise NotMeasurable(world or "the law has not one pursuit as its only body term")
-    unit = is_point_mass(agents) and np.all(np.asarray(agents.masses) == 1.0) and not np.any(np.asarray(agents.damping))
     opposite = all("momentum" in t.symmetries for t in e.law.pair_terms)
     opposite = opposite and all("momentum" in g.symmetries for g in e.law.graphs)
-    if not unit or not opposite:
+    if not _has_unit_masses(e) or not opposite:
         raise NotMeasurable("forces of pairs do not cancel, or agents are no undamped unit masses")
     track = terms[0]
     gains = track.position_gain, track.velocity_gain

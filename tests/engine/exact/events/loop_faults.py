@@ -158,8 +158,8 @@ FAULTS = (
     Fault(
         "list of nearby pairs: linked ones left out",
         "crossings/nearby_pairs.py",
-        "close = close or linked[g, i, j] or linked[g, j, i]",
-        "close = close or False",
+        "marks_of_pair(watches.near, i, j) + marks_of_pair(linked, i, j) > 0\n            close = close or marks_of_pair(watches.near, j, i) + marks_of_pair(linked, j, i) > 0",
+        "marks_of_pair(watches.near, i, j) > 0\n            close = close or marks_of_pair(watches.near, j, i) > 0",
     ),
     Fault(
         "retake skipped: doubts are never there",

@@ -110,24 +110,33 @@ def require_pairs(nearby: NearbyPairs, motion: Motion, watches: PairWatches, lin
         for k in range(m):
             for j in range(n):
                 squares[j] += (axes[k, j] - axes[k, i]) ** 2
-        for w in range(watches.near.shape[0]):
-            for j in range(n):
-                tied += 1 if watches.near[w, i, j] else 0
-        for g in range(linked.shape[0]):
-            for j in range(n):
-                tied += 1 if linked[g, i, j] else 0
+        tied += marks_of_row(watches.near, i) + marks_of_row(linked, i)
         nearby.starts[i] = count
         for j in range(n):
             if squares[j] <= cutoff * cutoff and i != j:
                 nearby.partners[count] = j
                 count += 1
-                for w in range(watches.near.shape[0]):
-                    tied -= 1 if watches.near[w, i, j] else 0
-                for g in range(linked.shape[0]):
-                    tied -= 1 if linked[g, i, j] else 0
+                tied -= marks_of_pair(watches.near, i, j) + marks_of_pair(linked, i, j)
     nearby.starts[n] = count
     if tied > 0:
         _list_with_links(nearby, B, watches, linked, cutoff)
+
+
+def marks_of_row(marks: Mask, i: int) -> int:
+    """How many pairs (i, j) are marked, in all matrices of ``marks``, shape (K, N, N); for native functions."""
+    found = 0
+    for k in range(marks.shape[0]):
+        for j in range(marks.shape[2]):
+            found += 1 if marks[k, i, j] else 0
+    return found
+
+
+def marks_of_pair(marks: Mask, i: int, j: int) -> int:
+    """In how many matrices of ``marks``, shape (K, N, N), the pair (i, j) is marked; for native functions."""
+    found = 0
+    for k in range(marks.shape[0]):
+        found += 1 if marks[k, i, j] else 0
+    return found
 
 
 def _list_with_links(nearby: NearbyPairs, B: Array, watches: PairWatches, linked: Mask, cutoff: float) -> None:
@@ -145,11 +154,8 @@ def _list_with_links(nearby: NearbyPairs, B: Array, watches: PairWatches, linked
             for k in range(m):
                 d2 += (B[0, j, k] - B[0, i, k]) ** 2
             close = d2 <= cutoff * cutoff
-            if not close:
-                for w in range(watches.near.shape[0]):
-                    close = close or watches.near[w, i, j] or watches.near[w, j, i]
-                for g in range(linked.shape[0]):
-                    close = close or linked[g, i, j] or linked[g, j, i]
+            close = close or marks_of_pair(watches.near, i, j) + marks_of_pair(linked, i, j) > 0
+            close = close or marks_of_pair(watches.near, j, i) + marks_of_pair(linked, j, i) > 0
             if close:
                 nearby.partners[count] = j
                 count += 1
