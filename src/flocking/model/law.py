@@ -17,6 +17,7 @@ from flocking.model.energy import Energy
 from flocking.model.graphs.coincident_starts import coincident_groups, linked_pair
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.mutual_links import check_mutual
+from flocking.model.graphs.seen_headings import seen_headings
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.parts import seeds, values
 from flocking.model.parts.description import Group, Nested, Unwritten, add_group
@@ -24,7 +25,7 @@ from flocking.model.parts.registration import register_part
 from flocking.model.scenario_numbers import checked_end, checked_frames, checked_tolerance
 from flocking.model.scenario_world import ScenarioWorld
 from flocking.model.space import OPEN, Space
-from flocking.model.space_checks import check_space, check_steering
+from flocking.model.space_checks import check_acting
 from flocking.model.state import Agents, State
 from flocking.model.symmetries import SYMMETRIES
 from flocking.model.terms.balances import check_body_term, check_pair_term
@@ -257,7 +258,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
         When parts disagree in number of agents or dimensions, times are out of order, links of the start are not
         mutual under an undirected graph, two agents coincide under a potential that is singular there, or the law
         cannot act in the space, see
-        `flocking.model.space_checks.check_space`.
+        `flocking.model.space_checks.check_acting`.
     """
 
     law: Annotated[Law, Nested("law", inline=True)]
@@ -301,8 +302,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
         self.agents.check_scenario(self.control, self.start.q, self.start.p)
         object.__setattr__(self, "start", self._with_all_columns())
         self.law.check_count(self.start.n, self.start.dimension)
-        check_space(self.space, self.law.graphs, self.law.body_terms, self.start.dimension)
-        check_steering(self.space, self.law.steering_terms, self.agents)
+        check_acting(self.law, self.space, self.agents, self.start)
         if self.start.links is not None:
             check_mutual(self.law.graph, self.start.links)
         self._check_coincidence()
@@ -334,7 +334,8 @@ class Scenario(ScenarioCell, ScenarioWorld):
         for term in self.law.pair_terms:
             if groups and isinstance(term, Gradient) and not np.isfinite(term.potential.at_contact):
                 graph = term.over or self.law.graph
-                pair = linked_pair(graph, groups, self.start.q, self.agents.headings)
+                headings = seen_headings(graph, self.agents.headings, self.start.columns)
+                pair = linked_pair(graph, groups, self.start.q, headings)
                 if pair is not None:
                     raise InvalidInput(
                         "Scenario", "start", f"must not place agents {pair[0]} and {pair[1]} at the same point",
@@ -366,8 +367,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
             When the law does not fit the agents, or its potentials have no values where its neighbours are.
         """
         law.check_count(self.start.n, self.start.dimension)
-        check_space(self.space, law.graphs, law.body_terms, self.start.dimension)
-        check_steering(self.space, law.steering_terms, self.agents)
+        check_acting(law, self.space, self.agents, self.start)
         check_reach(law.pair_terms, law.graph)
         found = copy(self)
         object.__setattr__(found, "law", law)

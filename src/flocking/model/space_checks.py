@@ -1,18 +1,95 @@
-"""Whether a law can act in space that repeats, and its steering terms on the bodies at hand."""
+"""Whether a law can act in space that repeats, and its steering terms and fields of view on the bodies at hand."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Protocol
 
 import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.seen_headings import heading_column
 from flocking.model.space import Space
+from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.model.terms.body_terms import BodyTerm
 from flocking.model.terms.steering import Steering
+
+UNIT = 1e-6
+"""Largest difference of the length of a direction from 1, as for given headings of a `Unicycle`."""
+
+
+class ActingLaw(Protocol):
+    """What is read of a law."""
+
+    @property
+    def graphs(self) -> Sequence[Graph]:
+        """Its graph and those of its terms."""
+
+    @property
+    def body_terms(self) -> tuple[BodyTerm, ...]:
+        """Its terms about one agent."""
+
+    @property
+    def steering_terms(self) -> tuple[Steering, ...]:
+        """Its steering terms."""
+
+
+def check_acting(law: ActingLaw, space: Space, bodies: Body, start: State) -> None:
+    """Check that a law can act in a space, and on bodies that begin at a state.
+
+    Parameters
+    ----------
+    law, space
+        The law, and the space of the agents.
+    bodies, start
+        What the agents are, and where they begin, with every column of the bodies.
+
+    Raises
+    ------
+    InvalidInput
+        When it cannot, see `check_space`, `check_steering` and `check_views`.
+    """
+    check_space(space, law.graphs, law.body_terms, start.dimension)
+    check_steering(space, law.steering_terms, bodies)
+    check_views(law.graphs, bodies, start)
+
+
+def check_views(graphs: Iterable[Graph], bodies: Body, start: State) -> None:
+    """Check that bodies have the directions along which fields of view look.
+
+    Parameters
+    ----------
+    graphs
+        Graphs of the law.
+    bodies, start
+        What the agents are, and where they begin, with every column of the bodies.
+
+    Raises
+    ------
+    InvalidInput
+        When a graph names a column that is no direction of the bodies, or that is no unit vector for each agent.
+    """
+    for graph in graphs:
+        name, owner = heading_column(graph), type(graph).__name__
+        if not name:
+            continue
+        if name not in bodies.directions:
+            known = ", ".join(bodies.directions) or "none"
+            raise InvalidInput(
+                owner, "heading_column", f"must be a direction of {type(bodies).__name__}, which are: {known}", name,
+                "Leave it out for agents with constant headings, or give bodies that turn, such as Unicycle.",
+            )  # fmt: skip
+        lengths = np.linalg.norm(start.columns[name], axis=1)
+        wrong = ~(np.abs(lengths - 1.0) <= UNIT)
+        if start.columns[name].shape != start.q.shape or wrong.any():
+            agent = int(np.argmax(wrong))
+            raise InvalidInput(
+                owner, "heading_column", f"must be a unit vector in {start.dimension} dimensions for each agent",
+                f"{name} of length {lengths[agent]:.9g} of agent {agent}", "Every agent of a mixture must have one.",
+            )  # fmt: skip
 
 
 def check_space(space: Space, graphs: Iterable[Graph], terms: Iterable[BodyTerm], dimension: int) -> None:

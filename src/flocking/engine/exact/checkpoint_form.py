@@ -90,7 +90,8 @@ def check_exact(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenari
     acting.check_count(*scenario.start.q.shape)
     origin = _ORIGIN(scenario.start.dimension).check(numbers.get("origin"), "origin")
     base = float(Real().check(origin[0], "origin[0]"))
-    links = LinkState(acting, scenario.start.q, headings=scenario.agents.headings, base=base, space=scenario.space)
+    start, bodies = scenario.start, scenario.agents
+    links = LinkState(acting, start.q, bodies=bodies, base=base, space=scenario.space, columns=start.columns)
     _numbers(scenario, links).check(numbers, "")
     # Every entry has been looked at.
     checked = cast(ExactNumbers, _tuples(numbers))

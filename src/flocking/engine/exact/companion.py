@@ -359,6 +359,19 @@ class StateError:
         """Bound on the error of the relative position of two agents."""
         return SAFETY * float(largest_difference(self.nodes, 0, i, j, self.m)) + 2 * self.q_floor
 
+    def column(self, first: int, width: int, i: int) -> float:
+        """Bound on the error of a further column of an agent whose numbers are of size 1, such as a direction.
+
+        Parameters
+        ----------
+        first, width
+            Where the column begins in state vectors, and how many numbers each agent has.
+        i
+            The agent.
+        """
+        rows = np.ascontiguousarray(self.nodes[:, first : first + self.n * width])
+        return SAFETY * float(agent_difference(rows, i, width)) + ROUNDING
+
     def pair_velocity(self, i: int, j: int, velocities: Array) -> float:
         """Bound on the error of the relative velocity of two agents, from ``velocities``.
 

@@ -116,7 +116,6 @@ def replacement(
     plant = plant if law is None else None
     acting = plant or declared
     segment = segment.until(own)
-    headings = scenario.agents.headings
     scenario = scenario.with_(law=declared, t_end=end)
     if state is None and may_have(scenario, plant, origin):
         # The session's own coordinates hold more digits than the user's.
@@ -126,7 +125,8 @@ def replacement(
     else:
         origin = origin_of(scenario, plant, new, origin.time)
         begin = origin.inwards(new)
-    fresh = LinkState(acting, begin.q, new.links, own, headings, origin.time, scenario.space)
+    about = scenario.agents, origin.time, scenario.space, begin.columns
+    fresh = LinkState(acting, begin.q, new.links, own, *about)
     if state is None and acting.graphs == links.graphs:
         for matrix, known in zip(fresh.links, links.links, strict=True):
             matrix[:] = known

@@ -76,8 +76,8 @@ class ExactSession(AdaptiveSession):
         self._prepare(start.n, start.dimension)
         self._tail = np.zeros(self._dynamics.departs + LEDGER)
         own = self._origin.inwards(start)
-        law, headings = plant or scenario.law, scenario.agents.headings
-        self._begin(own, LinkState(law, own.q, own.links, own.t, headings, self._origin.time, scenario.space))
+        about = own.links, own.t, scenario.agents, self._origin.time, scenario.space, own.columns
+        self._begin(own, LinkState(plant or scenario.law, own.q, *about))
         self._record_frames(own.t)
         self._record_trace()
 
@@ -333,11 +333,10 @@ class ExactSession(AdaptiveSession):
         session._segment, session._pending = snapshot.segment, list(snapshot.pending)
         session._prepare(scenario.start.n, scenario.start.dimension)
         session._centres.recall(snapshot.centres)
-        q, _, session._tail = (np.array(x) for x in session._dynamics.split(snapshot.segment.coefficients[0]))
-        session._links = LinkState(
-            session._dynamics.layout.law, q, t=snapshot.segment.t0, headings=scenario.agents.headings,
-            base=session._origin.time, space=scenario.space,
-        )  # fmt: skip
+        y = snapshot.segment.coefficients[0]
+        q, _, session._tail = (np.array(x) for x in session._dynamics.split(y))
+        about = None, snapshot.segment.t0, scenario.agents, session._origin.time, scenario.space
+        session._links = LinkState(session._dynamics.layout.law, q, *about, session._dynamics.further(y))
         session._dynamics.repack(snapshot.segment.t1)
         session._dynamics.recall_limits(snapshot.limits)
         session._links.recall(snapshot.links)

@@ -18,7 +18,7 @@ from flocking.engine.exact.crossings.images import nearest_shift
 from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep
 from flocking.engine.exact.crossings.switch_numbers import radial_motion, switch_errors
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
-from flocking.engine.exact.crossings.view_guards import bearing_motion
+from flocking.engine.exact.crossings.view_guards import Bearing, ViewGuard
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.extremes import Extremes
 from flocking.engine.exact.origin import Origin
@@ -234,6 +234,11 @@ class SolutionError:
             acceleration = ObstacleStep(links, segment, motion.positions).acceleration(number, i, j)
         else:
             _, _, acceleration = _radial(segment, i, j, *self._sizes, links.space)
+            view = links.view_of(number)
+            if view is not None and segment.t1 > segment.t0:
+                found = self._bearing(segment, (i, j), view)
+                if abs(found.inside) < abs(float(links.watches[number].leave[i]) - self._distance(y, i, j)):
+                    acceleration = found.bend / found.steep if found.steep > 0.0 else 0.0
         since = longest
         if acceleration:
             longest = min(longest, 3 * float(np.sqrt(2 * bound / abs(acceleration))))
@@ -290,15 +295,16 @@ class SolutionError:
             off = links.contacts.farther(watch.graph - len(links.graphs), segment.t1 + links.base, y, e, j)
             late, drift, delay = switch_errors(bound, drift, speed, off, 0.0, 0.0, 0.0)
         else:
-            bound = error.pair(i, j)
+            bound, view = error.pair(i, j), links.view_of(crossing.watch)
             drift = error.pair_velocity(i, j, self._velocities(segment))
-            self._settle(self._doubts.cross(crossing, k, segment.t1, links, bound), segment, links)
+            turned = 0.0 if view is None else view.heading_error(error.column, (i,))
+            most = bound + float(watch.leave[i]) * turned if turned else bound
+            self._settle(self._doubts.cross(crossing, k, segment.t1, links, most), segment, links)
             radial = _radial(segment, i, j, *self._sizes, links.space, self.difference.nodes[-1])
             # The crossing counts from where the pair is that far beyond the distance.
             errors = switch_errors(bound, drift, speed, *radial, slack_of(watch, error.q_floor / ROUNDING))
-            view = links.view_of(crossing.watch)
             if view is not None:
-                errors = self._by_bearing(errors, bound, segment, i, j, view, float(watch.leave[i]))
+                errors = self._by_bearing(errors, (bound, turned), segment, (i, j), view, float(watch.leave[i]))
             late, drift, delay = errors
         if not np.isfinite(late):
             self._companion.lose(segment.t1)
@@ -309,8 +315,8 @@ class SolutionError:
         return late + float(np.spacing(abs(segment.t1 + self._dynamics.base))), drift
 
     def _by_bearing(
-        self, errors: tuple[float, float, float], bound: float, segment: Segment, i: int, j: int,
-        view: tuple[Array, Array], radius: float,
+        self, errors: tuple[float, float, float], bounds: tuple[float, float], segment: Segment, pair: tuple[int, int],
+        view: ViewGuard, radius: float,
     ) -> tuple[float, float, float]:  # fmt: skip
         """`switch_errors` of an agent that enters or leaves a field of view, which may be by its bearing.
 
@@ -318,23 +324,30 @@ class SolutionError:
         ----------
         errors
             Those of a crossing of its ``radius``, which hold where it crosses that.
-        bound
-            Error of the distance of the pair.
-        segment, i, j
+        bounds
+            Error of the distance of the pair, and of the heading.
+        segment, pair
             The step, the agent that looks, and the other one.
         view
-            Headings and cosines.
+            How agents look.
         """
-        m, C, e = self._dynamics.m, segment.coefficients, self.difference.nodes[-1]
-        apart = C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m]
-        off = self._agent(e, j) - self._agent(e, i)
-        inside, steep, rate, bend, off_border = bearing_motion(
-            apart, segment.t0, segment.t1, off, view[0][i], float(view[1][i])
-        )
-        if abs(radius - float(np.linalg.norm(apart[-1]))) <= abs(inside):
+        found, distance = self._bearing(segment, pair, view), self._distance(segment.coefficients[-1], *pair)
+        if abs(radius - distance) <= abs(found.inside):
             return errors
-        late, _, delay = switch_errors(bound * steep, 0.0, rate, off_border, 0.0, bend, abs(inside))
+        most = bounds[0] * found.steep + distance * bounds[1]
+        late, _, delay = switch_errors(most, 0.0, found.rate, found.off, 0.0, found.bend, abs(found.inside))
         return late, errors[1], delay
+
+    def _bearing(self, segment: Segment, pair: tuple[int, int], view: ViewGuard) -> Bearing:
+        """How a ``pair`` stands to the border of a ``view`` at the end of a step."""
+        m, C, e = self._dynamics.m, segment.coefficients, self.difference.nodes[-1]
+        i, j = pair
+        apart = C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m]
+        return view.bearing(segment, pair, apart, self._agent(e, j) - self._agent(e, i), e)
+
+    def _distance(self, y: Array, i: int, j: int) -> float:
+        """Distance of two agents in a state vector ``y``."""
+        return float(np.linalg.norm(self._agent(y, j) - self._agent(y, i)))
 
     def switched(self, slope: Array) -> None:
         """Update the difference after a switch of the law; ``slope`` is the slope after it."""

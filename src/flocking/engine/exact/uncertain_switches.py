@@ -12,7 +12,6 @@ from flocking.engine.exact.crossings.band_guards import closest_after, first_bey
 from flocking.engine.exact.crossings.images import image_doubts, pair_paths
 from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep, agent_slack, recorded
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
-from flocking.engine.exact.crossings.view_guards import view_crossings, view_place
 from flocking.engine.exact.crossings.watch_tables import near_miss_floor
 from flocking.engine.runs.run import DoubtRow
 from flocking.model.checks import Array
@@ -93,6 +92,22 @@ class Settled:
     row: DoubtRow
 
 
+def view_bound(links: LinkState, number: int, i: int, j: int, error: StateError) -> float:
+    """Error of how far agent ``j`` is inside the field of view of agent ``i``, in units of distance.
+
+    Parameters
+    ----------
+    links, number
+        Links on the step, and the number of the watch.
+    error
+        Errors on it.
+    """
+    watch, view = links.watches[number], links.view_of(number)
+    turned = 0.0 if view is None else view.heading_error(error.column, (i,))
+    own = error.pair(i, j) + slack_of(watch, error.q_floor / ROUNDING)
+    return own + (float(watch.leave[i]) * turned if turned else 0.0)
+
+
 class Doubts:
     """Detects switches in doubt along a solution."""
 
@@ -127,10 +142,12 @@ class Doubts:
             floor = near_miss_floor(slack_of(watch, 0.0), error.q_floor)
             directed = links.graphs[watch.graph].directed
             if view is not None and watch.kind == "link":
-                slack = -(most + floor)
-                when, which = view_crossings(B, far, links.near[number], *view, watch.leave, slack)
-                for x, (i, j) in zip(when, which, strict=True):
-                    found[number, int(i), int(j)] = (float(x), 0.0, -slack, True)
+                slack = -(most + floor + float(watch.leave.max()) * view.heading_error(error.column, range(n)))
+                for i, j in view.crossings(segment, motion, links.near[number], watch.leave, slack)[1].tolist():
+                    bound = view_bound(links, number, i, j, error)
+                    look = segment, B, (i, j), float(watch.leave[i]), bool(links.near[number][i, j])
+                    if (x := view.place(*look, -bound, 0.0)) <= 1.0:
+                        found[number, i, j] = (x, 0.0, bound, True)
                 continue
             given = (
                 B, far, links.near[number], active, watch.enter, watch.leave, directed, nodes, most + floor, floor
@@ -153,8 +170,7 @@ class Doubts:
                 view = links.view_of(number)
                 if view is not None:
                     bound = LEFT * found[key][2]
-                    look = B, i, j, view[0][i], view[1][i], watch.leave[i]
-                    x = view_place(*look, inside, -bound, after)
+                    x = view.place(segment, B, (i, j), float(watch.leave[i]), inside, -bound, after)
                     margin = 0.0 if x <= 1.0 else np.inf
                 elif obstacles is not None and number >= links.first_level:
                     margin, x = obstacles.nearest(number, i, j, inside, after)
@@ -179,9 +195,9 @@ class Doubts:
             view = links.view_of(number)
             if view is not None:
                 # Links of fields of view change by bearing, too: it has left when it is seen, or not, by the error.
-                bound = error.pair(i, j) + slack_of(links.watches[number], error.q_floor / ROUNDING)
-                look = B, i, j, view[0][i], view[1][i], links.watches[number].leave[i]
-                x, back = (view_place(*look, seen, bound, 0.0) for seen in (fresh.outward, not fresh.outward))
+                bound = view_bound(links, number, i, j, error)
+                look = segment, B, (i, j), float(links.watches[number].leave[i])
+                x, back = (view.place(*look, seen, bound, 0.0) for seen in (fresh.outward, not fresh.outward))
             elif obstacles is not None and number >= links.first_level:
                 bound = error.agent(i) + agent_slack(error.q_floor, fresh.level, obstacles.radius(number))
                 x = obstacles.first_past(number, i, j, fresh.level + sign * bound, outward=fresh.outward)

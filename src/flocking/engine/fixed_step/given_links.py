@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.errors import UnsupportedLaw
+from flocking.model.graphs.seen_headings import links_at_state
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -29,7 +30,7 @@ def check_given_links(engine: str, scenario: Scenario, state: State | None = Non
     graph, given = scenario.law.graph, (scenario.start if state is None else state)
     if given.links is None or graph.moves:
         return
-    wrong = np.argwhere(given.links != graph.links_in(scenario.space, given.q, scenario.agents.headings))
+    wrong = np.argwhere(given.links != links_at_state(graph, scenario.space, given, scenario.agents.headings))
     if wrong.size:
         raise UnsupportedLaw(
             f"engine={engine!r} takes the links of {type(graph).__name__} from the graph, and the links of the state "

@@ -6,6 +6,7 @@ from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
+from flocking.model.graphs.seen_headings import heading_column
 from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
 from flocking.model.law import Law, Scenario
 
@@ -67,6 +68,11 @@ def check_law(
         if getattr(pair_term, "functional", False):
             raise UnsupportedLaw(f"engine={engine!r} does not count neighbours, as {type(pair_term).__name__} needs.")
     for graph in law.graphs:
+        if heading_column(graph):
+            raise UnsupportedLaw(
+                f"engine={engine!r} holds headings constant; fields of view that turn with the bodies run under "
+                "engine='exact' in the ideal world."
+            )
         if views and type(graph) in VIEWS:
             continue
         if graph.sees_headings or (graph.moves and not graph.follows_radii):

@@ -31,6 +31,9 @@ from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
 CONES = (Cone, SmoothCone)
 """Graphs whose links are those of a radius between agents whose headings differ little enough."""
 
+ROUNDED_SQUARE = 2e-15
+"""Rounding of Q relative to its largest coefficient, some units of 2.2e-16."""
+
 MOST_CHANGES = 60
 """Changes of one pair within one piece: each is a root of one of three polynomials of degree 18 or less."""
 
@@ -115,6 +118,11 @@ class Looking(NamedTuple):
 def view_change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: float, slack: float) -> float:
     """First place in [0, 1] at which a seen agent is lost, or an unseen one is seen, or `NEVER`; for native functions.
 
+    At the border L is c |d|, so that an overshoot s changes Q by 2 s |L| + 2 c^2 s |d|, with the sign of c before L for
+    its absolute value, and |d| at most the radius. A bound by the radius alone would let pass a border across the
+    heading, where c is 0, by the root of s. There the sign of L decides alone: Q is a square. Where c is smaller than
+    1e-6 and not 0 the rounding of Q lets a border pass by up to 1e-7 of the radius.
+
     Parameters
     ----------
     near
@@ -124,31 +132,44 @@ def view_change(near: bool, square: Array, L: Array, Q: Array, c: float, radius:
     c, radius
         Cosine of the half angle, and the radius.
     slack
-        Overshoot in distance that counts as a change; covers rounding.
+        Overshoot in distance that counts as a change; covers rounding. A negative one asks how near it comes to that.
     """
-    size = square.shape[0]
-    wide = 4.0 * radius * slack + slack * slack
+    size, side = square.shape[0], 1.0 if c >= 0.0 else -1.0
     border = (radius + slack) ** 2 if near else max(radius - slack, 0.0) ** 2
-    one, other, two, three = np.empty((1, size)), np.empty((1, size)), np.empty((2, size)), np.empty((3, size))
+    one, two, three = np.empty((1, size)), np.empty((2, size)), np.empty((3, size))
+    largest = radius * radius
+    for k in range(size):
+        largest = max(largest, abs(Q[k]))
+    wide = 2.0 * c * c * radius * slack + (
+        slack * slack + ROUNDED_SQUARE * largest if slack > 0.0 else -3.0 * slack * slack - ROUNDED_SQUARE * largest
+    )
+    across = abs(c) * radius <= abs(slack)
     if near:
         for k in range(size):
             one[0, k] = square[k] - border
-            two[0, k], two[1, k] = -L[k] - slack, Q[k] - wide
-            other[0, k] = -Q[k] - wide
         first = first_all_above(one)
+        for k in range(size):
+            one[0, k] = -L[k] - slack
+            two[0, k], two[1, k] = one[0, k], Q[k] - 2.0 * side * slack * L[k] - wide
+        if across:
+            return min(first, first_all_above(one))
         if c < 0.0:
             return min(first, first_all_above(two))
+        first = min(first, first_all_above(one))
         for k in range(size):
-            one[0, k] = two[0, k]
-        return min(first, first_all_above(one), first_all_above(other))
+            one[0, k] = -Q[k] - 2.0 * side * slack * L[k] - wide
+        return min(first, first_all_above(one))
     for k in range(size):
-        three[0, k], three[1, k], three[2, k] = border - square[k], L[k] - slack, Q[k] - wide
-        two[0, k], two[1, k] = three[0, k], three[1, k]
+        two[0, k], two[1, k] = border - square[k], L[k] - slack
+        three[0, k], three[1, k] = two[0, k], two[1, k]
+        three[2, k] = Q[k] - 2.0 * side * slack * L[k] - wide
+    if across:
+        return first_all_above(two)
     if c >= 0.0:
         return first_all_above(three)
     first = first_all_above(two)
     for k in range(size):
-        two[1, k] = -Q[k] - wide
+        two[1, k] = -Q[k] - 2.0 * side * slack * L[k] - wide
     return min(first, first_all_above(two))
 
 

@@ -26,6 +26,7 @@ from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages, graph_functional
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.seen_headings import links_at_state
 from flocking.model.law import Law, Scenario
 from flocking.model.space import OPEN, Space
 from flocking.model.space_checks import check_space, check_steering_space
@@ -37,7 +38,7 @@ __all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "evaluate
 def graph_links(law: Law, state: State, headings: Array | None = None, space: Space = OPEN) -> list[Links]:
     """Link matrix of each graph of the law in a ``space``; for the first, the links of the state if it has any."""
     given = [] if state.links is None else [np.asarray(state.links)]
-    return [*given, *(g.links_in(space, state.q, headings) for g in law.graphs[len(given) :])]
+    return [*given, *(links_at_state(g, space, state, headings) for g in law.graphs[len(given) :])]
 
 
 def control(law: Law, state: State, *, agents: Body | None = None, space: Space = OPEN) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.model.graphs.seen_headings import links_at_state
 from flocking.model.law import Scenario
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Gradient
@@ -39,7 +40,7 @@ def _pair(scenario: Scenario, start: State) -> str:
             if not isinstance(term, Gradient):
                 continue
             graph = law.graphs[law.graph_number(term)]
-            links = start.links if start.links is not None else graph.links_in(scenario.space, start.q, headings)
+            links = start.links if start.links is not None else links_at_state(graph, scenario.space, start, headings)
             i, j = np.nonzero(np.triu(links | links.T, 1))
             r = np.linalg.norm(scenario.space.displacement(start.q[j] - start.q[i]), axis=1)
             lost = ~np.isfinite(term.potential(r))

@@ -32,9 +32,11 @@ rounding hides no agent straight behind."""
 
 
 class HeadingGraph(Graph):
-    """A graph whose links depend on headings. Headings are constant during a run."""
+    """A graph whose links depend on headings: constant ones, or a column of the bodies that turns with them."""
 
     sees_headings = True
+    heading_column: str = ""
+    """Name of the column of the bodies that holds the headings, unit vectors; empty for the constant ones."""
 
     @property
     def symmetries(self) -> frozenset[str]:
@@ -323,6 +325,9 @@ class FieldOfView(HeadingGraph, OneRadius):
         r, for all or per sensing agent; positive.
     half_angle
         Largest angle between x_j - x_i and the heading of i, in (0, pi], for all or per sensing agent.
+    heading_column
+        Name of the direction of the bodies along which agents look, which turns with them, such as ``"heading"`` of
+        a `Unicycle`; when empty they look along the constant ``headings`` of the agents.
 
     Raises
     ------
@@ -332,11 +337,12 @@ class FieldOfView(HeadingGraph, OneRadius):
 
     radius: float | Array
     half_angle: float | Array
+    heading_column: str = ""
     directed = True
 
     if TYPE_CHECKING:  # Lists are accepted.
 
-        def __init__(self, radius: ArrayLike, half_angle: ArrayLike) -> None: ...
+        def __init__(self, radius: ArrayLike, half_angle: ArrayLike, heading_column: str = "") -> None: ...
 
     def __post_init__(self) -> None:
         for name in ("radius", "half_angle"):
@@ -346,15 +352,24 @@ class FieldOfView(HeadingGraph, OneRadius):
             object.__setattr__(self, name, value)
         if (np.asarray(self.half_angle) > np.pi).any():
             raise InvalidInput("FieldOfView", "half_angle", "must be at most pi", self.half_angle)
+        if not isinstance(self.heading_column, str):
+            raise InvalidInput("FieldOfView", "heading_column", "must be the name of a column", self.heading_column)
 
     @property
     def symmetries(self) -> frozenset[str]:
-        """Rotation only with a view all around, relabelling only with one half angle."""
-        around = {"rotation"} if np.all(np.asarray(self.half_angle) == np.pi) else set()
-        return (super().symmetries | around) - ({"relabelling"} if np.ndim(self.half_angle) else set())
+        """Rotation only with a view all around, relabelling only with one half angle.
+
+        Bodies turn otherwise for an observer who moves: a view that turns with them keeps no Galilean shift.
+        """
+        around = bool(np.all(np.asarray(self.half_angle) == np.pi))
+        lost = {"relabelling"} if np.ndim(self.half_angle) else set()
+        lost |= {"galilean"} if self.heading_column and not around else set()
+        return (super().symmetries | ({"rotation"} if around else set())) - lost
 
     def directions(self, headings: Array | None) -> Array:
         """Unit vectors of the headings, shape (N, m): (cos, sin) of angles, the first column of rotation matrices.
+
+        Unit vectors, shape (N, m), as columns of bodies hold them, are taken as they are.
 
         Raises
         ------
@@ -365,7 +380,7 @@ class FieldOfView(HeadingGraph, OneRadius):
         checked = self._headings(headings, max(n, 1))
         if checked.ndim == 1:
             return np.stack([np.cos(checked), np.sin(checked)], axis=1)
-        return np.ascontiguousarray(checked[:, :, 0])
+        return np.ascontiguousarray(checked if checked.ndim == 2 else checked[:, :, 0])
 
     def cosines(self, n: int) -> Array:
         """Cosine of the half angle of each of ``n`` agents, `ALL_AROUND` for a view all around; shape (n,)."""

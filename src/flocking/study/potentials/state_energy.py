@@ -8,6 +8,7 @@ from flocking.engine.reference.control import evaluate
 from flocking.model.bodies.body import Body
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
+from flocking.model.graphs.seen_headings import links_at_state
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
@@ -39,7 +40,7 @@ def total_energy(
     """
     energy, agents = energy or Energy(), Agents() if agents is None else agents
     found = evaluate(law, state, agents=agents, energy=energy, space=space)
-    links = law.graph.links_in(space, state.q, agents.headings) if state.links is None else state.links
+    links = links_at_state(law.graph, space, state, agents.headings) if state.links is None else state.links
     apart = (state.n * (state.n - 1) - int(np.count_nonzero(links))) / 2
     return found.storage + found.kinetic + apart * energy.unlinked
 
@@ -72,6 +73,6 @@ def agent_energies(
     """
     agents = Agents() if agents is None else agents
     found = evaluate(law, state, agents=agents, space=space)
-    links = law.graph.links_in(space, state.q, agents.headings) if state.links is None else state.links
+    links = links_at_state(law.graph, space, state, agents.headings) if state.links is None else state.links
     unlinked = energy.unlinked if energy is not None else 0.0
     return np.asarray(found.links_storage + (state.n - 1 - np.count_nonzero(links, axis=1)) * unlinked)

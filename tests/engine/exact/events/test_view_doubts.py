@@ -34,6 +34,24 @@ def test_times_of_views_by_bearing_are_within_their_errors(depth: float, toleran
     assert len(run.accuracy.doubts) == 0
 
 
+@pytest.mark.parametrize("world", [{}, {"control": fk.Held(0.25)}, {"information": fk.Messages(0.25)}])
+@pytest.mark.parametrize("off", [0.0, 1e-9, -1e-9, 1e-4, -1e-4])
+def test_a_border_across_the_heading_is_crossed_on_time(off: float, world: dict[str, object]) -> None:
+    # A view of a quarter turn to each side is half a plane. Its border was passed late by the root of the rounding.
+    law = fk.Law(fk.FieldOfView(3.0, np.pi / 2 + off), [fk.Consensus(0.0)])
+    bodies = fk.PointMass(headings=[np.pi / 2, np.pi / 2])
+    start = fk.State([[0.0, 0.0], [1.0, -1.0]], [[0.0, 0.0], [0.0, 1.0]])
+    run = fk.simulate(fk.Scenario(law, start, 2.0, agents=bodies, frames=3, **world), progress=False)
+    found = {(s["kind"], s["i"], s["j"]): float(s["time"]) for s in run.switches}
+    # Where the cosine is small but not zero, the square that decides is rounded.
+    within = 3e-7 if 0.0 < abs(off) < 1e-6 else 1e-9
+    times = {("appear", 0, 1): 1.0 - np.tan(off), ("break", 1, 0): 1.0 + np.tan(off)}
+    assert found == pytest.approx(times, abs=within)
+    if not world:
+        errors = {(s["kind"], s["i"], s["j"]): float(s["time_error"]) for s in run.switches}
+        assert all(abs(found[key] - times[key]) <= errors[key] for key in times)
+
+
 def test_views_by_bearing_that_the_error_decides_are_in_doubt() -> None:
     seen = turning(1e-4, 1e-4)
     assert len(seen.switches) == 2

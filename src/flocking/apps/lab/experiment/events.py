@@ -17,6 +17,7 @@ from flocking.engine.storage.atomic_files import write_through
 from flocking.errors import InvalidInput
 from flocking.model.checks import NO_LESS, array, integer, number
 from flocking.model.graphs.distance_graphs import Fixed
+from flocking.model.graphs.seen_headings import links_at_state
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle
@@ -170,7 +171,9 @@ def _placed(scenario: Scenario, state: State, agents: Indices, to: Array) -> Sta
     links = None
     if state.links is not None:
         links = np.array(state.links)
-        found = scenario.law.graph.links_in(scenario.space, q, scenario.agents.headings)
+        found = links_at_state(
+            scenario.law.graph, scenario.space, replace(state, q=q, links=None), scenario.agents.headings
+        )
         links[agents], links[:, agents] = found[agents], found[:, agents]
     return replace(state, q=q, links=links)
 
@@ -192,7 +195,7 @@ def _add(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outc
     larger = selected(scenario, chosen, bare)
     links = None
     if state.links is not None:
-        links = np.array(larger.law.graph.links_in(larger.space, bare.q, larger.agents.headings))
+        links = np.array(links_at_state(larger.law.graph, larger.space, bare, larger.agents.headings))
         links[:-1, :-1] = state.links
     grown = replace(bare, links=links)
     return Outcome(larger.with_(start=grown), selected(base, chosen, grown), new_session=True)

@@ -16,15 +16,16 @@ from flocking.engine.exact.crossings.images import image_crossings
 from flocking.engine.exact.crossings.last_crossings import LastCrossings
 from flocking.engine.exact.crossings.nearby_pairs import BASE, TOP, NearbyPairs, all_pairs, note_displacements
 from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
-from flocking.engine.exact.crossings.view_guards import view_crossings
+from flocking.engine.exact.crossings.view_guards import ViewGuard
+from flocking.engine.exact.crossings.views_of_graphs import links_of_graphs, views_of
 from flocking.engine.exact.crossings.watch_tables import NO_BALLS, BallWatches, PairWatches, slack_at
 from flocking.engine.exact.crossings.watches import Watch, watches_of
 from flocking.engine.kernels.mutual_pairs import upper_first
+from flocking.model.bodies.body import Body
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.mutual_links import check_mutual
-from flocking.model.graphs.views import FieldOfView
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
 
@@ -74,12 +75,14 @@ class LinkState:
     ----------
     links
         Link memory of the law's own graph; its initial rule decides when absent.
-    headings
-        Headings of the agents, as in `Agents`, if a graph uses them.
+    bodies
+        What the agents are, if a graph uses their headings.
     base
         The time at which the session's own time, the time of all functions here, is 0.
     space
         Space of the agents.
+    columns
+        Further columns of the state at which agents are, by name.
     """
 
     def __init__(
@@ -88,15 +91,16 @@ class LinkState:
         q: Array,
         links: Links | None = None,
         t: float = 0.0,
-        headings: Array | None = None,
+        bodies: Body | None = None,
         base: float = 0.0,
         space: Space = OPEN,
+        columns: Mapping[str, Array] | None = None,
     ) -> None:
         self.base = base
         self.space = space
         self._law = law
         self.graphs: tuple[Graph, ...] = law.graphs
-        self.links: list[Links] = [np.array(g.links_in(space, q, headings)) for g in self.graphs]
+        self.links: list[Links] = links_of_graphs(self.graphs, space, q, bodies, columns)
         if links is not None:
             self.links[0] = np.array(links)
         for graph, given in zip(self.graphs, self.links, strict=True):
@@ -113,11 +117,9 @@ class LinkState:
         self._sliding = LastCrossings()
         self.forget_nearby()
         everyone = np.ones((len(q), len(q)), dtype=bool)
-        allowed = [g.allowed(headings) for g in self.graphs]
+        allowed = [g.allowed(None if bodies is None else bodies.headings) for g in self.graphs]
         self._allowed = [everyone if x is None else x for x in allowed]
-        self._views = [
-            (g.directions(headings), g.cosines(len(q))) if isinstance(g, FieldOfView) else None for g in self.graphs
-        ]
+        self._views = views_of(self.graphs, bodies, *q.shape)
 
     def under(self, law: Law) -> LinkState | None:
         """The same links under another law, if its graphs, kinks and obstacles are the same; else None."""
@@ -196,13 +198,12 @@ class LinkState:
                 found[number] = values
         return found
 
-    def view_of(self, number: int) -> tuple[Array, Array] | None:
-        """Headings and cosines of a watch of links by views; None for a watch ``number`` of another kind."""
-        watch = self.watches[number]
-        return self._views[watch.graph] if watch.kind == "link" else None
+    def view_of(self, number: int) -> ViewGuard | None:
+        """How agents look, of a watch of links by views; None for a watch ``number`` of another kind."""
+        return self._views[watch.graph] if (watch := self.watches[number]).kind == "link" else None
 
-    def watched(self) -> Iterator[tuple[int, Watch, Links, tuple[Array, Array] | None]]:
-        """Watches of pairs of agents: number, watch, pairs checked, headings and cosines of views."""
+    def watched(self) -> Iterator[tuple[int, Watch, Links, ViewGuard | None]]:
+        """Watches of pairs of agents: number, watch, pairs checked, and how agents look."""
         for number, watch in enumerate(self.watches[: self.first_level]):
             active = self.links[watch.graph] if watch.kind == "kink" else self._allowed[watch.graph]
             yield number, watch, active, self._views[watch.graph]
@@ -311,7 +312,7 @@ class LinkState:
         for number, watch, active, view in self.watched():
             directed, slack = self.graphs[watch.graph].directed, slack_of(watch, size)
             if view is not None and watch.kind == "link":
-                when, which = view_crossings(B, far, self.near[number], *view, watch.leave, slack)
+                when, which = view.crossings(segment, motion, self.near[number], watch.leave, slack)
                 if len(when):
                     found.append((number, when, which))
                 continue

@@ -1,14 +1,19 @@
-"""Crossings of fields of view on one step of degree 7: distance and bearing at once.
+"""Crossings of fields of view along constant headings on one step of degree 7: distance and bearing at once.
 
-See `flocking.engine.imperfect.view_switches` for the polynomials.
+See `flocking.engine.imperfect.view_switches` for the polynomials, and
+`flocking.engine.exact.crossings.turning_view_guards` for headings that turn with the bodies.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.segment import Motion, Segment
 from flocking.engine.exact.crossings.guards import _PRODUCT, places_and_pairs, squared_distance
 from flocking.engine.exact.crossings.switch_numbers import DIFFERENCED
 from flocking.engine.imperfect.view_switches import view_change
@@ -16,6 +21,127 @@ from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, part_fro
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
+
+
+class Bearing(NamedTuple):
+    """How an agent stands to the border of a field of view, where g = d.h - c |d| is zero.
+
+    Parameters
+    ----------
+    inside
+        The value of g: how far it is inside.
+    steep
+        Size of the gradient of g in positions.
+    rate, bend
+        First and second derivative of g in time.
+    off
+        Difference of g by the error of the solution.
+    """
+
+    inside: float
+    steep: float
+    rate: float
+    bend: float
+    off: float
+
+
+class ViewGuard(Protocol):
+    """How agents look under one graph along a solution."""
+
+    def crossings(
+        self, segment: Segment, motion: Motion, near: Links, radii: Array, slack: float
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """First change of every ordered pair on a step.
+
+        Parameters
+        ----------
+        segment, motion
+            The step, and the motion of the agents on it.
+        near, radii, slack
+            As for `view_crossings`.
+
+        Returns
+        -------
+        tuple
+            Places in [0, 1], shape (k,), and ordered pairs, shape (k, 2).
+        """
+
+    def place(
+        self, segment: Segment, B: Array, pair: tuple[int, int], radius: float, near: bool, slack: float, after: float
+    ) -> float:
+        """First place after ``after`` at which another agent comes into view or leaves it, or `NEVER`.
+
+        Parameters
+        ----------
+        segment, B
+            The step, and the Bernstein coefficients of the positions on it, shape (8, N, m).
+        pair
+            The agent that looks, and the other one.
+        radius, near, slack
+            As for `view_place`.
+        """
+
+    def bearing(self, segment: Segment, pair: tuple[int, int], apart: Array, e: Array, errors: Array) -> Bearing:
+        """How an agent stands to the border of the view of another one at the end of a step.
+
+        Parameters
+        ----------
+        segment, pair
+            The step, the agent that looks, and the other one.
+        apart
+            Bernstein coefficients of the difference of their positions, shape (8, m).
+        e
+            Difference of the errors of their positions, shape (m,).
+        errors
+            Error of the state vector, shape (size,).
+        """
+
+    def heading_error(self, of_column: Callable[[int, int, int], float], agents: Iterable[int]) -> float:
+        """Largest error of the headings of some ``agents``: a vector's length.
+
+        Parameters
+        ----------
+        of_column
+            Bound on the error of a column, from its first place in state vectors, its width and an agent.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantView(ViewGuard):
+    """Fields of view along constant headings.
+
+    Parameters
+    ----------
+    directions
+        Unit vectors, shape (N, m).
+    cosines
+        Cosine of the half angle of each agent, shape (N,).
+    """
+
+    directions: Array
+    cosines: Array
+
+    def crossings(
+        self, segment: Segment, motion: Motion, near: Links, radii: Array, slack: float
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """As `ViewGuard.crossings`."""
+        return view_crossings(motion.positions, motion.far, near, self.directions, self.cosines, radii, slack)
+
+    def place(
+        self, segment: Segment, B: Array, pair: tuple[int, int], radius: float, near: bool, slack: float, after: float
+    ) -> float:
+        """As `ViewGuard.place`."""
+        i, j = pair
+        return float(view_place(B, i, j, self.directions[i], self.cosines[i], radius, near, slack, after))
+
+    def bearing(self, segment: Segment, pair: tuple[int, int], apart: Array, e: Array, errors: Array) -> Bearing:
+        """As `ViewGuard.bearing`."""
+        i = pair[0]
+        return bearing_motion(apart, segment.t0, segment.t1, e, self.directions[i], float(self.cosines[i]))
+
+    def heading_error(self, of_column: Callable[[int, int, int], float], agents: Iterable[int]) -> float:
+        """None: the headings are given."""
+        return 0.0
 
 
 def _polynomials(B: Array, i: int, j: int, heading: Array, c: float, out: Array) -> None:
@@ -86,11 +212,8 @@ def view_place(
     return float(after + x * (1.0 - after) if x <= 1.0 else NEVER)
 
 
-def bearing_motion(
-    apart: Array, begin: float, end: float, e: Array, heading: Array, cosine: float
-) -> tuple[float, float, float, float, float]:
-    """Of two agents at the end of a step: how far the second is inside the border of the view, g = d.h - c |d|, the
-    size of the gradient of g, its rate and second derivative, and its difference by an error.
+def bearing_motion(apart: Array, begin: float, end: float, e: Array, heading: Array, cosine: float) -> Bearing:
+    """How an agent stands to the border of a view along a constant heading at the end of a step.
 
     Parameters
     ----------
@@ -112,7 +235,7 @@ def bearing_motion(
         rates.append(float(gradient @ v))
     inside = float(d @ heading) - cosine * float(np.linalg.norm(d))
     bend = (rates[1] - rates[0]) / (DIFFERENCED * (end - begin))
-    return inside, float(np.linalg.norm(gradient)), rates[1], bend, float(gradient @ e)
+    return Bearing(inside, float(np.linalg.norm(gradient)), rates[1], bend, float(gradient @ e))
 
 
 @native

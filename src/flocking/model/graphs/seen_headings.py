@@ -1,0 +1,83 @@
+"""The headings that a graph uses: constant ones of the agents, or a column of a state that turns with the bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.views import HeadingGraph
+from flocking.model.space import Space
+
+
+class Placed(Protocol):
+    """What is read of a state."""
+
+    @property
+    def q(self) -> Array:
+        """Positions, shape (N, m)."""
+
+    @property
+    def columns(self) -> Mapping[str, Array]:
+        """Further columns by name, shape (N, width) each."""
+
+
+def heading_column(graph: Graph) -> str:
+    """Name of the column of the bodies that a graph uses; empty where it uses none."""
+    return graph.heading_column if isinstance(graph, HeadingGraph) else ""
+
+
+def seen_headings(graph: Graph, headings: Array | None, columns: Mapping[str, Array]) -> Array | None:
+    """Headings that ``graph`` reads at a state.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    headings
+        Constant headings of the agents, as in `Agents`.
+    columns
+        Further columns of the state, by name.
+
+    Returns
+    -------
+    Array or None
+        The column that the graph names, unit vectors of shape (N, m); else ``headings``.
+
+    Raises
+    ------
+    InvalidInput
+        If the state lacks that column.
+    """
+    name = heading_column(graph)
+    if not name:
+        return headings
+    if name not in columns:
+        raise InvalidInput(
+            type(graph).__name__, "heading_column", f"must be a column of the state, which has: "
+            f"{', '.join(columns) or 'none'}", name, "Give the state its columns, or take the state of a run.",
+        )  # fmt: skip
+    return columns[name]
+
+
+def links_at_state(graph: Graph, space: Space, state: Placed, headings: Array | None) -> Links:
+    """Links of ``graph`` by its initial rule at a state, shape (N, N).
+
+    Parameters
+    ----------
+    graph, space
+        The graph, and the space of the agents.
+    state
+        Their positions, and the columns that turn with them.
+    headings
+        Constant headings of the agents, as in `Agents`.
+
+    Raises
+    ------
+    InvalidInput
+        If the state lacks a column that the graph uses, or the graph does not support the space.
+    """
+    return graph.links_in(space, state.q, seen_headings(graph, headings, state.columns))
