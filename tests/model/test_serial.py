@@ -17,8 +17,9 @@ import flocking as fk
 import flocking.model
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.smooth_cones import HeadingWeights, SmoothCone
 from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
-from flocking.model.graphs.views import Cone, FieldOfView, HeadingWeights, SmoothCone
+from flocking.model.graphs.views import Cone, FieldOfView
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Wall

@@ -334,7 +334,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
         for term in self.law.pair_terms:
             if groups and isinstance(term, Gradient) and not np.isfinite(term.potential.at_contact):
                 graph = term.over or self.law.graph
-                headings = seen_headings(graph, self.agents.headings, self.start.columns)
+                headings = seen_headings(graph, self.agents.headings, self.start)
                 pair = linked_pair(graph, groups, self.start.q, headings)
                 if pair is not None:
                     raise InvalidInput(

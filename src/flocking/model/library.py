@@ -21,11 +21,11 @@ from flocking.model.graphs.distance_graphs import Fixed as Fixed
 from flocking.model.graphs.distance_graphs import Graph as Graph
 from flocking.model.graphs.distance_graphs import Hysteresis as Hysteresis
 from flocking.model.graphs.distance_graphs import Proximity as Proximity
+from flocking.model.graphs.smooth_cones import SmoothCone as SmoothCone
 from flocking.model.graphs.smooth_graphs import PerAgentRadii as PerAgentRadii
 from flocking.model.graphs.smooth_graphs import Smooth as Smooth
 from flocking.model.graphs.views import Cone as Cone
 from flocking.model.graphs.views import FieldOfView as FieldOfView
-from flocking.model.graphs.views import SmoothCone as SmoothCone
 from flocking.model.graphs.weights import HashedWeights as HashedWeights
 from flocking.model.graphs.weights import MatrixWeights as MatrixWeights
 from flocking.model.law import Law as Law

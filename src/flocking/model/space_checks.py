@@ -11,6 +11,7 @@ from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.seen_headings import heading_column
+from flocking.model.graphs.views import VELOCITY
 from flocking.model.space import Space
 from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
@@ -70,16 +71,23 @@ def check_views(graphs: Iterable[Graph], bodies: Body, start: State) -> None:
     Raises
     ------
     InvalidInput
-        When a graph names a column that is no direction of the bodies, or that is no unit vector for each agent.
+        When a graph names a column that is no direction of the bodies, that is no unit vector for each agent, or the
+        velocity of bodies that have none.
     """
     for graph in graphs:
         name, owner = heading_column(graph), type(graph).__name__
-        if not name:
+        if name == VELOCITY and bodies.order == 1:
+            raise InvalidInput(
+                owner, "heading_column", f"must not be the velocity of {type(bodies).__name__}, which has none", name,
+                "Give bodies of order 2, such as PointMass.",
+            )  # fmt: skip
+        if name in ("", VELOCITY):
             continue
         if name not in bodies.directions:
             known = ", ".join(bodies.directions) or "none"
             raise InvalidInput(
-                owner, "heading_column", f"must be a direction of {type(bodies).__name__}, which are: {known}", name,
+                owner, "heading_column",
+                f"must be {VELOCITY!r} or a direction of {type(bodies).__name__}, which are: {known}", name,
                 "Leave it out for agents with constant headings, or give bodies that turn, such as Unicycle.",
             )  # fmt: skip
         lengths = np.linalg.norm(start.columns[name], axis=1)

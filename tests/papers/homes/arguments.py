@@ -10,8 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from flocking.errors import InvalidInput
 from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
+from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
-from flocking.model.graphs.views import Cone, SmoothCone
+from flocking.model.graphs.views import Cone
 from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.leaders_and_obstacles.obstacles import Ball
 from flocking.model.potentials.potential import Potential
@@ -126,7 +127,7 @@ CHECKS: dict[str, Callable[[], None]] = {
     f"{MODEL}.graphs.smooth_graphs.Smooth": smooth,
     f"{MODEL}.graphs.smooth_graphs.PerAgentRadii": per_agent_radii,
     f"{MODEL}.graphs.views.Cone": cone,
-    f"{MODEL}.graphs.views.SmoothCone": smooth_cone,
+    f"{MODEL}.graphs.smooth_cones.SmoothCone": smooth_cone,
     f"{MODEL}.terms.pair_terms.Gradient": gradient,
     f"{MODEL}.terms.pair_terms.Consensus": consensus,
     f"{MODEL}.terms.body_terms.Track": track,

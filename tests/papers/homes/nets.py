@@ -13,8 +13,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from flocking.errors import InvalidInput
 from flocking.model.graphs.connectivity import is_connected
 from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
+from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
-from flocking.model.graphs.views import Cone, SmoothCone, heading_gaps
+from flocking.model.graphs.views import Cone, heading_gaps
 from flocking.model.observables import density, flocks
 from flocking.model.potentials.bumps import BUMPS
 from flocking.papers.olfati_saber_2003 import conformations
@@ -355,7 +356,7 @@ HOMES = {
     f"{MODEL}.graphs.distance_graphs.Hysteresis": hysteresis,
     f"{MODEL}.graphs.distance_graphs.Fixed": fixed,
     f"{MODEL}.graphs.views.Cone": cone,
-    f"{MODEL}.graphs.views.SmoothCone": smooth_cone,
+    f"{MODEL}.graphs.smooth_cones.SmoothCone": smooth_cone,
     f"{MODEL}.graphs.views.heading_gaps": views,
     f"{MODEL}.observables.density": flock_members,
     f"{MODEL}.observables.flocks": flock_members,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NotRequired, TypedDict, cast
 
 import numpy as np
@@ -90,8 +91,8 @@ def check_exact(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenari
     acting.check_count(*scenario.start.q.shape)
     origin = _ORIGIN(scenario.start.dimension).check(numbers.get("origin"), "origin")
     base = float(Real().check(origin[0], "origin[0]"))
-    start, bodies = scenario.start, scenario.agents
-    links = LinkState(acting, start.q, bodies=bodies, base=base, space=scenario.space, columns=start.columns)
+    start = replace(scenario.start, t=0.0, links=None)
+    links = LinkState(acting, start, scenario.agents, base, scenario.space)
     _numbers(scenario, links).check(numbers, "")
     # Every entry has been looked at.
     checked = cast(ExactNumbers, _tuples(numbers))

@@ -360,17 +360,17 @@ class StateError:
         return SAFETY * float(largest_difference(self.nodes, 0, i, j, self.m)) + 2 * self.q_floor
 
     def column(self, first: int, width: int, i: int) -> float:
-        """Bound on the error of a further column of an agent whose numbers are of size 1, such as a direction.
+        """Bound on the error of integration in the numbers of an agent, such as a direction or a velocity.
 
         Parameters
         ----------
         first, width
-            Where the column begins in state vectors, and how many numbers each agent has.
+            Where they begin in state vectors, and how many each agent has.
         i
             The agent.
         """
         rows = np.ascontiguousarray(self.nodes[:, first : first + self.n * width])
-        return SAFETY * float(agent_difference(rows, i, width)) + ROUNDING
+        return SAFETY * float(agent_difference(rows, i, width))
 
     def pair_velocity(self, i: int, j: int, velocities: Array) -> float:
         """Bound on the error of the relative velocity of two agents, from ``velocities``.

@@ -44,10 +44,10 @@ def unresolved(time: float, agents: tuple[int, ...], gap: float, *, at_break: bo
 
 
 def sliding(time: float, agents: tuple[int, ...]) -> Chattering:
-    """The error for ``agents`` that do not leave a distance that they cross at ``time``."""
+    """The error for ``agents`` that do not leave a distance, or border of a view, that they cross at ``time``."""
     return Chattering(
-        "A pair crosses the same distance to and fro and does not leave it (a Filippov sliding mode). "
-        "Use Hysteresis with a gap, or a potential that vanishes smoothly at the radius.",
+        "A pair crosses the same distance, or border of a field of view, to and fro and does not leave it (a Filippov "
+        "sliding mode). Use Hysteresis with a gap, or a force that vanishes smoothly at the radius.",
         time=time, agents=agents,
     )  # fmt: skip
 

@@ -125,8 +125,7 @@ def replacement(
     else:
         origin = origin_of(scenario, plant, new, origin.time)
         begin = origin.inwards(new)
-    about = scenario.agents, origin.time, scenario.space, begin.columns
-    fresh = LinkState(acting, begin.q, new.links, own, *about)
+    fresh = LinkState(acting, replace(begin, t=own, links=new.links), scenario.agents, origin.time, scenario.space)
     if state is None and acting.graphs == links.graphs:
         for matrix, known in zip(fresh.links, links.links, strict=True):
             matrix[:] = known

@@ -76,8 +76,7 @@ class ExactSession(AdaptiveSession):
         self._prepare(start.n, start.dimension)
         self._tail = np.zeros(self._dynamics.departs + LEDGER)
         own = self._origin.inwards(start)
-        about = own.links, own.t, scenario.agents, self._origin.time, scenario.space, own.columns
-        self._begin(own, LinkState(plant or scenario.law, own.q, *about))
+        self._begin(own, LinkState(plant or scenario.law, own, scenario.agents, self._origin.time, scenario.space))
         self._record_frames(own.t)
         self._record_trace()
 
@@ -334,9 +333,10 @@ class ExactSession(AdaptiveSession):
         session._prepare(scenario.start.n, scenario.start.dimension)
         session._centres.recall(snapshot.centres)
         y = snapshot.segment.coefficients[0]
-        q, _, session._tail = (np.array(x) for x in session._dynamics.split(y))
-        about = None, snapshot.segment.t0, scenario.agents, session._origin.time, scenario.space
-        session._links = LinkState(session._dynamics.layout.law, q, *about, session._dynamics.further(y))
+        q, p, session._tail = (np.array(x) for x in session._dynamics.split(y))
+        begin = State(q, p, snapshot.segment.t0, columns=session._dynamics.further(y))
+        about = scenario.agents, session._origin.time, scenario.space
+        session._links = LinkState(session._dynamics.layout.law, begin, *about)
         session._dynamics.repack(snapshot.segment.t1)
         session._dynamics.recall_limits(snapshot.limits)
         session._links.recall(snapshot.links)

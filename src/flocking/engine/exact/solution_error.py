@@ -297,7 +297,7 @@ class SolutionError:
         else:
             bound, view = error.pair(i, j), links.view_of(crossing.watch)
             drift = error.pair_velocity(i, j, self._velocities(segment))
-            turned = 0.0 if view is None else view.heading_error(error.column, (i,))
+            turned = 0.0 if view is None else view.heading_error(segment, error.column, (i,))
             most = bound + float(watch.leave[i]) * turned if turned else bound
             self._settle(self._doubts.cross(crossing, k, segment.t1, links, most), segment, links)
             radial = _radial(segment, i, j, *self._sizes, links.space, self.difference.nodes[-1])

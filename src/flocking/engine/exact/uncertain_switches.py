@@ -92,18 +92,18 @@ class Settled:
     row: DoubtRow
 
 
-def view_bound(links: LinkState, number: int, i: int, j: int, error: StateError) -> float:
+def view_bound(segment: Segment, links: LinkState, number: int, i: int, j: int, error: StateError) -> float:
     """Error of how far agent ``j`` is inside the field of view of agent ``i``, in units of distance.
 
     Parameters
     ----------
-    links, number
-        Links on the step, and the number of the watch.
+    segment, links, number
+        The step, links on it, and the number of the watch.
     error
         Errors on it.
     """
     watch, view = links.watches[number], links.view_of(number)
-    turned = 0.0 if view is None else view.heading_error(error.column, (i,))
+    turned = 0.0 if view is None else view.heading_error(segment, error.column, (i,))
     own = error.pair(i, j) + slack_of(watch, error.q_floor / ROUNDING)
     return own + (float(watch.leave[i]) * turned if turned else 0.0)
 
@@ -142,9 +142,9 @@ class Doubts:
             floor = near_miss_floor(slack_of(watch, 0.0), error.q_floor)
             directed = links.graphs[watch.graph].directed
             if view is not None and watch.kind == "link":
-                slack = -(most + floor + float(watch.leave.max()) * view.heading_error(error.column, range(n)))
+                slack = -(most + floor + float(watch.leave.max()) * view.heading_error(segment, error.column, range(n)))
                 for i, j in view.crossings(segment, motion, links.near[number], watch.leave, slack)[1].tolist():
-                    bound = view_bound(links, number, i, j, error)
+                    bound = view_bound(segment, links, number, i, j, error)
                     look = segment, B, (i, j), float(watch.leave[i]), bool(links.near[number][i, j])
                     if (x := view.place(*look, -bound, 0.0)) <= 1.0:
                         found[number, i, j] = (x, 0.0, bound, True)
@@ -195,7 +195,7 @@ class Doubts:
             view = links.view_of(number)
             if view is not None:
                 # Links of fields of view change by bearing, too: it has left when it is seen, or not, by the error.
-                bound = view_bound(links, number, i, j, error)
+                bound = view_bound(segment, links, number, i, j, error)
                 look = segment, B, (i, j), float(links.watches[number].leave[i])
                 x, back = (view.place(*look, seen, bound, 0.0) for seen in (fresh.outward, not fresh.outward))
             elif obstacles is not None and number >= links.first_level:

@@ -9,7 +9,8 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.pair_polynomials import Paths
 from flocking.engine.imperfect.pair_switches import pair_events
-from flocking.model.graphs.views import Cone, SmoothCone
+from flocking.model.graphs.smooth_cones import SmoothCone
+from flocking.model.graphs.views import Cone
 
 
 class ConeView(NamedTuple):

@@ -7,7 +7,8 @@ from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.graphs.seen_headings import heading_column
-from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
+from flocking.model.graphs.smooth_cones import SmoothCone
+from flocking.model.graphs.views import Cone, FieldOfView
 from flocking.model.law import Law, Scenario
 
 VIEWS = (FieldOfView, Cone, SmoothCone)

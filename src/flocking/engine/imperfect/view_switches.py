@@ -26,7 +26,8 @@ from flocking.engine.imperfect.pair_switches import TwoPaths
 from flocking.engine.kernels.bernstein import all_rows, first_all_above, part_from
 from flocking.formula.native.functions import native_apart
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
+from flocking.model.graphs.smooth_cones import SmoothCone
+from flocking.model.graphs.views import Cone, FieldOfView
 
 CONES = (Cone, SmoothCone)
 """Graphs whose links are those of a radius between agents whose headings differ little enough."""

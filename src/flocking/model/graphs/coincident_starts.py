@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from flocking.model.checks import Array
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
+from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
-from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone, heading_gaps
+from flocking.model.graphs.views import Cone, FieldOfView, heading_gaps
 
 Indices = NDArray[np.int64]
 

@@ -1,4 +1,4 @@
-"""The headings that a graph uses: constant ones of the agents, or a column of a state that turns with the bodies."""
+"""The headings that a graph uses: constant ones of the agents, a direction that turns with them, or velocities."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.views import HeadingGraph
+from flocking.model.graphs.views import VELOCITY, HeadingGraph
 from flocking.model.space import Space
 
 
@@ -21,17 +21,21 @@ class Placed(Protocol):
         """Positions, shape (N, m)."""
 
     @property
+    def p(self) -> Array:
+        """Velocities, shape (N, m)."""
+
+    @property
     def columns(self) -> Mapping[str, Array]:
         """Further columns by name, shape (N, width) each."""
 
 
 def heading_column(graph: Graph) -> str:
-    """Name of the column of the bodies that a graph uses; empty where it uses none."""
+    """Name of the column of the bodies, or of the velocities, that a graph uses; empty where it uses none."""
     return graph.heading_column if isinstance(graph, HeadingGraph) else ""
 
 
-def seen_headings(graph: Graph, headings: Array | None, columns: Mapping[str, Array]) -> Array | None:
-    """Headings that ``graph`` reads at a state.
+def seen_headings(graph: Graph, headings: Array | None, state: Placed) -> Array | None:
+    """Headings that ``graph`` uses at a state.
 
     Parameters
     ----------
@@ -39,13 +43,13 @@ def seen_headings(graph: Graph, headings: Array | None, columns: Mapping[str, Ar
         The graph.
     headings
         Constant headings of the agents, as in `Agents`.
-    columns
-        Further columns of the state, by name.
+    state
+        Their velocities, and the columns that turn with them.
 
     Returns
     -------
     Array or None
-        The column that the graph names, unit vectors of shape (N, m); else ``headings``.
+        The column that the graph names, unit vectors of shape (N, m), or the velocities; else ``headings``.
 
     Raises
     ------
@@ -55,6 +59,9 @@ def seen_headings(graph: Graph, headings: Array | None, columns: Mapping[str, Ar
     name = heading_column(graph)
     if not name:
         return headings
+    if name == VELOCITY:
+        return state.p
+    columns = state.columns
     if name not in columns:
         raise InvalidInput(
             type(graph).__name__, "heading_column", f"must be a column of the state, which has: "
@@ -71,7 +78,7 @@ def links_at_state(graph: Graph, space: Space, state: Placed, headings: Array | 
     graph, space
         The graph, and the space of the agents.
     state
-        Their positions, and the columns that turn with them.
+        Their positions and velocities, and the columns that turn with them.
     headings
         Constant headings of the agents, as in `Agents`.
 
@@ -80,4 +87,4 @@ def links_at_state(graph: Graph, space: Space, state: Placed, headings: Array | 
     InvalidInput
         If the state lacks a column that the graph uses, or the graph does not support the space.
     """
-    return graph.links_in(space, state.q, seen_headings(graph, headings, state.columns))
+    return graph.links_in(space, state.q, seen_headings(graph, headings, state))

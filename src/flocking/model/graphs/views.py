@@ -1,29 +1,28 @@
-"""Neighbourhoods that depend on headings: cones (Olfati-Saber (4)-(6), (18)) and fields of view (Fig. 1(b))."""
+"""Neighbourhoods that depend on headings: cones (Olfati-Saber (4)-(6)) and fields of view (Fig. 1(b))."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, check_each, number, one_of, scalar_or_each
+from flocking.model.checks import Array, check_each, one_of, scalar_or_each
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph, OneRadius, pair_distances
-from flocking.model.graphs.weights import PairWeights
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
-from flocking.model.potentials.bumps import Bump, bump_named
 from flocking.model.space import OPEN, Space
 
 if TYPE_CHECKING:
-    import sympy
     from numpy.typing import ArrayLike
 
 MEASURES = ("real", "wrapped", "rotation")
+VELOCITY = "p"
+"""Names the velocity, which is no further column of a body, as that along which agents look."""
+
 ORTHOGONAL = 1e-9
 """Largest deviation of a rotation matrix from orthogonality, above the rounding of products of rotations."""
 ALL_AROUND = -2.0
@@ -36,7 +35,8 @@ class HeadingGraph(Graph):
 
     sees_headings = True
     heading_column: str = ""
-    """Name of the column of the bodies that holds the headings, unit vectors; empty for the constant ones."""
+    """Name of the column of the bodies that holds the headings, unit vectors, or ``"p"`` for the velocities; empty for
+    the constant ones."""
 
     @property
     def symmetries(self) -> frozenset[str]:
@@ -186,128 +186,6 @@ class Cone(HeadingGraph, OneRadius):
             check_each("Cone", name, getattr(self, name), n)
 
 
-@register_part()
-@dataclass(frozen=True)
-class HeadingWeights(PairWeights):
-    """The factor rho(|theta_j - theta_i|/phi_0) of a smooth cone, a number per pair.
-
-    Parameters
-    ----------
-    opening, onset
-        phi_0 and k0.
-    bump
-        The bump function.
-    measure
-        How headings are compared.
-    """
-
-    opening: float
-    onset: float
-    bump: Bump
-    measure: Annotated[str, values.choice(*MEASURES)]
-    symmetric = True
-
-    def matrix(self, n: int) -> Array:
-        """Not defined without headings.
-
-        Raises
-        ------
-        InvalidInput
-            Always.
-        """
-        return self.of(None, n)
-
-    def of(self, headings: Array | None, n: int) -> Array:
-        """The factors for given headings, shape (n, n).
-
-        Raises
-        ------
-        InvalidInput
-            If there are no headings.
-        """
-        if headings is None:
-            raise InvalidInput("SmoothCone", "headings", "must be given", None, "Give agents=Agents(headings=...).")
-        return self.bump(heading_gaps(np.asarray(headings), self.measure) / self.opening, self.onset)
-
-
-@register_part("smooth_cone")
-@dataclass(frozen=True)
-class SmoothCone(HeadingGraph, OneRadius):
-    """Links of weight rho(r/R) rho(|theta_j - theta_i|/phi_0) (Olfati-Saber (18)).
-
-    Parameters
-    ----------
-    radius
-        R, where the weight vanishes.
-    onset
-        k0 of both factors, in (0, 1).
-    opening
-        phi_0, the difference of headings at which the weight vanishes; positive.
-    bump
-        ``"cosine"``, ``"quintic"`` or ``"infinite"``, or a `Bump`.
-    measure
-        How headings are compared; see `heading_gaps`.
-
-    Raises
-    ------
-    InvalidInput
-        If a value is out of range.
-    """
-
-    radius: float
-    onset: float
-    opening: float
-    bump: str | Bump = "cosine"
-    measure: Annotated[str, values.choice(*MEASURES)] = "real"
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", number("SmoothCone", "radius", self.radius, above=0.0))
-        object.__setattr__(self, "onset", number("SmoothCone", "onset", self.onset, above=0.0, below=1.0))
-        object.__setattr__(self, "opening", number("SmoothCone", "opening", self.opening, above=0.0))
-        bump_named("SmoothCone", self.bump)
-        one_of("SmoothCone", "measure", self.measure, MEASURES)
-
-    @property
-    def symmetries(self) -> frozenset[str]:
-        """Rotation too, for headings are compared with headings."""
-        return super().symmetries | {"rotation"}
-
-    @property
-    def view(self) -> HeadingWeights:
-        """The factor of the headings."""
-        return HeadingWeights(self.opening, self.onset, bump_named("SmoothCone", self.bump), self.measure)
-
-    def allowed(self, headings: Array | None) -> Links:
-        """Pairs whose headings differ by less than phi_0, shape (N, N)."""
-        n = 0 if headings is None else len(headings)
-        result = heading_gaps(self._headings(headings, max(n, 1)), self.measure) < self.opening
-        np.fill_diagonal(result, False)
-        return np.asarray(result)
-
-    def start_links(self, q: Array, headings: Array | None = None) -> Links:
-        """Links of positions ``q`` and ``headings``."""
-        return np.asarray((pair_distances(q) < self.radius) & self.allowed(self._headings(headings, len(q))))
-
-    def weight(self, r: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> sympy.Expr:
-        """The bump of r/R, times the factor of the headings."""
-        shape = bump_named("SmoothCone", self.bump)
-        return shape.expression(r / parameter("radius"), parameter("onset")) * parameter("view")
-
-    @property
-    def parameters(self) -> dict[str, float | PairWeights]:
-        """Radius, onset and the factor of the headings."""
-        return {"radius": self.radius, "onset": self.onset, "view": self.view}
-
-    @property
-    def structure(self) -> tuple[object, ...]:
-        """The formula of the bump."""
-        return ("smooth cone", bump_named("SmoothCone", self.bump).structure)
-
-    def kinks(self) -> tuple[float, ...]:
-        """k0 R, where the weight begins to fall."""
-        return (self.onset * self.radius,)
-
-
 def view_cosines(half_angle: ArrayLike) -> Array:
     """Cosines of half angles as fields of view compare them, `ALL_AROUND` for pi; shape of ``half_angle``."""
     found = np.cos(np.asarray(half_angle, dtype=np.float64))
@@ -327,7 +205,8 @@ class FieldOfView(HeadingGraph, OneRadius):
         Largest angle between x_j - x_i and the heading of i, in (0, pi], for all or per sensing agent.
     heading_column
         Name of the direction of the bodies along which agents look, which turns with them, such as ``"heading"`` of
-        a `Unicycle`; when empty they look along the constant ``headings`` of the agents.
+        a `Unicycle`, or ``"p"`` for their velocity, in which an agent at rest looks all around; when empty they look
+        along the constant ``headings`` of the agents.
 
     Raises
     ------
@@ -359,17 +238,23 @@ class FieldOfView(HeadingGraph, OneRadius):
     def symmetries(self) -> frozenset[str]:
         """Rotation only with a view all around, relabelling only with one half angle.
 
-        Bodies turn otherwise for an observer who moves: a view that turns with them keeps no Galilean shift.
+        Velocities are turned along with positions. Bodies and velocities have other directions for an observer who
+        moves: a view that turns with them keeps no Galilean shift.
         """
         around = bool(np.all(np.asarray(self.half_angle) == np.pi))
         lost = {"relabelling"} if np.ndim(self.half_angle) else set()
         lost |= {"galilean"} if self.heading_column and not around else set()
-        return (super().symmetries | ({"rotation"} if around else set())) - lost
+        return (super().symmetries | ({"rotation"} if around or self.along_velocity else set())) - lost
+
+    @property
+    def along_velocity(self) -> bool:
+        """Whether agents look along their velocities."""
+        return self.heading_column == VELOCITY
 
     def directions(self, headings: Array | None) -> Array:
         """Unit vectors of the headings, shape (N, m): (cos, sin) of angles, the first column of rotation matrices.
 
-        Unit vectors, shape (N, m), as columns of bodies hold them, are taken as they are.
+        Vectors, shape (N, m), as columns of states hold them, are taken as they are.
 
         Raises
         ------
@@ -395,9 +280,14 @@ class FieldOfView(HeadingGraph, OneRadius):
                 "Give angles in the plane and rotation matrices elsewhere.",
             )  # fmt: skip
         distance = pair_distances(q)
+        if self.along_velocity:
+            speed = np.linalg.norm(direction, axis=1, keepdims=True)
+            direction = np.divide(direction, speed, out=np.zeros_like(direction), where=speed > 0.0)
         forward = np.einsum("ijk,ik->ij", q[None] - q[:, None], direction)
         reach = np.reshape(np.asarray(self.radius), (-1, 1))
         seen = forward >= self.cosines(len(q))[:, None] * np.where(np.isfinite(distance), distance, 0.0)
+        if self.along_velocity:
+            seen = seen | ~np.asarray(direction).any(axis=1, keepdims=True)
         return np.asarray((distance <= reach) & seen)
 
     def check_count(self, n: int) -> None:

@@ -8,8 +8,9 @@ from flocking.engine.driver.simulate import simulate
 from flocking.engine.reference.control import control
 from flocking.model.checks import Array
 from flocking.model.graphs.distance_graphs import Graph, Proximity, pair_distances
+from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.smooth_graphs import Smooth
-from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
+from flocking.model.graphs.views import Cone, FieldOfView
 from flocking.model.law import Law
 from flocking.model.potentials.bumps import BUMPS
 from flocking.model.potentials.structural_potential import structural_potential

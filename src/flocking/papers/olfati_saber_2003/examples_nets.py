@@ -11,8 +11,9 @@ from flocking.engine.reference.control import evaluate
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Proximity
+from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
-from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
+from flocking.model.graphs.views import Cone, FieldOfView
 from flocking.model.potentials.bumps import BUMPS
 from flocking.model.state import Agents, State
 from flocking.papers.olfati_saber_2003 import conformations as shapes

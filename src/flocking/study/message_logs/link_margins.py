@@ -8,7 +8,8 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone, view_cosines
+from flocking.model.graphs.smooth_cones import SmoothCone
+from flocking.model.graphs.views import Cone, FieldOfView, view_cosines
 
 SAME_HEADING = 1e-12
 """Differences of headings this close to the opening of a cone are decided by rounding, some units of 2.2e-16."""

@@ -241,7 +241,7 @@ def test_whoever_holds_headings_constant_refuses_them_by_name() -> None:
 def test_views_along_what_bodies_do_not_have_are_refused() -> None:
     law = fk.Law(fk.FieldOfView(1.0, 1.0, "heading"), [fk.Consensus(1.0)])
     start = fk.State([[0.0, 0.0], [0.5, 0.0]], np.zeros((2, 2)))
-    with pytest.raises(InvalidInput, match=r"FieldOfView: heading_column must be a direction of Agents"):
+    with pytest.raises(InvalidInput, match=r"FieldOfView: heading_column must be 'p' or a direction of Agents"):
         fk.Scenario(law, start, 1.0)
     mixed = fk.Mixture((fk.PointMass(), fk.Unicycle(0.2)), [0, 1])
     with pytest.raises(InvalidInput, match=r"unit vector in 2 dimensions for each agent.*of agent 0"):

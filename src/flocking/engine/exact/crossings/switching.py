@@ -28,6 +28,7 @@ from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.mutual_links import check_mutual
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
+from flocking.model.state import State
 
 SLIDE = 1e-6
 """A pair that crosses back after moving less than this fraction of the distance has not left it."""
@@ -73,34 +74,31 @@ class LinkState:
 
     Parameters
     ----------
-    links
-        Link memory of the law's own graph; its initial rule decides when absent.
+    state
+        Where the agents are, in the session's own time, with the link memory of the law's own graph; its initial rule
+        decides when absent.
     bodies
         What the agents are, if a graph uses their headings.
     base
         The time at which the session's own time, the time of all functions here, is 0.
     space
         Space of the agents.
-    columns
-        Further columns of the state at which agents are, by name.
     """
 
     def __init__(
         self,
         law: Law,
-        q: Array,
-        links: Links | None = None,
-        t: float = 0.0,
+        state: State,
         bodies: Body | None = None,
         base: float = 0.0,
         space: Space = OPEN,
-        columns: Mapping[str, Array] | None = None,
     ) -> None:
         self.base = base
         self.space = space
         self._law = law
         self.graphs: tuple[Graph, ...] = law.graphs
-        self.links: list[Links] = links_of_graphs(self.graphs, space, q, bodies, columns)
+        q, t, links = state.q, state.t, state.links
+        self.links: list[Links] = links_of_graphs(self.graphs, space, state, bodies)
         if links is not None:
             self.links[0] = np.array(links)
         for graph, given in zip(self.graphs, self.links, strict=True):

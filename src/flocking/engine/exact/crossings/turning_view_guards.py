@@ -1,7 +1,8 @@
-"""Crossings of fields of view whose headings turn with the bodies, on one step: all columns are of degree 7.
+"""Crossings of fields of view whose headings turn with the agents, on one step: all columns are of degree 7.
 
 As `flocking.engine.exact.crossings.view_guards`, with a heading h that is a polynomial, too: L = d.h has degree 14, and
-Q = L^2 - c^2 |d|^2 degree 28. The other polynomials are raised to that degree.
+Q = L^2 - c^2 |d|^2 |h|^2 degree 28, where a column of the bodies has |h| = 1. The other polynomials are raised to that
+degree. Velocities are scaled by a bound on their size on the step.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.adaptive_steps.segment import Motion, Segment
+from flocking.engine.adaptive_steps.segment import ROUNDING, Motion, Segment
 from flocking.engine.exact.crossings.guards import _PRODUCT, places_and_pairs, squared_distance
 from flocking.engine.exact.crossings.switch_numbers import DIFFERENCED
 from flocking.engine.exact.crossings.view_guards import Bearing, ViewGuard
@@ -22,6 +23,7 @@ from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, part_fro
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.views import ALL_AROUND
 
 SQUARE = 15
 """Coefficients of a product of two polynomials of degree 7."""
@@ -34,7 +36,7 @@ _RAISED = np.array([[comb(14, a) * comb(14, b) / comb(28, a + b) for b in range(
 
 @dataclass(frozen=True, eq=False)
 class TurningView(ViewGuard):
-    """Fields of view along a column of the bodies.
+    """Fields of view along a column of the bodies, or along the velocities.
 
     Parameters
     ----------
@@ -44,23 +46,35 @@ class TurningView(ViewGuard):
         Number of agents and of axes.
     cosines
         Cosine of the half angle of each agent, shape (N,).
+    unit
+        Whether the vectors of the column have length 1; velocities have not.
     """
 
     first: int
     n: int
     m: int
     cosines: Array
+    unit: bool = True
 
-    def directions(self, segment: Segment) -> Array:
-        """Bernstein coefficients of the headings on a ``segment``, shape (8, N, m)."""
+    def directions(self, segment: Segment) -> tuple[Array, Array, Array]:
+        """Bernstein coefficients of headings on a ``segment``, shape (8, N, m), and of their squares, shape (15, N).
+
+        With them the cosines, shape (N,): an agent whose velocity is zero on all of the segment looks all around.
+        """
         C = segment.coefficients
-        return np.ascontiguousarray(C[:, self.first : self.first + self.n * self.m]).reshape(len(C), self.n, self.m)
+        H = np.ascontiguousarray(C[:, self.first : self.first + self.n * self.m]).reshape(len(C), self.n, self.m)
+        if self.unit:
+            return H, np.ones((SQUARE, self.n)), self.cosines
+        most = np.sqrt((H**2).sum(axis=2)).max(axis=0)
+        rests = most == 0.0
+        H = H / np.where(rests, 1.0, most)[None, :, None]
+        return H, np.where(rests, 1.0, _squares(H)), np.where(rests, ALL_AROUND, self.cosines)
 
     def crossings(
         self, segment: Segment, motion: Motion, near: Links, radii: Array, slack: float
     ) -> tuple[Array, NDArray[np.int64]]:
         """As `ViewGuard.crossings`."""
-        given = motion.positions, self.directions(segment), motion.far, near, self.cosines, radii, slack
+        given = motion.positions, *self.directions(segment), motion.far, near, radii, slack
         return places_and_pairs(all_rows(lambda found: int(_turning_crossings(*given, found)), 3))
 
     def place(
@@ -68,8 +82,7 @@ class TurningView(ViewGuard):
     ) -> float:
         """As `ViewGuard.place`."""
         i, j = pair
-        look = self.directions(segment), self.cosines[i], radius
-        return float(_turning_place(B, i, j, *look, near, slack, after))
+        return float(_turning_place(B, i, j, *self.directions(segment), radius, near, slack, after))
 
     def bearing(self, segment: Segment, pair: tuple[int, int], apart: Array, e: Array, errors: Array) -> Bearing:
         """As `ViewGuard.bearing`."""
@@ -77,24 +90,55 @@ class TurningView(ViewGuard):
         begin, end, cosine = segment.t0, segment.t1, float(self.cosines[i])
         own = slice(self.first + i * m, self.first + (i + 1) * m)
         both = Segment(begin, end, np.concatenate([apart, segment.coefficients[:, own]], axis=1))
-        rates, gradient, y = [], np.zeros_like(e), both.coefficients[-1]
+        rates, gradient, turning, d, heading = [], np.zeros_like(e), np.zeros_like(e), apart[-1], np.zeros_like(e)
         for t in (end - DIFFERENCED * (end - begin), end):
             y, slope = both.with_slope(t)
-            r = float(np.linalg.norm(y[:m]))
-            gradient = y[m:] - (cosine * y[:m] / r if r > 0.0 else 0.0)
-            rates.append(float(gradient @ slope[:m] + y[:m] @ slope[m:]))
-        inside = float(y[:m] @ y[m:]) - cosine * float(np.linalg.norm(y[:m]))
+            d, heading, size, r = y[:m], y[m:], 1.0, float(np.linalg.norm(y[:m]))
+            if not self.unit:
+                size = float(np.linalg.norm(heading))
+                if size == 0.0:
+                    return Bearing(np.inf, 0.0, 0.0, 0.0, 0.0)
+                heading = heading / size
+            gradient = heading - (cosine * d / r if r > 0.0 else 0.0)
+            # A vector's direction changes only by what is across it.
+            turning = d if self.unit else (d - (d @ heading) * heading) / size
+            rates.append(float(gradient @ slope[:m] + turning @ slope[m:]))
+        inside = float(d @ heading) - cosine * float(np.linalg.norm(d))
         bend = (rates[1] - rates[0]) / (DIFFERENCED * (end - begin))
-        off = float(gradient @ e + y[:m] @ errors[own])
+        off = float(gradient @ e + turning @ errors[own])
         return Bearing(inside, float(np.linalg.norm(gradient)), rates[1], bend, off)
 
-    def heading_error(self, of_column: Callable[[int, int, int], float], agents: Iterable[int]) -> float:
-        """As `ViewGuard.heading_error`."""
-        return max((of_column(self.first, self.m, i) for i in agents), default=0.0)
+    def heading_error(
+        self, segment: Segment, of_column: Callable[[int, int, int], float], agents: Iterable[int]
+    ) -> float:
+        """As `ViewGuard.heading_error`; that of a velocity relative to its least size on the step."""
+        errors = np.array([of_column(self.first, self.m, i) for i in agents])
+        if self.unit:
+            return float(errors.max(initial=0.0)) + ROUNDING
+        C, chosen = segment.coefficients, list(agents)
+        H = C[:, self.first : self.first + self.n * self.m].reshape(len(C), self.n, self.m)[:, chosen]
+        least = np.sqrt(np.maximum(_squares(H).min(axis=0), 0.0))
+        most = np.sqrt((H**2).sum(axis=2)).max(axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = (errors + ROUNDING * most) / least
+        # An agent that rests on the whole step looks all around, whatever rounding makes of its velocity.
+        return float(np.where(most > 0.0, found, 0.0).max(initial=0.0))
 
 
-def _turning_polynomials(B: Array, H: Array, i: int, j: int, c: float, out: Array) -> None:
-    """Bernstein coefficients of |d|^2, L and Q, shape (3, 29); ``H`` of the headings, as ``B`` of the positions."""
+def _squares(H: Array) -> Array:
+    """Bernstein coefficients of squared lengths, shape (15, N), from those of vectors, shape (8, N, m)."""
+    found = np.zeros((SQUARE, H.shape[1]))
+    for a in range(len(H)):
+        for b in range(len(H)):
+            found[a + b] += _PRODUCT[a, b] * (H[a] * H[b]).sum(axis=1)
+    return found
+
+
+def _turning_polynomials(B: Array, H: Array, lengths: Array, i: int, j: int, c: float, out: Array) -> None:
+    """Bernstein coefficients of |d|^2, L and Q, shape (3, 29); ``H`` of the headings, as ``B`` of the positions.
+
+    ``lengths`` are those of |h|^2, shape (15, N).
+    """
     square, ahead = np.empty(SQUARE), np.zeros(SQUARE)
     squared_distance(B, i, j, square)
     for a in range(8):
@@ -109,27 +153,27 @@ def _turning_polynomials(B: Array, H: Array, i: int, j: int, c: float, out: Arra
         for b in range(SQUARE):
             out[0, a + b] += _RAISED[a, b] * square[a]
             out[1, a + b] += _RAISED[a, b] * ahead[a]
-            out[2, a + b] += _RAISED[a, b] * ahead[a] * ahead[b]
-    for b in range(TERMS):
-        out[2, b] -= c * c * out[0, b]
+            out[2, a + b] += _RAISED[a, b] * (ahead[a] * ahead[b] - c * c * square[a] * lengths[b, i])
 
 
 @native
 def _turning_place(
-    B: Array, i: int, j: int, H: Array, cosine: float, radius: float, near: bool, slack: float, after: float
-) -> float:
-    """As `view_place`, with Bernstein coefficients ``H`` of the headings, shape (8, N, m)."""
+    B: Array, i: int, j: int, H: Array, lengths: Array, cosines: Array, radius: float, near: bool, slack: float,
+    after: float,
+) -> float:  # fmt: skip
+    """As `view_place`, with what `TurningView.directions` gives."""
     out = np.empty((3, TERMS))
-    _turning_polynomials(B, H, i, j, cosine, out)
+    _turning_polynomials(B, H, lengths, i, j, cosines[i], out)
     square, ahead, product = part_from(out[0], after), part_from(out[1], after), part_from(out[2], after)
-    x = view_change(near, square, ahead, product, cosine, radius, slack)
+    x = view_change(near, square, ahead, product, cosines[i], radius, slack)
     return float(after + x * (1.0 - after) if x <= 1.0 else NEVER)
 
 
 @native
 def _turning_crossings(
-    B: Array, H: Array, far: Array, near: Links, cosines: Array, radii: Array, slack: float, found: Array
-) -> int:
+    B: Array, H: Array, lengths: Array, cosines: Array, far: Array, near: Links, radii: Array, slack: float,
+    found: Array,
+) -> int:  # fmt: skip
     n = B.shape[1]
     count = 0
     out = np.empty((3, TERMS))
@@ -143,7 +187,7 @@ def _turning_crossings(
                     d2 += (B[0, j, k] - B[0, i, k]) ** 2
                 if d2 > (radii[i] + far[i] + far[j] + slack) ** 2:
                     continue
-            _turning_polynomials(B, H, i, j, cosines[i], out)
+            _turning_polynomials(B, H, lengths, i, j, cosines[i], out)
             x = view_change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], slack)
             if x <= 1.0:
                 count = add_row(found, count, x, i, j)

@@ -96,11 +96,15 @@ class ViewGuard(Protocol):
             Error of the state vector, shape (size,).
         """
 
-    def heading_error(self, of_column: Callable[[int, int, int], float], agents: Iterable[int]) -> float:
-        """Largest error of the headings of some ``agents``: a vector's length.
+    def heading_error(
+        self, segment: Segment, of_column: Callable[[int, int, int], float], agents: Iterable[int]
+    ) -> float:
+        """Largest error of the headings of some ``agents``: the length of a vector.
 
         Parameters
         ----------
+        segment
+            The step.
         of_column
             Bound on the error of a column, from its first place in state vectors, its width and an agent.
         """
@@ -139,7 +143,9 @@ class ConstantView(ViewGuard):
         i = pair[0]
         return bearing_motion(apart, segment.t0, segment.t1, e, self.directions[i], float(self.cosines[i]))
 
-    def heading_error(self, of_column: Callable[[int, int, int], float], agents: Iterable[int]) -> float:
+    def heading_error(
+        self, segment: Segment, of_column: Callable[[int, int, int], float], agents: Iterable[int]
+    ) -> float:
         """None: the headings are given."""
         return 0.0
 
