@@ -153,6 +153,13 @@ class Companion:
         y, slope = segment.with_slope(t)
         return np.asarray(self._dynamics.slope(t, y + e)) - slope
 
+    def slopes(self, segment: Segment) -> tuple[Array, Array]:
+        """Slopes of the solution and of the companion at the end of the step ``segment``, shape (size,) each."""
+        t, y = segment.t1, segment.coefficients[-1]
+        return np.asarray(self._dynamics.slope(t, y)), np.asarray(
+            self._dynamics.slope(t, y + self.difference.nodes[-1])
+        )
+
     def _loses(self, segment: Segment) -> bool:
         """Whether the difference is too large to be meaningful."""
         error = self.over(segment)

@@ -234,8 +234,7 @@ class SolutionError:
             acceleration = ObstacleStep(links, segment, motion.positions).acceleration(number, i, j)
         else:
             _, _, acceleration = _radial(segment, i, j, *self._sizes, links.space)
-            view = links.view_of(number)
-            if view is not None and segment.t1 > segment.t0:
+            if (view := links.view_of(number)) is not None and segment.t1 > segment.t0:
                 found = self._bearing(segment, (i, j), view)
                 if abs(found.inside) < abs(float(links.watches[number].leave[i]) - self._distance(y, i, j)):
                     acceleration = found.bend / found.steep if found.steep > 0.0 else 0.0
@@ -258,9 +257,12 @@ class SolutionError:
         count = self._dynamics.n * self._dynamics.m
         if self._dynamics.order == 2:
             return self.difference.nodes[:, count : 2 * count]
-        t, y = segment.t1, segment.coefficients[-1]
-        change = self._dynamics.slope(t, y + self.difference.nodes[-1]) - self._dynamics.slope(t, y)
-        return np.asarray(change[None, :count])
+        slope, other = self.slopes(segment)
+        return (other - slope)[None, :count]
+
+    def slopes(self, segment: Segment) -> tuple[Array, Array]:
+        """Slopes of solution and companion at the end of ``segment``, see `Companion.slopes`."""
+        return self._companion.slopes(segment)
 
     @property
     def _sizes(self) -> tuple[int, int]:
@@ -340,8 +342,7 @@ class SolutionError:
 
     def _bearing(self, segment: Segment, pair: tuple[int, int], view: ViewGuard) -> Bearing:
         """How a ``pair`` stands to the border of a ``view`` at the end of a step."""
-        m, C, e = self._dynamics.m, segment.coefficients, self.difference.nodes[-1]
-        i, j = pair
+        (i, j), m, C, e = pair, self._dynamics.m, segment.coefficients, self.difference.nodes[-1]
         apart = C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m]
         return view.bearing(segment, pair, apart, self._agent(e, j) - self._agent(e, i), e)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.exact.companion import SAFETY
 from flocking.engine.exact.crossings.switch_numbers import pair_speed
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.origin import Origin
@@ -37,6 +40,26 @@ def write_rows(recorder: ExactRecorder, rows: Array, links: LinkState, origin: O
         recorder.switches.append(
             (origin.time_at(own), int(i), int(j), kind, watch.graph, speed, slow, late, drift)
         )  # fmt: skip
+
+
+def _across_border(
+    pair: tuple[int, int], distance: float, watch: int, segment: Segment, links: LinkState, error: SolutionError
+) -> tuple[float, float, float] | None:
+    """How fast an agent leaves a field of view across its sides, negative when it comes in, with the size of the motion
+    and the error of the speed; None for other switches, and where nothing moved before.
+    """
+    view = links.view_of(watch)
+    if view is None or not segment.t1 > segment.t0:
+        return None
+    y, e = segment.coefficients[-1], error.difference.nodes[-1]
+    slope, other_slope = error.slopes(segment)
+    inside, rate, size = view.border_speed(pair, y, slope)
+    if abs(float(links.watches[watch].leave[pair[0]]) - distance) <= abs(inside):
+        return None
+    other = view.border_speed(pair, y + e, other_slope)[1]
+    known = error.over(segment)
+    off = SAFETY * abs(other - rate) + 2.0 * known.p_floor + known.q_floor * size / distance
+    return -rate, size, off if np.isfinite(off) and not known.lost else np.inf
 
 
 def write_switch(
@@ -77,9 +100,12 @@ def write_switch(
             continue
         d, v = links.space.displacement(q[j] - q[i]), p[j] - p[i]
         speed, size = pair_speed(d, v)
-        slow = is_tangential(speed, size)
         kind = "kink" if watch.kind == "kink" else "break" if near[i, j] else "appear"
         errors = error.crossing(crossing, k, speed, segment, links)
+        across = _across_border((int(i), int(j)), float(np.linalg.norm(d)), crossing.watch, segment, links, error)
+        if across is not None:
+            speed, size, errors = across[0], across[1], (errors[0], across[2])
+        slow = is_tangential(speed, size)
         recorder.switches.append((time, int(i), int(j), kind, watch.graph, speed, slow, *errors))
         if links.slides(crossing, k, own, speed):
             chattering = (int(i), int(j))

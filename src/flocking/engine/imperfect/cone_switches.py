@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.pair_polynomials import Paths
-from flocking.engine.imperfect.pair_switches import pair_events
+from flocking.engine.imperfect.pair_switches import pair_events, radial_speed
 from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.views import Cone
 
@@ -32,6 +32,16 @@ class ConeView(NamedTuple):
     radii: Array
     closed: bool
     mutual: bool
+
+    def border_speed(self, agent: int, d: Array, w: Array) -> tuple[float, float]:
+        """How fast the distance from an ``agent`` grows at its radius, and the relative speed.
+
+        Parameters
+        ----------
+        d, w
+            Position and velocity of another one relative to the agent, shape (m,).
+        """
+        return radial_speed(d.tolist(), w.tolist())
 
     def seen(self, agents: Indices | slice, offset: Array) -> Links:
         """What ``agents`` see at each ``offset`` from them, shape (agents, N, m), as shape (agents, N)."""

@@ -285,7 +285,9 @@ class ImperfectSession(Session):
         """Switch a true link that crosses its distance."""
         seconds, i, j, graph = heapq.heappop(self.crossings)
         (q, r), (p, v) = self.motion_at(seconds, np.array([i, j]))
-        speed, relative = radial_speed(self.scenario.space.displacement(r - q).tolist(), (v - p).tolist())
+        d, w = self.scenario.space.displacement(r - q), v - p
+        view = self._views.get(graph)
+        speed, relative = radial_speed(d.tolist(), w.tolist()) if view is None else view.border_speed(i, d, w)
         breaks = bool(self.links[graph, i, j])
         if breaks and self._law.barriers[graph]:
             self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)

@@ -22,7 +22,7 @@ from flocking.engine.imperfect.pair_polynomials import (
     reach_within,
     squared_distance,
 )
-from flocking.engine.imperfect.pair_switches import TwoPaths
+from flocking.engine.imperfect.pair_switches import TwoPaths, radial_speed
 from flocking.engine.kernels.bernstein import all_rows, first_all_above, part_from
 from flocking.formula.native.functions import native_apart
 from flocking.model.graphs.distance_graphs import Graph
@@ -60,6 +60,21 @@ class View(NamedTuple):
         ahead = np.einsum("ijk,ik->ij", offset, self.directions[agents])
         within = distance <= self.radii[agents][:, None]
         return np.asarray(within & (ahead >= self.cosines[agents][:, None] * distance))
+
+    def border_speed(self, agent: int, d: Array, w: Array) -> tuple[float, float]:
+        """How fast another one leaves the view of an ``agent``, negative when it comes in, and its relative speed.
+
+        Parameters
+        ----------
+        d, w
+            Its position and velocity relative to the agent, shape (m,), where it crosses a side or the radius.
+        """
+        distance = float(np.sqrt(d @ d))
+        heading, cosine = self.directions[agent], float(self.cosines[agent])
+        ahead = float(d @ heading) - cosine * distance
+        if distance == 0.0 or abs(self.radii[agent] - distance) <= abs(ahead):
+            return radial_speed(d.tolist(), w.tolist())
+        return -float((heading - cosine * d / distance) @ w), float(np.sqrt(w @ w))
 
     @property
     def mutual(self) -> bool:

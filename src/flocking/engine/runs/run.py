@@ -28,8 +28,9 @@ SWITCH_FIELDS = np.dtype(
 )  # fmt: skip
 """Fields of a recorded switch: ``kind`` is ``appear``, ``break`` or ``kink`` of a pair of agents, or ``obstacle``,
 where agent ``i`` comes within range of obstacle ``j`` or leaves it and ``graph`` is the group of obstacles; ``speed``
-is the rate of change of the distance as it crosses, negative when closing; ``tangential`` marks a crossing at which it
-vanishes; the errors of its time and of its speed are NaN where they are not known."""
+is the rate of change of the distance as it crosses, negative when closing, or where an agent crosses a side of a field
+of view how fast it leaves across that, negative when it comes in; ``tangential`` marks a crossing at which it vanishes;
+the errors of its time and of its speed are NaN where they are not known."""
 
 SwitchRow = tuple[float, int, int, str, int, float, bool, float, float]
 """A recorded switch, fields `SWITCH_FIELDS`."""

@@ -67,6 +67,13 @@ def test_a_robot_that_turns_along_a_tractrix_sees_another_from_and_until_the_clo
     assert (np.abs(run.switches["time"] - expected) <= run.switches["time_error"]).all()
     assert (run.switches["time_error"] < 1e-7).all()
     assert run.certain.all()
+    # The distance stays: what crosses the border is the bearing, g = cos(bearing - angle) - cos(half) at distance 1.
+    there = np.array([bearing + half, bearing - half])
+    leaving = np.sin(bearing - there) * speed / OFFSET * np.sin(there)
+    assert (np.abs(run.switches["speed"] - leaving) <= run.switches["speed_error"]).all()
+    assert (run.switches["speed_error"] < 1e-6).all()
+    assert not run.switches["tangential"].any()
+    assert fk.audit(run)["crossings-transversal"].verdict == "holds"
 
 
 @pytest.mark.parametrize("half_angle", [1.0, 2.2, np.pi / 2])

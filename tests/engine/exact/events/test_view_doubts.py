@@ -45,6 +45,10 @@ def test_a_border_across_the_heading_is_crossed_on_time(off: float, world: dict[
     found = {(s["kind"], s["i"], s["j"]): float(s["time"]) for s in run.switches}
     # Where the cosine is small but not zero, the square that decides is rounded.
     within = 3e-7 if 0.0 < abs(off) < 1e-6 else 1e-9
+    # It comes straight into view of agent 0, and agent 0 out of view of agent 1.
+    assert run.switches["speed"] == pytest.approx(
+        [-1.0 if kind == "appear" else 1.0 for kind in run.switches["kind"]], rel=1e-6
+    )
     times = {("appear", 0, 1): 1.0 - np.tan(off), ("break", 1, 0): 1.0 + np.tan(off)}
     assert found == pytest.approx(times, abs=within)
     if not world:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from flocking.engine.adaptive_steps.segment import ROUNDING, Motion, Segment
 from flocking.engine.exact.crossings.guards import _PRODUCT, places_and_pairs, squared_distance
 from flocking.engine.exact.crossings.switch_numbers import DIFFERENCED
-from flocking.engine.exact.crossings.view_guards import Bearing, ViewGuard
+from flocking.engine.exact.crossings.view_guards import Bearing, ViewGuard, border_speed
 from flocking.engine.imperfect.view_switches import view_change
 from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, part_from
 from flocking.formula.native.functions import native
@@ -107,6 +107,19 @@ class TurningView(ViewGuard):
         bend = (rates[1] - rates[0]) / (DIFFERENCED * (end - begin))
         off = float(gradient @ e + turning @ errors[own])
         return Bearing(inside, float(np.linalg.norm(gradient)), rates[1], bend, off)
+
+    def border_speed(self, pair: tuple[int, int], y: Array, slope: Array) -> tuple[float, float, float]:
+        """As `ViewGuard.border_speed`."""
+        (i, j), m = pair, self.m
+        d, v = (x[j * m : (j + 1) * m] - x[i * m : (i + 1) * m] for x in (y, slope))
+        heading, turning = (x[self.first + i * m : self.first + (i + 1) * m] for x in (y, slope))
+        if not self.unit:
+            size = float(np.linalg.norm(heading))
+            if size == 0.0:
+                return np.inf, 0.0, 0.0
+            heading = heading / size
+            turning = (turning - (turning @ heading) * heading) / size
+        return border_speed(d, v, heading, turning, float(self.cosines[i]))
 
     def heading_error(
         self, segment: Segment, of_column: Callable[[int, int, int], float], agents: Iterable[int]

@@ -96,6 +96,18 @@ class ViewGuard(Protocol):
             Error of the state vector, shape (size,).
         """
 
+    def border_speed(self, pair: tuple[int, int], y: Array, slope: Array) -> tuple[float, float, float]:
+        """How far agent j is inside the border of the view of agent i by its bearing, how fast it comes further in, and
+        the size of the motions that this is the sum of.
+
+        Parameters
+        ----------
+        pair
+            The agent that looks, and the other one.
+        y, slope
+            State vector and its rate of change.
+        """
+
     def heading_error(
         self, segment: Segment, of_column: Callable[[int, int, int], float], agents: Iterable[int]
     ) -> float:
@@ -143,11 +155,41 @@ class ConstantView(ViewGuard):
         i = pair[0]
         return bearing_motion(apart, segment.t0, segment.t1, e, self.directions[i], float(self.cosines[i]))
 
+    def border_speed(self, pair: tuple[int, int], y: Array, slope: Array) -> tuple[float, float, float]:
+        """As `ViewGuard.border_speed`."""
+        i, m = pair[0], self.directions.shape[1]
+        d, v = (_of_pair(x, pair, m) for x in (y, slope))
+        return border_speed(d, v, self.directions[i], np.zeros(m), float(self.cosines[i]))
+
     def heading_error(
         self, segment: Segment, of_column: Callable[[int, int, int], float], agents: Iterable[int]
     ) -> float:
         """None: the headings are given."""
         return 0.0
+
+
+def border_speed(d: Array, v: Array, heading: Array, turning: Array, cosine: float) -> tuple[float, float, float]:
+    """How far an agent is inside the border of a view, how fast it comes further in, and the size of its motion.
+
+    Parameters
+    ----------
+    d, v
+        Its position and velocity relative to the agent that looks, shape (m,).
+    heading, turning
+        The unit vector along which that one looks, and its rate of change, shape (m,).
+    cosine
+        Cosine of the half angle.
+    """
+    r = float(np.linalg.norm(d))
+    gradient = heading - (cosine * d / r if r > 0.0 else 0.0)
+    size = float(np.linalg.norm(v)) + r * float(np.linalg.norm(turning))
+    return float(d @ heading) - cosine * r, float(gradient @ v + d @ turning), size
+
+
+def _of_pair(y: Array, pair: tuple[int, int], m: int) -> Array:
+    """Difference of the first ``m`` numbers of the agents of a pair in a state vector, shape (m,)."""
+    i, j = pair
+    return np.asarray(y[j * m : (j + 1) * m] - y[i * m : (i + 1) * m])
 
 
 def _polynomials(B: Array, i: int, j: int, heading: Array, c: float, out: Array) -> None:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from flocking.model.graphs.connectivity import Links, components
+from flocking.model.graphs.views import FieldOfView
 from flocking.study.claims.claim import Measure, above
 from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence, NotResolvable
@@ -94,7 +95,7 @@ def no_link_lost(e: Evidence) -> Measure:
 
 @about(Subject.LINKS, _slowest_crossing, lasting=True)
 def crossings_transversal(e: Evidence) -> Measure:
-    """Smallest rate of change of a pair distance at a switch."""
+    """Smallest speed across a border at a switch: of a pair distance, or across a side of a field of view."""
     switches = e.link_switches
     if len(e.link_doubts) or e.known_until < np.inf:
         return Measure(0.0, np.inf, e.doubt_note())
@@ -103,7 +104,8 @@ def crossings_transversal(e: Evidence) -> Measure:
     speeds = np.abs(switches["speed"])
     slowest = float(speeds.min())
     error = slowest - float((speeds - switches["speed_error"]).min())
-    note = f"slowest crossing |dr/dt| = {slowest:.2e} of {len(switches)}"
+    rate = "speed" if isinstance(e.law.graph, FieldOfView) else "|dr/dt|"
+    note = f"slowest crossing {rate} = {slowest:.2e} of {len(switches)}"
     return above(slowest, 0.0, note, error if error > 0 else 0.0)
 
 
