@@ -1,4 +1,4 @@
-"""Links that a state gives: those of a graph that never changes are kept by other engines, and refused in tiles."""
+"""Links that a state gives: others than the graph has there are kept by other engines, and refused in tiles."""
 
 import numpy as np
 import pytest
@@ -41,3 +41,32 @@ def test_tiles_refuse_them_in_a_state_that_replaces_another():
         session.replace(state=fk.State(Q, P, links=FEW))
     session.replace(state=fk.State(Q, P, links=ALL))
     session.advance(0.2)
+
+
+FAR = np.array([[0, 1, 1], [1, 0, 0], [1, 0, 0]], dtype=bool)
+NONE = np.zeros((3, 3), dtype=bool)
+
+
+@pytest.mark.parametrize("graph", [fk.Proximity(2.5), fk.Hysteresis(2.5, gap=0.5), fk.PerAgentRadii([2.5, 2.5, 2.5])])
+@pytest.mark.parametrize("parts", [{}, HELD])
+def test_tiles_refuse_links_that_contradict_distances(graph, parts):
+    for links, pair in ((NONE, "agents 0 and 1"), (FAR, "agents 0 and 2")):
+        with pytest.raises(UnsupportedLaw, match=pair):
+            fk.simulate(world(graph, links, **parts), engine="tiles", step=0.01, progress=False)
+    fk.simulate(world(graph, FEW, **parts), engine="tiles", step=0.01, progress=False)
+    if parts:
+        return
+    session = fk.start(world(graph, FEW), engine="tiles", step=0.01)
+    session.advance(0.1)
+    state = session.state
+    with pytest.raises(UnsupportedLaw, match="agents 0 and 1"):
+        session.replace(state=fk.State(state.q, state.p, links=NONE))
+    session.replace(state=fk.State(state.q, state.p, links=FEW))
+    session.advance(0.2)
+
+
+def test_tiles_take_links_between_the_two_distances_as_the_state_gives_them():
+    graph = fk.Hysteresis(3.3, gap=0.4)
+    for links in (FEW, FAR):
+        run = fk.simulate(world(graph, links), engine="tiles", step=0.01, progress=False)
+        assert (run.links[0] == links).all()

@@ -1,17 +1,24 @@
-"""Links that a start gives, in engines that keep none: a graph whose links never change then must have these."""
+"""Links that a state gives, in engines that take links from the graph: they must be those that it has there."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from flocking.errors import UnsupportedLaw
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from flocking.model.graphs.seen_headings import links_at_state
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
+PASSED = 0.01
+"""How far beyond its distance a pair may be, as a share of it, before its link contradicts that: in states of these
+engines pairs have passed it by up to a step."""
+
 
 def check_given_links(engine: str, scenario: Scenario, state: State | None = None) -> None:
-    """Refuse links of a state that are others than those of a graph whose links never change.
+    """Refuse links of a state that are others than those of the graph there.
 
     Parameters
     ----------
@@ -25,15 +32,28 @@ def check_given_links(engine: str, scenario: Scenario, state: State | None = Non
     Raises
     ------
     UnsupportedLaw
-        When they are others: other engines keep them, and this one takes those of the graph.
+        When links of a graph whose links never change are others, or links by distances contradict these: other
+        engines keep them until the pair crosses its distance, and this one takes those of the graph at once.
     """
     graph, given = scenario.law.graph, (scenario.start if state is None else state)
-    if given.links is None or graph.moves:
+    if given.links is None:
         return
-    wrong = np.argwhere(given.links != links_at_state(graph, scenario.space, given, scenario.agents.headings))
+    if not graph.moves:
+        wrong = np.argwhere(given.links != links_at_state(graph, scenario.space, given, scenario.agents.headings))
+    elif graph.follows_radii:
+        wrong = np.argwhere(_contradicting(graph, given.links, pair_distances(given.q, scenario.space)))
+    else:
+        return
     if wrong.size:
         raise UnsupportedLaw(
             f"engine={engine!r} takes the links of {type(graph).__name__} from the graph, and the links of the state "
             f"differ from it for agents {int(wrong[0][0])} and {int(wrong[0][1])}. Leave links out of the state, give "
             "a fixed graph of these links, or use an engine that keeps them, such as engine='exact'."
         )
+
+
+def _contradicting(graph: Graph, links: Links, distance: Array) -> Links:
+    """Pairs not linked at a ``distance`` well below that at which links appear, or linked well beyond breaks."""
+    enter, leave = (np.asarray(x, dtype=np.float64)[..., None] for x in (graph.appear_radius, graph.break_radius))
+    missing = ~links & (distance < enter * (1.0 - PASSED)) & ~np.eye(len(links), dtype=bool)
+    return np.asarray(missing | (links & (distance > leave * (1.0 + PASSED))))
