@@ -61,11 +61,10 @@ class TurningView(ViewGuard):
 
         With them the cosines, shape (N,): an agent whose velocity is zero on all of the segment looks all around.
         """
-        C = segment.coefficients
-        H = np.ascontiguousarray(C[:, self.first : self.first + self.n * self.m]).reshape(len(C), self.n, self.m)
+        H = self._headings(segment)
         if self.unit:
             return H, np.ones((SQUARE, self.n)), self.cosines
-        most = np.sqrt((H**2).sum(axis=2)).max(axis=0)
+        most = _largest(H)
         rests = most == 0.0
         H = H / np.where(rests, 1.0, most)[None, :, None]
         return H, np.where(rests, 1.0, _squares(H)), np.where(rests, ALL_AROUND, self.cosines)
@@ -91,13 +90,14 @@ class TurningView(ViewGuard):
         own = slice(self.first + i * m, self.first + (i + 1) * m)
         both = Segment(begin, end, np.concatenate([apart, segment.coefficients[:, own]], axis=1))
         rates, gradient, turning, d, heading = [], np.zeros_like(e), np.zeros_like(e), apart[-1], np.zeros_like(e)
+        size = 1.0
         for t in (end - DIFFERENCED * (end - begin), end):
             y, slope = both.with_slope(t)
-            d, heading, size, r = y[:m], y[m:], 1.0, float(np.linalg.norm(y[:m]))
+            d, heading, r = y[:m], y[m:], float(np.linalg.norm(y[:m]))
             if not self.unit:
                 size = float(np.linalg.norm(heading))
                 if size == 0.0:
-                    return Bearing(np.inf, 0.0, 0.0, 0.0, 0.0)
+                    return Bearing(np.inf, 0.0, 0.0, 0.0, 0.0, 1.0)
                 heading = heading / size
             gradient = heading - (cosine * d / r if r > 0.0 else 0.0)
             # A vector's direction changes only by what is across it.
@@ -106,7 +106,8 @@ class TurningView(ViewGuard):
         inside = float(d @ heading) - cosine * float(np.linalg.norm(d))
         bend = (rates[1] - rates[0]) / (DIFFERENCED * (end - begin))
         off = float(gradient @ e + turning @ errors[own])
-        return Bearing(inside, float(np.linalg.norm(gradient)), rates[1], bend, off)
+        scale = 1.0 if self.unit else size / float(_largest(self._headings(segment)[:, [i]])[0])
+        return Bearing(inside, float(np.linalg.norm(gradient)), rates[1], bend, off, scale)
 
     def border_speed(self, pair: tuple[int, int], y: Array, slope: Array) -> tuple[float, float, float]:
         """As `ViewGuard.border_speed`."""
@@ -124,18 +125,25 @@ class TurningView(ViewGuard):
     def heading_error(
         self, segment: Segment, of_column: Callable[[int, int, int], float], agents: Iterable[int]
     ) -> float:
-        """As `ViewGuard.heading_error`; that of a velocity relative to its least size on the step."""
-        errors = np.array([of_column(self.first, self.m, i) for i in agents])
+        """As `ViewGuard.heading_error`; velocities are scaled as in the polynomials, by a bound on their size."""
+        chosen = list(agents)
+        errors = np.array([of_column(self.first, self.m, i) for i in chosen])
         if self.unit:
             return float(errors.max(initial=0.0)) + ROUNDING
-        C, chosen = segment.coefficients, list(agents)
-        H = C[:, self.first : self.first + self.n * self.m].reshape(len(C), self.n, self.m)[:, chosen]
-        least = np.sqrt(np.maximum(_squares(H).min(axis=0), 0.0))
-        most = np.sqrt((H**2).sum(axis=2)).max(axis=0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = (errors + ROUNDING * most) / least
+        most = _largest(self._headings(segment)[:, chosen])
         # An agent that rests on the whole step looks all around, whatever rounding makes of its velocity.
-        return float(np.where(most > 0.0, found, 0.0).max(initial=0.0))
+        scaled = np.divide(errors, most, out=np.zeros_like(errors), where=most > 0.0)
+        return float(scaled.max(initial=0.0)) + ROUNDING
+
+    def _headings(self, segment: Segment) -> Array:
+        """Bernstein coefficients of the column on a step, shape (8, N, m)."""
+        C = segment.coefficients
+        return np.ascontiguousarray(C[:, self.first : self.first + self.n * self.m]).reshape(len(C), self.n, self.m)
+
+
+def _largest(H: Array) -> Array:
+    """Bounds on the lengths of vectors on a step, shape (N,), from their Bernstein coefficients, shape (8, N, m)."""
+    return np.asarray(np.sqrt((H**2).sum(axis=2)).max(axis=0))
 
 
 def _squares(H: Array) -> Array:

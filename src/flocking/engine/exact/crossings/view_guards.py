@@ -36,6 +36,8 @@ class Bearing(NamedTuple):
         First and second derivative of g in time.
     off
         Difference of g by the error of the solution.
+    scale
+        Length of the heading there, where the polynomials of the step have headings of length 1 at most.
     """
 
     inside: float
@@ -43,6 +45,7 @@ class Bearing(NamedTuple):
     rate: float
     bend: float
     off: float
+    scale: float
 
 
 class ViewGuard(Protocol):
@@ -283,7 +286,7 @@ def bearing_motion(apart: Array, begin: float, end: float, e: Array, heading: Ar
         rates.append(float(gradient @ v))
     inside = float(d @ heading) - cosine * float(np.linalg.norm(d))
     bend = (rates[1] - rates[0]) / (DIFFERENCED * (end - begin))
-    return Bearing(inside, float(np.linalg.norm(gradient)), rates[1], bend, float(gradient @ e))
+    return Bearing(inside, float(np.linalg.norm(gradient)), rates[1], bend, float(gradient @ e), 1.0)
 
 
 @native
