@@ -336,7 +336,7 @@ class SolutionError:
         found, distance = self._bearing(segment, pair, view), self._distance(segment.coefficients[-1], *pair)
         if abs(radius - distance) <= abs(found.inside):
             return errors
-        most = bounds[0] * found.steep + distance * bounds[1] / found.scale
+        most = bounds[0] * found.steep + distance * bounds[1] * found.turned
         late, _, delay = switch_errors(most, 0.0, found.rate, found.off, 0.0, found.bend, abs(found.inside))
         return late, errors[1], delay
 

@@ -89,25 +89,25 @@ class TurningView(ViewGuard):
         begin, end, cosine = segment.t0, segment.t1, float(self.cosines[i])
         own = slice(self.first + i * m, self.first + (i + 1) * m)
         both = Segment(begin, end, np.concatenate([apart, segment.coefficients[:, own]], axis=1))
-        rates, gradient, turning, d, heading = [], np.zeros_like(e), np.zeros_like(e), apart[-1], np.zeros_like(e)
-        size = 1.0
+        most = 1.0 if self.unit else float(_largest(self._headings(segment)[:, [i]])[0])
+        if most == 0.0:
+            return Bearing(np.inf, 0.0, 0.0, 0.0, 0.0, 1.0)
+        rates, gradient, turning, inside = [], np.zeros_like(e), np.zeros_like(e), 0.0
         for t in (end - DIFFERENCED * (end - begin), end):
             y, slope = both.with_slope(t)
-            d, heading, r = y[:m], y[m:], float(np.linalg.norm(y[:m]))
-            if not self.unit:
-                size = float(np.linalg.norm(heading))
-                if size == 0.0:
-                    return Bearing(np.inf, 0.0, 0.0, 0.0, 0.0, 1.0)
-                heading = heading / size
-            gradient = heading - (cosine * d / r if r > 0.0 else 0.0)
-            # A vector's direction changes only by what is across it.
-            turning = d if self.unit else (d - (d @ heading) * heading) / size
+            d, heading, slope = y[:m], y[m:] / most, slope / np.repeat([1.0, most], m)
+            r, size = (float(np.linalg.norm(x)) for x in (d, heading))
+            size = 1.0 if self.unit else size
+            # Of g = d.h - c |d| |h|, where a direction keeps its length.
+            gradient = heading - (cosine * size * d / r if r > 0.0 else 0.0)
+            turning = d - (cosine * r * heading / size if size > 0.0 and not self.unit else 0.0)
             rates.append(float(gradient @ slope[:m] + turning @ slope[m:]))
-        inside = float(d @ heading) - cosine * float(np.linalg.norm(d))
+            inside = float(d @ heading) - cosine * r * size
         bend = (rates[1] - rates[0]) / (DIFFERENCED * (end - begin))
-        off = float(gradient @ e + turning @ errors[own])
-        scale = 1.0 if self.unit else size / float(_largest(self._headings(segment)[:, [i]])[0])
-        return Bearing(inside, float(np.linalg.norm(gradient)), rates[1], bend, off, scale)
+        off = float(gradient @ e + turning @ errors[own] / most)
+        return Bearing(
+            inside, float(np.linalg.norm(gradient)), rates[1], bend, off, 1.0 if self.unit else 1.0 + abs(cosine)
+        )
 
     def border_speed(self, pair: tuple[int, int], y: Array, slope: Array) -> tuple[float, float, float]:
         """As `ViewGuard.border_speed`."""

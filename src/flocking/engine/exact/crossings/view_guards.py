@@ -24,7 +24,7 @@ from flocking.model.graphs.connectivity import Links
 
 
 class Bearing(NamedTuple):
-    """How an agent stands to the border of a field of view, where g = d.h - c |d| is zero.
+    """How an agent stands to the border of a field of view, where g = d.h - c |d| |h| is zero; |h| is 1 at most.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ class Bearing(NamedTuple):
         First and second derivative of g in time.
     off
         Difference of g by the error of the solution.
-    scale
-        Length of the heading there, where the polynomials of the step have headings of length 1 at most.
+    turned
+        By how much an error of the heading changes g, as a share of |d|.
     """
 
     inside: float
@@ -45,7 +45,7 @@ class Bearing(NamedTuple):
     rate: float
     bend: float
     off: float
-    scale: float
+    turned: float
 
 
 class ViewGuard(Protocol):
