@@ -25,6 +25,10 @@ class StandIn(float):
     """Placeholder for an invalid number while the other errors of a part are collected."""
 
 
+class ChangesInTime:
+    """Base of values that change at given times: an array of them is of times, and none of agents."""
+
+
 _collected: ContextVar[list[InvalidInput] | None] = ContextVar("collected", default=None)
 
 
@@ -125,8 +129,11 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int, truth_values: bo
     ------
     InvalidInput
         If ``value`` has the wrong number of axes, contains NaN, infinities, texts, dates, truth values or complex
-        numbers, or has masked entries.
+        numbers, has masked entries, or changes in time.
     """
+    if isinstance(value, ChangesInTime) or (isinstance(value, list | tuple) and any(map(_changes, value))):
+        fix = "Gains of Track alone may change at given times."
+        raise InvalidInput(owner, parameter, "must be the same at all times", type(value).__name__, fix)
     if np.ma.is_masked(value):
         masked = f"{int(np.ma.getmaskarray(value).sum())} of {np.size(value)} masked"
         raise InvalidInput(owner, parameter, "must have no masked entries", masked, "Leave them out, or fill them.")
@@ -147,6 +154,10 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int, truth_values: bo
         raise InvalidInput(owner, parameter, f"must be finite, but entry {where} is not", float(result[where]))
     result.setflags(write=False)
     return result
+
+
+def _changes(value: object) -> bool:
+    return isinstance(value, ChangesInTime)
 
 
 def has_truth_values(value: object) -> bool:

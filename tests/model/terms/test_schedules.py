@@ -53,6 +53,24 @@ def test_resume_after_a_switch() -> None:
     np.testing.assert_array_equal(again.run().p, whole.p)
 
 
+TWICE = fk.Schedule([0.5], [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: fk.Consensus(TWICE), lambda: fk.Consensus([TWICE, TWICE]), lambda: fk.PointMass(TWICE),
+        lambda: fk.PointMass(1.0, TWICE), lambda: fk.Held(TWICE), lambda: fk.Messages(0.1, phase=TWICE),
+        lambda: fk.PerAgentRadii(TWICE), lambda: fk.Limited(fk.PointMass(), force=TWICE), lambda: fk.State([TWICE] * 2),
+        lambda: fk.Consensus(1.0, weights=[TWICE, TWICE]), lambda: fk.Delayed([TWICE, TWICE], self_delayed=True),
+    ],
+)  # fmt: skip
+def test_values_at_times_are_not_taken_for_those_of_agents(make) -> None:
+    """Two agents had the gains 1 and 2 at all times."""
+    with pytest.raises(InvalidInput, match="same at all times"):
+        make()
+
+
 def test_errors() -> None:
     with pytest.raises(InvalidInput, match="ascending"):
         fk.Schedule([2.0, 1.0], [0.0, 1.0, 2.0])

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, check_each, listed, scalar_or_each
+from flocking.model.checks import Array, ChangesInTime, array, check_each, listed, scalar_or_each
 from flocking.model.parts import values as fields
 from flocking.model.parts.description import Group, Short, add_group
 from flocking.model.parts.registration import register_part
 
 
 @dataclass(frozen=True, eq=False)
-class Schedule:
+class Schedule(ChangesInTime):
     """A gain that is constant between switch times: ``values[k]`` from ``times[k - 1]`` until before ``times[k]``.
 
     Parameters
