@@ -175,8 +175,12 @@ def speed_bounds(setting: EnergySetting) -> Interval:
         rest = masses.total() - masses
         inverse = inverse * rest * masses.total().reciprocal()
     twice = setting.excess * Interval.of(2.0)
-    found = twice * Interval(np.maximum(inverse.lo, 0.0), inverse.hi)
-    return Interval(np.maximum(found.lo, 0.0), found.hi).sqrt()
+    return _root(twice * Interval(np.maximum(inverse.lo, 0.0), inverse.hi))
+
+
+def _root(square: Interval) -> Interval:
+    """The root of what is never negative, though rounding may take the lower end of a number near zero below it."""
+    return Interval(np.maximum(square.lo, 0.0), square.hi).sqrt()
 
 
 def _speed(setting: EnergySetting) -> Certificate:
@@ -229,7 +233,7 @@ def _force_bound(setting: EnergySetting) -> Interval | str:
     speeds = speed_bounds(setting)
     fastest, heaviest = Interval.of(0.0, speeds.hi.max()), float(setting.masses.max())
     # |w_i - w_j| <= sqrt(2 X (1/m_i + 1/m_j)) for the energy X of both.
-    relative = (setting.excess * Interval.of(2.0) * (Interval.of(inverse.hi.max()) * Interval.of(2.0))).sqrt()
+    relative = _root(setting.excess * Interval.of(2.0) * (Interval.of(inverse.hi.max()) * Interval.of(2.0)))
     for term in setting.law.pair_terms:
         if isinstance(term, Consensus):
             weights = 1.0 if term.weights is None else float(term.weights.matrix(setting.n).max())
@@ -257,5 +261,5 @@ def _pursuit(setting: EnergySetting, fastest: Interval, heaviest: float) -> Inte
     gains = setting.position_gains
     if gains.any():
         # c |q - x| where c |q - x|^2 / 2 is at most the energy.
-        total = total + (setting.excess * Interval.of(2.0 * float(gains.max()))).sqrt()
+        total = total + _root(setting.excess * Interval.of(2.0 * float(gains.max())))
     return total
