@@ -8,6 +8,7 @@ import pytest
 
 from flocking.papers import KEYS, STANDARD_KEYS, paper
 from flocking.papers.equation_table import KINDS, Demonstration, Fault, Row
+from tests.papers.homes import HOMES
 from tests.papers.transcriptions.rows import ROWS, examine, goes_red, identity
 
 DEAR_ROWS = {
@@ -21,6 +22,19 @@ DEAR_ROWS = {
 }
 """Rows of standard laws that take seconds of processor time each; those of the five papers are in the default suite."""
 
+ALONE = sorted(set(HOMES) - {row.home for row in ROWS if identity(row) not in DEAR_ROWS})
+"""Checks of homes that no row of the default suite makes."""
+
+DEAR_HOMES = {
+    "flocking.papers.cucker_smale_2007.theorems.claims",
+    "flocking.papers.olfati_saber_2006.closed_forms.centre_motion",
+    "flocking.papers.olfati_saber_2006.theorems.claims",
+}
+"""Those of them that take seconds of processor time each: their rows make them in the slow tier."""
+
+DRAWN = {"olfati_saber_2003", "shi_2009", "tanner_2003_dynamic", "tanner_2003_fixed", "zhou_2015"}
+"""Packages whose figures have no check of their own: the rows look at what each of them shows."""
+
 
 def by_tier(row: Row) -> object:
     return pytest.param(row, marks=pytest.mark.slow if identity(row) in DEAR_ROWS else (), id=identity(row))
@@ -30,6 +44,16 @@ def by_tier(row: Row) -> object:
 def test_row(row: Row) -> None:
     """It passes for the paper's number, and goes red when that is off by one per cent; see `statement`."""
     examine(row)
+
+
+@pytest.mark.parametrize("home", [home for home in ALONE if home not in DEAR_HOMES])
+def test_a_home_of_no_quick_row_is_whole(home: str) -> None:
+    HOMES[home]()
+
+
+def test_every_home_but_figures_has_a_check() -> None:
+    assert {row.home for row in ROWS} - set(HOMES) == {f"flocking.papers.{name}.pictures.figures" for name in DRAWN}
+    assert set(ALONE) > DEAR_HOMES
 
 
 @pytest.mark.slow

@@ -168,6 +168,23 @@ def test_numbers_of_links_and_quiet_times_have_two_ends() -> None:
     assert not next(x for t, x in reversed(low) if t <= 9.5)[0, 3]
 
 
+def test_sweeps_do_not_take_what_is_not_known_for_nothing() -> None:
+    """After a loss a graph may fall apart, and links may come and go; what was seen before is certain."""
+
+    def lost(row: tuple) -> Evidence:
+        run = _chain([row]).run
+        assert run.accuracy is not None
+        return Evidence(replace(run, accuracy=replace(run.accuracy, known_until=5.0)))
+
+    open_ = lost(_switch(1.0, 0, 2, "appear"))
+    for name in ("connected", "disconnected_at", "last_switch", "links_created", "links_lost", "flocks", "density"):
+        with pytest.raises(NotResolvable, match="nothing is known after t = 5"):
+            MEASURES[name][1](open_)
+    apart = lost(_switch(1.0, 0, 1, "break"))
+    assert MEASURES["connected"][1](apart) is False
+    assert MEASURES["disconnected_at"][1](apart) == 1.0
+
+
 def test_errors_that_are_not_known_decide_nothing() -> None:
     run = replace(swing(STRETCHED + 1.0, 1e-9), accuracy=None)
     report = fk.audit(run)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,18 @@ def test_another_plant_is_still_told(gain: float) -> None:
     other = fk.Law(LAW.graph, [fk.Gradient(SPRING.with_parameters(k=0.5 * gain)), LAW.terms[1]])
     run = fk.simulate(scenario, plant=other, progress=False)
     assert str(fk.audit(run)["ledger"].verdict) == "fails"
+
+
+def test_a_large_error_of_the_integration_does_not_make_a_ledger_close() -> None:
+    """A hundredth of the energy is missing: errors that may explain as much leave open whether the law does."""
+    run = fk.simulate(flight(3.0, 1e-9), progress=False)
+    assert run.accuracy is not None
+    trace, missing = run.trace.copy(), 0.01 * run.trace["energy"].max()
+    trace["dissipated"] += np.linspace(0.0, missing, len(trace))
+    for explained, verdict in ((0.0, "fails"), (missing, "not resolved")):
+        largest = {**run.accuracy.largest, "ledger": replace(run.accuracy.largest["ledger"], value=explained)}
+        coarse = replace(run, trace=trace, accuracy=replace(run.accuracy, largest=largest))
+        assert str(fk.audit(coarse)["ledger"].verdict) == verdict
 
 
 def test_the_share_of_the_error_is_kept_with_the_run(tmp_path) -> None:

@@ -102,6 +102,18 @@ def test_runs_that_are_not_repeated_say_why():
         Evidence(replace(run, status="interrupted")).repetitions  # noqa: B018
 
 
+def test_what_more_accurate_runs_leave_unsettled_is_left_open():
+    run = late(1.5, 1e-6)
+
+    @about(Subject.VELOCITIES)
+    def settled(e):
+        return Measure(1.0, 0.0, "measured", "" if e.run is run else "it still moves")
+
+    result = fk.audit(run, [Claim("c", "here", "Settled.", settled)])["c"]
+    assert str(result.verdict) == "not resolved"
+    assert result.note == "measured; more accurate runs leave it unsettled"
+
+
 def test_equal_margins_do_not_make_an_error_of_zero():
     assert Repetitions((), 1e-7).error(2.0, [2.0, 2.0]) == pytest.approx(SAFETY * 2e-7)
     assert Repetitions((), 0.0).error(1.0, [1.5, 2.0]) == SAFETY

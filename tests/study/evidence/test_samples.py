@@ -9,7 +9,8 @@ import pytest
 
 import flocking as fk
 from flocking.papers import zhou_2015
-from flocking.study.claims.claim import Claim, Measure, Verdict
+from flocking.study.claims.claim import Claim, Measure, Verdict, happens
+from flocking.study.claims.conclusions.links import stays_connected
 from flocking.study.evidence import Evidence
 from flocking.study.trajectory import run_from_samples
 
@@ -162,3 +163,25 @@ def test_a_run_that_ended_early_holds_nothing_for_good(zhou) -> None:
     for r in fk.audit(cut, zhou_2015.claims()).results:
         if exact[r.claim.key] == Verdict.HOLDS and r.claim.dynamic:
             assert r.verdict == Verdict.NOT_YET, r.claim.key
+
+
+def test_the_contrary_of_a_statement_is_decided_by_samples_where_the_statement_is() -> None:
+    """One time refutes what holds at all times, and shows its contrary; no sample shows that something never is so."""
+    _, seen = drifting([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]], fk.Proximity(2.0))
+    asked = {
+        "apart": lambda e: stays_connected(e).opposite,
+        "seen": lambda e: happens(Measure(1.0)).opposite,
+        "unseen": lambda e: happens(Measure(-1.0)).opposite,
+    }
+    found = fk.audit(seen, [Claim(key, "new", "New.", conclusion) for key, conclusion in asked.items()])
+    assert [str(r.verdict) for r in found.results] == ["holds", "fails", "not resolved"]
+
+
+def test_samples_do_not_show_a_hypothesis_about_all_times() -> None:
+    _, seen = drifting([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 0.0]], fk.Proximity(2.0))
+    claim = Claim("asked", "new", "New.", lambda e: Measure(1.0, everywhere=False), hypothesis=lambda e: Measure(1.0))
+    (found,) = fk.audit(seen, [claim]).results
+    assert found.verdict is Verdict.NOT_RESOLVED
+    assert "nothing is known between" in found.note
+    once = dataclasses.replace(claim, hypothesis=lambda e: Measure(1.0, everywhere=False))
+    assert fk.audit(seen, [once])["asked"].verdict is Verdict.HOLDS

@@ -84,3 +84,10 @@ def test_links_follow_the_positions_where_no_pair_acts() -> None:
     apart = np.linalg.norm(run.q[:, 0] - run.q[:, 1], axis=1)
     assert (run.links[:, 0, 1] == (apart < 1.5)).all()
     assert fk.audit(run)["linked-apart"].verdict == Verdict.NOT_APPLICABLE
+
+
+def test_agents_that_are_not_linked_are_apart_by_the_shortest_radius_alone() -> None:
+    """The first two see no further than 0.5, and are 1 apart; the third sees as far as 3, and nobody is there."""
+    run = run_of(fk.PerAgentRadii([0.5, 0.5, 3.0]), [[0.0, 0.0], [1.0, 0.0], [9.0, 0.0]], np.zeros((3, 2)))
+    assert run.fidelity.approaches.pairs == "linked"
+    assert Evidence(run).closest.distance <= 1.0

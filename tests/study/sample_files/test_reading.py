@@ -81,6 +81,22 @@ def test_gsd_of_our_own_and_of_others(tmp_path):
     assert other.p is None
     np.testing.assert_allclose(other.t, [0.0, 1.0, 2.0, 3.0])
     np.testing.assert_allclose(other.q[:, 0, 0], [1.0, 2.0, 3.0, 4.0])
+    # Single precision has 24 binary digits: at 4 a unit of the last one is 4/2^23.
+    assert other.rounding[0] == 2.0**-22
+    assert found.rounding == (0.0, 0.0)
+
+
+def test_gsd_of_boxes_whose_images_are_not_along_the_axes_is_refused(tmp_path):
+    """In a tilted box the image above is shifted to the side: positions would be unwrapped to a wrong place."""
+    hoomd = pytest.importorskip("gsd.hoomd")
+    with hoomd.open(str(tmp_path / "tilted.gsd"), "w") as file:
+        for k in range(3):
+            frame = hoomd.Frame()
+            frame.configuration.step, frame.configuration.box = k, [4.0, 4.0, 4.0, 0.5, 0, 0]
+            frame.particles.N, frame.particles.position, frame.particles.image = 1, [[0.0, 0.0, 0.0]], [[0, k, 0]]
+            file.append(frame)
+    with pytest.raises(fk.InvalidInput, match="box must be a right-angled box"):
+        read_samples(tmp_path / "tilted.gsd", time_step=1.0)
 
 
 @pytest.mark.parametrize(
