@@ -44,6 +44,14 @@ def test_claims_that_a_certificate_proves():
     assert {claim.conclusion for claim in GENERAL} >= set(PROVEN_BY)
 
 
+def test_what_is_promised_of_the_graph_of_the_law_is_no_promise_of_further_graphs():
+    """The second graph loses its link, for nothing holds agents that part within 1; the first one keeps its own."""
+    law = fk.Law(fk.Fixed.complete(2), [PULL, fk.Consensus(0.1, over=fk.Proximity(1.0))])
+    made = fk.Scenario(law, fk.State([[0.0, 0.0], [0.9, 0.0]], [[0.0, 0.0], [2.0, 0.0]]), t_end=1.0, frames=2)
+    assert fk.certify(made)["links_kept"].granted
+    assert not {"links-kept", "connected"} & set(proven(made))
+
+
 def test_verdicts_of_a_running_motion_say_what_is_guaranteed():
     scenario = fk.Scenario(fk.Law(fk.Proximity(9.0), [PULL, fk.Consensus(1.0)]), START, t_end=2.0, frames=21)
     run = fk.simulate(scenario, progress=False)

@@ -123,3 +123,17 @@ def test_errors_behind_a_leader(frequency):
     w, kappa, gamma = mp.mpf(frequency), mp.mpf(0.4), mp.mpf(0.9)
     exact = mp.sqrt(2) * w * w / mp.sqrt((kappa - w * w) ** 2 + (gamma * w) ** 2)
     encloses(found["steady_leader_error"].bound, exact)
+
+
+@pytest.mark.parametrize("spare", [1e-3, 1e-5, 1e-7, 3e-8])
+def test_noise_of_samples_near_the_bound_of_a_period(spare):
+    """s^2/N T lambda/(2 - T lambda) of two agents: close to T lambda = 2 rounding is amplified as noise is."""
+    period = round((1.0 - spare) / 1.3, 9)
+    law = fk.Law(fk.Complete(), [fk.Gradient(SQUARE)])
+    sent = fk.Messages(period, noise=0.3, self_known="measured")
+    start, world = fk.State([[0.0], [1.0]]), {"control": fk.Held(period), "information": sent}
+    made = fk.Scenario(law, start, t_end=1.0, agents=fk.SingleIntegrator(), **world)
+    found = fk.certify(made)["noise_in_world"]
+    assert found.granted, found.reason
+    share = mp.mpf(period) * 2 * mp.mpf(1.3)
+    encloses(found.bound, mp.mpf(0.3) ** 2 / 2 * share / (2 - share), width=1e-4)

@@ -46,3 +46,50 @@ def test_the_reason_names_what_is_not_bounded():
     assert "relative to a leader" in damped.reason
     falling = bound_of(fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("1/r + r**3"))]))
     assert falling.granted
+
+
+ALIGN = fk.Law(fk.Complete(), [fk.Consensus(0.7)])
+
+
+def certificates_of(law: fk.Law, p: np.ndarray, **bodies: object) -> fk.Certificate:
+    return fk.certify(fk.Scenario(law, fk.State(APART, p), t_end=1.0, frames=2, **bodies))
+
+
+def force_at_start(law: fk.Law, p: np.ndarray, agents: fk.Agents) -> float:
+    return float(np.linalg.norm(fk.control(law, fk.State(APART, p), agents=agents), axis=1).max())
+
+
+def test_agents_that_pass_each_other_have_all_their_energy_in_their_relative_velocity():
+    """Two of mass 1 at the speeds 1.5 and -1.5: alignment pulls with 0.7 times 3, at once."""
+    p = np.array([[1.5, 0.0], [-1.5, 0.0]])
+    bound = certificates_of(ALIGN, p)["largest_force"]
+    assert bound.granted, bound.reason
+    assert force_at_start(ALIGN, p, fk.Agents()) == pytest.approx(2.1, rel=1e-12)
+    assert 2.1 * (1 - 1e-12) <= bound.bound.hi <= 2.1 * (1 + 1e-9)
+
+
+def test_the_force_that_cancels_damping_is_of_the_whole_velocity():
+    """Agents that go along together at 3 have no energy in the frame of their mean, and are damped by 0.4 times 3."""
+    law, p = fk.Law(fk.Complete(), [fk.Consensus(0.7), fk.Compensate()]), np.array([[3.0, 0.0], [3.0, 0.0]])
+    agents = fk.Agents(damping=0.4)
+    bound = certificates_of(law, p, agents=agents)["largest_force"]
+    assert bound.granted, bound.reason
+    assert force_at_start(law, p, agents) == pytest.approx(1.2, rel=1e-12)
+    assert 1.2 * (1 - 1e-12) <= bound.bound.hi <= 1.2 * (1 + 1e-6)
+
+
+def test_agents_that_are_where_their_leader_is_and_go_along_with_it_are_not_pulled():
+    """All energy is zero to within rounding, and so is every bound."""
+    leader = fk.Velocity([0.3, 0.1], start=[0.7, 0.2])
+    law = fk.Law(fk.Complete(), [fk.Consensus(0.7), fk.Track(leader, 0.4, 0.9)])
+    found = fk.certify(fk.Scenario(law, fk.State([[0.7, 0.2]] * 2, [[0.3, 0.1]] * 2), t_end=1.0, frames=2))
+    for key in ("largest_energy", "largest_speed", "largest_force"):
+        assert found[key].granted, found[key].reason
+        assert 0.0 <= found[key].bound.hi < 1e-12
+
+
+@pytest.mark.parametrize(("limit", "granted"), [(2.9, False), (3.1, True)])
+def test_a_largest_speed_acts_on_agents_that_go_along_together(limit, granted):
+    p = np.array([[3.0, 0.0], [3.0, 0.0]])
+    found = certificates_of(ALIGN, p, agents=fk.Limited(fk.PointMass(), speed=limit))["limit_never_acts"]
+    assert found.granted is granted

@@ -63,6 +63,15 @@ def test_slow_decays_after_fast_ones_are_not_refuted(rate: float) -> None:
     assert verdict(0.7 * np.exp(-30 * T) + 0.3 / (1 + rate * T)) == "not yet"
 
 
+@pytest.mark.parametrize("rate", [5e-3, 9e-3])
+def test_they_are_not_refuted_either_where_frames_are_so_dense_that_each_fall_is_less_than_the_one_before(
+    rate: float,
+) -> None:
+    """With few frames the one on the edge of the last tenths makes the last fall seem larger than it is."""
+    t = np.linspace(0.0, 1.0, 100_001)
+    assert verdict(0.7 * np.exp(-30 * t) + 0.3 * np.exp(-rate * t), t) == "not yet"
+
+
 def test_slow_decays_to_another_limit_fail() -> None:
     assert verdict(0.3 + 0.7 * np.exp(-30 * T) + 1e-3 * np.exp(-3 * T)) == "fails"
     assert verdict(0.3 + 0.7 * np.exp(-30 * T) + 1e-6 * np.random.default_rng(0).standard_normal(len(T))) == "fails"
