@@ -58,3 +58,16 @@ def test_lengths_of_links_count_each_way() -> None:
     run = fk.simulate(scenario, engine="tiles", observe=True, progress=False)
     assert run.observables["defect"][0] == pytest.approx(observables.link_length_deviation(q, run.links[0]))
     assert np.isnan(observables.link_length_deviation(q, np.zeros((3, 3), dtype=bool)))
+
+
+@pytest.mark.parametrize("n", [2, 3, 7, 40])
+def test_the_closest_pair_is_of_two_agents_also_where_several_are_at_one_point(n):
+    """Which of the agents at a point a search lists first is open."""
+    for shared in range(2, n + 1):
+        q = np.arange(2.0 * n).reshape(n, 2)
+        q[n - shared :] = 0.5
+        for order in (np.arange(n), np.arange(n)[::-1]):
+            distance, (i, j) = observables.closest_pair(fk.State(q[order]))
+            assert distance == 0.0
+            assert i < j
+            assert (q[order][i] == q[order][j]).all()

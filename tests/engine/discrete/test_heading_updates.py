@@ -115,6 +115,7 @@ def test_other_groups_are_computed_by_the_general_rule():
         ({"space": fk.Periodic([6.0, None])}, "a torus in the plane"),
         ({"space": fk.Periodic([3.0, 6.0])}, "three radii"),
         ({"control": fk.Held(0.25)}, "a gain"),
+        ({"law": fk.Law(fk.Proximity(RADIUS, closed=True), made.law.terms)}, "a graph that is not closed"),
         ({"t_end": 1e8}, "too far"),
     ):
         other = made.with_(**changes)

@@ -12,7 +12,7 @@ import flocking as fk
 from flocking.engine.runs.run import DOUBT_FIELDS
 from flocking.study.claims.claim import Verdict
 from flocking.study.claims.conclusions.energy import at_most, energy_rise
-from flocking.study.claims.conclusions.links import no_link_lost, stays_connected
+from flocking.study.claims.conclusions.links import crossings_transversal, no_link_lost, stays_connected
 from flocking.study.evidence import Evidence, NotResolvable
 from flocking.study.sweeps.measures import MEASURES
 from flocking.study.trajectory import run_from_samples
@@ -180,6 +180,7 @@ def test_sweeps_do_not_take_what_is_not_known_for_nothing() -> None:
     for name in ("connected", "disconnected_at", "last_switch", "links_created", "links_lost", "flocks", "density"):
         with pytest.raises(NotResolvable, match="nothing is known after t = 5"):
             MEASURES[name][1](open_)
+    assert crossings_transversal(open_).holds is None
     apart = lost(_switch(1.0, 0, 1, "break"))
     assert MEASURES["connected"][1](apart) is False
     assert MEASURES["disconnected_at"][1](apart) == 1.0

@@ -173,3 +173,16 @@ def test_a_mean_velocity_that_turns_is_not_constant_in_any_unit(unit):
     assert report["momentum"].verdict is Verdict.FAILS
     rest = motion_of(Samples(T, unit * q[:1].repeat(201, 0), 0.0 * p, NAMES[:2]), declared).audit()
     assert rest["momentum"].verdict is Verdict.HOLDS
+
+
+def test_velocities_that_are_set_at_ticks_may_be_others_between_two_samples():
+    """An agent that goes back for half the time between two samples is where it was: in continuous time it jumped."""
+    t = np.arange(20.0)
+    q, p = np.zeros((20, 2, 1)), np.ones((20, 2, 1))
+    q[:, :, 0] = t[:, None] + [0.0, 5.0]
+    q[8:, 0] -= 1.0
+    assert largest_jump(t, q, p, discrete=True) is None
+    found = largest_jump(t, q, p)
+    assert (found.size, found.time, found.agent) == (1.0, 8.0, 0)
+    q[8:, 0] -= 1.5
+    assert largest_jump(t, q, p, discrete=True).size == 2.5

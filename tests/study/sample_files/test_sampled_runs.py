@@ -98,9 +98,12 @@ def test_claims_without_a_law():
     assert together["apart"] is not Verdict.HOLDS
 
 
-def test_a_distance_within_its_error_of_the_radius_is_open():
-    samples = line(2.0 - 1e-9)
+@pytest.mark.parametrize("inside", [1e-9, 5e-3])
+def test_a_distance_within_its_error_of_the_radius_is_open(inside):
+    """Also where all distances that were measured are inside: errors of 1e-3 in each coordinate may hide others."""
+    samples = line(2.0 - inside)
     q = samples.q + 1e-3 * np.random.default_rng(2).standard_normal(samples.q.shape)
+    assert (np.linalg.norm(q[:, 1] - q[:, 0], axis=1).max() < 2.0) == (inside > 1e-3)
     found = verdicts(Samples(samples.t, q, None, ("a", "b")), radius=2.0)
     assert found["connected"] is found["neighbours-kept"] is Verdict.NOT_RESOLVED
 
