@@ -132,7 +132,7 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int, truth_values: bo
         numbers, has masked entries, or changes in time.
     """
     if isinstance(value, ChangesInTime) or (isinstance(value, list | tuple) and any(map(_changes, value))):
-        fix = "Gains of Track alone may change at given times."
+        fix = "Of the parts of the library the gains of Track alone may change at given times."
         raise InvalidInput(owner, parameter, "must be the same at all times", type(value).__name__, fix)
     if np.ma.is_masked(value):
         masked = f"{int(np.ma.getmaskarray(value).sum())} of {np.size(value)} masked"

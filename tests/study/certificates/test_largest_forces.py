@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.study.certificates.certificate import Certificates
 
 APART = np.array([[0.0, 0.0], [2.0, 0.0]])
 AT_REST = 0.0 * APART
@@ -51,7 +52,7 @@ def test_the_reason_names_what_is_not_bounded():
 ALIGN = fk.Law(fk.Complete(), [fk.Consensus(0.7)])
 
 
-def certificates_of(law: fk.Law, p: np.ndarray, **bodies: object) -> fk.Certificate:
+def certificates_of(law: fk.Law, p: np.ndarray, **bodies: object) -> Certificates:
     return fk.certify(fk.Scenario(law, fk.State(APART, p), t_end=1.0, frames=2, **bodies))
 
 

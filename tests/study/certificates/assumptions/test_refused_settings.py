@@ -16,7 +16,7 @@ STILL = fk.Velocity([0.0, 0.0], start=[0.0, 0.0])
 FIRST = {"agents": fk.SingleIntegrator()}
 
 
-def law(*terms: fk.Term, graph: fk.Graph | None = None) -> dict[str, fk.Law]:
+def law(*terms: object, graph: fk.Graph | None = None) -> dict[str, fk.Law]:
     return {"law": fk.Law(graph or fk.Proximity(3.0), terms)}
 
 
