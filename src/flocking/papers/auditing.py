@@ -56,10 +56,10 @@ def _own(scenarios: Callable[[], Mapping[str, Callable[[int], Scenario]]], name:
 def _beyond_theorems(name: str, e: Evidence) -> str:
     """Why the claims about a scenario of a paper are not about a run; empty where they are.
 
-    They are about the world of that scenario, and about laws of the paper's form.
+    They are about the world of that scenario, about laws of the paper's form, and about motions that nobody changed.
     """
     key = paper_of(name)
-    return _other_world(name, e.run.scenario) or (paper(key).assumes(e.run.scenario) if key else "")
+    return e.replaced or _other_world(name, e.run.scenario) or (paper(key).assumes(e.run.scenario) if key else "")
 
 
 def _other_world(name: str, scenario: Scenario) -> str:
@@ -97,8 +97,9 @@ def _are_points(one: Scenario, other: Scenario) -> bool:
 def paper_claims(scenario: str) -> tuple[Claim, ...] | None:
     """Claims about a paper's scenario by its name; None for any other name.
 
-    They are about the world of that scenario, in most papers point masses in open space and an ideal world, and about
-    laws of the paper's form; elsewhere their conclusions are measured by themselves.
+    They are about the world of that scenario, in most papers point masses in open space and an ideal world, about laws
+    of the paper's form, and about runs whose law and state were not replaced on the way; elsewhere their conclusions
+    are measured by themselves.
     """
     key = paper_of(scenario)
     if not key or scenario not in paper(key).scenarios():

@@ -15,7 +15,8 @@ not count as settled. Nor does one in which, at the end, an agent acted on what 
 it is messages that stand still, or a delay that is as long. Where forces are held, and one that acts at the end was
 computed before then, nothing shows what agents will do next: no limit counts as reached there either. A limit is not
 missed, in open space, where at the end agents without a link go on straight lines that bring them into each other's
-radius within ten such runs. In all other cases the verdict is ``not yet``.
+radius within ten such runs. In all other cases the verdict is ``not yet``. Where the law or the state was replaced
+while the run went on, all is left open: what came before, with which the end is compared, is of another motion.
 
 What falls by less than `ROUNDING` of itself in a tenth of the run, after it has changed much more, is taken for
 constant, and a fall that is hidden by fluctuations, for none: a longer run decides otherwise.
@@ -144,6 +145,7 @@ def limit_of(
     error
         Numerical error of its value.
     """
+    e.need_one_motion()
     frames = late_frames(e.t, most=MOST)
     if frames is None:
         return _unseen(bound, value(-1), note, error)
@@ -171,6 +173,7 @@ def limit_of_series(
     bound, note, error
         As `limit_of` takes them.
     """
+    e.need_one_motion()
     frames = late_frames(t)
     if frames is None:
         return _unseen(bound, float(values[-1]), note, error)
@@ -305,6 +308,7 @@ def configuration_unsettled(e: Evidence) -> str:
     They have settled when, in the last tenth of the run, no link switched and no link's length differed from that at
     the end by more than `CHANGE` of the longest, nor by more than `OF_ALL` of the largest change of a length.
     """
+    e.need_one_motion()
     links = e.end_links | e.end_links.T
     found = late_frames(e.t, most=MOST)
     if found is None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.arrays import Reals, Records
 from flocking.engine.runs.fidelity import Fidelity
+from flocking.engine.runs.message_log import changed_times
 from flocking.engine.runs.run import Run
 from flocking.formula.safe_digits import time_text
 from flocking.model.checks import Array
@@ -127,6 +128,24 @@ class RunEvidence:
         """
         scenario = self.run.scenario
         return time_text(time, scenario.start.t, scenario.t_end, digits)
+
+    @property
+    def replaced(self) -> str:
+        """That what the run's scenario states was replaced while the run went on, in words; empty where it was not.
+
+        No theorem is about two laws, or about agents that somebody moved, and a limit of the last motion is none of
+        those before.
+        """
+        times = changed_times(self.run.provenance)
+        if not times:
+            return ""
+        first, more = self.when(times[0]), f" and {len(times) - 1} times later" if len(times) > 1 else ""
+        return f"the law, the state or the messages of the run were replaced at t = {first}{more}"
+
+    def need_one_motion(self) -> None:
+        """Leave open what would be concluded from motions that were replaced by others; see `replaced`."""
+        if why := self.replaced:
+            raise NotResolvable(f"{why}: what came before is of another motion")
 
     @property
     def is_running(self) -> bool:

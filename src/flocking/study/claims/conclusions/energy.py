@@ -199,6 +199,8 @@ def needs_ideal(e: Evidence) -> str:
 
 def needs_momentum(e: Evidence) -> str:
     """Why momentum is not conserved: a force from outside, or forces that are not equal and opposite."""
+    if e.replaced:
+        return e.replaced
     if world := needs_ideal(e):
         return "; ".join(filter(None, (world, frame_note(e))))
     if e.law.body_terms:

@@ -106,6 +106,7 @@ def switching_stops(e: Evidence) -> Measure:
     The motion has then settled if velocities agree, or if no pair would reach a radius at its present velocities.
     Switching counts as permanent where it is no rarer in the last tenth than before and the velocity spread stays.
     """
+    e.need_one_motion()
     start, end = float(e.t[0]), float(e.t[-1])
     first, last = e.quiet_since if e.law.graph.moves else (e.last_switch, e.last_switch)
     quiet, possible = ((end - t) / (end - start) if end > start else 1.0 for t in (first, last))
