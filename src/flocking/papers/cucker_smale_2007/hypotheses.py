@@ -16,6 +16,7 @@ from flocking.model.world.control import Held
 from flocking.model.world.information import Delayed
 from flocking.papers.cucker_smale_2007.closed_forms import delay_limits
 from flocking.study.certificates.alignment_certificates import Alignment
+from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Measure
 from flocking.study.evidence import Evidence, NotMeasurable
 
@@ -52,6 +53,20 @@ def held_together(e: Evidence) -> Measure:
     note = f"velocities differ by up to {now:.4g}, the weights suffice for {most:.4g}"
     margin = (np.inf if found.unconditional else most - now) if found.farthest is not None else min(most - now, 0.0)
     return Measure(margin, 0.0, note, everywhere=False)
+
+
+def opposite_forces(e: Evidence) -> Measure:
+    """That the forces of pairs are all that acts, equal and opposite."""
+    if why := general.needs_momentum(e):
+        raise NotMeasurable(why)
+    return Measure(np.inf, 0.0, "forces of pairs alone, equal and opposite", everywhere=False)
+
+
+def alignment_alone(e: Evidence) -> Measure:
+    """That agents do nothing but align, with equal weights both ways: their energy is the kinetic one."""
+    if any(not isinstance(term, CuckerSmale) for term in e.law.terms) or e.run.scenario.energy.unlinked:
+        raise NotMeasurable("the law is not alignment alone")
+    return opposite_forces(e)
 
 
 def discrete_system(e: Evidence) -> tuple[CuckerSmale, float]:

@@ -21,11 +21,13 @@ from flocking.papers.cucker_smale_2007.closed_forms import (
 )
 from flocking.papers.cucker_smale_2007.hypotheses import (
     alignment,
+    alignment_alone,
     discrete_system,
     exponent_of_one,
     held_together,
     late_neighbours,
     monotone_delay,
+    opposite_forces,
     short_steps,
     stable_delay,
     too_long_delay,
@@ -269,9 +271,9 @@ def _stated(name: str) -> Sequence[Claim]:
     return (
         Claim("energy", f"the system, {cited}",
               "The kinetic energy falls by the sum of weights times squared differences.",
-              general.ledger_residual, dynamic=False),
+              general.ledger_residual, alignment_alone, dynamic=False),
         Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift,
-              origin=own),
+              opposite_forces, origin=own),
         agree,
         Claim("diameter-bound", "Ha, Liu 2009", "No two agents are farther apart than the X up to which the integral "
               "of the weights from D_x(0) on is D_v(0).", diameter_bounded, held_together, origin=own),

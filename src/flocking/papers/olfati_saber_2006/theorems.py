@@ -9,11 +9,11 @@ import numpy as np
 from flocking.engine.reference.control import control
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.graphs.smooth_graphs import Smooth
-from flocking.model.leaders_and_obstacles.leaders import Velocity
+from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
 from flocking.model.observables import flocks
 from flocking.model.state import State
 from flocking.model.terms.body_terms import Track
-from flocking.model.terms.pair_terms import Gradient
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
 from flocking.model.world.control import Held
 from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved, refuted
@@ -82,6 +82,45 @@ def _need_distance(e: Evidence) -> None:
     slope = 0.0 if gradient is None else float(gradient.potential.slope(system.DISTANCE))
     if gradient is None or not abs(slope) <= ROUNDING * abs(float(gradient.potential.slope(system.RADIUS))):
         raise NotMeasurable(f"the law has no potential that is least at the distance {system.DISTANCE:g}")
+
+
+def opposite_forces(e: Evidence) -> Measure:
+    """That the forces of pairs are all that acts, equal and opposite."""
+    if why := general.needs_momentum(e):
+        raise NotMeasurable(why)
+    return Measure(np.inf, 0.0, "forces of pairs alone, equal and opposite", everywhere=False)
+
+
+def passive(e: Evidence) -> Measure:
+    """That the forces of pairs are all that acts, and supply no energy."""
+    if why := general.needs_momentum(e) or general.needs_ledger(e) or general.needs_passive(e):
+        raise NotMeasurable(why)
+    return Measure(np.inf, 0.0, "no energy is supplied", everywhere=False)
+
+
+def led_alike(e: Evidence) -> Measure:
+    """That free agents follow one gamma-agent of constant velocity alike, under a potential of the paper's form.
+
+    Then H + J is bounded below, and falls at least at the rate c2 |p|^2 in the frame of the gamma-agent.
+    """
+    agents, law = e.run.scenario.agents, e.law
+    if not is_point_mass(agents) or np.any(np.asarray(agents.damping)):
+        raise NotMeasurable("agents are no undamped point masses")
+    track = law.body_terms[0] if len(law.body_terms) == 1 else None
+    if not isinstance(track, Track) or not isinstance(track.leader, Velocity | Sink):
+        raise NotMeasurable("the law has not one pursuit of a gamma-agent of constant velocity as its only body term")
+    gains = track.position_gain, track.velocity_gain
+    alike = not any(isinstance(gain, Schedule) or np.ptp(gain) or not np.min(gain) > 0.0 for gain in gains)
+    if track.shared or track.saturated or track.per_mass or not alike:
+        raise NotMeasurable("the feedback is not linear with one positive gain for all agents")
+    known = {type(term) for term in law.terms} <= {Gradient, Consensus, Track} and type(law.graph) is Smooth
+    stated = system.potential().formula.text
+    psi = [term for term in law.pair_terms if isinstance(term, Gradient)]
+    same = all(term.potential.formula.text == stated and term.weighting == "force" for term in psi)
+    opposite = all("momentum" in term.symmetries for term in law.pair_terms)
+    if not known or not same or not opposite or len(law.graphs) > 1:
+        raise NotMeasurable("the law is not that of Algorithm 2, with other numbers at most")
+    return Measure(np.inf, 0.0, "one gamma-agent of constant velocity, followed alike", everywhere=False)
 
 
 def too_little_energy(e: Evidence) -> Measure:
@@ -259,8 +298,15 @@ def _stated(name: str) -> Sequence[Claim]:
     if name in (system.FRAGMENTS, system.GENTLE):
         first = (
             energy,
-            Claim("momentum", "not stated", "The mean velocity is constant.", general.momentum_drift, origin=own),
-            Claim("falls", FIRST, "H never rises under Algorithm 1.", general.energy_rise),
+            Claim(
+                "momentum",
+                "not stated",
+                "The mean velocity is constant.",
+                general.momentum_drift,
+                opposite_forces,
+                origin=own,
+            ),
+            Claim("falls", FIRST, "H never rises under Algorithm 1.", general.energy_rise, passive),
             Claim(
                 "collisions",
                 FIRST,
@@ -319,7 +365,7 @@ def _stated(name: str) -> Sequence[Claim]:
     found = (
         energy,
         Claim("velocities-agree", SECOND, "All velocities become the same.",
-              general.velocities_agree),
+              general.velocities_agree, led_alike),
         Claim("centre", "not stated", "The centre follows the gamma-agent as a critically damped oscillator.",
               centre_as_predicted, origin=own),
         Claim("one-flock", SECOND, "All agents end in one flock.", one_flock),
