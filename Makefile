@@ -97,11 +97,12 @@ $(EMULATOR_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[emulator]'
 	@touch $@
 
-# A process for each agent, over zenoh on this machine, and files of recordings; some agents run exported C, for which Debian's gcc is installed if missing.
+# A process for each agent, over zenoh on this machine, and files of recordings; some agents run exported C, for which Debian's gcc is
+# installed if missing. Four signals at drawn moments are among them: make robustness TIER=slow sends all 200.
 test-nodes: $(NODES_READY)
 	@command -v gcc >/dev/null || { apt-get update -qq && apt-get install -y -qq gcc libc6-dev; } || \
 		{ echo "make test-nodes needs gcc: install it and run this again."; exit 1; }
-	$(BIN)/python -m pytest -m nodes -p no:xdist tests/engine/nodes tests/study/sample_files $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "nodes and not repeated" -p no:xdist tests/engine/nodes tests/study/sample_files $(PYTEST_ARGS)
 
 $(NODES_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[nodes]'
@@ -117,7 +118,7 @@ $(PEERS_READY): $(READY)
 
 # Sweeps on two Dask workers over TCP on this machine, workers killed among them.
 test-cluster: $(CLUSTER_READY)
-	$(BIN)/python -m pytest -m cluster -p no:xdist tests/cluster $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "cluster and not repeated" -p no:xdist tests/cluster $(PYTEST_ARGS)
 
 $(CLUSTER_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[cluster]'
@@ -128,7 +129,7 @@ test-browser: $(BROWSER_READY)
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null || \
 		{ apt-get update -qq && apt-get install -y -qq chromium; } || \
 		{ echo "make test-browser needs Chromium: install it and run this again."; exit 1; }
-	$(BIN)/python -m pytest -m "browser or server" -p no:xdist tests/apps/lab tests/apps/reproduction tests/show $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "browser or server and not repeated" -p no:xdist tests/apps/lab tests/apps/reproduction tests/show $(PYTEST_ARGS)
 
 $(BROWSER_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[browser]'

@@ -22,7 +22,7 @@ from tests.counting import (  # noqa: F401 - pytest finds them here
     pytest_terminal_summary,
     pytest_testnodedown,
 )
-from tests.slow_cases import mark_slow_cases
+from tests.slow_cases import mark_slow_cases, put_longest_first
 
 settings.register_profile(
     "project",
@@ -61,7 +61,8 @@ GARBAGE = 20_000
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Put tests into the slow tier before pytest selects."""
+    """Put tests into the slow tier before pytest selects, and the longest first."""
+    put_longest_first(items)
     missing = mark_slow_cases(items)
     if missing and not any("::" in argument for argument in config.args):
         raise pytest.UsageError(f"tests/slow_cases.txt names tests that are not there: {sorted(missing)}")

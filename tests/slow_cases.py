@@ -1,4 +1,4 @@
-"""Puts the tests that ``slow_cases.txt`` names, whole or single cases of them, into the slow tier."""
+"""Puts the tests and cases that ``slow_cases.txt`` names into the slow tier, and the longest of the others first."""
 
 from __future__ import annotations
 
@@ -13,6 +13,15 @@ NAMED = {
     if line and not line.startswith("#")
 }
 """Names as pytest prints them; without a case all cases are meant."""
+
+
+LONGEST = "tests/test_floors.py::test_types_hold"
+"""The longest of the default tests: mypy reads the whole library, on one processor, for minutes in a fresh clone."""
+
+
+def put_longest_first(items: list[pytest.Item]) -> None:
+    """Let the first process begin with the longest test: begun late, it would hold up the end of a run by itself."""
+    items.sort(key=lambda item: item.nodeid != LONGEST)
 
 
 def mark_slow_cases(items: Iterable[pytest.Item]) -> set[str]:

@@ -6,8 +6,12 @@ import itertools
 import re
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+
+from tests.slow_cases import LONGEST, put_longest_first
 
 ROOT = Path(__file__).resolve().parents[2]
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["pytest"]["ini_options"]
@@ -48,6 +52,14 @@ def robustness(tier: str) -> str:
     return selection("robustness").replace("$(TIER_$(TIER))", variable(f"TIER_{tier}"))
 
 
+def test_the_longest_test_begins_first_and_all_others_keep_their_order() -> None:
+    file, _, name = LONGEST.partition("::")
+    assert f"def {name}(" in (ROOT / file).read_text()
+    items: list[Any] = [SimpleNamespace(nodeid=name) for name in ("b", "a", LONGEST, "c")]
+    put_longest_first(items)
+    assert [item.nodeid for item in items] == [LONGEST, "b", "a", "c"]
+
+
 DEFAULT = re.search(r"-m '([^']+)'", SETTINGS["addopts"])[1]  # type: ignore[index]
 SETS = [marks for k in range(3) for marks in itertools.combinations(["slow", "repeated", *EXTRAS], k)]
 
@@ -63,6 +75,18 @@ def test_slow_tests_of_an_extra_are_run_by_its_target(extra: str) -> None:
     target = {"server": "test-browser"}.get(extra, f"test-{extra}")
     assert selected(selection(target), extra)
     assert selected(selection(target), extra, "slow")
+
+
+@pytest.mark.parametrize("extra", ["cluster", "server", "nodes"])
+def test_repetitions_that_robustness_runs_are_left_out_of_the_target_of_their_extra(extra: str) -> None:
+    assert (
+        f"$({'LAB' if extra == 'server' else extra.upper()}_READY)"
+        in MAKEFILE.partition("\nrobustness:")[2].splitlines()[0]
+    )
+    assert selected(robustness("slow"), extra, "repeated")
+    target = {"server": "test-browser"}.get(extra, f"test-{extra}")
+    assert not selected(selection(target), extra, "repeated")
+    assert selected(selection(target), extra)
 
 
 @pytest.mark.parametrize("extra", [*EXTRAS, ""])
