@@ -7,6 +7,7 @@ every agent crosses the borders again and again.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import sympy
@@ -22,13 +23,13 @@ from tests.engine.tiles.laws import zhou as zhou_law
 from tests.mpi.laws import law, start
 
 N = 150
-STEP, T_END = 0.01, 1.0
-PAPER_STEPS, PAPER_STEP = 250, 0.002
+STEP, T_END = 0.01, 0.5
+PAPER_STEPS, PAPER_STEP = 100, 0.002
 """Steps of the scenarios of papers, and their length."""
 
 
-RATE = 2 * np.pi
-"""Rate at which groups turn: once in a unit of time, in which an agent crosses a line through the origin twice."""
+RATE = 4 * np.pi
+"""Rate at which groups turn: once in a run, in which an agent crosses a line through the origin twice."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def _lattice(dimension, side, n=N, speed=1.0, seed=3):
 
 def _zhou(*counts):
     """So even a lattice that no pair is near the radius of Zhou's law, where its potential is infinite."""
-    state, space = lattice_in_box(counts, 2.15, 0.3, 2.0)
+    state, space = lattice_in_box(counts, 2.15, 0.3, 4.0)
     return zhou_law(), state, {"space": space}
 
 
@@ -142,7 +143,7 @@ def _crossing(graph, dimension=2):
     return found, fk.State(state.q, state.p + way * np.array([40.0, 20.0, 5.0][:dimension]), 0.0), {}
 
 
-def _repeating(lengths, graph, n=2 * N, share=1.0, flight=1.0):
+def _repeating(lengths, graph, n=2 * N, share=1.0, flight=2.0):
     """Streams through each other in space that repeats, which fly through it together; most start lengths away."""
     rng = np.random.default_rng(11)
     finite = np.array([x if x else 40.0 for x in lengths])
@@ -236,7 +237,7 @@ CASES = {
     "streams in a periodic channel": lambda: _repeating([90.0, None], fk.Proximity(8.4)),
     "streams in periodic space of three axes": lambda: _repeating([40.0, 30.0, 35.0], fk.Hysteresis(8.4, 1.0)),
     "streams in the smallest periodic space": lambda: (
-        *_repeating([17.0, 60.0], fk.Hysteresis(8.4, 1.0), 40, flight=3.0)[:2],
+        *_repeating([17.0, 60.0], fk.Hysteresis(8.4, 1.0), 40, flight=6.0)[:2],
         {"space": fk.Periodic([17.0, 60.0]), "skin": 9.0},
     ),
     "tanner I": lambda: _fixed(fk.Fixed.random_connected(N, 0.05, 1)),
@@ -284,7 +285,7 @@ CASES = {
         _repeating([40.0, 30.0, 35.0], fk.Proximity(8.4)),
     ),
     "order 1, lagged in gusts and limited": lambda: _bodied(
-        fk.Limited(fk.Lagged(fk.Disturbed(fk.SingleIntegrator(), 0.3, 0.05), 0.02), speed=40.0),
+        fk.Limited(fk.Lagged(fk.Disturbed(fk.SingleIntegrator(), 0.3, 0.05), 0.02), speed=80.0),
         _flow("gradient and consensus"),
     ),
 }  # fmt: skip
@@ -323,11 +324,12 @@ EDGES = {
 
 def case(name):
     """Scenario of a case, and the options that it needs."""
-    if name in PAPER_NAMES:
+    makes = CASES | EDGES
+    if name not in makes:
         found = _of_papers()[name](0)
         found = found.with_(t_end=found.start.t + PAPER_STEPS * PAPER_STEP, frames=3)
         return found, {"step": PAPER_STEP} | _thin_skin(found.law)
-    made, state, more = (CASES | EDGES)[name]()
+    made, state, more = makes[name]()
     options = {"step": STEP} | _thin_skin(made)
     options |= {name: more.pop(name) for name in ("scheme", "skin", "step") if name in more}
     if "space" not in more:
@@ -341,14 +343,17 @@ def _thin_skin(made):
     return {"skin": 0.004 * max(reach)} if reach else {}
 
 
+@cache
 def _of_papers():
     """Scenarios of every paper of the library."""
     return {name: make for key in ALL_KEYS for name, make in paper(key).scenarios().items()}
 
 
-def _runs(make):
-    scenario = make(0)
-    return scenario.start.n <= 500 and not engine_named("tiles").why_not(scenario)
+def paper_names():
+    """Scenarios of papers that are cases. Each is made to see whether it is one: what runs on ranks needs no list."""
 
+    def runs(make):
+        scenario = make(0)
+        return scenario.start.n <= 500 and not engine_named("tiles").why_not(scenario)
 
-PAPER_NAMES = tuple(sorted(name for name, make in _of_papers().items() if _runs(make)))
+    return tuple(sorted(name for name, make in _of_papers().items() if runs(make)))

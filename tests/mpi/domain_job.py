@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 
 from flocking.engine.lammps.domains.decomposition import Decomposition
 from flocking.engine.lammps.domains.options import DomainOptions
 from flocking.engine.lammps.domains.session import DomainSession
 from tests.mpi.domain_cases import case
+from tests.mpi.jobs import run_each
 
 
 def computed(name, **more):
@@ -35,16 +34,8 @@ def computed(name, **more):
         "closest": [run.closest_linked.distance, *run.closest_linked.pair], "migrated": migrated, "last_links": links,
         "owned": owned, "owner": owner, "placed": len(placed), "gap": session.law_gaps.gap,
         "checks": session.law_gaps.checks,
-    }, session.ranks  # fmt: skip
-
-
-def main():
-    folder, *names = sys.argv[1:]
-    for name in names:
-        found, ranks = computed(name)
-        if ranks.first:
-            np.savez(f"{folder}/{name.replace(' ', '_')}.npz", **found)
+    }  # fmt: skip
 
 
 if __name__ == "__main__":
-    main()
+    run_each(computed)

@@ -18,6 +18,7 @@ from flocking.engine.lammps.engine import ENGINE
 from flocking.engine.lammps.options import LammpsOptions
 from flocking.errors import InvalidInput, SimulationError
 from tests.mpi.domain_cases import case
+from tests.mpi.jobs import run_each
 
 
 def opened(scenario, **options):
@@ -91,7 +92,10 @@ def lost():
         return None if len(calls) % 3 == 0 else found
 
     Decomposition.exchanged = losing
-    return {**whole(), "lost": len(calls) // 3}
+    try:
+        return {**whole(), "lost": len(calls) // 3}
+    finally:
+        Decomposition.exchanged = exchanged
 
 
 def whole(save=None, die_at=None, t_end=0.4, frames=6, out=None, name="streams with hysteresis", **_):
@@ -127,6 +131,7 @@ def too_large():
         session.advance(0.5)
     except SimulationError as error:
         raised = type(error).__name__
+    session.close()
     return {"raised": session.ranks.comm.allgather(raised)}
 
 
@@ -170,6 +175,7 @@ def nan_on_one_rank():
         session.advance(scenario.t_end)
     except SimulationError as error:
         raised = type(error).__name__
+    session.close()
     return {"raised": session.ranks.comm.allgather(raised)}
 
 
@@ -196,26 +202,23 @@ HELD = {"control": fk.Held(0.05), "information": fk.Messages(0.05)}
 """Held control with messages."""
 
 
+CASES = {
+    "twice": twice, "leaps": leaps, "threads": threads, "single": single, "lost": lost, "too large": too_large,
+    "nan on one rank": nan_on_one_rank, "few": few,
+}  # fmt: skip
+"""What leaves its ranks alive: one job runs several."""
+
+
 def main():
     asked = json.loads(sys.argv[1])
-    what, out = asked.pop("what"), asked["out"]
+    if "cases" in asked:
+        run_each(lambda name: CASES[name]())
+        return
+    what = asked.pop("what")
     if what in ("killed", "whole"):
-        found = whole(**({"die_at": 0.2} if what == "killed" else {}), **asked)
+        whole(**({"die_at": 0.2} if what == "killed" else {}), **asked)
     else:
-        found = {
-            "twice": twice,
-            "leaps": leaps,
-            "threads": threads,
-            "single": single,
-            "lost": lost,
-            "too large": too_large,
-            "fails": fails,
-            "refuses": refuses,
-            "nan on one rank": nan_on_one_rank,
-            "few": few,
-        }[what]()
-    if ENGINE.team().first:
-        np.savez(out, **found)
+        {"fails": fails, "refuses": refuses}[what]()
 
 
 if __name__ == "__main__":

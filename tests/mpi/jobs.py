@@ -13,6 +13,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 MPIEXEC = str(Path(sys.executable).with_name("mpiexec"))
 TOO_LONG = 240
+LONGEST = 1800
+"""Seconds that a job of many cases may take."""
 WAITING = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "MPIR_CVAR_POLLS_BEFORE_YIELD": "20"}
 """Ranks that wait leave the processor to others: there are more ranks than processors."""
 
@@ -25,13 +27,61 @@ def launch(ranks, *words, limit=TOO_LONG):
     )  # fmt: skip
 
 
-def run_job(ranks, tmp_path, law, dimension, *, step=0.01, **asked):
-    """Run a law on some ranks; what the first rank wrote down."""
-    out = tmp_path / f"{ranks}.npz"
-    done = launch(
-        ranks, sys.executable, "-m", "tests.mpi.job",
-        json.dumps({"law": law, "dimension": dimension, "step": step, "out": str(out), **asked}),
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr[-3000:]
-    with np.load(out) as file:
-        return {name: file[name] for name in file.files}
+class Cases:
+    """Cases that one job after another has run: a job goes on to the next case, and a new one begins where one ended.
+
+    Parameters
+    ----------
+    ranks
+        Number of ranks.
+    folder
+        Where jobs write.
+    """
+
+    def __init__(self, ranks, folder):
+        self.ranks, self.folder, self.failures = ranks, folder, {}
+
+    def run(self, module, cases):
+        """Run cases, arguments by name, by a module that calls `run_each`."""
+        left = dict(cases)
+        while left:
+            words = json.dumps({"folder": str(self.folder), "cases": left})
+            done = launch(self.ranks, sys.executable, "-m", module, words, limit=LONGEST)
+            begun = [name for name in left if _place(self.folder, name, "begun").exists()]
+            if done.returncode == 0:
+                return self
+            name = begun[-1] if begun else next(iter(left))
+            self.failures[name] = done.stdout[-2000:] + done.stderr[-4000:]
+            left = {other: words for other, words in left.items() if other not in {name, *begun}}
+        return self
+
+    def of(self, name):
+        """What the first rank wrote down of a case."""
+        file = _place(self.folder, name, "npz")
+        assert name not in self.failures, f"{name!r} on {self.ranks} ranks: {self.failures[name]}"
+        assert file.exists(), f"{name!r} on {self.ranks} ranks left nothing"
+        with np.load(file) as found:
+            return {key: found[key] for key in found.files}
+
+
+def run_each(compute):
+    """Run the cases that this job was started with; all ranks call this.
+
+    Parameters
+    ----------
+    compute
+        Called with the name and the arguments of a case; gives what the first rank writes down.
+    """
+    from mpi4py import MPI
+
+    asked, first = json.loads(sys.argv[1]), MPI.COMM_WORLD.rank == 0
+    for name, words in asked["cases"].items():
+        if first:
+            _place(asked["folder"], name, "begun").touch()
+        found = compute(name, **words)
+        if first:
+            np.savez(_place(asked["folder"], name, "npz"), **found)
+
+
+def _place(folder, name, kind):
+    return Path(folder) / f"{name.replace(' ', '_')}.{kind}"

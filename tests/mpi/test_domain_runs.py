@@ -20,41 +20,56 @@ from flocking.engine.protocol.session import Stored
 from flocking.errors import InvalidInput, StepTooLarge, UnsupportedLaw
 from flocking.papers import ALL_KEYS, paper
 from tests.mpi.domain_cases import case
-from tests.mpi.jobs import MPIEXEC, ROOT, WAITING, launch
+from tests.mpi.domain_run_job import whole
+from tests.mpi.jobs import MPIEXEC, ROOT, WAITING, Cases, launch
 from tests.mpi.laws import start
 
 pytestmark = pytest.mark.mpi
 
 
-def job(ranks, tmp_path, what, **asked):
-    """Start a job of `tests.mpi.domain_run_job`; what its first rank wrote down, and the process."""
-    out = tmp_path / f"{what}-{ranks}.npz"
-    words = json.dumps({"what": what, "out": str(out), **asked})
-    done = launch(ranks, sys.executable, "-m", "tests.mpi.domain_run_job", words)
-    if not out.exists():
-        return {}, done
-    with np.load(out) as file:
-        return {name: file[name] for name in file.files}, done
+MODULE = "tests.mpi.domain_run_job"
 
 
-def test_the_same_number_of_ranks_gives_the_same_bits(tmp_path):
-    found, done = job(3, tmp_path, "twice")
-    assert done.returncode == 0, done.stderr[-3000:]
+def job(ranks, what, **asked):
+    """Start a job whose ranks end each other, or which is ended; the finished process."""
+    return launch(ranks, sys.executable, "-m", MODULE, json.dumps({"what": what, **asked}))
+
+
+@pytest.fixture(scope="module")
+def on_two(tmp_path_factory):
+    """What came out of cases on two ranks, which one job has run."""
+    names = ("threads", "single", "lost", "too large", "nan on one rank")
+    return Cases(2, tmp_path_factory.mktemp("two")).run(MODULE, {name: {} for name in names}).of
+
+
+@pytest.fixture(scope="module")
+def on_four(tmp_path_factory):
+    """The same on four ranks."""
+    names = ("twice", "leaps", "few")
+    return Cases(4, tmp_path_factory.mktemp("four")).run(MODULE, {name: {} for name in names}).of
+
+
+@pytest.fixture(scope="module")
+def streams():
+    """The run of the streams on one rank."""
+    return whole()
+
+
+def test_the_same_number_of_ranks_gives_the_same_bits(on_four):
+    found = on_four("twice")
     assert found["migrated"] > 20
     assert np.array_equal(found["q"], found["again"])
     assert np.array_equal(found["energy"], found["energy_again"])
 
 
-def test_bits_do_not_depend_on_the_threads_of_a_rank(tmp_path):
-    found, done = job(2, tmp_path, "threads")
-    assert done.returncode == 0, done.stderr[-3000:]
+def test_bits_do_not_depend_on_the_threads_of_a_rank(on_two):
+    found = on_two("threads")
     assert np.array_equal(found["q"], found["again"])
     assert np.array_equal(found["energy"], found["energy_again"])
 
 
-def test_single_precision(tmp_path):
-    found, done = job(2, tmp_path, "single")
-    assert done.returncode == 0, done.stderr[-3000:]
+def test_single_precision(on_two):
+    found = on_two("single")
     made, options = case("streams with hysteresis")
     made = made.with_(t_end=0.1)
     reference = fk.evaluate(made.law, made.start)
@@ -92,43 +107,40 @@ def test_a_checkpoint_that_was_tampered_with_is_refused():
     session.close()
 
 
-def test_agents_that_leap_over_domains_are_found(tmp_path):
-    found, done = job(4, tmp_path, "leaps")
-    assert done.returncode == 0, done.stderr[-3000:]
+def test_agents_that_leap_over_domains_are_found(on_four):
+    found = on_four("leaps")
     assert found["migrated"] > 20
     np.testing.assert_allclose(found["q"], found["expected"], rtol=0, atol=1e-9)
 
 
-def test_agents_that_lammps_lost_are_placed_again_with_their_links(tmp_path):
-    found, done = job(2, tmp_path, "lost")
-    assert done.returncode == 0, done.stderr[-3000:]
+def test_agents_that_lammps_lost_are_placed_again_with_their_links(on_two, streams):
+    found = on_two("lost")
     assert found["lost"] > 3
-    expected, done = job(1, tmp_path, "whole")
-    assert done.returncode == 0, done.stderr[-3000:]
-    np.testing.assert_allclose(found["q"], expected["q"], rtol=0, atol=1e-9)
-    assert np.array_equal(found["links"], expected["links"])
+    np.testing.assert_allclose(found["q"], streams["q"], rtol=0, atol=1e-9)
+    assert np.array_equal(found["links"], streams["links"])
 
 
-def test_a_killed_rank_ends_the_job_and_other_numbers_of_ranks_and_threads_go_on(tmp_path):
+def test_a_killed_rank_ends_the_job_and_other_numbers_of_ranks_and_threads_go_on(tmp_path, streams):
     folder = tmp_path / "run"
-    _, done = job(4, tmp_path, "killed", save=str(folder))
+    done = job(4, "killed", save=str(folder))
     assert done.returncode != 0
     assert "BAD TERMINATION" in done.stdout + done.stderr
     left = fk.read_run(folder)
     assert left.status == "unfinished"
     assert 2 <= len(left.t) < 6
-    expected, done = job(1, tmp_path, "whole")
-    assert done.returncode == 0, done.stderr[-3000:]
     for ranks, threads in ((1, 2), (2, 3), (3, None)):
         copy = shutil.copytree(folder, tmp_path / f"on {ranks}")
         words = [] if threads is None else ["--threads", str(threads)]
-        again = launch(ranks, sys.executable, "-m", "flocking", "resume", str(copy), *words)
-        assert again.returncode == 0, again.stderr[-3000:]
+        if ranks == 1:
+            fk.resume(copy, progress=False, threads=threads)
+        else:
+            again = launch(ranks, sys.executable, "-m", "flocking", "resume", str(copy), *words)
+            assert again.returncode == 0, again.stderr[-3000:]
         run = fk.read_run(copy)
         assert run.finished
-        np.testing.assert_allclose(run.q, expected["q"], rtol=0, atol=1e-9)
-        assert np.array_equal(run.links, expected["links"])
-        np.testing.assert_allclose(run.trace["energy"][-1], expected["energy"][-1], rtol=1e-9)
+        np.testing.assert_allclose(run.q, streams["q"], rtol=0, atol=1e-9)
+        assert np.array_equal(run.links, streams["links"])
+        np.testing.assert_allclose(run.trace["energy"][-1], streams["energy"][-1], rtol=1e-9)
         assert run.provenance["ranks"] == ranks
         assert threads in (None, run.provenance["threads"])
         assert run.provenance["forces"] == "kernels"
@@ -136,16 +148,14 @@ def test_a_killed_rank_ends_the_job_and_other_numbers_of_ranks_and_threads_go_on
 
 def test_bodies_go_on_after_a_killed_rank_on_another_number_of_ranks(tmp_path):
     folder, asked = tmp_path / "run", {"name": "streams, a chain of bodies", "t_end": 0.3}
-    _, done = job(3, tmp_path, "killed", save=str(folder), **asked)
+    done = job(3, "killed", save=str(folder), **asked)
     assert done.returncode != 0
     left = fk.read_run(folder)
     assert left.status == "unfinished"
     assert set(left.columns) == {"applied", "heading"}
     again = launch(2, sys.executable, "-m", "flocking", "resume", str(folder))
     assert again.returncode == 0, again.stderr[-3000:]
-    expected, done = job(1, tmp_path, "whole", **asked)
-    assert done.returncode == 0, done.stderr[-3000:]
-    run = fk.read_run(folder)
+    expected, run = whole(**asked), fk.read_run(folder)
     assert run.finished
     np.testing.assert_allclose(run.q, expected["q"], rtol=0, atol=1e-9)
     for name, values in run.columns.items():
@@ -159,7 +169,7 @@ def test_ctrl_c_on_two_ranks_saves_the_run(tmp_path):
         {"what": "whole", "save": str(folder), "t_end": 1e6, "frames": 2, "out": str(tmp_path / "out.npz")}
     )
     process = subprocess.Popen(
-        [MPIEXEC, "-n", "2", sys.executable, "-m", "tests.mpi.domain_run_job", words], cwd=ROOT, text=True,
+        [MPIEXEC, "-n", "2", sys.executable, "-m", MODULE, words], cwd=ROOT, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "OMP_NUM_THREADS": "1", **WAITING},
     )  # fmt: skip
     # The job writes its first rank's process identity when it has made its first steps.
@@ -173,35 +183,32 @@ def test_ctrl_c_on_two_ranks_saves_the_run(tmp_path):
     assert left.trace["time"][-1] > 0
 
 
-def test_an_error_of_one_rank_is_raised_on_all(tmp_path):
-    found, done = job(2, tmp_path, "too large")
-    assert done.returncode == 0, done.stderr[-3000:]
+def test_an_error_of_one_rank_is_raised_on_all(on_two):
+    found = on_two("too large")
     assert set(found["raised"]) == {"StepTooLarge"}
     assert len(found["raised"]) == 2
 
 
-def test_a_failure_of_one_rank_ends_all(tmp_path):
-    _, done = job(2, tmp_path, "fails")
+def test_a_failure_of_one_rank_ends_all():
+    done = job(2, "fails")
     assert done.returncode != 0
     assert "this rank has had enough" in done.stderr
 
 
-def test_an_error_of_the_library_on_one_rank_alone_ends_all(tmp_path):
-    _, done = job(2, tmp_path, "refuses")
+def test_an_error_of_the_library_on_one_rank_alone_ends_all():
+    done = job(2, "refuses")
     assert done.returncode != 0
     assert "not all ranks did" in done.stderr
     assert "patience" in done.stderr
 
 
-def test_what_is_not_a_number_on_one_rank_is_told_on_all(tmp_path):
-    found, done = job(2, tmp_path, "nan on one rank")
-    assert done.returncode == 0, done.stderr[-3000:]
+def test_what_is_not_a_number_on_one_rank_is_told_on_all(on_two):
+    found = on_two("nan on one rank")
     assert set(found["raised"]) == {"NotFinite"}
 
 
-def test_fewer_agents_than_ranks(tmp_path):
-    found, done = job(4, tmp_path, "few")
-    assert done.returncode == 0, done.stderr[-3000:]
+def test_fewer_agents_than_ranks(on_four):
+    found = on_four("few")
     assert len(found) == 6
     for name, gaps in found.items():
         assert max(gaps) <= 1e-12, name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from functools import cache
 
 import numpy as np
@@ -10,13 +9,12 @@ import pytest
 
 import flocking as fk
 from flocking.engine.fixed_step.supported_bodies import is_point
-from tests.mpi.domain_cases import CASES, EDGES, PAIRS, PAPER_NAMES, SETTLED, case
-from tests.mpi.jobs import launch
+from tests.mpi.domain_cases import CASES, EDGES, PAIRS, SETTLED, case, paper_names
+from tests.mpi.jobs import Cases
 
 pytestmark = pytest.mark.mpi
 RANKS = (1, 2, 4)
-ALL = (*CASES, *EDGES, *PAPER_NAMES)
-LONGEST = 1800
+ALL = (*CASES, *EDGES, *paper_names())
 CROSSINGS = 200
 """Least number of times that agents of a case change ranks."""
 
@@ -26,15 +24,9 @@ def found(request, tmp_path_factory):
     """What came out of each case that the chosen tests name, by number of ranks."""
     named = {item.callspec.params["name"] for item in request.session.items if hasattr(item, "callspec")
              and item.module is request.module}  # fmt: skip
-    results, names = {}, [name for name in ALL if name in named]
-    for ranks in RANKS:
-        folder = tmp_path_factory.mktemp(f"ranks{ranks}")
-        done = launch(ranks, sys.executable, "-m", "tests.mpi.domain_job", str(folder), *names, limit=LONGEST)
-        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
-        for name in names:
-            with np.load(folder / f"{name.replace(' ', '_')}.npz") as file:
-                results[ranks, name] = {key: file[key] for key in file.files}
-    return results
+    cases = {name: {} for name in ALL if name in named}
+    run = {k: Cases(k, tmp_path_factory.mktemp(f"ranks{k}")).run("tests.mpi.domain_job", cases) for k in RANKS}
+    return cache(lambda ranks, name: run[ranks].of(name))
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +57,7 @@ def test_forces_motions_links_and_ledger(found, expected, name):
     scale = scale / np.min(bodies.masses)
     assert set(run.columns) == {column.name for column in bodies.columns}
     for ranks in RANKS:
-        got = found[ranks, name]
+        got = found(ranks, name)
         assert (np.linalg.norm(got["begin"] - rates, axis=1) <= 1e-12 * scale).all(), ranks
         assert np.array_equal(got["t"], run.t)
         np.testing.assert_allclose(got["q"], run.q, rtol=0, atol=1e-9)
@@ -88,16 +80,16 @@ def test_forces_motions_links_and_ledger(found, expected, name):
 def test_agents_cross_the_borders_of_ranks_hundreds_of_times(found, name):
     for ranks in (2, 4):
         if name in SETTLED:
-            assert found[ranks, name]["migrated"] == 0
+            assert found(ranks, name)["migrated"] == 0
         else:
-            assert found[ranks, name]["migrated"] >= CROSSINGS
-    assert found[1, name]["migrated"] == 0
+            assert found(ranks, name)["migrated"] >= CROSSINGS
+    assert found(1, name)["migrated"] == 0
 
 
 @pytest.mark.parametrize("name", ["streams in the smallest periodic space"])
 def test_agents_that_fly_past_a_domain_between_two_exchanges_are_placed_again(found, name):
     """Lists hold while a group flies as a whole; in space that repeats the domains stay where they are."""
-    assert found[4, name]["placed"] > 1
+    assert found(4, name)["placed"] > 1
 
 
 POINTS_IN_PERIODIC_SPACE = tuple(name for name in CASES if "periodic" in name and is_point(case(name)[0].agents))
@@ -109,7 +101,7 @@ def test_momentum_stays_in_periodic_space(found, name):
     """Forces of a pair are opposite, also where each rank computes the one on its own agent, and through images."""
     state = case(name)[0].start
     for ranks in RANKS:
-        total = found[ranks, name]["p"].sum(axis=1)
+        total = found(ranks, name)["p"].sum(axis=1)
         np.testing.assert_allclose(total, np.tile(state.p.sum(axis=0), (len(total), 1)), rtol=0, atol=1e-9)
 
 
@@ -128,7 +120,7 @@ def test_both_agents_of_a_pair_at_a_radius_decide_alike(found, name):
     made, number = case(name)[0], np.arange(PAIRS)
     begin = np.asarray(made.start.links)
     for ranks in RANKS:
-        links = found[ranks, name]["links"]
+        links = found(ranks, name)["links"]
         assert np.array_equal(links, links.transpose(0, 2, 1)), ranks
         now = links[-1][number, number + PAIRS]
         linked = begin[number, number + PAIRS]
@@ -136,5 +128,5 @@ def test_both_agents_of_a_pair_at_a_radius_decide_alike(found, name):
         assert 0 < now[linked].sum() < linked.sum()
         assert 0 < now[~linked].sum() < (~linked).sum()
     for ranks in (2, 4):
-        owner = found[ranks, name]["owner"]
+        owner = found(ranks, name)["owner"]
         assert (owner[number] != owner[number + PAIRS]).sum() > PAIRS / 2

@@ -13,8 +13,8 @@ from flocking.engine.driver.simulate import run_session
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.errors import InvalidInput, StorageError
-from tests.mpi.job import scenario
-from tests.mpi.jobs import launch, run_job
+from tests.mpi.job import computed, scenario
+from tests.mpi.jobs import Cases, launch
 from tests.mpi.laws import PAIR_STYLES
 
 pytestmark = pytest.mark.mpi
@@ -22,10 +22,20 @@ RUN = (sys.executable, "-m", "flocking", "run", "--engine", "lammps", "--step", 
 FIGURES = {"law": "olfati-saber (58)", "dimension": 2, "step": 0.01}
 
 
+SPLIT = {"law": "split", "scenario": {"t_end": 1.0, "speed": 6.0, "n": 200}, "options": {"ledger": 10}}
+
+
+@pytest.fixture(scope="module")
+def split(tmp_path_factory):
+    """What came out of the groups that fly apart, in the plane and in space, by number of ranks."""
+    cases = {f"split {m}": {**SPLIT, "dimension": m} for m in (2, 3)}
+    return {k: Cases(k, tmp_path_factory.mktemp(f"ranks{k}")).run("tests.mpi.job", cases) for k in (2, 4)}
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_ranks_agree_while_agents_cross_their_borders(tmp_path, dimension):
-    asked = {"scenario": {"t_end": 1.0, "speed": 6.0, "n": 200}, "options": {"ledger": 10}}
-    found = [run_job(ranks, tmp_path, "split", dimension, **asked) for ranks in (1, 2, 4)]
+def test_ranks_agree_while_agents_cross_their_borders(split, dimension):
+    several = [split[ranks].of(f"split {dimension}") for ranks in (2, 4)]
+    found = [computed(**SPLIT, dimension=dimension), *several]
     assert [int(f["ranks"]) for f in found] == [1, 2, 4]
     assert min(found[1]["owned"]) > 0
     assert sum(found[2]["crossed"]) > 20
@@ -35,22 +45,40 @@ def test_ranks_agree_while_agents_cross_their_borders(tmp_path, dimension):
         assert np.abs(other["trace"]["energy"] / found[0]["trace"]["energy"] - 1).max() < 1e-10
 
 
+SAVED = {**FIGURES, "scenario": {"t_end": 1.0, "frames": 11, "n": 150}, "every": 0.0, "options": {"ledger": 5}}
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    """The run that no rank's death stops, on one rank."""
+    folder = tmp_path_factory.mktemp("whole") / "run"
+    computed(**SAVED, save=folder)
+    return fk.read_run(folder)
+
+
+def test_a_case_that_ends_its_job_is_named_and_the_others_are_run(tmp_path):
+    """What other tests get from jobs of many cases rests on this."""
+    quick = {"law": "olfati-saber (35)", "dimension": 2, "scenario": {"n": 20, "t_end": 0.05, "frames": 2}}
+    cases = {"first": quick, "dies": {**quick, "die_at": 0.0, "how": "signal"}, "last": quick}
+    run = Cases(2, tmp_path).run("tests.mpi.job", cases)
+    for name in ("first", "last"):
+        assert run.of(name)["ranks"] == 2
+    with pytest.raises(AssertionError, match=r"'dies' on 2 ranks: (.|\n)*BAD TERMINATION"):
+        run.of("dies")
+    with pytest.raises(AssertionError, match="'none' on 2 ranks left nothing"):
+        run.of("none")
+
+
 @pytest.mark.parametrize("how", ["signal", "error"])
-def test_a_rank_that_dies_ends_the_job_and_the_run_goes_on_from_its_last_commit(tmp_path, how):
-    folder, whole = tmp_path / "killed", tmp_path / "whole"
-    made = {"t_end": 1.0, "frames": 11, "n": 150}
-    asked = {**FIGURES, "scenario": made, "every": 0.0, "options": {"ledger": 5}}
-    died = launch(
-        2, sys.executable, "-m", "tests.mpi.job", json.dumps({**asked, "save": str(folder), "die_at": 0.55, "how": how})
-    )
+def test_a_rank_that_dies_ends_the_job_and_the_run_goes_on_from_its_last_commit(tmp_path, expected, how):
+    folder = tmp_path / "killed"
+    dying = {**SAVED, "save": str(folder), "die_at": 0.55, "how": how}
+    died = launch(2, sys.executable, "-m", "tests.mpi.job", json.dumps(dying))
     assert died.returncode != 0
     assert ("BAD TERMINATION" if how == "signal" else "this rank has had enough") in died.stdout + died.stderr
     left = fk.read_run(folder)
     assert left.status == "unfinished"
     assert 5 <= len(left.t) <= 6
-    done = launch(2, sys.executable, "-m", "tests.mpi.job", json.dumps({**asked, "save": str(whole)}))
-    assert done.returncode == 0, done.stderr[-3000:]
-    expected = fk.read_run(whole)
     with pytest.raises(InvalidInput, match="threads is not an option"):
         fk.resume(folder, progress=False, threads=2)
     gone_on = fk.resume(folder, progress=False)  # on one rank

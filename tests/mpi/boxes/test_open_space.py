@@ -7,7 +7,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
-from tests.mpi.jobs import run_job
+from tests.mpi.jobs import Cases
 from tests.mpi.laws import PAIR_STYLES, law, start
 
 pytestmark = pytest.mark.mpi
@@ -44,8 +44,9 @@ def test_a_flock_far_from_the_origin_and_one_that_scatters():
 
 def test_ranks_share_a_crowd_evenly_at_the_start_and_where_it_has_gone(tmp_path):
     """Nearly all are in one corner of the box, and leave it: cut in halves it would leave them to one rank."""
-    asked = {"scenario": {"n": 300, "t_end": 6.0, "frames": 2, "speed": 0.0}, "options": {"ledger": 0}}
-    found = run_job(2, tmp_path, "leaving", 2, **asked)
+    made = {"n": 300, "t_end": 6.0, "frames": 2, "speed": 0.0}
+    asked = {"law": "leaving", "dimension": 2, "scenario": made, "options": {"ledger": 0}}
+    found = Cases(2, tmp_path).run("tests.mpi.job", {"leaving": asked}).of("leaving")
     q = found["q"]
     for frame, owned in ((0, found["owned"]), (-1, found["owned_after"])):
         middle = (q[frame].min(axis=0) + q[frame].max(axis=0)) / 2

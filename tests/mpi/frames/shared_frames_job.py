@@ -17,23 +17,26 @@ from flocking.engine.runs import columns, recorder
 from flocking.errors import FlockingError, StorageError
 from tests.mpi import domain_cases
 from tests.mpi.held import held_cases
+from tests.mpi.jobs import run_each
 
 
-def small():
+def small(put=setattr):
     """Let frames of few agents have several chunks, and no links."""
-    columns.SPLIT_BYTES, columns.CHUNK_BYTES = 1024, 1
+    put(columns, "SPLIT_BYTES", 1024)
+    put(columns, "CHUNK_BYTES", 1)
     for module in (recorder, ideal, held):
-        module.MOST_LINKED = 2
+        put(module, "MOST_LINKED", 2)
 
 
-def main():
-    asked = json.loads(sys.argv[1])
-    small()
-    if asked["do"] == "resume":
-        fk.resume(asked["folder"], progress=False)
-        return
-    name, kind = asked["name"], held_cases if asked["held"] else domain_cases
-    scenario, options = kind.case(name)
+def scenario_of(name, held):
+    """A case that ends early, and its options: frames are small, so many parts of them are written all the same."""
+    scenario, options = (held_cases if held else domain_cases).case(name)
+    return scenario.with_(t_end=0.4 * scenario.t_end), options
+
+
+def saved(_=None, **asked):
+    """Run and save a case; what each rank says of it, on the first."""
+    scenario, options = scenario_of(asked["name"], asked["held"])
     options |= {"ledger": int(options.get("ledger", True))}
     session = open_session(ENGINE, scenario, LammpsOptions(threads=1, precision=asked["precision"], **options))
     if asked["do"] == "gather":
@@ -60,9 +63,20 @@ def main():
         run_session(session, save=asked["folder"], progress=False, every=0.0)
     except FlockingError as error:
         raised = str(error)
-    said = session.ranks.comm.gather((raised, len(session.records.parts), session._shares is not None))
-    if session.ranks.first:
-        print(json.dumps(said))
+    shared = session._shares is not None
+    said = session.ranks.comm.gather((raised, len(session.records.parts), shared))
+    return {"said": json.dumps(said)}
+
+
+def main():
+    asked = json.loads(sys.argv[1])
+    small()
+    if "cases" in asked:
+        run_each(saved)
+    elif asked["do"] == "resume":
+        fk.resume(asked["folder"], progress=False)
+    else:
+        saved(**asked)
 
 
 if __name__ == "__main__":
