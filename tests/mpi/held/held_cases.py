@@ -12,7 +12,7 @@ from tests.mpi.laws import start
 N = 240
 EACH = np.arange(N)
 STEP = 0.01
-T_END = 0.8
+T_END = 0.5
 
 
 def _streams(dimension=2, speed=40.0, n=N):

@@ -7,13 +7,12 @@ import os
 import signal
 import sys
 
-import numpy as np
-
 from flocking.engine.driver.simulate import open_session, run_session
 from flocking.engine.lammps.engine import ENGINE
 from flocking.engine.lammps.options import LammpsOptions
 from tests.mpi.held.held_cases import case
 from tests.mpi.held.random_worlds import world
+from tests.mpi.jobs import run_each
 
 
 def opened(name, **more):
@@ -35,7 +34,7 @@ def computed(name):
         "t": run.t, "q": run.q, "p": run.p, "links": run.links, "trace": run.trace, "owned": owned, "rates": rates,
         "migrated": migrated, "last": state.q, "closest": run.closest_linked.distance,
         **columns, **{f"columns {name}": values for name, values in run.columns.items()},
-    }, session.ranks  # fmt: skip
+    }  # fmt: skip
 
 
 def killed(name, save, die_at):
@@ -56,11 +55,8 @@ def main():
     words = json.loads(sys.argv[1])
     if "save" in words:
         killed(**words)
-        return
-    for name in words["names"]:
-        found, ranks = computed(name)
-        if ranks.first:
-            np.savez(f"{words['folder']}/{name.replace(' ', '_')}.npz", **found)
+    else:
+        run_each(computed)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,11 +17,10 @@ from flocking.engine.lammps.options import LammpsOptions
 from flocking.engine.protocol.session import Stored
 from flocking.errors import InvalidInput, UnsupportedLaw
 from tests.mpi.held.held_cases import BODIES, CASES, case
-from tests.mpi.jobs import launch
+from tests.mpi.jobs import Cases, launch
 
 pytestmark = pytest.mark.mpi
 RANKS = (1, 2, 4)
-LONGEST = 900
 HARDEST = "each sends by itself, noise with memory"
 """The case of points with most that travels: links by what agents know, samples, errors, forces that wait."""
 HARDEST_BODIES = "a chain of bodies, all that travels"
@@ -28,21 +28,15 @@ HARDEST_BODIES = "a chain of bodies, all that travels"
 
 
 def job(ranks, **words):
-    return launch(ranks, sys.executable, "-m", "tests.mpi.held.held_job", json.dumps(words), limit=LONGEST)
+    return launch(ranks, sys.executable, "-m", "tests.mpi.held.held_job", json.dumps(words))
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
     """What came out of each case, by number of ranks."""
-    results = {}
-    for ranks in RANKS:
-        folder = tmp_path_factory.mktemp(f"ranks{ranks}")
-        done = job(ranks, folder=str(folder), names=list(CASES))
-        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
-        for name in CASES:
-            with np.load(folder / f"{name.replace(' ', '_')}.npz") as file:
-                results[ranks, name] = {key: file[key] for key in file.files}
-    return results
+    module, cases = "tests.mpi.held.held_job", {name: {} for name in CASES}
+    run = {ranks: Cases(ranks, tmp_path_factory.mktemp(f"ranks{ranks}")).run(module, cases) for ranks in RANKS}
+    return cache(lambda ranks, name: run[ranks].of(name))
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -52,7 +46,7 @@ def test_motions_links_and_ledger_are_those_of_one_process(found, name):
     session.advance(scenario.t_end)
     rates, run = session.accelerations(), session.run()
     for ranks in RANKS:
-        got = found[ranks, name]
+        got = found(ranks, name)
         assert np.array_equal(got["t"], run.t)
         np.testing.assert_allclose(got["q"], run.q, rtol=0, atol=1e-9)
         np.testing.assert_allclose(got["p"], run.p, rtol=0, atol=1e-9)
@@ -73,7 +67,7 @@ def test_motions_links_and_ledger_are_those_of_one_process(found, name):
 
 def test_agents_cross_the_borders_of_ranks(found):
     for ranks in (2, 4):
-        many = {name: int(found[ranks, name]["migrated"]) for name in CASES}
+        many = {name: int(found(ranks, name)["migrated"]) for name in CASES}
         assert sum(many.values()) > 500, many
         assert many[HARDEST] > 20, many
         assert many[HARDEST_BODIES] > 20, many
@@ -95,7 +89,7 @@ def test_links_by_what_agents_know_are_not_those_of_the_truth():
 @pytest.mark.parametrize("name", [HARDEST, HARDEST_BODIES])
 def test_a_killed_rank_ends_the_job_and_another_number_of_ranks_goes_on(tmp_path, name):
     folder = tmp_path / "run"
-    done = job(2, name=name, save=str(folder), die_at=0.45)
+    done = job(2, name=name, save=str(folder), die_at=0.3)
     assert done.returncode != 0
     left = fk.read_run(folder)
     assert left.status == "unfinished"
@@ -129,7 +123,7 @@ def test_a_session_goes_on_in_the_middle_of_a_step_and_bad_checkpoints_are_refus
     for column, values in session.state.columns.items():
         assert np.array_equal(again.state.columns[column], values)
     for each in (session, again):
-        each.advance(0.6)
+        each.advance(0.45)
     np.testing.assert_allclose(again.state.q, session.state.q, rtol=0, atol=1e-11)
     names = numbers["session"]["dict"]
     rows, links = names["rows"]["array"], names["links"]["list"][1]["tuple"]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,31 +10,24 @@ import pytest
 import flocking as fk
 from tests.counting import count
 from tests.mpi.held.random_worlds import world
-from tests.mpi.jobs import launch
+from tests.mpi.jobs import Cases
 
 pytestmark = pytest.mark.mpi
 SEEDS = range(24)
-LONGEST = 900
 
 
 @pytest.fixture(scope="module", params=[2, 4])
 def found(request, tmp_path_factory):
     """What came out of each world on some ranks."""
-    folder = tmp_path_factory.mktemp(f"ranks{request.param}")
-    words = {"folder": str(folder), "names": [str(seed) for seed in SEEDS]}
-    done = launch(request.param, sys.executable, "-m", "tests.mpi.held.held_job", json.dumps(words), limit=LONGEST)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
-    results = {}
-    for seed in SEEDS:
-        with np.load(folder / f"{seed}.npz") as file:
-            results[seed] = {key: file[key] for key in file.files}
-    return results
+    run = Cases(request.param, tmp_path_factory.mktemp(f"ranks{request.param}"))
+    run.run("tests.mpi.held.held_job", {str(seed): {} for seed in SEEDS})
+    return cache(lambda seed: run.of(str(seed)))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_ranks_give_the_run_of_one_process(found, seed):
     scenario, options = world(seed)
-    run, got = fk.simulate(scenario, engine="tiles", threads=1, progress=False, **options), found[seed]
+    run, got = fk.simulate(scenario, engine="tiles", threads=1, progress=False, **options), found(seed)
     assert np.array_equal(got["t"], run.t)
     np.testing.assert_allclose(got["q"], run.q, rtol=0, atol=1e-9)
     np.testing.assert_allclose(got["p"], run.p, rtol=0, atol=1e-9)
@@ -49,7 +41,7 @@ def test_ranks_give_the_run_of_one_process(found, seed):
 
 
 def test_agents_change_ranks_and_worlds_differ(found):
-    assert sum(int(each["migrated"]) for each in found.values()) > 200
+    assert sum(int(found(seed)["migrated"]) for seed in SEEDS) > 200
     made = [world(seed)[0] for seed in SEEDS]
     assert {each.start.dimension for each in made} == {2, 3}
     assert len({type(each.agents) for each in made}) > 3
