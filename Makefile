@@ -130,7 +130,7 @@ test-browser: $(BROWSER_READY)
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null || \
 		{ apt-get update -qq && apt-get install -y -qq chromium; } || \
 		{ echo "make test-browser needs Chromium: install it and run this again."; exit 1; }
-	$(BIN)/python -m pytest -m "browser or server and not repeated" -p no:xdist tests/apps/lab tests/apps/reproduction tests/show $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "(browser or server) and not repeated" -p no:xdist tests/apps/lab tests/apps/reproduction tests/show $(PYTEST_ARGS)
 
 $(BROWSER_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[browser]'
