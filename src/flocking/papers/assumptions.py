@@ -16,9 +16,11 @@ from flocking.formula.safe_digits import compared_texts, given_text
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, pair_distances
+from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Path
+from flocking.model.potentials.bumps import Bump, bump_named
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.body_terms import Track
 from flocking.model.terms.pair_terms import Consensus, Gradient, Term
@@ -28,6 +30,9 @@ from flocking.study.potentials.potential_check import Definition, check_potentia
 
 SAME = 1e-9
 """Relative difference up to which two energies of a pair, computed from one formula, and two distances count as one."""
+
+BUMP_GRID = 201
+"""Places at which a bump function is looked at below its onset, and as many above it."""
 
 GAINS = ("position_gain", "velocity_gain", "acceleration_gain")
 """The gains of a term that follows a leader."""
@@ -119,7 +124,16 @@ def _graph(scenario: Scenario, stated: Scenario) -> str:
         return "the theorem is about links that appear nearer than they break, and gap is 0"
     if _complete(known, stated.start.n) and not _complete(graph, scenario.start.n):
         return "the theorem is about a graph that links every pair"
+    if isinstance(graph, Smooth) and not _falls(bump_named("Smooth", graph.bump), graph.onset):
+        return "the theorem is about a bump function that is 1 up to its onset and falls from there to 0 at the radius"
     return ""
+
+
+def _falls(bump: Bump, onset: float) -> bool:
+    """Whether a bump function is one of the paper, as far as a grid shows (Olfati-Saber 2003, (16))."""
+    full, falling = (bump(np.linspace(*ends, BUMP_GRID), onset) for ends in ((0.0, onset), (onset, 1.0)))
+    fits = (np.abs(full - 1.0) <= SAME).all() and abs(falling[-1]) <= SAME and (falling >= -SAME).all()
+    return bool(fits and (np.diff(falling) <= SAME).all())
 
 
 def _complete(graph: Graph, n: int) -> bool:

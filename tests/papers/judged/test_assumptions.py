@@ -39,6 +39,10 @@ def track(**changes: object) -> Callable:
     return lambda term: replace(term, **changes)
 
 
+def bump(scenario: fk.Scenario, formula: str) -> fk.Graph:
+    return replace(scenario.law.graph, bump=fk.Bump("own", formula))
+
+
 def led_by(scenario: fk.Scenario, leader: fk.Leader) -> fk.Scenario:
     """The scenario with another leader, in whose frame its energy is, where it is in one."""
     energy = scenario.energy if scenario.energy.leader is None else replace(scenario.energy, leader=leader)
@@ -83,6 +87,8 @@ def separate(n: int = 10) -> np.ndarray:
 T1, T2, Z, ZL = "tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "zhou-2015-leader"
 S, SINK, FREE = "shi-2009", "olfati-saber-2003-sink", "olfati-saber-2003-free"
 T2_INSIDE = fk.Potential("1/r**2 + log(r**2)")
+SMOOTH = "olfati-saber-2003-smooth"
+CUBIC = "(1 - z)**2*(1 + 2*(z - k0)/(1 - k0))/(1 - k0)**2"
 HALF = np.repeat([1.0, 0.0], 5)
 
 OTHER: dict[str, tuple[str, Change, str]] = {
@@ -110,8 +116,10 @@ OTHER: dict[str, tuple[str, Change, str]] = {
     "no slope": (T2, lambda s: law(s, Gradient=potential("1/r**2 + 4*r*exp(-r)")), "Definition IV.2"),
     "no plateau": (S, lambda s: law(s, Gradient=potential("0.05/r**2 + 0.05*log(r**2)")), "Definition 2"),
     "another formula": (FREE, lambda s: law(s, Gradient=potential("(r - 7)**2")), "the paper's formula"),
-    "forces weighted": ("olfati-saber-2003-smooth", lambda s: law(s, Gradient=track(weighting="force")),
+    "forces weighted": (SMOOTH, lambda s: law(s, Gradient=track(weighting="force")),
                         "weights of the energy"),
+    "open bump": (SMOOTH, lambda s: law(s, graph=bump(s, "where(z < k0, 1, 1 - (z - k0)/9)")), "falls from there to 0"),
+    "rising bump": (SMOOTH, lambda s: law(s, graph=bump(s, "where(z < k0, 1 + k0 - z, (1 - z)/(1 - k0))")), "1 up to"),
     "some informed": (ZL, lambda s: law(s, Track=track(velocity_gain=HALF)), "velocity_gain above 0 for all"),
     "slightly uneven": (Z, lambda s: law(s, Consensus=gain([1.0] * 9 + [1.01])), "not 1 to 1.01"),
     "slightly uneven pull": (ZL, lambda s: law(s, Track=track(velocity_gain=1.0 + 0.01 * HALF)), "one velocity_gain"),
@@ -173,6 +181,9 @@ SAME: dict[str, tuple[str, Change]] = {
     "weights": (Z, lambda s: law(s, Consensus=track(weights=np.ones((10, 10)) - np.eye(10)))),
     "group": (Z, lambda s: s.with_(start=fk.State([[0.0, 0.0], [1.5, 0.2]], [[0.1, 0.0], [0.0, 0.2]]))),
     "space": (T2, lambda s: s.with_(start=fk.State(np.eye(3), 0.1 * np.ones((3, 3))))),
+    "quintic": (SMOOTH, lambda s: law(s, graph=replace(s.law.graph, bump="quintic"))),
+    "infinite": (SMOOTH, lambda s: law(s, graph=replace(s.law.graph, bump="infinite"))),
+    "own bump": (SMOOTH, lambda s: law(s, graph=bump(s, f"where(z < k0, 1, {CUBIC})"))),
     "small gain": (Z, lambda s: law(s, Consensus=gain(0.02), graph=fk.Hysteresis(4.0, 0.01))),
     "other radius": (T2, lambda s: law(s, graph=fk.Proximity(3.0)).with_(
         energy=replace(s.energy, unlinked=float(T2_INSIDE(3.0)) * (1 + 1e-12)))),

@@ -172,7 +172,7 @@ class Body(ABC):
 
     @property
     def directions(self) -> tuple[str, ...]:
-        """Names of those columns that are unit vectors in space, which pictures draw at the agent."""
+        """Names of those columns that are unit vectors in space, which pictures draw and fields of view may use."""
         return ()
 
     @property
