@@ -9,7 +9,7 @@ import flocking as fk
 from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
 from flocking.engine.tiles.particles import displacement, particle_arrays
 from flocking.engine.tiles.session import TilesOptions, TilesSession
-from flocking.errors import LawNotObeyed, LinkLost, NotFinite, StepTooLarge, TooCrowded
+from flocking.errors import LawNotObeyed, LinkLost, NotFinite, StepTooLarge, TooCrowded, UnsupportedLaw
 from flocking.model.leaders_and_obstacles.obstacles import Ball
 from flocking.model.terms.avoidance import Avoid
 from tests.engine.tiles.laws import saber, states, structural, zhou
@@ -301,7 +301,10 @@ def test_replacing_the_law_and_the_state():
     session.advance(0.4)
     run = session.run()
     assert abs(run.residual[-1]) < 0.05 * run.turnover
-    session.replace(state=before)
+    # Its links are those of another radius.
+    with pytest.raises(UnsupportedLaw, match="takes the links of Proximity from the graph"):
+        session.replace(state=before)
+    session.replace(state=dataclasses.replace(before, links=None))
     assert (session.state.q == before.q).all()
 
 

@@ -119,7 +119,7 @@ def shi(key: str) -> None:
     # Two agents, one of which goes with the leader; their spread stays too.
     seen = SimpleNamespace(
         t=t, p=np.stack([guide, guide + 1.0], axis=1), velocity_spread=np.ones(len(t)),
-        oldest_knowledge=None, yet_to_meet="", path_about_mean=np.inf,
+        oldest_knowledge=None, yet_to_meet="", path_about_mean=np.inf, need_one_motion=lambda: None,
         run=SimpleNamespace(scenario=SimpleNamespace(rest_frame="neighbours are late")),
     )  # fmt: skip
     for name in paper(key).scenarios():

@@ -97,6 +97,7 @@ def evidence(**given):
     given.setdefault("path_about_mean", np.inf)
     given.setdefault("when", lambda time, digits=4: str(time))
     known = {name: SimpleNamespace(value=v, error=0.0, time=0.5) for name, v in given.pop("largest", {}).items()}
+    given.setdefault("need_one_motion", lambda: None)
     return SimpleNamespace(largest=known.get, sampled=False, **given)
 
 

@@ -27,6 +27,7 @@ class Judged:
     """A stand-in for the evidence of a run that has a scenario alone."""
 
     run: SimpleNamespace
+    replaced: str = ""
 
 
 def reasons(scenario: fk.Scenario) -> set[str]:
