@@ -55,18 +55,11 @@ def held_together(e: Evidence) -> Measure:
     return Measure(margin, 0.0, note, everywhere=False)
 
 
-def opposite_forces(e: Evidence) -> Measure:
-    """That the forces of pairs are all that acts, equal and opposite."""
-    if why := general.needs_momentum(e):
-        raise NotMeasurable(why)
-    return Measure(np.inf, 0.0, "forces of pairs alone, equal and opposite", everywhere=False)
-
-
 def alignment_alone(e: Evidence) -> Measure:
     """That agents do nothing but align, with equal weights both ways: their energy is the kinetic one."""
     if any(not isinstance(term, CuckerSmale) for term in e.law.terms) or e.run.scenario.energy.unlinked:
         raise NotMeasurable("the law is not alignment alone")
-    return opposite_forces(e)
+    return general.opposite_forces(e)
 
 
 def discrete_system(e: Evidence) -> tuple[CuckerSmale, float]:

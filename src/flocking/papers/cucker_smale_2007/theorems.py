@@ -27,7 +27,6 @@ from flocking.papers.cucker_smale_2007.hypotheses import (
     held_together,
     late_neighbours,
     monotone_delay,
-    opposite_forces,
     short_steps,
     stable_delay,
     too_long_delay,
@@ -273,7 +272,7 @@ def _stated(name: str) -> Sequence[Claim]:
               "The kinetic energy falls by the sum of weights times squared differences.",
               general.ledger_residual, alignment_alone, dynamic=False),
         Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift,
-              opposite_forces, origin=own),
+              general.opposite_forces, origin=own),
         agree,
         Claim("diameter-bound", "Ha, Liu 2009", "No two agents are farther apart than the X up to which the integral "
               "of the weights from D_x(0) on is D_v(0).", diameter_bounded, held_together, origin=own),

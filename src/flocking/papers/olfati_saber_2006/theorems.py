@@ -84,13 +84,6 @@ def _need_distance(e: Evidence) -> None:
         raise NotMeasurable(f"the law has no potential that is least at the distance {system.DISTANCE:g}")
 
 
-def opposite_forces(e: Evidence) -> Measure:
-    """That the forces of pairs are all that acts, equal and opposite."""
-    if why := general.needs_momentum(e):
-        raise NotMeasurable(why)
-    return Measure(np.inf, 0.0, "forces of pairs alone, equal and opposite", everywhere=False)
-
-
 def passive(e: Evidence) -> Measure:
     """That the forces of pairs are all that acts, and supply no energy."""
     if why := general.needs_momentum(e) or general.needs_ledger(e) or general.needs_passive(e):
@@ -303,7 +296,7 @@ def _stated(name: str) -> Sequence[Claim]:
                 "not stated",
                 "The mean velocity is constant.",
                 general.momentum_drift,
-                opposite_forces,
+                general.opposite_forces,
                 origin=own,
             ),
             Claim("falls", FIRST, "H never rises under Algorithm 1.", general.energy_rise, passive),

@@ -19,6 +19,7 @@ from flocking.study.claims.conclusions.energy import (
     needs_ledger,
     needs_momentum,
     needs_passive,
+    opposite_forces,
     speeds_bounded,
 )
 from flocking.study.claims.conclusions.limits import (
@@ -71,6 +72,7 @@ __all__ = [
     "GENERAL", "SETTLED", "STATIONARY", "agents_at_their_minimum", "all_apart", "at_most", "crossings_transversal",
     "distances_settle", "energy_continuous", "energy_rise", "forces_vanish", "imbalance", "ledger_residual",
     "linked_apart", "momentum_drift", "needs_free", "needs_ledger", "needs_momentum", "needs_passive",
-    "needs_potential", "needs_switching", "needs_total_potential", "no_link_lost", "potential_is_minimal",
-    "speeds_bounded", "starts_connected", "stays_connected", "switching_stops", "velocities_agree",
+    "needs_potential", "needs_switching", "needs_total_potential", "no_link_lost", "opposite_forces",
+    "potential_is_minimal", "speeds_bounded", "starts_connected", "stays_connected", "switching_stops",
+    "velocities_agree",
 ]  # fmt: skip

@@ -13,7 +13,7 @@ from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.study.claims.claim import Measure, below
 from flocking.study.claims.conclusions.frames import frame_note
 from flocking.study.claims.subjects import Subject, Witness, about
-from flocking.study.evidence import Evidence, NotResolvable
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 SUPPLY_ROUNDING = 1e-12
 """Supplied energy that rounding explains, as a share of the energy moved."""
@@ -195,6 +195,13 @@ def needs_ideal(e: Evidence) -> str:
     """Why other forces acted than those of the law on the present state; the ledger counts them as departed."""
     world = e.run.scenario.imperfections
     return f"not the forces of the law on the present state acted: {world}" if world else ""
+
+
+def opposite_forces(e: Evidence) -> Measure:
+    """That the forces of pairs are all that acts, equal and opposite: the claim does not apply elsewhere."""
+    if why := needs_momentum(e):
+        raise NotMeasurable(why)
+    return Measure(np.inf, 0.0, "forces of pairs alone, equal and opposite", everywhere=False)
 
 
 def needs_momentum(e: Evidence) -> str:
