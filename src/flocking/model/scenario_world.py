@@ -10,7 +10,7 @@ import numpy as np
 from flocking.arrays import Links
 from flocking.model.bodies.body import Body
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.seen_headings import links_at_state
+from flocking.model.graphs.seen_headings import links_of_graphs
 from flocking.model.space import Space
 from flocking.model.space_checks import sees_places
 from flocking.model.state import State
@@ -103,11 +103,7 @@ class ScenarioWorld:
     @property
     def links_at_start(self: InWorld) -> Links:
         """Links of each graph at the start, shape (graphs, N, N): those that the start gives, else by positions."""
-        start = self.start
-        found = np.array([links_at_state(g, self.space, start, self.agents.headings) for g in self.law.graphs])
-        if start.links is not None:
-            found[0] = start.links
-        return found
+        return np.array(links_of_graphs(self.law.graphs, self.space, self.start, self.agents.headings))
 
     @property
     def unbounded_forces(self: InWorld) -> str:

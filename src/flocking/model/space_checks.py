@@ -9,6 +9,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body
+from flocking.model.bodies.unicycles import UNIT
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.seen_headings import heading_column
 from flocking.model.graphs.views import VELOCITY
@@ -17,9 +18,6 @@ from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.model.terms.body_terms import BodyTerm
 from flocking.model.terms.steering import Steering
-
-UNIT = 1e-6
-"""Largest difference of the length of a direction from 1, as for given headings of a `Unicycle`."""
 
 
 class ActingLaw(Protocol):

@@ -15,6 +15,7 @@ import numpy as np
 from flocking.formula.safe_digits import compared_texts, given_text
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
+from flocking.model.graphs.contradicting_links import contradicting_links
 from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, pair_distances
 from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
@@ -256,11 +257,10 @@ def links_by_rule(scenario: Scenario) -> str:
             "" if (links == graph.initial(start.q)).all() else "the theorem is about the links of the graph, not others"
         )
     distance = pair_distances(start.q, scenario.space)
-    enters, leaves = (np.asarray(x, dtype=np.float64)[..., None] for x in (graph.appear_radius, graph.break_radius))
-    apart, far = ~links & (distance < enters * (1.0 - SAME)), links & (distance > leaves * (1.0 + SAME))
-    if not (apart | far).any():
+    wrong = contradicting_links(graph, links, distance, SAME)
+    if not wrong.any():
         return ""
-    i, j = np.argwhere(apart | far)[0]
+    i, j = np.argwhere(wrong)[0]
     what = "linked" if links[i, j] else "not linked"
     return f"the theorem is about links by distances, and agents {i} and {j}, {distance[i, j]:.6g} apart, are {what}"
 

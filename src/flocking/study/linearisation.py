@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.reference.control import evaluate, graph_links
+from flocking.engine.reference.control import evaluate
 from flocking.errors import InvalidInput
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.checks import Array, number
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import pair_distances
+from flocking.model.graphs.seen_headings import links_of_graphs
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
@@ -112,7 +113,7 @@ def linearise(
     if not is_point_mass(agents):
         raise InvalidInput("linearise", "agents", "must be point masses", agents)
     n, m = state.q.shape
-    links = graph_links(law, state, agents.headings, space)[0]
+    links = links_of_graphs(law.graphs, space, state, agents.headings)[0]
 
     def control(q: Array, p: Array) -> Array:
         return evaluate(law, State(q, p, state.t, links), agents=agents, space=space).u.ravel()

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.errors import UnsupportedLaw
-from flocking.model.checks import Array
-from flocking.model.graphs.connectivity import Links
-from flocking.model.graphs.distance_graphs import Graph, pair_distances
+from flocking.model.graphs.contradicting_links import contradicting_links
+from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.graphs.seen_headings import links_at_state
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -41,7 +40,8 @@ def check_given_links(engine: str, scenario: Scenario, state: State | None = Non
     if not graph.moves:
         wrong = np.argwhere(given.links != links_at_state(graph, scenario.space, given, scenario.agents.headings))
     elif graph.follows_radii:
-        wrong = np.argwhere(_contradicting(graph, given.links, pair_distances(given.q, scenario.space)))
+        distance = pair_distances(given.q, scenario.space)
+        wrong = np.argwhere(contradicting_links(graph, given.links, distance, PASSED))
     else:
         return
     if wrong.size:
@@ -50,10 +50,3 @@ def check_given_links(engine: str, scenario: Scenario, state: State | None = Non
             f"differ from it for agents {int(wrong[0][0])} and {int(wrong[0][1])}. Leave links out of the state, give "
             "a fixed graph of these links, or use an engine that keeps them, such as engine='exact'."
         )
-
-
-def _contradicting(graph: Graph, links: Links, distance: Array) -> Links:
-    """Pairs not linked at a ``distance`` well below that at which links appear, or linked well beyond breaks."""
-    enter, leave = (np.asarray(x, dtype=np.float64)[..., None] for x in (graph.appear_radius, graph.break_radius))
-    missing = ~links & (distance < enter * (1.0 - PASSED)) & ~np.eye(len(links), dtype=bool)
-    return np.asarray(missing | (links & (distance > leave * (1.0 + PASSED))))

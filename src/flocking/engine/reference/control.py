@@ -24,21 +24,14 @@ from flocking.model.checks import Array, array, listed
 from flocking.model.checks import number as checked_number
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages, graph_functional
-from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.seen_headings import links_at_state
+from flocking.model.graphs.seen_headings import links_of_graphs
 from flocking.model.law import Law, Scenario
 from flocking.model.space import OPEN, Space
 from flocking.model.space_checks import check_space, check_steering_space
 from flocking.model.state import Agents, State
 
 __all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "evaluate_each"]
-
-
-def graph_links(law: Law, state: State, headings: Array | None = None, space: Space = OPEN) -> list[Links]:
-    """Link matrix of each graph of the law in a ``space``; for the first, the links of the state if it has any."""
-    given = [] if state.links is None else [np.asarray(state.links)]
-    return [*given, *(links_at_state(g, space, state, headings) for g in law.graphs[len(given) :])]
 
 
 def control(law: Law, state: State, *, agents: Body | None = None, space: Space = OPEN) -> Array:
@@ -145,7 +138,7 @@ def _evaluated(
     force_sum, linked = np.zeros(n), np.zeros(n)
     frame = frame_velocity(energy, state, A[0])
     storage = dissipation = supply = 0.0
-    pairs = [np.nonzero(links) for links in graph_links(law, state, agents.headings, space)]
+    pairs = [np.nonzero(links) for links in links_of_graphs(law.graphs, space, state, agents.headings)]
     for number, (i, j) in enumerate(pairs):
         functional = _functional(law, number, (i, j), n)
         d = displacements(space, state.q, (i, j))

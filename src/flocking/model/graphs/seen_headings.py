@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
+
+import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
@@ -27,6 +29,14 @@ class Placed(Protocol):
     @property
     def columns(self) -> Mapping[str, Array]:
         """Further columns by name, shape (N, width) each."""
+
+
+class LinkedState(Placed, Protocol):
+    """What is read of a state that may give links."""
+
+    @property
+    def links(self) -> Links | None:
+        """Links of the law's own graph, shape (N, N)."""
 
 
 def heading_column(graph: Graph) -> str:
@@ -88,3 +98,24 @@ def links_at_state(graph: Graph, space: Space, state: Placed, headings: Array | 
         If the state lacks a column that the graph uses, or the graph does not support the space.
     """
     return graph.links_in(space, state.q, seen_headings(graph, headings, state))
+
+
+def links_of_graphs(graphs: Sequence[Graph], space: Space, state: LinkedState, headings: Array | None) -> list[Links]:
+    """Links of each of the ``graphs`` of a law at a state, shape (N, N) each: those that it gives, else by the rule.
+
+    Parameters
+    ----------
+    graphs, space
+        The graphs, the law's own first, and the space of the agents.
+    state
+        Where they are, with the links of the law's own graph if it gives any.
+    headings
+        Constant headings of the agents, as in `Agents`.
+
+    Raises
+    ------
+    InvalidInput
+        As `links_at_state`.
+    """
+    given = [] if state.links is None else [np.asarray(state.links)]
+    return [*given, *(links_at_state(graph, space, state, headings) for graph in graphs[len(given) :])]

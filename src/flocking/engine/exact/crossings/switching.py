@@ -17,7 +17,7 @@ from flocking.engine.exact.crossings.last_crossings import LastCrossings
 from flocking.engine.exact.crossings.nearby_pairs import BASE, TOP, NearbyPairs, all_pairs, note_displacements
 from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
 from flocking.engine.exact.crossings.view_guards import ViewGuard
-from flocking.engine.exact.crossings.views_of_graphs import links_of_graphs, views_of
+from flocking.engine.exact.crossings.views_of_graphs import views_of
 from flocking.engine.exact.crossings.watch_tables import NO_BALLS, BallWatches, PairWatches, slack_at
 from flocking.engine.exact.crossings.watches import Watch, watches_of
 from flocking.engine.kernels.mutual_pairs import upper_first
@@ -26,6 +26,7 @@ from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.mutual_links import check_mutual
+from flocking.model.graphs.seen_headings import links_of_graphs
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
 from flocking.model.state import State
@@ -97,10 +98,8 @@ class LinkState:
         self.space = space
         self._law = law
         self.graphs: tuple[Graph, ...] = law.graphs
-        q, t, links = state.q, state.t, state.links
-        self.links: list[Links] = links_of_graphs(self.graphs, space, state, bodies)
-        if links is not None:
-            self.links[0] = np.array(links)
+        q, t, headings = state.q, state.t, None if bodies is None else bodies.headings
+        self.links: list[Links] = [np.array(x) for x in links_of_graphs(self.graphs, space, state, headings)]
         for graph, given in zip(self.graphs, self.links, strict=True):
             check_mutual(graph, given)
         self.watches = watches_of(law, len(q))
@@ -115,7 +114,7 @@ class LinkState:
         self._sliding = LastCrossings()
         self.forget_nearby()
         everyone = np.ones((len(q), len(q)), dtype=bool)
-        allowed = [g.allowed(None if bodies is None else bodies.headings) for g in self.graphs]
+        allowed = [g.allowed(headings) for g in self.graphs]
         self._allowed = [everyone if x is None else x for x in allowed]
         self._views = views_of(self.graphs, bodies, *q.shape)
 

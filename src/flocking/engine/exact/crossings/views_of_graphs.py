@@ -1,36 +1,14 @@
-"""How agents look under each graph of a law, along constant headings or a column of the bodies, and whom they see."""
+"""How agents look under each graph of a law: along constant headings, a column of the bodies, or velocities."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from flocking.engine.exact.crossings.turning_view_guards import TurningView
 from flocking.engine.exact.crossings.view_guards import ConstantView, ViewGuard
 from flocking.model.bodies.body import Body
-from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.seen_headings import links_at_state
 from flocking.model.graphs.views import FieldOfView
-from flocking.model.space import Space
-from flocking.model.state import State
-
-
-def links_of_graphs(graphs: Sequence[Graph], space: Space, state: State, bodies: Body | None) -> list[Links]:
-    """Links of each graph by its initial rule, shape (N, N) each.
-
-    Parameters
-    ----------
-    graphs, space
-        Graphs of the law, and the space of the agents.
-    state
-        Where they are.
-    bodies
-        What they are; None if no graph uses their headings.
-    """
-    headings = None if bodies is None else bodies.headings
-    return [np.array(links_at_state(g, space, state, headings)) for g in graphs]
 
 
 def views_of(graphs: Sequence[Graph], bodies: Body | None, n: int, m: int) -> list[ViewGuard | None]:
