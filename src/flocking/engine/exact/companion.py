@@ -366,18 +366,16 @@ class StateError:
         """Bound on the error of the relative position of two agents."""
         return SAFETY * float(largest_difference(self.nodes, 0, i, j, self.m)) + 2 * self.q_floor
 
-    def column(self, first: int, width: int, i: int) -> float:
-        """Bound on the error of integration in the numbers of an agent, such as a direction or a velocity.
+    def column(self, first: int, width: int) -> Array:
+        """Bounds on the errors of integration in a column of all agents, such as directions or velocities, shape (N,).
 
         Parameters
         ----------
         first, width
-            Where they begin in state vectors, and how many each agent has.
-        i
-            The agent.
+            Where it begins in state vectors, and how many numbers each agent has.
         """
-        rows = np.ascontiguousarray(self.nodes[:, first : first + self.n * width])
-        return SAFETY * float(agent_difference(rows, i, width))
+        rows = self.nodes[:, first : first + self.n * width].reshape(len(self.nodes), self.n, width)
+        return np.asarray(SAFETY * np.sqrt((rows**2).sum(axis=2)).max(axis=0))
 
     def pair_velocity(self, i: int, j: int, velocities: Array) -> float:
         """Bound on the error of the relative velocity of two agents, from ``velocities``.

@@ -18,12 +18,13 @@ from flocking.engine.exact.crossings.images import nearest_shift
 from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep
 from flocking.engine.exact.crossings.switch_numbers import radial_motion, switch_errors
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
-from flocking.engine.exact.crossings.view_guards import Bearing, ViewGuard
+from flocking.engine.exact.crossings.view_guards import Bearing, ViewGuard, of_pair
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.extremes import Extremes
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.uncertain_switches import DoubtMemory, Doubts, Settled
+from flocking.engine.imperfect.view_switches import crosses_radius
 from flocking.engine.runs.run import DoubtRow
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
@@ -235,9 +236,9 @@ class SolutionError:
         else:
             _, _, acceleration = _radial(segment, i, j, *self._sizes, links.space)
             if (view := links.view_of(number)) is not None and segment.t1 > segment.t0:
-                found = self._bearing(segment, (i, j), view)
-                if abs(found.inside) < abs(float(links.watches[number].leave[i]) - self._distance(y, i, j)):
-                    acceleration = found.bend / found.steep if found.steep > 0.0 else 0.0
+                side = self._at_side(segment, (i, j), view, float(links.watches[number].leave[i]))
+                if side is not None:
+                    acceleration = side.bend / side.steep if side.steep > 0.0 else 0.0
         since = longest
         if acceleration:
             longest = min(longest, 3 * float(np.sqrt(2 * bound / abs(acceleration))))
@@ -299,8 +300,8 @@ class SolutionError:
         else:
             bound, view = error.pair(i, j), links.view_of(crossing.watch)
             drift = error.pair_velocity(i, j, self._velocities(segment))
-            turned = 0.0 if view is None else view.heading_error(segment, error.column, (i,))
-            most = bound + float(watch.leave[i]) * turned if turned else bound
+            turned = 0.0 if view is None else float(view.heading_errors(segment, error.column)[i])
+            most = bound if view is None else bound + float(watch.leave[i]) * turned
             self._settle(self._doubts.cross(crossing, k, segment.t1, links, most), segment, links)
             radial = _radial(segment, i, j, *self._sizes, links.space, self.difference.nodes[-1])
             # The crossing counts from where the pair is that far beyond the distance.
@@ -333,22 +334,20 @@ class SolutionError:
         view
             How agents look.
         """
-        found, distance = self._bearing(segment, pair, view), self._distance(segment.coefficients[-1], *pair)
-        if abs(radius - distance) <= abs(found.inside):
+        side = self._at_side(segment, pair, view, radius)
+        if side is None:
             return errors
-        most = bounds[0] * found.steep + distance * bounds[1] * found.turned
-        late, _, delay = switch_errors(most, 0.0, found.rate, found.off, 0.0, found.bend, abs(found.inside))
+        distance = float(np.linalg.norm(of_pair(segment.coefficients[-1], pair, self._dynamics.m)))
+        most = bounds[0] * side.steep + distance * bounds[1] * side.turned
+        late, _, delay = switch_errors(most, 0.0, side.rate, side.off, 0.0, side.bend, abs(side.inside))
         return late, errors[1], delay
 
-    def _bearing(self, segment: Segment, pair: tuple[int, int], view: ViewGuard) -> Bearing:
-        """How a ``pair`` stands to the border of a ``view`` at the end of a step."""
+    def _at_side(self, segment: Segment, pair: tuple[int, int], view: ViewGuard, radius: float) -> Bearing | None:
+        """How a ``pair`` at a side of a ``view`` stands to it at the end of a step; None at its ``radius``."""
         (i, j), m, C, e = pair, self._dynamics.m, segment.coefficients, self.difference.nodes[-1]
         apart = C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m]
-        return view.bearing(segment, pair, apart, self._agent(e, j) - self._agent(e, i), e)
-
-    def _distance(self, y: Array, i: int, j: int) -> float:
-        """Distance of two agents in a state vector ``y``."""
-        return float(np.linalg.norm(self._agent(y, j) - self._agent(y, i)))
+        found = view.bearing(segment, pair, apart, of_pair(e, pair, m), e)
+        return None if crosses_radius(radius, float(np.linalg.norm(apart[-1])), found.inside) else found
 
     def switched(self, slope: Array) -> None:
         """Update the difference after a switch of the law; ``slope`` is the slope after it."""

@@ -11,6 +11,7 @@ from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.solution_error import SolutionError
+from flocking.engine.imperfect.view_switches import crosses_radius
 from flocking.engine.runs.run import is_tangential
 from flocking.model.checks import Array
 
@@ -54,12 +55,14 @@ def _across_border(
     y, e = segment.coefficients[-1], error.difference.nodes[-1]
     slope, other_slope = error.slopes(segment)
     inside, rate, size = view.border_speed(pair, y, slope)
-    if abs(float(links.watches[watch].leave[pair[0]]) - distance) <= abs(inside):
+    if crosses_radius(float(links.watches[watch].leave[pair[0]]), distance, inside):
         return None
     other = view.border_speed(pair, y + e, other_slope)[1]
     known = error.over(segment)
+    if known.lost or not distance > 0.0:
+        return -rate, size, np.inf
     off = SAFETY * abs(other - rate) + 2.0 * known.p_floor + known.q_floor * size / distance
-    return -rate, size, off if np.isfinite(off) and not known.lost else np.inf
+    return -rate, size, off if np.isfinite(off) else np.inf
 
 
 def write_switch(

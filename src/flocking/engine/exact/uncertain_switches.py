@@ -103,9 +103,9 @@ def view_bound(segment: Segment, links: LinkState, number: int, i: int, j: int, 
         Errors on it.
     """
     watch, view = links.watches[number], links.view_of(number)
-    turned = 0.0 if view is None else view.heading_error(segment, error.column, (i,))
-    own = error.pair(i, j) + slack_of(watch, error.q_floor / ROUNDING)
-    return own + (float(watch.leave[i]) * turned if turned else 0.0)
+    assert view is not None
+    turned = float(view.heading_errors(segment, error.column)[i])
+    return error.pair(i, j) + slack_of(watch, error.q_floor / ROUNDING) + float(watch.leave[i]) * turned
 
 
 class Doubts:
@@ -142,7 +142,8 @@ class Doubts:
             floor = near_miss_floor(slack_of(watch, 0.0), error.q_floor)
             directed = links.graphs[watch.graph].directed
             if view is not None and watch.kind == "link":
-                slack = -(most + floor + float(watch.leave.max()) * view.heading_error(segment, error.column, range(n)))
+                turned = view.heading_errors(segment, error.column)
+                slack = -(most + floor + float((watch.leave * turned).max()))
                 for i, j in view.crossings(segment, motion, links.near[number], watch.leave, slack)[1].tolist():
                     bound = view_bound(segment, links, number, i, j, error)
                     look = segment, B, (i, j), float(watch.leave[i]), bool(links.near[number][i, j])

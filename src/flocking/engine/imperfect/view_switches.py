@@ -70,11 +70,10 @@ class View(NamedTuple):
             Its position and velocity relative to the agent, shape (m,), where it crosses a side or the radius.
         """
         distance = float(np.sqrt(d @ d))
-        heading, cosine = self.directions[agent], float(self.cosines[agent])
-        ahead = float(d @ heading) - cosine * distance
-        if distance == 0.0 or abs(self.radii[agent] - distance) <= abs(ahead):
+        inside, gradient = view_border(d, self.directions[agent], float(self.cosines[agent]))
+        if distance == 0.0 or crosses_radius(float(self.radii[agent]), distance, inside):
             return radial_speed(d.tolist(), w.tolist())
-        return -float((heading - cosine * d / distance) @ w), float(np.sqrt(w @ w))
+        return -float(gradient @ w), float(np.sqrt(w @ w))
 
     @property
     def mutual(self) -> bool:
@@ -86,6 +85,31 @@ class View(NamedTuple):
         distance = np.sqrt((offset**2).sum(axis=-1))
         ahead = (offset * self.directions[i]).sum(axis=-1) - self.cosines[i] * distance
         return np.asarray(np.minimum(self.radii[i] - distance, ahead))
+
+
+def view_border(d: Array, heading: Array, cosine: float) -> tuple[float, Array]:
+    """How far another agent is inside the border of a view by its bearing, g = d.h - c |d|, and the gradient of g by d.
+
+    Parameters
+    ----------
+    d
+        Its position relative to the agent that looks, shape (m,).
+    heading, cosine
+        Where that one looks, shape (m,), and the cosine c of its half angle, times |h| where h is no unit vector.
+    """
+    r = float(np.linalg.norm(d))
+    return float(d @ heading) - cosine * r, heading - (cosine * d / r if r > 0.0 else 0.0)
+
+
+def crosses_radius(radius: float, distance: float, inside: float) -> bool:
+    """Whether a pair at the border of a view is at its ``radius``: at least as near to that as to its sides.
+
+    Parameters
+    ----------
+    distance, inside
+        Distance of the pair, and how far it is inside the sides, see `view_border`.
+    """
+    return abs(radius - distance) <= abs(inside)
 
 
 def views_of(graphs: Sequence[Graph], headings: Array | None, q: Array) -> dict[int, View | ConeView]:

@@ -6,7 +6,7 @@ See `flocking.engine.imperfect.view_switches` for the polynomials, and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from flocking.engine.adaptive_steps.segment import Motion, Segment
 from flocking.engine.exact.crossings.guards import _PRODUCT, places_and_pairs, squared_distance
 from flocking.engine.exact.crossings.switch_numbers import DIFFERENCED
-from flocking.engine.imperfect.view_switches import view_change
+from flocking.engine.imperfect.view_switches import view_border, view_change
 from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, part_from
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
@@ -111,17 +111,15 @@ class ViewGuard(Protocol):
             State vector and its rate of change.
         """
 
-    def heading_error(
-        self, segment: Segment, of_column: Callable[[int, int, int], float], agents: Iterable[int]
-    ) -> float:
-        """Largest error of the headings of some ``agents``: the length of a vector.
+    def heading_errors(self, segment: Segment, of_column: Callable[[int, int], Array]) -> Array:
+        """Bounds on the errors of the headings of all agents, lengths of vectors, shape (N,).
 
         Parameters
         ----------
         segment
             The step.
         of_column
-            Bound on the error of a column, from its first place in state vectors, its width and an agent.
+            Bounds on the errors of a column, shape (N,), from its first place in state vectors and its width.
         """
 
 
@@ -161,14 +159,12 @@ class ConstantView(ViewGuard):
     def border_speed(self, pair: tuple[int, int], y: Array, slope: Array) -> tuple[float, float, float]:
         """As `ViewGuard.border_speed`."""
         i, m = pair[0], self.directions.shape[1]
-        d, v = (_of_pair(x, pair, m) for x in (y, slope))
+        d, v = (of_pair(x, pair, m) for x in (y, slope))
         return border_speed(d, v, self.directions[i], np.zeros(m), float(self.cosines[i]))
 
-    def heading_error(
-        self, segment: Segment, of_column: Callable[[int, int, int], float], agents: Iterable[int]
-    ) -> float:
-        """None: the headings are given."""
-        return 0.0
+    def heading_errors(self, segment: Segment, of_column: Callable[[int, int], Array]) -> Array:
+        """Zeros: the headings are given."""
+        return np.zeros(len(self.directions))
 
 
 def border_speed(d: Array, v: Array, heading: Array, turning: Array, cosine: float) -> tuple[float, float, float]:
@@ -183,14 +179,13 @@ def border_speed(d: Array, v: Array, heading: Array, turning: Array, cosine: flo
     cosine
         Cosine of the half angle.
     """
-    r = float(np.linalg.norm(d))
-    gradient = heading - (cosine * d / r if r > 0.0 else 0.0)
-    size = float(np.linalg.norm(v)) + r * float(np.linalg.norm(turning))
-    return float(d @ heading) - cosine * r, float(gradient @ v + d @ turning), size
+    inside, gradient = view_border(d, heading, cosine)
+    size = float(np.linalg.norm(v)) + float(np.linalg.norm(d)) * float(np.linalg.norm(turning))
+    return inside, float(gradient @ v + d @ turning), size
 
 
-def _of_pair(y: Array, pair: tuple[int, int], m: int) -> Array:
-    """Difference of the first ``m`` numbers of the agents of a pair in a state vector, shape (m,)."""
+def of_pair(y: Array, pair: tuple[int, int], m: int) -> Array:
+    """Difference of the first ``m`` numbers of the agents of a ``pair`` in a state vector ``y``, shape (m,)."""
     i, j = pair
     return np.asarray(y[j * m : (j + 1) * m] - y[i * m : (i + 1) * m])
 
@@ -277,16 +272,27 @@ def bearing_motion(apart: Array, begin: float, end: float, e: Array, heading: Ar
     heading, cosine
         Where the first looks, shape (m,), and the cosine of its half angle.
     """
-    segment, rates, gradient = Segment(begin, end, apart), [], np.zeros_like(e)
-    d = apart[-1]
+    segment, rates, gradient, inside = Segment(begin, end, apart), [], np.zeros_like(e), 0.0
     for t in (end - DIFFERENCED * (end - begin), end):
         d, v = segment.with_slope(t)
-        r = float(np.linalg.norm(d))
-        gradient = heading - (cosine * d / r if r > 0.0 else 0.0)
+        inside, gradient = view_border(d, heading, cosine)
         rates.append(float(gradient @ v))
-    inside = float(d @ heading) - cosine * float(np.linalg.norm(d))
     bend = (rates[1] - rates[0]) / (DIFFERENCED * (end - begin))
     return Bearing(inside, float(np.linalg.norm(gradient)), rates[1], bend, float(gradient @ e), 1.0)
+
+
+def stays_beyond(B: Array, far: Array, i: int, j: int, distance: float) -> bool:
+    """Whether two agents are farther apart than a ``distance`` on all of a step; for native functions.
+
+    Parameters
+    ----------
+    B, far
+        As for `view_crossings`.
+    """
+    d2 = 0.0
+    for k in range(B.shape[2]):
+        d2 += (B[0, j, k] - B[0, i, k]) ** 2
+    return bool(d2 > (distance + far[i] + far[j]) ** 2)
 
 
 @native
@@ -300,12 +306,8 @@ def _view_crossings(
         for j in range(n):
             if i == j:
                 continue
-            if not near[i, j]:
-                d2 = 0.0
-                for k in range(B.shape[2]):
-                    d2 += (B[0, j, k] - B[0, i, k]) ** 2
-                if d2 > (radii[i] + far[i] + far[j] + slack) ** 2:
-                    continue
+            if not near[i, j] and stays_beyond(B, far, i, j, radii[i] + slack):
+                continue
             _polynomials(B, i, j, headings[i], cosines[i], out)
             x = view_change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], slack)
             if x <= 1.0:
