@@ -24,9 +24,14 @@ from scipy.integrate import DOP853, solve_ivp
 
 import flocking as fk
 from flocking.engine.adaptive_steps.stepper import RELATIVE
+from flocking.engine.exact.session import ExactSession
+from flocking.engine.kernels.law_kernels import Pairs, stages
+from flocking.engine.kernels.pieces import free_pieces
 from flocking.formula.native.functions import native
 
 AGENTS, RADIUS, HORIZON, SEED = 200, 4.0, 5.0, 1
+FIRST_STAGE = (np.zeros(1), np.zeros((1, 1)))
+"""Nodes and weights of a Runge-Kutta method of one stage: its slope is the right-hand side."""
 
 
 def tanner(side: float, t_end: float = HORIZON) -> fk.Scenario:
@@ -49,18 +54,23 @@ def zhou() -> fk.Scenario:
 
 @native
 def neighbour_pairs(q: Any, radius: float, senders: Any, sensed: Any) -> int:
-    """Ordered pairs closer than the radius, found anew at every call: what a right-hand side without guards must do."""
+    """Ordered pairs closer than the radius, found anew at every call: what a right-hand side without guards must do.
+
+    Pairs (i, j) with i < j come before those of the other half, as the right-hand side takes them.
+    """
     n, m = q.shape[0], q.shape[1]
     count = 0
     for i in range(n):
-        for j in range(n):
+        for j in range(i + 1, n):
             d2 = 0.0
             for k in range(m):
                 d2 += (q[j, k] - q[i, k]) ** 2
-            if i != j and d2 < radius * radius:
+            if d2 < radius * radius:
                 senders[count], sensed[count] = i, j
                 count += 1
-    return count
+    for e in range(count):
+        senders[count + e], sensed[count + e] = sensed[e], senders[e]
+    return 2 * count
 
 
 class Plain:
@@ -68,18 +78,22 @@ class Plain:
 
     def __init__(self, scenario: fk.Scenario) -> None:
         session = fk.start(scenario)
-        memory = session._stepper.memory
-        self.y, self.tolerance = memory.y, session._stepper.tolerance
+        assert isinstance(session, ExactSession)
+        self.y, self.tolerance = session._stepper.memory.y, session._stepper.tolerance
         self.n, self.m = scenario.start.q.shape
-        self._rhs, self._slots, self._functionals = (
-            session._dynamics._kernels.rhs,
-            session._dynamics._slots,
-            session._dynamics._functionals,
-        )
+        self.law = session._dynamics._in_force()
+        most = self.n * (self.n - 1)
+        self._senders, self._sensed = np.empty(most, np.int64), np.empty(most, np.int64)
+        self._pieces, self._spans = free_pieces(most)
 
     def __call__(self, t: float, y: Any) -> Any:
         q = y[: self.n * self.m].reshape(self.n, self.m)
-        return self._rhs(t, y, self.n, *neighbour_pairs(q, RADIUS), *self._slots, self._functionals)
+        count = neighbour_pairs(q, RADIUS, self._senders, self._sensed)
+        offsets = np.array([0, count])
+        pairs = Pairs(self._senders[:count], self._sensed[:count], offsets, self._pieces[:count], self._spans)
+        slope = np.zeros((1, y.size))
+        stages(self.law._replace(pairs=pairs), *FIRST_STAGE, 0, 1, -1, t, y, 0.0, slope, np.empty(y.size))
+        return slope[0]
 
     def without_guards(self, t_end: float) -> int:
         solver = DOP853(self, 0.0, self.y, t_end, rtol=RELATIVE, atol=self.tolerance)
