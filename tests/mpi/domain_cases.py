@@ -261,6 +261,11 @@ CASES = {
         fk.Law(PerAgentRadii(np.random.default_rng(8).uniform(5.0, 9.0, N)), [fk.Gradient(structural(7.0))]),
         _lattice(2, 5.6), {},
     ),
+    "fields of view": lambda: (
+        fk.Law(fk.FieldOfView(8.4, 1.9), [fk.Gradient(structural(7.0)), fk.Consensus(0.5)]), _lattice(2, 5.6),
+        {"agents": fk.PointMass(headings=np.random.default_rng(9).uniform(-np.pi, np.pi, N))},
+    ),
+    "streams that look along their velocities": lambda: _crossing(fk.FieldOfView(8.4, 1.2, "p")),
     "two graphs, one fixed": _two_graphs,
     "schedule": _scheduled,
     "damped": lambda: (*_of("own potential")[:2], {"agents": fk.Agents(damping=30.0), "scheme": "damped"}),

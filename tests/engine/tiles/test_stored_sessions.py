@@ -67,6 +67,10 @@ def scenario(kind: str, n: int = 500) -> fk.Scenario:
     elif kind == "uneven":
         radii = np.random.default_rng(1).uniform(0.8, 1.4, n)
         law = fk.Law(PerAgentRadii(radii), [fk.Gradient(structural()), fk.Consensus(1.0)])
+    elif kind == "views":
+        law = fk.Law(fk.FieldOfView(1.2, 2.0), [fk.Gradient(structural()), fk.Consensus(1.0)])
+        agents = fk.PointMass(headings=np.random.default_rng(1).uniform(-np.pi, np.pi, n))
+        return fk.Scenario(law, begin, t_end=0.5, frames=11, agents=agents, name=kind)
     elif kind == "two graphs":
         ring = fk.Fixed(n, tuple((k, (k + 1) % n) for k in range(n)))
         weights = fk.HashedWeights(0.5, 1.5, seed=3)
@@ -109,8 +113,9 @@ OPTIONS: dict[str, Any] = {"engine": "tiles", "step": 0.004, "observe": True, "p
 
 KINDS = (
     ("proximity", "verlet"), ("proximity", "rk4"), ("hysteresis", "verlet"), ("hysteresis", "rk4"),
-    ("scheduled", "damped"), ("obstacles", "verlet"), ("uneven", "verlet"), ("two graphs", "verlet"),
-    ("one graph complete", "rk4"), ("single integrators", "rk4"), ("single integrators", "euler"),
+    ("scheduled", "damped"), ("obstacles", "verlet"), ("uneven", "verlet"), ("views", "verlet"),
+    ("two graphs", "verlet"), ("one graph complete", "rk4"), ("single integrators", "rk4"),
+    ("single integrators", "euler"),
 )  # fmt: skip
 SINGLE = (("proximity", "verlet"), ("hysteresis", "rk4"), ("scheduled", "damped"), ("single integrators", "euler"))
 """Those of each scheme that run in single precision by default: nothing that is saved depends on both at once."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.arrays import Links
 from flocking.errors import UnsupportedLaw
 from flocking.model.graphs.contradicting_links import contradicting_links
 from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.graphs.seen_headings import links_at_state
+from flocking.model.graphs.views import FieldOfView
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -42,6 +44,9 @@ def check_given_links(engine: str, scenario: Scenario, state: State | None = Non
     elif graph.follows_radii:
         distance = pair_distances(given.q, scenario.space)
         wrong = np.argwhere(contradicting_links(graph, given.links, distance, PASSED))
+    elif isinstance(graph, FieldOfView):
+        least, most = (_links_of(graph, scenario, given, 1.0 + share) for share in (-PASSED, PASSED))
+        wrong = np.argwhere((least & ~given.links) | (given.links & ~most))
     else:
         return
     if wrong.size:
@@ -50,3 +55,10 @@ def check_given_links(engine: str, scenario: Scenario, state: State | None = Non
             f"differ from it for agents {int(wrong[0][0])} and {int(wrong[0][1])}. Leave links out of the state, give "
             "a fixed graph of these links, or use an engine that keeps them, such as engine='exact'."
         )
+
+
+def _links_of(graph: FieldOfView, scenario: Scenario, state: State, factor: float) -> Links:
+    """Links where radii and half angles are larger by a factor."""
+    angles = np.minimum(factor * np.asarray(graph.half_angle), np.pi)
+    wider = FieldOfView(factor * np.asarray(graph.radius), angles, graph.heading_column)
+    return links_at_state(wider, scenario.space, state, scenario.agents.headings)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Indices, Reals
+from flocking.arrays import Array, Indices, Numbers32, Reals
 from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs, Statement
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.tiles.automatic_step import energy_doubt
@@ -15,6 +15,8 @@ from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.errors import LawNotObeyed
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.views import FieldOfView
 from flocking.model.law import Scenario
 
 TILES, MOST_TILES = 4, 64
@@ -223,7 +225,7 @@ class LawCheck:
         elif energy.leader is not None:
             frame = energy.leader.at(moment.time)[1]
         group = Group(q, p, particles.ids, moment.time, moment.gains_since, frame, *means)
-        pairs = [self._pairs(particles, number, q, places, remembered) for number in range(len(particles.lists))]
+        pairs = [self._pairs(particles, number, state, places, remembered) for number in range(len(particles.lists))]
         return self.declared.state(group, places, pairs)
 
     def _require(self, found: tuple[int | None, str | None], moment: Moment, gaps: LawGaps) -> None:
@@ -239,10 +241,10 @@ class LawCheck:
         )  # fmt: skip
 
     def _pairs(
-        self, particles: ParticleArrays, number: int, q: Reals, places: Indices, remembered: bool
+        self, particles: ParticleArrays, number: int, state: tuple[Reals, Reals], places: Indices, remembered: bool
     ) -> LinkedPairs:
         """Linked pairs of the checked agents under a graph: number of the agent, index of the other, certainty."""
-        lists, kind = particles.lists[number], particles.spec.graphs[number]
+        lists, kind, (q, p) = particles.lists[number], particles.spec.graphs[number], state
         assert lists is not None
         tile, lane = places // WIDTH, places % WIDTH
         rows = int(lists.count[tile].max(initial=0))
@@ -272,7 +274,25 @@ class LawCheck:
         slack = EDGE * self.eps * (leave + np.abs(d - difference).sum(axis=1))
         certain = (np.abs(r - leave) > slack) & (np.abs(r - enter) > slack)
         linked = bit if remembered else np.where(r < enter - slack, True, np.where(r > leave + slack, False, bit))
+        if kind.view:
+            beyond = self._beyond_view(graph, who, d, r, p[places[k]].astype(np.float64))
+            certain &= np.abs(beyond) > slack
+            linked = bit if remembered else linked & np.where(np.abs(beyond) > slack, beyond < 0.0, bit)
         return k[linked], j[linked], certain[linked] | remembered
+
+    def _beyond_view(self, graph: Graph, who: Numbers32, d: Array, r: Array, p: Array) -> Array:
+        """How far along the headings of agents others are short of their views; negative within, shape (K,)."""
+        assert isinstance(graph, FieldOfView)
+        if graph.along_velocity:
+            speed = np.linalg.norm(p, axis=1, keepdims=True)
+            heading = np.divide(p, speed, out=np.zeros_like(p), where=speed > 0.0)
+        else:
+            heading = graph.directions(self.scenario.agents.headings)[who]
+        found: Array = graph.cosines(self.scenario.start.n)[who] * r - (d * heading).sum(axis=1)
+        if graph.along_velocity:
+            # Agents at rest see all around.
+            found = np.where(heading.any(axis=1), found, -r)
+        return found
 
 
 __all__ = ["LawCheck"]

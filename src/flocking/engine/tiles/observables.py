@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from flocking.arrays import Indices, Reals
 from flocking.engine.runs.observation import observation
 from flocking.engine.runs.run import OBSERVED_FIELDS as OBSERVED_FIELDS
+from flocking.engine.tiles.kernels.spec import VELOCITIES
 from flocking.engine.tiles.neighbours.nearest_image import to_nearest
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
@@ -22,7 +23,7 @@ def _root(parent: NDArray[np.int32], i: int | np.int64) -> int | np.int64:
 
 
 @native
-def _survey(agents, n, box, rows, first, count, remembered, limit, each, parent):  # type: ignore[no-untyped-def]
+def _survey(agents, p, n, box, rows, first, count, remembered, limit, each, views, parent):  # type: ignore[no-untyped-def]
     """Join linked agents; returns the number of links, one length, the sums of what others exceed it by and of the
     squares of that, and the smallest square of a length.
     """
@@ -31,6 +32,7 @@ def _survey(agents, n, box, rows, first, count, remembered, limit, each, parent)
     lengths = 0.0
     squares = 0.0
     least = np.inf
+    m, constant = agents.shape[1] // 2, views.shape[0] > 1
     for i in range(n):
         parent[i] = i
     for i in range(n):
@@ -42,15 +44,21 @@ def _survey(agents, n, box, rows, first, count, remembered, limit, each, parent)
             if j == i:
                 continue
             s = 0.0
-            for k in range(agents.shape[1] // 2):
+            ahead = 0.0
+            speed = 1.0 if constant else 0.0
+            for k in range(m):
                 d = np.float64(agents[j, k]) - np.float64(agents[i, k])
                 if box.shape[0]:
-                    d = np.float64(to_nearest(d, box, k, agents.shape[1] // 2))
+                    d = np.float64(to_nearest(d, box, k, m))
                 s += d * d
+                if views.shape[0]:
+                    heading = np.float64(views[k + 1, i] if constant else p[i, k])
+                    ahead += d * heading
+                    speed += 0.0 if constant else heading * heading
             if remembered:
                 if entry < LINKED:
                     continue
-            elif s >= bound:
+            elif s >= bound or (views.shape[0] > 0 and ahead * abs(ahead) < views[0, i] * s * speed):
                 continue
             length = np.sqrt(s)
             if links == 0:
@@ -68,16 +76,19 @@ def _survey(agents, n, box, rows, first, count, remembered, limit, each, parent)
     return links, typical, lengths, squares, least
 
 
-def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, float, float, float]]:
-    """Sizes of the flocks under the law's graph, and what `_survey` returns."""
+def _flock_sizes(particles: ParticleArrays, p: Reals) -> tuple[Indices, tuple[int, float, float, float, float]]:
+    """Sizes of the flocks under the law's graph, and what `_survey` returns; for ``p`` see `observe`."""
     n = particles.n
     lists, graph = particles.lists[0], particles.radii.graphs[0]
     assert lists is not None
-    # If links appear and break at one radius, positions determine them; otherwise the lists store them.
+    # If links appear and break at one radius, positions and headings determine them; otherwise the lists store them.
     by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
     parent = np.empty(n, np.int32)
+    looks = particles.spec.graphs[0].view == VELOCITIES
+    velocities = np.ascontiguousarray(p[particles.ids[:n]] if looks else np.zeros((0, 1)), dtype=np.float64)
     counted = _survey(
         particles.agents,
+        velocities,
         n,
         particles.search.box,
         lists.rows,
@@ -86,6 +97,7 @@ def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, 
         not by_distance,
         particles.radii.limits[0][0],
         particles.radii.each[0],
+        particles.radii.views[0],
         parent,
     )
     sizes = np.bincount(parent)
@@ -94,7 +106,7 @@ def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, 
 
 def observe(particles: ParticleArrays, t: float, p: Reals) -> tuple[float, ...]:
     """One row of `OBSERVED_FIELDS`; ``p``: velocities, shape (N, m). The lists must be valid."""
-    sizes, (links, typical, lengths, squares, least) = _flock_sizes(particles)
+    sizes, (links, typical, lengths, squares, least) = _flock_sizes(particles, p)
     more = lengths / links if links else np.nan
     mean = typical + more
     deviation = float(np.sqrt(max(squares / links - more**2, 0.0))) if links else np.nan

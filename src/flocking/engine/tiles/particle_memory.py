@@ -63,6 +63,7 @@ class ParticleMemory:
             setattr(*_owner(particles, place), copy.deepcopy(self.fields[name]))
         if len(particles.body_rows.further):
             particles.body_rows.further = np.array(self.fields["columns"])
+        particles.radii.look(particles.ids)
         if particles.obstacles is not None:
             particles.obstacles.used = np.inf
         for builder, capacity in zip(particles.search.builders, checked["rooms"], strict=True):

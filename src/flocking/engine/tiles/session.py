@@ -166,26 +166,25 @@ class TilesSession(Session):
     def state(self) -> State:
         """State at the session's time; includes the link matrix for at most 2,000 agents."""
         q, p = self._look()
-        return State(q, p, self.time, self._links(), self._particles.columns_in_order)
+        return State(q, p, self.time, self._links(p), self._particles.columns_in_order)
 
     def _look(self) -> tuple[Positions, Velocities]:
         particles = self._particles
         velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
         return particles.in_order(particles.X[: particles.m]), particles.in_order(velocities)
 
-    def _links(self) -> Links | None:
-        n = self.scenario.start.n
-        lists = self._particles.lists[0]
+    def _links(self, velocities: Velocities) -> Links | None:
+        """Links of the law's graph, of agents with these velocities; None for more than `MOST_LINKED`."""
+        n, lists = self.scenario.start.n, self._particles.lists[0]
         if n > MOST_LINKED or lists is None:
             return None
-        kind, graph = self._particles.spec.graphs[0], self.scenario.law.graph
-        # If links appear and break at one radius, positions determine them, regardless of the last pass of the kernel.
+        graph = self.scenario.law.graph
+        # If links appear and break at one radius, positions and headings determine them, whatever the last pass found.
         by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
         i, j = listed_pairs(lists, n, linked=not by_distance)
         if by_distance:
-            q = self._particles.X[: self._particles.m]
-            square = (self.scenario.space.displacement((q[:, j] - q[:, i]).T) ** 2).sum(axis=1)
-            near = square < (self._particles.radii.each[0][i] if kind.uneven else self._particles.radii.limits[0][0])
+            q, p = self._particles.X[: self._particles.m], velocities[self._particles.ids].T
+            near = self._particles.radii.linked(0, i, self.scenario.space.displacement((q[:, j] - q[:, i]).T), p)
             i, j = i[near], j[near]
         links = np.zeros((n, n), dtype=bool)
         links[self._particles.ids[i], self._particles.ids[j]] = True
@@ -297,7 +296,8 @@ class TilesSession(Session):
             from flocking.engine.tiles.observables import observe
 
             observed = observe(self._particles, self.time, p)
-        self.records.frame(self.time, q, p, self._links(), observed=observed, columns=self._particles.columns_in_order)
+        columns = self._particles.columns_in_order
+        self.records.frame(self.time, q, p, self._links(p), observed=observed, columns=columns)
 
     def _add_ledger_row(self) -> None:
         unlinked = self.scenario.energy.unlinked

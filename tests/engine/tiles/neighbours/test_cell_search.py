@@ -90,7 +90,7 @@ def listed(q, dtype, space, each, threads=1):
     builder = ListBuilder(n, 1e9, workers, box_of(space, m, dtype))
     lists, _ = builder.build(
         agents, REACH, reaches.astype(dtype), sorter.grid, sorter.start, None, sorter.order, sorter.key_buffer,
-        begin2=None, remember=False,
+        begin=None, remember=False,
     )  # fmt: skip
     return agents[:n, :m].astype(np.float64), reaches, lists
 

@@ -303,7 +303,7 @@ class RankParticles(SharedParticles):
                 )  # fmt: skip
             self.lists[number], _ = builder.build(
                 self.agents, cutoff, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
-                begin2=inside if fresh else None, remember=kind.memory, beside=self._beside,
+                begin=inside if fresh else None, remember=kind.memory, beside=self._beside,
             )  # fmt: skip
             lists = self.lists[number]
             assert lists is not None

@@ -169,7 +169,7 @@ class DomainSession(TilesSession):
             return
         if options.keep_frames or options.observe:
             rows = self._gathered(velocities)
-        pairs = self._linked_pairs() if options.observe or self._keeps_links else None
+        pairs = self._linked_pairs(velocities) if options.observe or self._keeps_links else None
         self.ranks.alone(lambda: self._write_frame(self.time, rows, pairs))
         if not self.ranks.first:
             self.records.skip()
@@ -235,19 +235,22 @@ class DomainSession(TilesSession):
         links = self._link_matrix(pairs) if self._keeps_links and pairs is not None else None
         self.records.frame(t, q, p, links, observed=observed, columns=columns_of(self.scenario, rows))
 
-    def _linked_pairs(self) -> Numbers | None:
-        """Numbers of the linked ordered pairs under the law's graph, shape (K, 2), on the first rank."""
+    def _linked_pairs(self, velocities: Reals | None = None) -> Numbers | None:
+        """Numbers of the linked ordered pairs under the law's graph, shape (K, 2), on the first rank.
+
+        Velocities are those of the agents here, shape (m, size); those of the last step when absent.
+        """
         particles, graph = self._particles, self.scenario.law.graph
         lists = particles.lists[0]
         assert lists is not None
-        kind = particles.spec.graphs[0]
-        # If links appear and break at one radius, positions determine them, regardless of the last pass of the kernel.
+        # If links appear and break at one radius, positions and headings determine them, whatever the last pass found.
         by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
         i, j = listed_pairs(lists, particles.n, linked=not by_distance)
         if by_distance:
             q = particles.X[: particles.m]
-            square = (self.scenario.space.displacement((q[:, j] - q[:, i]).T) ** 2).sum(axis=1)
-            near = square < (particles.radii.each[0][i] if kind.uneven else particles.radii.limits[0][0])
+            apart = self.scenario.space.displacement((q[:, j] - q[:, i]).T)
+            p = particles.X[particles.m :] if velocities is None else velocities
+            near = particles.radii.linked(0, i, apart, p)
             i, j = i[near], j[near]
         pairs = np.stack([particles.ids[i], particles.ids[j]], axis=1).astype(np.float64)
         found = self.ranks.gathered(pairs)
@@ -272,7 +275,7 @@ class DomainSession(TilesSession):
         particles = self._particles
         velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
         rows = self._gathered(velocities)
-        pairs = self._linked_pairs() if self.scenario.start.n <= MOST_LINKED else None
+        pairs = self._linked_pairs(velocities) if self.scenario.start.n <= MOST_LINKED else None
         if rows is None:
             return None
         m, links = particles.m, None if pairs is None else self._link_matrix(pairs)

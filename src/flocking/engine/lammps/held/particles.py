@@ -179,7 +179,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
             fresh = self._nothing_known_yet or table is None
             lists, _ = self.known_builders[number].build(
                 self.agents, cutoff, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
-                begin2=inside if fresh else None, remember=True, beside=self._beside,
+                begin=inside if fresh else None, remember=True, beside=self._beside,
             )  # fmt: skip
             self.known[number] = lists
             if table is not None and not fresh:

@@ -181,7 +181,7 @@ class HeldParticles(ParticleArrays):
             # The sort leaves the new place of each agent in its buffer.
             self.known[number], _ = self.known_builders[number].build(
                 self.agents, cutoff, each_reach, sorter.grid, sorter.start, old, sorter.order,
-                sorter.key_buffer, begin2=inside if old is None else None, remember=True,
+                sorter.key_buffer, begin=inside if old is None else None, remember=True,
             )  # fmt: skip
         if self._first_known_links is not None:
             self._remember_first_links()

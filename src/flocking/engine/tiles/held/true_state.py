@@ -188,7 +188,7 @@ class HeldTruth(TilesSession):
         """State at the session's time; includes the link matrix for at most 2,000 agents."""
         with self._moved_by(self._offset()):
             q, p, columns = self._seen()
-            return State(q, p, self.time, self._links(), columns)
+            return State(q, p, self.time, self._links(p), columns)
 
     def accelerations(self) -> Array:
         """Rates of change of the velocities, shape (N, m); of agents of order 1 their velocities."""
@@ -226,7 +226,7 @@ class HeldTruth(TilesSession):
                 from flocking.engine.tiles.observables import observe
 
                 observed = observe(particles, t, p)
-            self.records.frame(t, q, p, self._links(), observed=observed, columns=columns)
+            self.records.frame(t, q, p, self._links(p), observed=observed, columns=columns)
 
     @property
     def about(self) -> dict[str, object]:

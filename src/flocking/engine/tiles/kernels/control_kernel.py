@@ -16,7 +16,7 @@ from flocking.engine.kernels.source_text import indented
 from flocking.engine.tiles.kernels.heard_samples import HeardSamples
 from flocking.engine.tiles.kernels.pair_loop import pair_loop
 from flocking.engine.tiles.kernels.spec import GraphKind, KernelSpec
-from flocking.engine.tiles.kernels.step_kernel import GRAPH_ARGUMENTS, module_header, own_lines, uniform_lines
+from flocking.engine.tiles.kernels.step_kernel import graph_arguments, module_header, own_lines, uniform_lines
 from flocking.engine.tiles.kernels.writer import Writer
 from flocking.formula.compiled import generated_module
 from flocking.model.graphs.distance_graphs import Graph
@@ -81,8 +81,7 @@ def _arguments(spec: KernelSpec, heard: HeardSamples | None, *, logs: bool) -> l
     row of a list, and the first of them of each tile; parameters; the controls ``U``, shape (m, size).
     """
     found = ["first_tile", "last_tile", "t", "acting", "K", "X", "n"]
-    for number in range(len(spec.graphs)):
-        found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
+    found += graph_arguments(spec)
     if heard is not None:
         found += ["S", "news", *(f"{x}{number}" for x in ("used", "senders") for number in range(len(spec.graphs)))]
     if logs:

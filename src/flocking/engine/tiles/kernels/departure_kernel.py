@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from flocking.engine.kernels.source_text import indented
 from flocking.engine.tiles.kernels.pair_loop import pair_loop
 from flocking.engine.tiles.kernels.spec import KernelSpec
-from flocking.engine.tiles.kernels.step_kernel import GRAPH_ARGUMENTS, module_header, own_lines, uniform_lines
+from flocking.engine.tiles.kernels.step_kernel import graph_arguments, module_header, own_lines, uniform_lines
 from flocking.engine.tiles.kernels.writer import Writer
 from flocking.formula.compiled import generated_module
 
@@ -52,8 +52,7 @@ def _arguments(spec: KernelSpec) -> list[str]:
     group ``M``; the result by tile ``found``.
     """
     found = ["first_tile", "last_tile", "t", "hold", "X", "Y", "n"]
-    for number in range(len(spec.graphs)):
-        found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
+    found += graph_arguments(spec)
     return [*found, "P", "A", "ids", "seeds", "matrices", "M", "found"]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flocking.engine.kernels.displacements import nearest_image_line
-from flocking.engine.tiles.kernels.spec import GraphKind
+from flocking.engine.tiles.kernels.spec import VELOCITIES, GraphKind
 from flocking.engine.tiles.kernels.writer import Writer, distance, parameter
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
     names = free_names(requested.values()).others
     needs_velocity = "drag" in requested or bool(names & {"speed2", "radial", "pull"})
     lane = _neighbour_lines(w, number, needs_velocity=needs_velocity, flow=flow)
+    lane += _view_lines(w, number) if kind.view else []
     lane += _link_lines(kind, number, by_agent=w.controls)
     lane += _mark_lines(w, number)
     lane += ["apart = linked & (square > T(0.0))", f"safe = select(square > T(0.0), square, safe{number})"]
@@ -101,6 +102,19 @@ def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool
     return lines if w.heard is not None else [*lines, "other = j != i"]
 
 
+def _view_lines(w: Writer, number: int) -> list[str]:
+    """Determine which neighbours are within the angle of view: by squares with their signs, which need no root."""
+    along = w.spec.graphs[number].view == VELOCITIES
+    headings = [f"p{k}" if along else f"load(views{number}[{k + 1}], base)" for k in w.axes]
+    length = [f"({' + '.join(f'p{k} * p{k}' for k in w.axes)})"] * along
+    least = " * ".join([f"load(views{number}[0], base)", "square", *length])
+    return [
+        "ahead = " + " + ".join(f"d{k} * {heading}" for k, heading in enumerate(headings)),
+        "ahead = select(ahead < T(0.0), -ahead * ahead, ahead * ahead)",
+        f"seen = ahead >= {least}",
+    ]
+
+
 def _link_lines(kind: GraphKind, number: int, *, by_agent: bool) -> list[str]:
     """Determine which neighbours are linked; entries of a graph with memory store it.
 
@@ -117,14 +131,15 @@ def _link_lines(kind: GraphKind, number: int, *, by_agent: bool) -> list[str]:
         return ["linked = other"]
     leave = f"load(each{number}, base)" if kind.uneven else f"leave{number}"
     lines = [f"inside = square < {leave}"]
+    near = "other & inside & seen" if kind.view else "other & inside"
     if not kind.memory:
-        return [*lines, "linked = other & inside"]
+        return [*lines, f"linked = {near}"]
     enter = "inside" if kind.uneven else f"(square < enter{number})"
     flagged = "select(linked, j | LINKED, j)"
     return [
         *lines,
         "was = other & (entry > NUMBER)",
-        f"linked = select(hold, was, other & inside & (was | {enter}))",
+        f"linked = select(hold, was, {near} & (was | {enter}))",
         f"store(rows{number}, at, {f'select(hold, entry, {flagged})' if by_agent else flagged})",
     ]
 

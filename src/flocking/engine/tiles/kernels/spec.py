@@ -13,6 +13,7 @@ from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Graph
+from flocking.model.graphs.views import FieldOfView
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 from flocking.model.space import Open, Periodic
@@ -33,6 +34,10 @@ MOST_AGENTS = 2**31 - 64
 """Largest number of agents: entries of neighbour lists have 31 bits for it, and the last tile is padded."""
 
 
+HEADINGS, VELOCITIES = "headings", "velocities"
+"""Constant directions along which agents look, and directions that turn with their motion."""
+
+
 @dataclass(frozen=True)
 class GraphKind:
     """Properties of a graph that the kernel depends on.
@@ -47,12 +52,16 @@ class GraphKind:
         Whether radii differ between agents.
     barrier
         Whether a potential is infinite at the break radius, so that links cannot break.
+    view
+        Along what agents look who see others within an angle of it only: `HEADINGS` or `VELOCITIES`; empty for the
+        others.
     """
 
     fixed: bool
     memory: bool
     uneven: bool
     barrier: bool
+    view: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +187,8 @@ def refused_graph(graph: Graph) -> str:
         # Lists of links that never change are made of the pairs of `Fixed`, or of everybody.
         known = isinstance(graph, Fixed | Complete) and type(graph).initial in (Fixed.initial, Complete.initial)
         return "" if known else f"{name}, whose links never change and are not a list of pairs"
+    if isinstance(graph, FieldOfView) and type(graph).start_links is FieldOfView.start_links:
+        return f"{name} along a direction of bodies that turns" if _view(graph) is None else ""
     if not graph.follows_radii:
         return name
     leave, enter = np.asarray(graph.break_radius), np.asarray(graph.appear_radius)
@@ -201,6 +212,8 @@ def held_refusals(scenario: Scenario) -> Iterator[str]:
         return
     if law.beyond_neighbours:
         yield f"the {' and the '.join(law.beyond_neighbours)} under held control, which no agent measures or receives"
+    if any(graph.sees_headings for graph in law.graphs):
+        yield "fields of view under held control; engine='auto' chooses an engine that does, if there is one"
     if any(getattr(term, "groups", ()) for term in law.body_terms):
         yield "obstacles under held control yet; leave Avoid out"
 
@@ -244,7 +257,16 @@ def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
 def _kind(graph: Graph, barrier: bool, ledger: bool) -> GraphKind:
     uneven = np.ndim(graph.break_radius) > 0
     remembers = graph.moves and (ledger or barrier or bool(np.any(graph.appear_radius != graph.break_radius)))
-    return GraphKind(not graph.moves, remembers, uneven, barrier)
+    return GraphKind(not graph.moves, remembers, uneven, barrier, _view(graph) or "")
+
+
+def _view(graph: Graph) -> str | None:
+    """Along what agents look, see `GraphKind`; None for directions that kernels do not know."""
+    if not isinstance(graph, FieldOfView):
+        return ""
+    if graph.along_velocity:
+        return VELOCITIES
+    return None if graph.heading_column else HEADINGS
 
 
 def only_numbers_differ(spec: KernelSpec, other: KernelSpec) -> bool:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flocking.engine.kernels.obstacle_formulas import ObstacleFormulas
 
 GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
-"""Arguments of ``move`` for each graph: its lists, and its squared radii, per agent and common."""
+"""Arguments of kernels for each graph: its lists, and its squared radii, per agent and common."""
 
 BODY_ARGUMENTS = ("E", "R", "U")
 """Arguments of ``move`` where agents are more than points: their further columns, the rates of these, and the controls
@@ -73,22 +73,34 @@ def _arguments(spec: KernelSpec) -> list[str]:
     ``first_tile``, ``last_tile``; the time ``t``; ``keep``, ``kick``, ``drift``; ``velocity_lag`` (time by which
     velocities are advanced to the time of the positions) and ``exponential_damping`` (1 if velocities are damped
     exponentially); ``hold`` (links do not change); the state ``X`` and the next state ``Y``, shape (16 tiles, 2m),
-    or no rows where only the sums are needed; the number of agents ``n``; for each graph the lists and the squared
-    radii, per agent and common; the obstacles within range of each tile; parameters ``P``, ``A`` and ``O``;
-    identities ``ids``; hash seeds and matrices of pair weights; means over the group; velocity ``C`` of the frame
-    of the lists; results ``tile_extremes`` and ``sums`` per tile;
+    or no rows where only the sums are needed; the number of agents ``n``; `graph_arguments`; the obstacles within range
+    of each tile; parameters ``P``, ``A`` and ``O``; identities ``ids``; hash seeds and matrices of pair weights; means
+    over the group; velocity ``C`` of the frame of the lists; results ``tile_extremes`` and ``sums`` per tile;
     where agents are more than points `BODY_ARGUMENTS`.
     """
     found = [
         "first_tile", "last_tile", "t", "keep", "kick", "drift", "velocity_lag", "exponential_damping", "hold", "X",
         "Y", "n",
     ]  # fmt: skip
-    for number in range(len(spec.graphs)):
-        found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
+    found += graph_arguments(spec)
     for number in range(len(spec.layout.obstacle_groups())):
         found += [f"begin{number}", f"who{number}"]
     found += ["P", "A", "O", "ids", "seeds", "matrices", "M", "C", "tile_extremes", "sums"]
     return [*found, *BODY_ARGUMENTS] if spec.bodied else found
+
+
+def graph_arguments(spec: KernelSpec) -> list[str]:
+    """Names of `GRAPH_ARGUMENTS` of each graph, and where agents have fields of view of these; one graph after another.
+
+    Parameters
+    ----------
+    spec
+        Specification of the kernel.
+    """
+    found = []
+    for number, kind in enumerate(spec.graphs):
+        found += [f"{name}{number}" for name in (*GRAPH_ARGUMENTS, *["views"] * bool(kind.view))]
+    return found
 
 
 def _obstacle_block(w: Writer, number: int, obstacle_group: ObstacleFormulas) -> list[str]:

@@ -7,6 +7,7 @@ number, which contributes nothing. For a graph with memory the top bit of an ent
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,23 @@ NUMBER = np.uint32((1 << 31) - 1)
 """Bits of an entry with the number of the neighbour."""
 NOBODY = np.zeros(0, np.int32)
 """Cells of copies where there are none."""
+NO_VIEWS: Reals = np.zeros((0, 1))
+"""Views of a graph under which agents see all around."""
+
+
+class FirstLinks(NamedTuple):
+    """Which pairs start linked.
+
+    Parameters
+    ----------
+    limits
+        Squared distance, or one per agent, below which they do.
+    views
+        Views of the agents, see `flocking.engine.tiles.particles.graph_radii.GraphRadii`.
+    """
+
+    limits: Reals
+    views: Reals = NO_VIEWS
 
 
 @dataclass
@@ -64,8 +82,10 @@ class TileLists:
 
 
 @native
-def _begin_links(first_tile, last_tile, agents, n, box, limits, rows, first, count):  # type: ignore[no-untyped-def]
-    """Link all listed pairs closer than the limit of the sensing agent."""
+def _begin_links(  # type: ignore[no-untyped-def]
+    first_tile, last_tile, agents, n, box, limits, views, rows, first, count
+):
+    """Link all listed pairs closer than the limit of the sensing agent, and within its view."""
     m = agents.shape[1] // 2
     for tile in range(first_tile, last_tile):
         for row in range(first[tile], first[tile] + count[tile]):
@@ -74,11 +94,18 @@ def _begin_links(first_tile, last_tile, agents, n, box, limits, rows, first, cou
                 if i == j or i >= n:
                     continue
                 s = agents[i, 0] * 0
+                ahead, speed = agents[i, 0] * 0, agents[i, 0] * 0 + (1 if views.shape[0] > 1 else 0)
                 for k in range(m):
                     d = agents[j, k] - agents[i, k]
                     if box.shape[0]:
                         d = to_nearest(d, box, k, m)
                     s += d * d
+                    if views.shape[0]:
+                        heading = views[k + 1, i] if views.shape[0] > 1 else agents[i, m + k]
+                        ahead += d * heading
+                        speed += 0 if views.shape[0] > 1 else heading * heading
+                if views.shape[0] and ahead * abs(ahead) < views[0, i] * s * speed:
+                    continue
                 if s < limits[i if limits.shape[0] > 1 else 0]:
                     rows[row, lane] |= LINKED
 
@@ -160,7 +187,7 @@ class ListBuilder:
 
     def build(
         self, agents: Reals, reach: float, each_reach: Reals, grid: Grid, start: Numbers32, old: TileLists | None,
-        order: Numbers32, place: Numbers32, begin2: Reals | None, remember: bool, beside: Numbers32 = NOBODY,
+        order: Numbers32, place: Numbers32, begin: FirstLinks | None, remember: bool, beside: Numbers32 = NOBODY,
     ) -> tuple[TileLists, tuple[int, int] | None]:  # fmt: skip
         """Build the lists of all pairs closer than ``reach``, or than the sensing agent's entry of ``each_reach``.
 
@@ -174,8 +201,8 @@ class ListBuilder:
             The cells of the sort.
         old, order, place
             The lists before the sort, the old index of each agent, and the new index of each.
-        begin2
-            Squared distance, or one per agent, below which pairs start linked; None if links are carried over.
+        begin
+            Which pairs start linked; None if links are carried over.
         remember
             Whether the links of ``old`` are carried over.
         beside
@@ -196,8 +223,8 @@ class ListBuilder:
         lists = self._searched(agents, reach, each_reach, grid, start, beside)
         lost = np.full(2, -1, np.int64)
         here = (lists.rows, lists.first, lists.count)
-        if begin2 is not None:
-            self.workers.each(_begin_links, self.tiles, agents, self.n, self.box, begin2, *here)
+        if begin is not None:
+            self.workers.each(_begin_links, self.tiles, agents, self.n, self.box, *begin, *here)
         elif remember and old is not None:
             before = (old.rows.reshape(-1), old.first, old.count)
             self.workers.each(_carry_links, self.tiles, self.n, order, place, *before, *here, lost)

@@ -1,17 +1,19 @@
-"""Radii of the graphs of a law, in the form that kernels and neighbour lists use."""
+"""Radii and views of the graphs of a law, in the form that kernels and neighbour lists use."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Numbers, Numbers32, Reals
-from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
+from flocking.arrays import Indices, Mask, Numbers, Numbers32, Reals
+from flocking.engine.tiles.kernels.spec import HEADINGS, PRECISIONS, KernelSpec
 from flocking.engine.tiles.measures import cutoffs_of, sensed_offsets
+from flocking.engine.tiles.neighbours.neighbour_lists import NO_VIEWS, FirstLinks
 from flocking.model.graphs.distance_graphs import Fixed, Graph
+from flocking.model.graphs.views import FieldOfView
 
 
 class GraphRadii:
-    """Squared radii and cutoffs of the graphs of a law.
+    """Squared radii, cutoffs and views of the graphs of a law.
 
     Parameters
     ----------
@@ -33,7 +35,7 @@ class GraphRadii:
         self, graphs: tuple[Graph, ...], spec: KernelSpec, ids: Numbers32, n: int, everyone: int,
         edges: list[tuple[Numbers, Numbers32] | None] | None = None,
     ) -> None:  # fmt: skip
-        self.graphs, self._spec, self._n = graphs, spec, n
+        self.graphs, self._spec, self._n, self._everyone = graphs, spec, n, everyone
         self._dtype = PRECISIONS[spec.precision]
         self.cutoffs = cutoffs_of(graphs, spec)
         """Largest distance of linked agents under each graph; 0 for a fixed one."""
@@ -41,15 +43,20 @@ class GraphRadii:
         """For each graph the squared radii at which links break and appear, and half the first radius, shape (3,)."""
         self.each: list[Reals] = []
         """For each graph the squared radius of each agent, shape (size,); shape (1,) if it is common."""
+        self.views: list[Reals] = []
+        """For each graph the squares of the cosines of half angles, with their signs, and then the headings if they are
+        constant: a row for each number, shape (m + 1, size) or (1, size); `NO_VIEWS` where agents see all around."""
         self.edges: list[tuple[Numbers, Numbers32] | None] = list(edges or [])
         """Links of fixed graphs, see `flocking.engine.tiles.measures.sensed_offsets`; None for other graphs, and for
         `Complete`, which needs no list of pairs."""
         for graph in graphs:
             self.limits.append(np.zeros(3, self._dtype))
             self.each.append(np.zeros(1, self._dtype))
+            self.views.append(NO_VIEWS.astype(self._dtype))
             if edges is None:
                 self.edges.append(sensed_offsets(graph, everyone) if isinstance(graph, Fixed) else None)
         self._set(ids)
+        self.look(ids)
 
     def _set(self, ids: Numbers32) -> None:
         n, dtype = self._n, self._dtype
@@ -69,7 +76,44 @@ class GraphRadii:
                 each[n:] = 0.0
                 self.each[number] = np.nextafter(each, dtype(np.inf)) if closed else each
 
-    def searched(self, number: int, beyond: float) -> tuple[float, Reals, Reals]:
+    def look(self, ids: Numbers32) -> None:
+        """Take the views of the agents.
+
+        Parameters
+        ----------
+        ids
+            Number of the agent at each index, shape (size,).
+        """
+        for number, graph in enumerate(self.graphs):
+            if isinstance(graph, FieldOfView):
+                cosines = graph.cosines(self._everyone)
+                table = (cosines * np.abs(cosines))[None]
+                if self._spec.graphs[number].view == HEADINGS:
+                    table = np.vstack([table, graph.directions(self._spec.layout.bodies.headings).T])
+                self.views[number] = np.ascontiguousarray(table[:, ids], dtype=self._dtype)
+
+    def linked(self, number: int, i: Indices, d: Reals, p: Reals) -> Mask:
+        """Which pairs are linked under a graph whose links follow from the positions.
+
+        Parameters
+        ----------
+        number
+            The graph.
+        i, d
+            Places of the sensing agents, shape (K,), and displacements to the sensed ones, shape (K, m).
+        p
+            Velocities of all agents by their places, shape (m, size).
+        """
+        kind, square = self._spec.graphs[number], (d**2).sum(axis=1)
+        near = square < (self.each[number][i] if kind.uneven else self.limits[number][0])
+        if kind.view:
+            least, *headings = self.views[number][:, i]
+            along = np.stack(headings) if headings else p[:, i]
+            ahead = (d.T * along).sum(axis=0)
+            near &= ahead * np.abs(ahead) >= least * square * (1 if headings else (along**2).sum(axis=0))
+        return np.asarray(near)
+
+    def searched(self, number: int, beyond: float) -> tuple[float, Reals, FirstLinks]:
         """How far the neighbours of a graph are searched, and which of them are linked, as lists are built.
 
         Parameters
@@ -81,17 +125,17 @@ class GraphRadii:
 
         Returns
         -------
-        tuple of float and arrays
-            The largest distance; that of each agent, shape (size,), or shape (1,) if it is common; and the squared
-            radius of each agent, of the same shape.
+        tuple
+            The largest distance; that of each agent, shape (size,), or shape (1,) if it is common; and which pairs are
+            linked.
         """
-        each, cutoff = self.each[number], self.cutoffs[number] + beyond
+        each, cutoff, views = self.each[number], self.cutoffs[number] + beyond, self.views[number]
         if self._spec.graphs[number].uneven:
-            return cutoff, np.sqrt(each) + self._dtype(beyond), each
-        return cutoff, each, self.limits[number][:1]
+            return cutoff, np.sqrt(each) + self._dtype(beyond), FirstLinks(each, views)
+        return cutoff, each, FirstLinks(self.limits[number][:1], views)
 
     def reorder(self, order: Numbers32) -> None:
-        """Sort the radii of each agent.
+        """Sort the radii and views of each agent.
 
         Parameters
         ----------
@@ -101,6 +145,9 @@ class GraphRadii:
         for each, kind in zip(self.each, self._spec.graphs, strict=True):
             if kind.uneven:
                 each[: self._n] = each[order]
+        for views, kind in zip(self.views, self._spec.graphs, strict=True):
+            if kind.view:
+                views[:, : self._n] = views[:, order]
 
     def certain_reaches(self) -> list[float]:
         """Distance within which every agent lists another, for each moving graph."""

@@ -146,7 +146,7 @@ class ListedAgents(AgentArrays):
         return np.sqrt(square)
 
     def graph_arguments(self, lists: Sequence[TileLists | None]) -> list[object]:
-        """What kernels take of each graph: its list, and its squared radii, per agent and common.
+        """What kernels take of each graph: its list, its squared radii, per agent and common, and its views.
 
         Parameters
         ----------
@@ -158,6 +158,7 @@ class ListedAgents(AgentArrays):
             assert each is not None
             found += [each.rows.reshape(-1), each.first, each.count]
             found += [self.radii.each[number], self.radii.limits[number]]
+            found += [self.radii.views[number]] * bool(self.spec.graphs[number].view)
         return found
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
@@ -200,7 +201,7 @@ class ListedAgents(AgentArrays):
             cutoff, each_reach, inside = radii.searched(number, beyond)
             self.lists[number], lost = self.search.builders[number].build(
                 self.agents, cutoff, each_reach, sorter.grid, sorter.start, old, order,
-                old_place, begin2=inside if kind.memory and old is None else None, remember=kind.memory,
+                old_place, begin=inside if kind.memory and old is None else None, remember=kind.memory,
             )  # fmt: skip
             if lost is not None and kind.barrier:
                 self.lost = (int(self.ids[lost[0]]), int(self.ids[lost[1]]))
