@@ -51,6 +51,13 @@ def _chain():
     )
 
 
+def _past(*obstacles, leader=PATH, **more):
+    """The law with obstacles, some of which move, and agents that stand for them where there is a ``leader``."""
+    given = {"range": 9.0, "repulsion_gain": 30.0, "damping_gain": 1.0, "gamma_agents": leader is not None} | more
+    balls = [fk.Ball([x, y], 4.0) for x in (-30.0, 10.0, 45.0) for y in (-25.0, 20.0)]
+    return _law(None, fk.Avoid([*balls, *obstacles], leader, **given))
+
+
 BODIES = {
     "limited, in space, frames between steps": lambda: _made(
         state=_streams(3), bodies=fk.Limited(fk.PointMass(np.linspace(1, 2, N), 0.3), force=3.0 + 0.02 * EACH),
@@ -127,6 +134,19 @@ CASES = BODIES | {
         ),
         _streams(speed=0.0), energy=fk.Energy("centre of mass"),
         bodies=fk.Lagged(fk.SingleIntegrator(np.linspace(1, 2, N)), 0.02 + 0.001 * (EACH % 5)),
+    ),
+    "held, past obstacles": lambda: _made(_past(fk.Ball(fk.Velocity([9.0, 5.0], start=[-9.0, 2.0]), 5.0))),
+    "held, order 1, past obstacles and a wall": lambda: _made(
+        fk.Law(fk.Proximity(8.4), [
+            fk.Gradient(fk.Potential("(r - 4)**2")),
+            fk.Avoid([fk.Ball([x, 3.0], 4.0) for x in (-30.0, 0.0, 30.0)] + [fk.Wall([0.0, -40.0], [0.0, 1.0])], None,
+                     range=12.0, repulsion_gain=20.0, gamma_agents=False),
+        ]), _streams(speed=0.0), bodies=fk.SingleIntegrator(),
+    ),
+    "messages lost, own places measured, past obstacles": lambda: _made(
+        _past(fk.Ball(fk.Velocity([9.0, 5.0], start=[-9.0, 2.0]), 5.0), leader=None),
+        information=_lossy(fk.Bernoulli(0.3), noise=fk.WhiteNoise(0.05, 0.05), self_known="measured"),
+        bodies=fk.Limited(fk.Lagged(fk.PointMass(), 0.05), force=60.0),
     ),
     "messages, late": lambda: _made(information=fk.Messages(0.05, delay=0.023)),
     "messages, late and moved on": lambda: _made(information=fk.Messages(0.05, delay=0.06, predict=True)),

@@ -172,12 +172,8 @@ def test_times_without_a_common_measure_are_refused():
         fk.simulate(scenario(fk.Held(0.1, phase=np.linspace(0.0, 0.09, N))), engine="tiles", progress=False)
 
 
-BALLS = fk.Avoid([fk.Ball([9.0, 0.0], 1.0)], range=1.0, gamma_agents=False)
-
-
 @pytest.mark.parametrize(("changes", "named"), [
     ({"control": fk.SafetyFilter(0.1, distance=0.5, acceleration=2.0)}, "SafetyFilter"),
-    ({"law": fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), BALLS])}, "obstacles"),
     ({"law": fk.Law(fk.Proximity(2.5), [fk.Gradient(PSI), fk.Track(fk.Velocity([1.0, 0.0]), 0.0, 1.0, shared=True)])},
      "which no agent measures or receives"),
     ({"control": fk.Continuous(), "information": fk.Delayed(0.1)}, "engine='delayed'"),

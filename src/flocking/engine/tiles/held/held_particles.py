@@ -247,13 +247,15 @@ class HeldParticles(ParticleArrays):
             self._tested = self.store.settled(now) if self.store.alike and self.all_act else 0
         if self.logged is not None:
             lists += self.logged.arrays([self._lists_of(number) for number in range(len(self.known))])
+        lists += self.obstacle_arguments(t, places=None if own is self.agents else own.T[: self.m, : self.size])
         parameters = self.parameters
         if self.leaders is not None:
             self.leaders.put(now, self.ids[: self.n])
             parameters = self.leaders.parameters
         self.workers.each(
             self.control, self.tiles, float(t), self.acting, own, self.agents, self.n, *lists, parameters.P,
-            parameters.A, self.ids, parameters.seeds, parameters.matrices, self.results.means, self.desired,
+            parameters.A, self.kernels.obstacle_rows, self.ids, parameters.seeds, parameters.matrices,
+            self.results.means, self.desired,
         )  # fmt: skip
 
     @property
@@ -336,7 +338,7 @@ class HeldParticles(ParticleArrays):
                 actuation.seen = (lag, heading)
         top = self._fastest_of_all(float(np.sqrt(self._fastest.max(initial=0.0))))
         if target is None:
-            self.displacement.add(h, max(self.top_speed, top))
+            self.moved(h, max(self.top_speed, top))
             self.top_speed = top
         return top
 

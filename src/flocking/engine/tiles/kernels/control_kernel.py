@@ -16,7 +16,14 @@ from flocking.engine.kernels.source_text import indented
 from flocking.engine.tiles.kernels.heard_samples import HeardSamples
 from flocking.engine.tiles.kernels.pair_loop import pair_loop
 from flocking.engine.tiles.kernels.spec import GraphKind, KernelSpec
-from flocking.engine.tiles.kernels.step_kernel import graph_arguments, module_header, own_lines, uniform_lines
+from flocking.engine.tiles.kernels.step_kernel import (
+    graph_arguments,
+    module_header,
+    obstacle_arguments,
+    obstacle_block,
+    own_lines,
+    uniform_lines,
+)
 from flocking.engine.tiles.kernels.writer import Writer
 from flocking.formula.compiled import generated_module
 from flocking.model.graphs.distance_graphs import Graph
@@ -78,7 +85,8 @@ def _arguments(spec: KernelSpec, heard: HeardSamples | None, *, logs: bool) -> l
     and the squared radii; where there are messages the samples ``S``, their ``news`` (see
     `flocking.engine.tiles.held.news.News`), and for each graph the samples used before and the numbers of the agents
     that the entries of its lists stand for; where it ``logs``, for each graph the marks that it writes, a row for each
-    row of a list, and the first of them of each tile; parameters; the controls ``U``, shape (m, size).
+    row of a list, and the first of them of each tile; the obstacles within range of each tile; parameters; the controls
+    ``U``, shape (m, size).
     """
     found = ["first_tile", "last_tile", "t", "acting", "K", "X", "n"]
     found += graph_arguments(spec)
@@ -86,7 +94,7 @@ def _arguments(spec: KernelSpec, heard: HeardSamples | None, *, logs: bool) -> l
         found += ["S", "news", *(f"{x}{number}" for x in ("used", "senders") for number in range(len(spec.graphs)))]
     if logs:
         found += [f"{x}{number}" for number in range(len(spec.graphs)) for x in ("marks", "placed")]
-    return [*found, "P", "A", "ids", "seeds", "matrices", "M", "U"]
+    return [*found, *obstacle_arguments(spec), "P", "A", "O", "ids", "seeds", "matrices", "M", "U"]
 
 
 def _source(spec: KernelSpec, formulas: LawFormulas, heard: HeardSamples | None, *, logs: bool) -> str:
@@ -96,6 +104,8 @@ def _source(spec: KernelSpec, formulas: LawFormulas, heard: HeardSamples | None,
     pairs: list[str] = []
     for number, pair in enumerate(formulas.pairs):
         pairs += pair_loop(w, number, pair)
+    for number, group in enumerate(formulas.obstacles):
+        pairs += obstacle_block(w, number, group)
     desired = {f"wanted{k}": sympy.Symbol(f"pull{k}", real=True) + formulas.body.force[k] for k in w.axes}
     tail = w.statements(desired, "b_")
     tail += [f"store(U[{k}], base, select(hold, load(U[{k}], base), wanted{k}))" for k in w.axes]
@@ -103,7 +113,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas, heard: HeardSamples | None,
     tile += [] if heard is None else heard.tile_lines()
     first = ["base = tile * 16", "busy = load(acting, base)", "if highest(busy) == 0:", "    continue"]
     first += ["hold = busy == np.uint32(0)", "i = numbers_from(base)", *own_lines(w, "K")]
-    top = uniform_lines(w, [], [], "p") + ([] if heard is None else heard.uniform_lines())
+    top = uniform_lines(w, w.obstacle_values, [], "p") + ([] if heard is None else heard.uniform_lines())
     text = f"@native\ndef control({', '.join(_arguments(spec, heard, logs=logs))}):\n" + indented(top, 1)
     text += indented(["for tile in range(first_tile, last_tile):"], 1) + indented([*first, *tile, *pairs, *tail], 2)
     imports = "" if heard is None else heard.imports()

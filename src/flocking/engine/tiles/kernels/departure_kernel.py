@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING
 from flocking.engine.kernels.source_text import indented
 from flocking.engine.tiles.kernels.pair_loop import pair_loop
 from flocking.engine.tiles.kernels.spec import KernelSpec
-from flocking.engine.tiles.kernels.step_kernel import graph_arguments, module_header, own_lines, uniform_lines
+from flocking.engine.tiles.kernels.step_kernel import (
+    graph_arguments,
+    module_header,
+    obstacle_arguments,
+    obstacle_block,
+    own_lines,
+    uniform_lines,
+)
 from flocking.engine.tiles.kernels.writer import Writer
 from flocking.formula.compiled import generated_module
 
@@ -53,7 +60,7 @@ def _arguments(spec: KernelSpec) -> list[str]:
     """
     found = ["first_tile", "last_tile", "t", "hold", "X", "Y", "n"]
     found += graph_arguments(spec)
-    return [*found, "P", "A", "ids", "seeds", "matrices", "M", "found"]
+    return [*found, *obstacle_arguments(spec), "P", "A", "O", "ids", "seeds", "matrices", "M", "found"]
 
 
 def _linear(flow: sympy.Expr, dimension: int) -> sympy.Expr:
@@ -69,19 +76,27 @@ def _linear(flow: sympy.Expr, dimension: int) -> sympy.Expr:
 def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     assert spec.order == 1
     assert spec.ledger
-    assert not formulas.obstacles
     w = Writer(spec, formulas)
     pairs: list[str] = []
     for number, pair in enumerate(formulas.pairs):
         pairs += pair_loop(w, number, pair, flow=True)
     own = _linear(formulas.body.flow, spec.dimension)
-    if not pairs and own == 0:
+    met: list[str] = []
+    for number, group in enumerate(formulas.obstacles):
+        met += obstacle_block(w, number, group)
+    if not pairs and not met and own == 0:
         return "depart = None\n"
     tail = w.statements({"own_supply": own}, "e_") if own != 0 else ["own_supply = spread(T(0.0))"]
+    if met:
+        # No potential of obstacles is part of the energy: what their forces do is supplied.
+        met = [f"{name}{k} = spread(T(0.0))" for name in ("pull", "met") for k in w.axes] + met
+        tail += ["own_supply = own_supply + " + " + ".join(f"met{k} * u{k}" for k in w.axes)]
     tail += ["found[tile] = 0.5 * total(total_supply) + total(select(i < n, own_supply, T(0.0)))"]
     beside = [f"{letter}{k}" for letter in "xu" for k in w.axes]
     first = ["base = tile * 16", "i = numbers_from(base)", *own_lines(w, "X")]
     first += [f"{', '.join(beside)} = load_agents(Y, base)", "total_supply = spread(T(0.0))"]
-    text = f"@native\ndef depart({', '.join(_arguments(spec))}):\n" + indented(uniform_lines(w, [], [], "u"), 1)
-    text += indented(["for tile in range(first_tile, last_tile):"], 1) + indented([*first, *pairs, *tail], 2)
+    text = f"@native\ndef depart({', '.join(_arguments(spec))}):\n" + indented(
+        uniform_lines(w, w.obstacle_values, [], "u"), 1
+    )
+    text += indented(["for tile in range(first_tile, last_tile):"], 1) + indented([*first, *pairs, *met, *tail], 2)
     return module_header(spec, text) + text

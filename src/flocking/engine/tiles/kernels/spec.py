@@ -214,8 +214,6 @@ def held_refusals(scenario: Scenario) -> Iterator[str]:
         yield f"the {' and the '.join(law.beyond_neighbours)} under held control, which no agent measures or receives"
     if any(graph.sees_headings for graph in law.graphs):
         yield "fields of view under held control; engine='auto' chooses an engine that does, if there is one"
-    if any(getattr(term, "groups", ()) for term in law.body_terms):
-        yield "obstacles under held control yet; leave Avoid out"
 
 
 def integrator_of(scheme: str | None, order: int) -> str:

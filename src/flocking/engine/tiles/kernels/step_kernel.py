@@ -83,8 +83,7 @@ def _arguments(spec: KernelSpec) -> list[str]:
         "Y", "n",
     ]  # fmt: skip
     found += graph_arguments(spec)
-    for number in range(len(spec.layout.obstacle_groups())):
-        found += [f"begin{number}", f"who{number}"]
+    found += obstacle_arguments(spec)
     found += ["P", "A", "O", "ids", "seeds", "matrices", "M", "C", "tile_extremes", "sums"]
     return [*found, *BODY_ARGUMENTS] if spec.bodied else found
 
@@ -103,8 +102,27 @@ def graph_arguments(spec: KernelSpec) -> list[str]:
     return found
 
 
-def _obstacle_block(w: Writer, number: int, obstacle_group: ObstacleFormulas) -> list[str]:
-    """Loop over the obstacles of one group within range of a tile."""
+def obstacle_arguments(spec: KernelSpec) -> list[str]:
+    """Names of the lists of obstacles within range of each tile, group by group.
+
+    Parameters
+    ----------
+    spec
+        Specification of the kernel.
+    """
+    return [f"{name}{number}" for number in range(len(spec.layout.obstacle_groups())) for name in ("begin", "who")]
+
+
+def obstacle_block(w: Writer, number: int, obstacle_group: ObstacleFormulas) -> list[str]:
+    """Loop over the obstacles of one group within range of a tile.
+
+    Parameters
+    ----------
+    w
+        Collects the parts of the source.
+    number, obstacle_group
+        Index of the group, and its formulas.
+    """
     from flocking.engine.tiles.kernels.printing import Lifter
     from flocking.formula.printing import code
 
@@ -242,7 +260,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
 
     w = Writer(spec, formulas)
     pairs = [pair_loop(w, number, pair) for number, pair in enumerate(formulas.pairs)]
-    pairs += [_obstacle_block(w, number, obstacle_group) for number, obstacle_group in enumerate(formulas.obstacles)]
+    pairs += [obstacle_block(w, number, obstacle_group) for number, obstacle_group in enumerate(formulas.obstacles)]
     tail = _tail_block(w)
     frames: list[str] = []
     if spec.ledger:

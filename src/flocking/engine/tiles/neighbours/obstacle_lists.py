@@ -97,12 +97,22 @@ class ObstacleLists:
             return
         self.margin = max(MARGIN * max(self.ranges), 10.0 * stride)
         self._bound_speeds(t)
+        self.lists = self.around(q, tiles, t)
+        self.used = 0.0
+
+    def around(self, q: Reals, tiles: int, t: float) -> list[tuple[Numbers, Numbers32]]:
+        """Lists for positions ``q``, shape (m, 16 tiles), at time ``t``, which are not kept.
+
+        Parameters
+        ----------
+        tiles
+            Number of tiles.
+        """
         # The agents of tiles as the first axis: extremes along a short last one take NumPy ten times as long.
         boxes = np.ascontiguousarray(q.reshape(len(q), tiles, WIDTH).transpose(2, 0, 1))
         low, high = boxes.min(axis=0).astype(np.float64), boxes.max(axis=0).astype(np.float64)
         centre, radius = 0.5 * (low + high).T, 0.5 * np.sqrt(((high - low) ** 2).sum(axis=0))
-        self.lists = [self._near(g, centre, radius, t) for g in range(len(self.ranges))]
-        self.used = 0.0
+        return [self._near(g, centre, radius, t) for g in range(len(self.ranges))]
 
     def _bound_speeds(self, t: float) -> None:
         """Take a bound of the speeds of all obstacles, and from when until when it is one."""

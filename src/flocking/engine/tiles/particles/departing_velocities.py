@@ -85,8 +85,9 @@ class DepartingVelocities:
             parameters = particles.parameters
             particles.workers.each(
                 self._kernel, tiles, float(t), True, particles.agents, rows, n,
-                *particles.graph_arguments(particles.lists), parameters.P, parameters.A, particles.ids,
-                parameters.seeds, parameters.matrices, means, flows,
+                *particles.graph_arguments(particles.lists), *particles.obstacle_arguments(t), parameters.P,
+                parameters.A, particles.kernels.obstacle_rows, particles.ids, parameters.seeds, parameters.matrices,
+                means, flows,
             )  # fmt: skip
         work, against = found.sum(axis=0)
         return particles.group_sum(np.array([work, flows.sum() - against]))

@@ -179,11 +179,7 @@ class ParticleArrays(ListedAgents):
         if self.spec.reads_means:
             self.fill_means(self.X, self.results.means)
         parameters, velocity = self.parameters, self.displacement.velocity
-        lists = self.graph_arguments(self.lists)
-        if self.obstacles is not None:
-            speed = self.top_speed + float(np.linalg.norm(self.displacement.velocity))
-            self.obstacles.require(self.X[: self.m, : self.size], self.tiles, t, speed * abs(drift))
-            lists += [x for pair in self.obstacles.lists for x in pair]
+        lists = [*self.graph_arguments(self.lists), *self.obstacle_arguments(t, drift)]
         kernels, results, bodies = self.kernels, self.results, self.body_rows
         begin = (float(t), T(keep), T(kick), T(drift), T(velocity_lag), T(exponential_damping))
         arguments = (
@@ -208,6 +204,24 @@ class ParticleArrays(ListedAgents):
         self.read_tile_extremes()
         if self.results.extremes[2] > 0 and self.lost is None and not hold:
             self.lost = self._broken_pair()
+
+    def obstacle_arguments(self, t: float, drift: float = 0.0, places: Reals | None = None) -> list[object]:
+        """Obstacles within range of each tile, as kernels take them.
+
+        Parameters
+        ----------
+        t, drift
+            As for `move`.
+        places
+            Other positions of the agents than their own, shape (m, size), for which no lists are kept.
+        """
+        if self.obstacles is None:
+            return []
+        if places is None:
+            speed = self.top_speed + float(np.linalg.norm(self.displacement.velocity))
+            self.obstacles.require(self.X[: self.m, : self.size], self.tiles, t, speed * abs(drift))
+        lists = self.obstacles.lists if places is None else self.obstacles.around(places, self.tiles, t)
+        return [x for pair in lists for x in pair]
 
     def refresh_copies(self, rows: Reals) -> None:
         """Set the copies of agents of other processes in an array of agents; here there are none.
@@ -316,11 +330,14 @@ class ParticleArrays(ListedAgents):
         """Make Y the state, reached by a drift over the time ``stride``."""
         self.agents, self.successor = self.successor, self.agents
         self.top_speed = float(np.sqrt(self.results.extremes[0]))
+        self.moved(stride, self.top_speed)
+
+    def moved(self, stride: float, speed: float) -> None:
+        """Account for motion over the time ``stride`` with at most ``speed`` in the frame of the lists."""
         if self.obstacles is not None:
-            self.obstacles.moved(
-                abs(stride) * (self.top_speed + float(np.linalg.norm(self.displacement.velocity))), abs(stride)
-            )
-        self.displacement.add(stride, self.top_speed)
+            fastest = speed + float(np.linalg.norm(self.displacement.velocity))
+            self.obstacles.moved(abs(stride) * fastest, abs(stride))
+        self.displacement.add(stride, speed)
 
     def adopt(self, scenario: Scenario, spec: KernelSpec, t: float) -> None:
         """Replace the law by one over graphs of the same kinds; links are kept.
