@@ -135,6 +135,13 @@ CASES = BODIES | {
         _streams(speed=0.0), energy=fk.Energy("centre of mass"),
         bodies=fk.Lagged(fk.SingleIntegrator(np.linspace(1, 2, N)), 0.02 + 0.001 * (EACH % 5)),
     ),
+    "held, fields of view": lambda: _made(
+        _law(fk.FieldOfView(8.4, 1.3)), bodies=fk.PointMass(headings=np.linspace(-3.1, 3.1, N))
+    ),
+    "messages lost, fields of view": lambda: _made(
+        _law(fk.FieldOfView(8.4, 1.3)), information=_lossy(fk.Bernoulli(0.3), noise=fk.WhiteNoise(0.02, 0.05)),
+        bodies=fk.PointMass(headings=np.linspace(-3.1, 3.1, N)),
+    ),
     "held, past obstacles": lambda: _made(_past(fk.Ball(fk.Velocity([9.0, 5.0], start=[-9.0, 2.0]), 5.0))),
     "held, order 1, past obstacles and a wall": lambda: _made(
         fk.Law(fk.Proximity(8.4), [

@@ -212,8 +212,8 @@ def held_refusals(scenario: Scenario) -> Iterator[str]:
         return
     if law.beyond_neighbours:
         yield f"the {' and the '.join(law.beyond_neighbours)} under held control, which no agent measures or receives"
-    if any(graph.sees_headings for graph in law.graphs):
-        yield "fields of view under held control; engine='auto' chooses an engine that does, if there is one"
+    if any(_view(graph) == VELOCITIES for graph in law.graphs):
+        yield "fields of view along velocities under held control; give the agents constant headings"
 
 
 def integrator_of(scheme: str | None, order: int) -> str:
