@@ -9,6 +9,7 @@ import numpy as np
 from flocking.engine.adaptive_steps.state_tolerances import ORDINARY, counted, natural_sizes, state_tolerances
 from flocking.model.bodies.actuators import APPLIED
 from flocking.model.checks import Array
+from flocking.model.graphs.views import VELOCITY
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -27,6 +28,22 @@ def joined(state: State, order: int, widths: Mapping[str, int]) -> Array:
     """
     parts = [state.q, state.p][:order] + [state.columns[name] for name in widths]
     return np.concatenate([part.ravel() for part in parts], dtype=np.float64)
+
+
+def place_of(column: str, order: int, n: int, m: int, widths: Mapping[str, int]) -> int:
+    """Place of the first number of a ``column`` in state vectors; that of the velocities is ``"p"``.
+
+    Parameters
+    ----------
+    order, widths
+        As for `joined`.
+    n, m
+        Number of agents and of axes.
+    """
+    if column == VELOCITY:
+        return n * m
+    before = list(widths).index(column)
+    return n * (order * m + sum(list(widths.values())[:before]))
 
 
 def further_columns(y: Array, first: int, n: int, widths: Mapping[str, int]) -> dict[str, Array]:

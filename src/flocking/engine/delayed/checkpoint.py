@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from flocking.arrays import Array, Indices, Links
 from flocking.engine.adaptive_steps.integration_method import DEGREE
 from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
 from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.state_vectors import place_of
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import Form, Real, Table
 from flocking.engine.archives.data_checks import Names as NamedForms
@@ -26,8 +28,9 @@ from flocking.engine.imperfect.checkpoint_form import (
     checked_numbers,
     must,
 )
+from flocking.engine.imperfect.graph_views import views_of
+from flocking.engine.imperfect.margins_in_pieces import MarginsInPieces, Places
 from flocking.engine.imperfect.memory import ImperfectMemory
-from flocking.engine.imperfect.view_switches import views_of
 from flocking.engine.protocol.session import Packed
 from flocking.model.law import Scenario
 
@@ -233,6 +236,10 @@ def _check_crossings(arrays: Arrays, fresh: DelayedMemory, span: tuple[float, fl
     links = arrays["links"].copy()
     segment = Segment(float(arrays["times"][-2]), float(arrays["times"][-1]), arrays["coefficients"][-1])
     views = views_of(graphs, scenario.agents.headings, scenario.start.q)
+    ends = np.full(n, segment.t1)
+    margins = {
+        k: MarginsInPieces(view, partial(_looks, segment, scenario), segment.t0, ends) for k, view in views.items()
+    }
     for at, (i, j, k) in zip(time.tolist(), rows.tolist(), strict=True):
         graph = graphs[k]
         must(graph.moves and i != j and (graph.directed or i < j), "crossing", "name pairs whose links switch")
@@ -242,9 +249,22 @@ def _check_crossings(arrays: Arrays, fresh: DelayedMemory, span: tuple[float, fl
         level = float(np.broadcast_to(np.asarray(radius, dtype=np.float64), n)[i])
         off = level - float(np.linalg.norm(offset))
         if k in views:
-            off = float(views[k].margins(np.array([i]), np.array([j]), offset[None])[0])
+            inside, sure = margins[k].at(np.array([i]), np.array([j]), offset[None], np.array([at]))
+            off = float(inside[0]) if sure[0] else 0.0
         must(abs(off) <= NEAR * (level + float(np.abs(q).max())), "crossing_time",
              "be when a pair is at its distance")  # fmt: skip
         links[k, i, j] = not links[k, i, j]
         if not graph.directed:
             links[k, j, i] = links[k, i, j]
+
+
+def _looks(segment: Segment, scenario: Scenario, column: str) -> Places:
+    """Along which vectors of a ``column`` agents look on a step."""
+    n, m = scenario.start.q.shape
+    first = place_of(column, scenario.agents.order, n, m, scenario.agents.widths(m))
+
+    def at(agents: Indices, time: Array) -> Array:
+        states = [segment.at(min(t, segment.t1))[first : first + n * m].reshape(n, m) for t in time.tolist()]
+        return np.array([state[agent] for state, agent in zip(states, agents.tolist(), strict=True)])
+
+    return at

@@ -163,7 +163,7 @@ def split_state(y: Array, n: int, m: int) -> Array:
     return found
 
 
-def position_series(segment: Segment, n: int, m: int, about: float) -> Array:
+def position_series(segment: Segment, n: int, m: int, about: float, first: int = 0) -> Array:
     """Taylor coefficients of the positions of ``n`` agents in ``m`` dimensions on a step, shape (8, n, m).
 
     Parameters
@@ -172,5 +172,7 @@ def position_series(segment: Segment, n: int, m: int, about: float) -> Array:
         The step.
     about
         Time about which they are.
+    first
+        Where another column of as many numbers begins in state vectors, for that one.
     """
-    return shifted(segment.series(n * m).reshape(DEGREE + 1, n, m), about - segment.t0)
+    return shifted(segment.series(first + n * m)[:, first:].reshape(DEGREE + 1, n, m), about - segment.t0)

@@ -16,12 +16,13 @@ from flocking.engine.delayed.checkpoint import DelayedMemory, packed_memory, unp
 from flocking.engine.delayed.replacement import Replacement, replacement, same_law
 from flocking.engine.delayed.stepping import DelayedSteps
 from flocking.engine.imperfect.checkpoint_form import must
+from flocking.engine.imperfect.graph_views import views_of
 from flocking.engine.imperfect.link_rules import link_rules
-from flocking.engine.imperfect.view_switches import views_of
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.message_log import CHANGED, DELAYED, GRAPHS_CHANGED, NO_LOG
 from flocking.errors import InvalidInput, SimulationError
+from flocking.model.graphs.seen_headings import links_at_state
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.times import PER_SECOND
@@ -199,9 +200,9 @@ class DelayedSession(DelayedSteps):
         y, moved
             The state vector, and the agents whose state jumps, shape (N,).
         """
-        graphs, headings = new.scenario.law.graphs, new.scenario.agents.headings
-        q, before = y[: self.n * self.m].reshape(self.n, self.m), self.links
-        self.links = np.array([g.links_in(new.scenario.space, q, headings) for g in graphs])
+        scenario, before, state = new.scenario, self.links, new.state or self.state
+        headings = scenario.agents.headings
+        self.links = np.array([links_at_state(g, scenario.space, state, headings) for g in scenario.law.graphs])
         if new.state is not None and new.state.links is not None:
             self.links[0] = new.state.links
         if not new.keeps_graphs or new.state is None:

@@ -7,6 +7,7 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.adaptive_steps.adaptive_session import AdaptiveSession
 from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.state_vectors import place_of
 from flocking.engine.adaptive_steps.step_lengths import StepLengths
 from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.delayed.delayed_law import DelayedLaw
@@ -14,6 +15,7 @@ from flocking.engine.delayed.delays import Delays, OneDelay
 from flocking.engine.delayed.history import History, position_series, split_state
 from flocking.engine.delayed.met_obstacles import NOBODY, Crossings, MetObstacles
 from flocking.engine.delayed.pair_delays import PairDelays
+from flocking.engine.imperfect.graph_views import views_now
 from flocking.engine.imperfect.powers import FIFTEEN, Powers, integrated
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.true_law import check_forces
@@ -142,7 +144,10 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         every = {
             graph: self._rules.followed(graph, found[graph], distance)
             for graph in np.flatnonzero(self._rules.ways).tolist()
-        } | {graph: view.seen(slice(None), offset) for graph, view in self._views.items()}
+        } | {
+            graph: view.seen(slice(None), offset)
+            for graph, view in views_now(self._views, lambda _: own[:, m:]).items()
+        }
         for graph, followed in every.items():
             found[graph] = followed if pairs is None else np.where(pairs, followed, found[graph])
             np.fill_diagonal(found[graph], False)
@@ -213,6 +218,10 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
 
     def _series(self, seconds: float) -> Array:
         return position_series(self._segment, self.n, self.m, seconds)
+
+    def _headings(self, seconds: float, column: str) -> Array:
+        first = place_of(column, self._law.order, self.n, self.m, self._law.widths)
+        return position_series(self._segment, self.n, self.m, seconds, first)
 
     def _integrated(self, length: float) -> tuple[Array, Array, float]:
         powers = self._powers(self.accounted)

@@ -8,6 +8,7 @@ from flocking.engine.protocol.body_chains import has_energy_of_points
 from flocking.errors import UnsupportedLaw
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
+from flocking.model.graphs.views import VELOCITY
 from flocking.model.law import Law, Scenario
 from flocking.model.world.information import Messages
 
@@ -35,7 +36,9 @@ def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> Non
     if refused := _refused_body(body):
         raise UnsupportedLaw(f"engine={engine!r} moves no {refused}.")
     points = PointMass() if body.order == 2 else SingleIntegrator()
-    check_law(engine, scenario, plant, points, obstacles=True, views=isinstance(scenario.information, Messages))
+    views = isinstance(scenario.information, Messages)
+    columns = [VELOCITY] if views and body.order == 2 else []
+    check_law(engine, scenario, plant, points, obstacles=True, views=views, columns=columns)
     check_leader_messages(engine, scenario)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from flocking.arrays import Array, Links, Numbers
 from flocking.engine.kernels.bernstein import smallest_value
 from flocking.engine.kernels.displacements import nearest_difference
+from flocking.engine.runs.run import Closest
 from flocking.errors import SimulationError
 from flocking.formula.native.functions import native_apart
 from flocking.model.space import Space
@@ -264,3 +265,25 @@ def closest_pairs(paths: Paths, span: float, linked: Links, begin: float, so_far
         raise too_many_images(paths.now)
     found[:, 1] += np.where(found[:, 0] != so_far[:, 0], begin, 0.0)
     return found
+
+
+def as_closest(paths: Paths, rows: Array, base: float, *, rounding_alone: bool) -> tuple[Closest, Closest]:
+    """The closest linked and unlinked pair, with errors of rounding where there are no others.
+
+    Parameters
+    ----------
+    paths
+        How agents move.
+    rows
+        What `closest_pairs` gives.
+    base
+        When the scenario begins.
+    rounding_alone
+        Whether positions have no error but rounding.
+    """
+    size = ROUNDING * float(np.abs(paths.S[0]).max()) if rounding_alone else math.nan
+    linked, free = (
+        Closest(math.sqrt(d), base + t, (int(i), int(j)), size) if np.isfinite(d) else Closest()
+        for d, t, i, j in rows.tolist()
+    )
+    return linked, free

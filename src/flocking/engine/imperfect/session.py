@@ -18,13 +18,14 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links
 from flocking.engine import interruption
 from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.imperfect.graph_views import GraphView, view_events, view_from, views_of
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
 from flocking.engine.imperfect.memory import ImperfectMemory
-from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, closest_pairs, paths_in
+from flocking.engine.imperfect.pair_polynomials import Paths, as_closest, closest_pairs, paths_in
 from flocking.engine.imperfect.pair_switches import pair_events, radial_speed
 from flocking.engine.imperfect.powers import SEVEN, Rule
+from flocking.engine.imperfect.taylor_series import rates_of
 from flocking.engine.imperfect.true_law import TrueLaw
-from flocking.engine.imperfect.view_switches import view_events, views_of
 from flocking.engine.protocol.session import Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.reference.infinite_starts import infinite_start
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
@@ -85,7 +86,7 @@ class ImperfectSession(Session):
         graphs = scenario.law.graphs
         self.links: Links = scenario.links_at_start
         self._rules: LinkRules = link_rules(graphs, self.n)
-        self._views = views_of(graphs, scenario.agents.headings, start.q)
+        self._views: dict[int, GraphView] = views_of(graphs, scenario.agents.headings, start.q)
         self.crossings: list[tuple[float, int, int, int]] = []
         self.closest = np.array([[np.inf, np.nan, -1.0, -1.0]] * 2)
         self.accounted = 0.0
@@ -136,6 +137,10 @@ class ImperfectSession(Session):
     @abstractmethod
     def _series(self, seconds: float) -> Array:
         """Taylor coefficients of the positions about a time since the start, shape (degree + 1, N, m)."""
+
+    def _headings(self, seconds: float, column: str) -> Array:
+        """Taylor coefficients about a time of a ``column`` along which agents look: velocities; shape (terms, N, m)."""
+        return rates_of(self._series(seconds))
 
     @abstractmethod
     def _integrated(self, length: float) -> tuple[Array, Array, float]:
@@ -277,7 +282,8 @@ class ImperfectSession(Session):
         size = float(np.abs((paths := self._paths(seconds)).S[0]).max())
         for s, i, j, graph in pair_events(paths, length, changed, self.links, *self._rules, size):
             heapq.heappush(self.crossings, (float(seconds + s), int(i), int(j), int(graph)))
-        for graph, view in self._views.items():
+        for graph, each in self._views.items():
+            view = view_from(each, lambda column: self._headings(seconds, column))
             for s, i, j in view_events(paths, length, changed, self.links[graph], view, size):
                 heapq.heappush(self.crossings, (float(seconds + s), int(i), int(j), graph))
 
@@ -286,8 +292,10 @@ class ImperfectSession(Session):
         seconds, i, j, graph = heapq.heappop(self.crossings)
         (q, r), (p, v) = self.motion_at(seconds, np.array([i, j]))
         d, w = self.scenario.space.displacement(r - q), v - p
-        view = self._views.get(graph)
-        speed, relative = radial_speed(d.tolist(), w.tolist()) if view is None else view.border_speed(i, d, w)
+        speed, relative = radial_speed(d.tolist(), w.tolist())
+        if graph in self._views:
+            view = view_from(self._views[graph], lambda column: self._headings(seconds, column))
+            speed, relative = view.border_speed(i, d, w)
         breaks = bool(self.links[graph, i, j])
         if breaks and self._law.barriers[graph]:
             self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
@@ -387,12 +395,7 @@ class ImperfectSession(Session):
         paths = self._paths(self.accounted)
         if length > 0.0:
             found = closest_pairs(paths, length, self.links[0], self.accounted, found)
-        size = ROUNDING * float(np.abs(paths.S[0]).max()) if self.rounding_alone else math.nan
-        linked, free = (
-            Closest(math.sqrt(d), self._base + t, (int(i), int(j)), size) if np.isfinite(d) else Closest()
-            for d, t, i, j in found.tolist()
-        )
-        return (linked, free), None
+        return as_closest(paths, found, self._base, rounding_alone=self.rounding_alone), None
 
     @property
     def about(self) -> dict[str, object]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.body import Body
@@ -20,7 +22,7 @@ MOST_AGENTS = 2000
 
 def check_law(
     engine: str, scenario: Scenario, plant: Law | None, points: Body | None = None, *, obstacles: bool = False,
-    views: bool = False,
+    views: bool = False, columns: Collection[str] = (),
 ) -> None:  # fmt: skip
     """Refuse what these engines do not support.
 
@@ -36,6 +38,8 @@ def check_law(
         Whether there may be obstacles.
     views
         Whether there may be fields of view and cones.
+    columns
+        Along which columns agents may look, beside constant headings; ``"p"`` is the velocity.
 
     Raises
     ------
@@ -69,10 +73,11 @@ def check_law(
         if getattr(pair_term, "functional", False):
             raise UnsupportedLaw(f"engine={engine!r} does not count neighbours, as {type(pair_term).__name__} needs.")
     for graph in law.graphs:
-        if heading_column(graph):
+        if heading_column(graph) not in ("", *columns):
+            known = ", ".join(["constant headings", *map(repr, columns)])
             raise UnsupportedLaw(
-                f"engine={engine!r} holds headings constant; fields of view that turn with the bodies run under "
-                "engine='exact' in the ideal world."
+                f"engine={engine!r} lets {type(scenario.agents).__name__} agents look along {known} here, not along "
+                f"{heading_column(graph)!r}, as engine='exact' does in the ideal world."
             )
         if views and type(graph) in VIEWS:
             continue

@@ -44,3 +44,15 @@ def _binomials(degree: int) -> tuple[Array, Indices]:
     k, a = np.indices((degree + 1, degree + 1))
     found = np.array([[float(comb(power, row)) for power in range(degree + 1)] for row in range(degree + 1)])
     return found, np.maximum(a - k, 0)
+
+
+def rates_of(series: Array) -> Array:
+    """Taylor coefficients of the derivatives of polynomials that are no constants.
+
+    Parameters
+    ----------
+    series
+        Their coefficients, shape (degree + 1, ...).
+    """
+    powers = np.arange(1.0, len(series)).reshape(-1, *(1,) * (series.ndim - 1))
+    return np.asarray(series[1:] * powers)

@@ -8,13 +8,11 @@ polynomials are all positive.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
-from flocking.engine.imperfect.cone_switches import ConeView, cone_view
 from flocking.engine.imperfect.pair_polynomials import (
     ROUNDING,
     Paths,
@@ -25,12 +23,6 @@ from flocking.engine.imperfect.pair_polynomials import (
 from flocking.engine.imperfect.pair_switches import TwoPaths, radial_speed
 from flocking.engine.kernels.bernstein import all_rows, first_all_above, part_from
 from flocking.formula.native.functions import native_apart
-from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.smooth_cones import SmoothCone
-from flocking.model.graphs.views import Cone, FieldOfView
-
-CONES = (Cone, SmoothCone)
-"""Graphs whose links are those of a radius between agents whose headings differ little enough."""
 
 ROUNDED_SQUARE = 2e-15
 """Rounding of Q relative to its largest coefficient, some units of 2.2e-16."""
@@ -112,29 +104,6 @@ def crosses_radius(radius: float, distance: float, inside: float) -> bool:
     return abs(radius - distance) <= abs(inside)
 
 
-def views_of(graphs: Sequence[Graph], headings: Array | None, q: Array) -> dict[int, View | ConeView]:
-    """The fields of view and cones of those graphs that have some, by number.
-
-    Parameters
-    ----------
-    headings
-        Those of the agents; they must be given where a graph has fields of view.
-    q
-        Positions at the start, shape (N, m).
-    """
-    n = len(q)
-    cones = {k: cone_view(graph, headings, n) for k, graph in enumerate(graphs) if isinstance(graph, CONES)}
-    return cones | {
-        k: View(
-            np.ascontiguousarray(graph.directions(headings)),
-            graph.cosines(n),
-            np.broadcast_to(np.asarray(graph.radius, dtype=np.float64), n).copy(),
-        )
-        for k, graph in enumerate(graphs)
-        if isinstance(graph, FieldOfView)
-    }
-
-
 class Looking(NamedTuple):
     """How an agent looks at another one.
 
@@ -155,13 +124,15 @@ class Looking(NamedTuple):
     slack: float
 
 
-def view_change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: float, slack: float) -> float:
+def view_change(
+    near: bool, square: Array, L: Array, Q: Array, c: float, radius: float, far: float, slack: float
+) -> float:
     """First place in [0, 1] at which a seen agent is lost, or an unseen one is seen, or `NEVER`; for native functions.
 
     At the border L is c |d|, so that an overshoot s changes Q by 2 s |L| + 2 c^2 s |d|, with the sign of c before L for
-    its absolute value, and |d| at most the radius. A bound by the radius alone would let pass a border across the
+    its absolute value, and |d| at most ``far``. A bound by that alone would let pass a border across the
     heading, where c is 0, by the root of s. There the sign of L decides alone: Q is a square. Where c is smaller than
-    1e-6 and not 0 the rounding of Q lets a border pass by up to 1e-7 of the radius.
+    1e-6 and not 0 the rounding of Q lets a border pass by up to 1e-7 of that.
 
     Parameters
     ----------
@@ -171,19 +142,21 @@ def view_change(near: bool, square: Array, L: Array, Q: Array, c: float, radius:
         Bernstein coefficients of |d|^2, L and Q.
     c, radius
         Cosine of the half angle, and the radius.
+    far
+        Bound on the distance of agents that are seen: the radius, or less.
     slack
         Overshoot in distance that counts as a change; covers rounding. A negative one asks how near it comes to that.
     """
     size, side = square.shape[0], 1.0 if c >= 0.0 else -1.0
     border = (radius + slack) ** 2 if near else max(radius - slack, 0.0) ** 2
     one, two, three = np.empty((1, size)), np.empty((2, size)), np.empty((3, size))
-    largest = radius * radius
+    largest = far * far
     for k in range(size):
         largest = max(largest, abs(Q[k]))
-    wide = 2.0 * c * c * radius * slack + (
+    wide = 2.0 * c * c * far * slack + (
         slack * slack + ROUNDED_SQUARE * largest if slack > 0.0 else -3.0 * slack * slack - ROUNDED_SQUARE * largest
     )
-    across = abs(c) * radius <= abs(slack)
+    across = abs(c) * far <= abs(slack)
     if near:
         for k in range(size):
             one[0, k] = square[k] - border
@@ -261,7 +234,7 @@ def add_view_changes(
     seen, x, changes = near, 0.0, 0
     while x < 1.0 and changes < MOST_CHANGES:
         place = view_change(
-            seen, part_from(square, x), part_from(L, x), part_from(Q, x), look.cosine, look.radius, slack
+            seen, part_from(square, x), part_from(L, x), part_from(Q, x), look.cosine, look.radius, look.radius, slack
         )
         if place > 1.0:
             break
@@ -316,7 +289,7 @@ def find_view_events(
     return total
 
 
-def view_events(paths: Paths, length: Array, changed: Links, near: Links, view: View | ConeView, size: float) -> Array:
+def constant_view_events(paths: Paths, length: Array, changed: Links, near: Links, view: View, size: float) -> Array:
     """Rows (time, i, j) of all changes of what agents see, in order of time.
 
     Parameters
@@ -324,10 +297,8 @@ def view_events(paths: Paths, length: Array, changed: Links, near: Links, view: 
     paths, length, changed, near, size
         As for `find_view_events`.
     view
-        The fields of view or cones.
+        The fields of view.
     """
-    if isinstance(view, ConeView):
-        return view.events(paths, length, changed, near, size)
     given = paths, length, changed, near, *view, size
     rows = all_rows(lambda found: int(find_view_events(*given, found)), 3)
     return rows[np.lexsort(rows.T[::-1])]

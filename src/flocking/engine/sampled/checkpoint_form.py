@@ -7,7 +7,8 @@ acted, which forces wait, which samples have arrived and where links switch.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -25,13 +26,14 @@ from flocking.engine.imperfect.checkpoint_form import (
     checked_numbers,
     must,
 )
-from flocking.engine.imperfect.cone_switches import ConeView
+from flocking.engine.imperfect.graph_views import GraphView, views_of
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
+from flocking.engine.imperfect.margins_in_pieces import MarginsInPieces, Places
 from flocking.engine.imperfect.messages.checkpoint_form import check_newest, check_samples, knowledge_forms, vectors
 from flocking.engine.imperfect.messages.knowledge import Knowledge
 from flocking.engine.imperfect.messages.samples import START
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
-from flocking.engine.imperfect.view_switches import View, views_of
+from flocking.engine.imperfect.taylor_series import rates_of
 from flocking.engine.sampled.motion import Drive
 from flocking.engine.sampled.piece_series import LONGEST_PIECE
 from flocking.engine.sampled.snapshot import SampledMemory
@@ -39,9 +41,6 @@ from flocking.model.law import Scenario
 from flocking.model.space import Space
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
-
-Places = Callable[[Indices, Array], Array]
-"""Positions of agents at times in seconds from the start, shape (..., m) for agents and times of shape (...)."""
 
 
 class MotionForm(Protocol):
@@ -71,6 +70,9 @@ class MotionForm(Protocol):
 
     def places(self, arrays: Arrays) -> Places:
         """Where agents are."""
+
+    def looks(self, arrays: Arrays, column: str) -> Places:
+        """Along which vectors of a ``column`` agents look."""
 
 
 def check_sampled(
@@ -128,7 +130,8 @@ def check_sampled(
     pieces = np.minimum((ticks.at(np.arange(n), applied) + latency) * NANOSECOND, form.ends(arrays))
     places = form.places(arrays)
     views = views_of(scenario.law.graphs, scenario.agents.headings, scenario.start.q)
-    _check_crossings(arrays, (rules, views), now, (slack, pieces), (scenario.space, places))
+    margins = {k: MarginsInPieces(view, partial(form.looks, arrays), now, pieces) for k, view in views.items()}
+    _check_crossings(arrays, (rules, views, margins), now, (slack, pieces), (scenario.space, places))
     check_closest(arrays["closest"], n, accounted)
     fresh.obstacle_ranges.ends = pieces
     if fresh.obstacle_ranges.groups:
@@ -235,16 +238,24 @@ class _ClosedForm:
 
     def places(self, arrays: Arrays) -> Places:
         """By the polynomials."""
-        begin, C = arrays["begin"] * NANOSECOND, arrays["coefficients"]
+        return _polynomials(arrays["begin"], arrays["coefficients"])
 
-        def at(agents: Indices, time: Array) -> Array:
-            s: Array = (time - begin[agents])[..., None]
-            found: Array = C[-1][agents]
-            for k in range(len(C) - 2, -1, -1):
-                found = found * s + C[k][agents]
-            return found
+    def looks(self, arrays: Arrays, column: str) -> Places:
+        """By the velocities of the polynomials."""
+        return _polynomials(arrays["begin"], rates_of(arrays["coefficients"]))
 
-        return at
+
+def _polynomials(begin: Instants, C: Array) -> Places:
+    """Vectors by their Taylor coefficients ``C`` about the nanosecond at which the piece of each agent began."""
+
+    def at(agents: Indices, time: Array) -> Array:
+        s: Array = (time - (begin * NANOSECOND)[agents])[..., None]
+        found: Array = C[-1][agents]
+        for k in range(len(C) - 2, -1, -1):
+            found = found * s + C[k][agents]
+        return found
+
+    return at
 
 
 def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tuple[float, float]) -> None:
@@ -287,11 +298,11 @@ def _check_motion(arrays: Arrays, fresh: SampledMemory, began: Instants, now: tu
 
 
 def _check_crossings(
-    arrays: Arrays, every: tuple[LinkRules, dict[int, View | ConeView]], now: float, spans: tuple[float, Array],
-    where: tuple[Space, Places],
+    arrays: Arrays, every: tuple[LinkRules, dict[int, GraphView], dict[int, MarginsInPieces]], now: float,
+    spans: tuple[float, Array], where: tuple[Space, Places],
 ) -> None:  # fmt: skip
     """Crossings lie in the future, at their distances, and agree with the distances at the ends of pieces."""
-    (rules, views), (slack, ends), (space, places) = every, spans, where
+    (rules, views, margins), (slack, ends), (space, places) = every, spans, where
     time, rows = arrays["crossing_time"], arrays["crossing"]
     must(len(time) == len(rows), "crossing", "have as many rows as crossing_time")
     must((rows[:, 2] < len(rules.ways)).all() and (rows[:, :2] < len(ends)).all(), "crossing",
@@ -316,7 +327,9 @@ def _check_crossings(
         level = (rules.break_ if links[k, a, b] else rules.appear)[k, a]
         off = distance[row] - level
         if k in views:
-            off = views[k].margins(np.array([a]), np.array([b]), space.displacement(to[row] - from_[row])[None])[0]
+            offset = space.displacement(to[row] - from_[row])[None]
+            inside, sure = margins[k].at(np.array([a]), np.array([b]), offset, time[[row]])
+            off = inside[0] if sure[0] else 0.0
         must(abs(off) <= NEAR * level + size, "crossing_time", "be when a pair is at its distance")
         links[k, a, b] = not links[k, a, b]
         if ways[row] == 1:
@@ -335,8 +348,9 @@ def _check_crossings(
             must(fits.all(), name, "fit the distances of the agents")
         for k, view in views.items():
             slackened = NEAR * view.radii[:, None] + size
-            inside = np.array([view.margins(np.full(len(ends), i), everyone, offset[i]) for i in everyone.tolist()])
-            fits = np.where(there[k], inside >= -slackened, inside <= slackened)
+            rows_of = [margins[k].at(np.full(len(ends), i), everyone, offset[i], at[i]) for i in everyone.tolist()]
+            inside, sure = np.array([x for x, _ in rows_of]), np.array([x for _, x in rows_of])
+            fits = np.where(there[k], inside >= -slackened, inside <= slackened) | ~sure
             np.fill_diagonal(fits, True)
             must(fits.all(), name, "fit the fields of view of the agents")
 

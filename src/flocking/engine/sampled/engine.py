@@ -8,8 +8,7 @@ from functools import partial
 import numpy as np
 
 from flocking.engine.imperfect.messages.leader_news import check_leader_messages
-from flocking.engine.imperfect.supported_laws import check_law
-from flocking.engine.protocol.body_chains import check_integrated, members_of, point_of, why_not_closed
+from flocking.engine.protocol.body_chains import check_integrated, members_of, why_not_closed
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.repeats import Repeats, counted_steps
 from flocking.engine.protocol.session import Packed, Session, Stored
@@ -20,6 +19,7 @@ from flocking.engine.sampled.motion import SERIES_SHARE
 from flocking.engine.sampled.random_rounding import RandomRoundingSession
 from flocking.engine.sampled.safety import check_filter
 from flocking.engine.sampled.session import SampledOptions, SampledSession
+from flocking.engine.sampled.supported_laws import check_sampled_law
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.actuators import Lagged
 from flocking.model.law import Law, Scenario
@@ -73,7 +73,7 @@ class SampledEngine(Engine):
         if why_not_closed(scenario.agents):
             check_integrated(self.name, scenario.agents)
         _check_pieces(scenario)
-        check_law(self.name, scenario, plant, point_of(scenario.agents), obstacles=True, views=True)
+        check_sampled_law(self.name, scenario, plant)
         check_leader_messages(self.name, scenario)
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:

@@ -24,9 +24,8 @@ from flocking.engine.imperfect.messages.leader_news import check_new_leaders, le
 from flocking.engine.imperfect.powers import POWERS, integrate_powers
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
-from flocking.engine.imperfect.supported_laws import check_law
 from flocking.engine.imperfect.true_law import check_forces
-from flocking.engine.protocol.body_chains import of_points, point_of
+from flocking.engine.protocol.body_chains import of_points
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.protocol.waiting_forces import Waiting, put
 from flocking.engine.runs.fidelity import Fidelity
@@ -38,6 +37,7 @@ from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.safety import ForceFilter, filter_counts
 from flocking.engine.sampled.snapshot import SampledMemory
+from flocking.engine.sampled.supported_laws import check_sampled_law
 from flocking.model.bodies.actuators import APPLIED
 from flocking.model.bodies.unicycles import HEADING
 from flocking.model.law import Law, Scenario
@@ -355,7 +355,7 @@ class SampledSession(ImperfectSession):
             return super().replace(law=law, state=state)
         scenario = check_law_change(self.scenario, law)
         check_new_leaders(self.engine, scenario, self._leader_news)
-        check_law(self.engine, scenario, None, point_of(scenario.agents), obstacles=True, views=True)
+        check_sampled_law(self.engine, scenario, None)
         points = of_points(scenario)
         new = self._sampled_law.renumbered(points) or SampledLaw(points, self.knowledge.degree)
         new.take_parameters(self.time)

@@ -15,7 +15,7 @@ from flocking.model.law import Scenario
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.arrivals import NEVER
 from flocking.study.message_logs.continuous_motion import ContinuousMotion
-from flocking.study.message_logs.link_margins import margin_of, radii_of
+from flocking.study.message_logs.link_margins import doubt_of, margin_of, radii_of
 from flocking.study.message_logs.replay_result import MOST_ERRORS, Replay, WrongEntry
 from flocking.study.message_logs.second_computation import SecondComputation, Uses
 
@@ -47,8 +47,8 @@ class ContinuousReplay(SecondComputation):
         """What agents know of others, as it was measured, and how it moves on, shape (N, N, m)."""
         self._begun, self._there = np.zeros((n, n)), np.ones((n, n), dtype=bool)
         """When that was measured, in seconds from the start, and whether it is in use, shape (N, N)."""
-        self._own: Array = np.full((n, m), np.nan)
-        """Where agents are by their own samples; NaN where they know the truth."""
+        self._own: Array = np.full((2, n, m), np.nan)
+        """Positions and velocities of agents by their own samples; NaN where they know the truth."""
         self._open = np.zeros((n, n), dtype=bool)
         """Whether rounding leaves open what was measured."""
         self._radii = [radii_of(graph, n) for graph in self.world.graphs]
@@ -142,7 +142,8 @@ class ContinuousReplay(SecondComputation):
         for j, k in enumerate(numbers):
             if j == agent:
                 if messages.self_known == "measured":
-                    self._own[agent] = self.world.sample(agent, k, instant).q
+                    own = self.world.sample(agent, k, instant)
+                    self._own[:, agent] = own.q, own.p
                 continue
             sample = self.world.sample(j, k, instant)
             self._places[agent, j], self._begun[agent, j] = sample.q, sample.instant * NANOSECOND
@@ -154,7 +155,7 @@ class ContinuousReplay(SecondComputation):
         world, seconds = self.world, instant * NANOSECOND
         if seconds <= 0.0:
             return
-        own = np.where(np.isnan(self._own), world.motion.states(seconds)[0], self._own)
+        own, velocities = np.where(np.isnan(self._own), np.array(world.motion.states(seconds)), self._own)
         places = self._places + (seconds - self._begun)[..., None] * self._rates
         offset = world.space.displacement(places - own[:, None])
         apart = np.linalg.norm(offset, axis=-1)
@@ -166,7 +167,8 @@ class ContinuousReplay(SecondComputation):
             slack = world.near * (1.0 + np.where(links, leave, appear)) + 2.0 * world.off_q
             late = watched & np.where(links, apart > leave + slack, apart < appear - slack)
             if graph.sees_headings:
-                inside = self._inside(graph, offset)
+                inside, doubt = self._inside(graph, offset, velocities)
+                slack = slack + doubt
                 late = watched & np.where(links, inside < -slack, inside > slack)
             for agent, other in np.argwhere(late).tolist():
                 what = "was to break" if links[agent, other] else "was to appear"
@@ -174,9 +176,17 @@ class ContinuousReplay(SecondComputation):
                     instant, agent, None, f"its link with agent {other} {what} before, by what it knew, and did not"
                 )
 
-    def _inside(self, graph: Graph, offset: Array) -> Array:
-        """How far inside of what each agent has in view all others are, shape (N, N), from displacements (N, N, m)."""
+    def _inside(self, graph: Graph, offset: Array, velocities: Array) -> tuple[Array, Array]:
+        """How far inside of what each agent has in view all others are, and how uncertain that is by its velocity.
+
+        Shape (N, N) each, from displacements, shape (N, N, m), and velocities that agents take to be theirs, (N, m).
+        """
         n, headings = self.world.n, self.world.scenario.agents.headings
         pairs = [(i, j) for i in range(n) for j in range(n)]
-        found = [0.0 if i == j else margin_of(graph, headings, (i, j), True, offset[i, j])[0] for i, j in pairs]
-        return np.reshape(found, (n, n))
+        found = [
+            (margin_of(graph, headings, (i, j), True, offset[i, j], velocities[i])[0],
+             doubt_of(graph, offset[i, j], velocities[i], self.world.off_p)) if i != j else (0.0, 0.0)
+            for i, j in pairs
+        ]  # fmt: skip
+        inside, doubt = np.reshape(found, (n, n, 2)).transpose(2, 0, 1)
+        return inside, doubt

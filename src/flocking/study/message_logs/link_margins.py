@@ -32,7 +32,7 @@ def radii_of(graph: Graph, n: int) -> tuple[Array, Array]:
 
 
 def margin_of(
-    graph: Graph, headings: Array | None, pair: tuple[int, int], linked: bool, offset: Array
+    graph: Graph, headings: Array | None, pair: tuple[int, int], linked: bool, offset: Array, velocity: Array
 ) -> tuple[float, float]:
     """How far another agent is from where a link switches, and the radius.
 
@@ -48,6 +48,8 @@ def margin_of(
         Whether they are linked so far.
     offset
         Displacement to where it assumes the other one to be, shape (m,).
+    velocity
+        What it takes its own velocity to be, along which it may look, shape (m,).
 
     Returns
     -------
@@ -62,10 +64,16 @@ def margin_of(
 
     distance = math.hypot(*offset)
     if isinstance(graph, FieldOfView):
-        assert headings is not None
-        heading = np.asarray(headings)[agent]
-        ahead = [math.cos(heading), math.sin(heading)] if np.ndim(heading) == 0 else heading[:, 0]
         radius, angle = own(graph.radius), own(graph.half_angle)
+        if graph.along_velocity:
+            speed = math.hypot(*velocity)
+            if speed == 0.0:
+                return radius - distance, radius
+            ahead = [float(x) / speed for x in velocity]
+        else:
+            assert headings is not None
+            heading = np.asarray(headings)[agent]
+            ahead = [math.cos(heading), math.sin(heading)] if np.ndim(heading) == 0 else heading[:, 0]
         along = sum(float(a) * float(b) for a, b in zip(offset, ahead, strict=True))
         return min(radius - distance, along - float(view_cosines(angle)) * distance), radius
     if isinstance(graph, Cone | SmoothCone):
@@ -77,6 +85,24 @@ def margin_of(
         return (radius - distance if spare > 0.0 else -math.inf), radius
     radius = own(graph.break_radius if linked else graph.appear_radius)
     return radius - distance, radius
+
+
+def doubt_of(graph: Graph, offset: Array, velocity: Array, off: float) -> float:
+    """By how much the margin of `margin_of` is uncertain because an agent looks along a velocity that is.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    offset, velocity
+        As for `margin_of`.
+    off
+        By how much each coordinate of the velocity may be off.
+    """
+    distance, speed, error = math.hypot(*offset), math.hypot(*velocity), math.sqrt(len(velocity)) * off
+    if not (isinstance(graph, FieldOfView) and graph.along_velocity) or error == 0.0 or distance == 0.0:
+        return 0.0
+    return 2.0 * distance * (error / speed if speed > error else math.inf)
 
 
 def _apart(measure: str, one: Array, other: Array) -> float:

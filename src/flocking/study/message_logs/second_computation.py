@@ -16,7 +16,7 @@ from flocking.model.law import Scenario
 from flocking.model.world.times import NANOSECOND, PER_SECOND
 from flocking.study.message_logs.arrivals import NEVER
 from flocking.study.message_logs.forced_motion import ForcedMotion
-from flocking.study.message_logs.link_margins import margin_of
+from flocking.study.message_logs.link_margins import doubt_of, margin_of
 from flocking.study.message_logs.logged_world import LoggedWorld
 from flocking.study.message_logs.replay_result import WrongEntry
 
@@ -207,9 +207,11 @@ class SecondComputation:
                     sample = world.sample(j, numbers[j], instant)
                     place, _ = world.received(sample, instant)
                     offset = world.space.displacement(place - own.q)
-                    inside, level = margin_of(graph, world.scenario.agents.headings, (agent, j), near, offset)
+                    headings = world.scenario.agents.headings
+                    inside, level = margin_of(graph, headings, (agent, j), near, offset, own.p)
                     near = there[j] and inside > 0.0
                     within = world.near * (world.sizes.place + level) + 2.0 * world.off_q
+                    within += doubt_of(graph, offset, own.p, world.off_p if instant else 0.0)
                     doubtful = sample.open or own.open or abs(inside) <= within
                     if there[j] and doubtful:
                         near, undecided = (number, j) in logged, True

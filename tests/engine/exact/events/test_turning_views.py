@@ -225,13 +225,13 @@ def test_replacements_keep_what_agents_see() -> None:
     assert (other.state.links == (seen(scenario, now.q, turned["heading"]) >= 0)).all()
 
 
-def test_whoever_holds_headings_constant_refuses_them_by_name() -> None:
+def test_whoever_cannot_follow_headings_refuses_them_by_name() -> None:
     scenario = robots(0)
     with pytest.raises(UnsupportedLaw, match="FieldOfView"):
         fk.simulate(scenario, engine="tiles", progress=False)
     worlds = ({"control": fk.Held(0.1)}, {"information": fk.Messages(0.1)}, {"information": fk.Delayed(0.1)})
     for world in worlds:
-        with pytest.raises(FlockingError, match="holds headings constant"):
+        with pytest.raises(FlockingError, match="look along constant headings"):
             fk.simulate(scenario.with_(**world), progress=False)
 
 

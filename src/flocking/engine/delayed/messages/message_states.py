@@ -15,12 +15,13 @@ from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.history import History, position_series
 from flocking.engine.delayed.messages.instants import MessageInstants
 from flocking.engine.delayed.messages.leader_samples import LeaderSamples
+from flocking.engine.delayed.messages.samples_in_use import InUse, put_sample
+from flocking.engine.delayed.messages.turning_switches import turning_switches
 from flocking.engine.delayed.met_obstacles import PiecewisePaths
 from flocking.engine.delayed.state_jumps import StateJumps
-from flocking.engine.imperfect.cone_switches import ConeView
+from flocking.engine.imperfect.graph_views import GraphView
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.messages.knowledge import Knowledge
-from flocking.engine.imperfect.messages.samples import START
 from flocking.engine.imperfect.pair_polynomials import (
     ROUNDING,
     Paths,
@@ -30,39 +31,12 @@ from flocking.engine.imperfect.pair_polynomials import (
     too_many_images,
 )
 from flocking.engine.imperfect.pair_switches import TwoPaths, WatchedLink, add_switches
+from flocking.engine.imperfect.turning_views import TurningView
 from flocking.engine.imperfect.view_switches import Looking, View, add_view_changes
 from flocking.engine.kernels.bernstein import all_rows
 from flocking.formula.native.functions import native_apart
 from flocking.model.space import Space
-from flocking.model.world.times import NANOSECOND, Instants
-
-
-class InUse(NamedTuple):
-    """The samples that agents use of each other.
-
-    Parameters
-    ----------
-    rows
-        Samples by number and agent, see `flocking.engine.imperfect.messages.samples.Samples`.
-    start
-        Positions and velocities at the start, shape (N, 2 m).
-    newest
-        Number of the sample that agent i uses of agent j, shape (N, N).
-    there
-        Of whom each agent knows a state, shape (N, N).
-    phase, period
-        When each agent took its samples, in nanoseconds, shape (N,).
-    moved
-        1 where samples are moved on with their velocity, 0 where they are held.
-    """
-
-    rows: Array
-    start: Array
-    newest: Numbers
-    there: Links
-    phase: Instants
-    period: Instants
-    moved: int
+from flocking.model.world.times import NANOSECOND
 
 
 class Watched(NamedTuple):
@@ -94,13 +68,14 @@ BY_VIEW = 3
 `flocking.engine.imperfect.link_rules.LinkRules.ways`."""
 
 
-def watched(rules: LinkRules, views: Mapping[int, View | ConeView], n: int, m: int) -> Watched:
+def watched(rules: LinkRules, views: Mapping[int, GraphView], n: int, m: int) -> Watched:
     """When links of what agents know switch, by distances, fields of view and cones.
 
     Parameters
     ----------
     rules, views
-        When true links switch, and the fields of view and cones of graphs that have some, by number.
+        When true links switch, and the fields of view and cones of graphs that have some, by number; those that turn
+        are left out.
     n, m
         Number of agents and of axes.
     """
@@ -110,6 +85,8 @@ def watched(rules: LinkRules, views: Mapping[int, View | ConeView], n: int, m: i
         np.zeros((graphs, n, m)), np.ones((graphs, n)),
     )  # fmt: skip
     for graph, view in views.items():
+        if isinstance(view, TurningView):
+            continue
         found.enter[graph] = found.leave[graph] = view.radii
         if isinstance(view, View):
             found.ways[graph], found.directions[graph], found.cosines[graph] = BY_VIEW, view.directions, view.cosines
@@ -150,7 +127,7 @@ def find_message_switches(
     int
         How many rows there are, those included for which there was no room; -1 if a pair has too many images.
     """
-    n, m, room = own.shape[1], own.shape[2], used.rows.shape[0]
+    n, m = own.shape[1], own.shape[2]
     S, nearest, row = np.zeros((own.shape[0], 2, m)), np.empty(m), np.empty((1, 4))
     paths = Paths(S, lengths, table, begin)
     total = 0
@@ -161,13 +138,7 @@ def find_message_switches(
         for j in range(n):
             if i == j or not used.there[i, j]:
                 continue
-            number = used.newest[i, j]
-            taken = 0 if number == START else used.phase[j] + number * used.period[j]
-            for k in range(m):
-                q = used.start[j, k] if number == START else used.rows[number % room, j, k]
-                p = used.start[j, m + k] if number == START else used.rows[number % room, j, m + k]
-                rate = p * used.moved
-                S[0, 1, k], S[1, 1, k] = q + rate * (begin - taken * NANOSECOND), rate
+            put_sample(S, used, i, j, begin)
             distance, reach = nearest_offset(paths, 0, 1, nearest), reach_within(paths, 0, 1, span)
             two = TwoPaths(0, 1, span, distance, reach)
             for graph in range(links.shape[0]):
@@ -207,7 +178,7 @@ class MessageStates(Delays):
     points: MessageInstants
 
     def __init__(
-        self, knowledge: Knowledge, history: History, views: Mapping[int, View | ConeView],
+        self, knowledge: Knowledge, history: History, views: Mapping[int, GraphView],
         leaders: LeaderSamples | None = None,
     ) -> None:  # fmt: skip
         assert knowledge.messages is not None
@@ -317,4 +288,20 @@ class MessageStates(Delays):
             return count
 
         rows = all_rows(rows_in, 4)
+        turning = {graph: view for graph, view in self.views.items() if isinstance(view, TurningView)}
+        if turning:
+            paths, span, headings = (
+                Paths(own, lengths, conversion(DEGREE), begin),
+                segment.t1 - begin,
+                self._looks(segment),
+            )
+            rows = np.concatenate([rows, *(
+                turning_switches(paths, used, span, links[graph], graph, view.along(headings), size)
+                for graph, view in turning.items()
+            )])  # fmt: skip
         return rows[np.lexsort(rows.T[::-1])]
+
+    def _looks(self, segment: Segment) -> Array:
+        """Taylor coefficients of the velocities that agents know to be theirs about the beginning of a step."""
+        n, m = self.knowledge.n, self.knowledge.m
+        return self._own[None, :, m:] if self._measured else position_series(segment, n, m, segment.t0, n * m)

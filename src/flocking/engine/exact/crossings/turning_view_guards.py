@@ -184,7 +184,7 @@ def _turning_place(
     out = np.empty((3, TERMS))
     _turning_polynomials(B, H, lengths, i, j, cosine, out)
     square, ahead, product = part_from(out[0], after), part_from(out[1], after), part_from(out[2], after)
-    x = view_change(near, square, ahead, product, cosine, radius, slack)
+    x = view_change(near, square, ahead, product, cosine, radius, radius, slack)
     return float(after + x * (1.0 - after) if x <= 1.0 else NEVER)
 
 
@@ -203,7 +203,7 @@ def _turning_crossings(
             if not near[i, j] and stays_beyond(B, far, i, j, radii[i] + slack):
                 continue
             _turning_polynomials(B, H[i], lengths[i], i, j, cosines[i], out)
-            x = view_change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], slack)
+            x = view_change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], radii[i], slack)
             if x <= 1.0:
                 count = add_row(found, count, x, i, j)
     return count

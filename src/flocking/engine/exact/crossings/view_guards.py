@@ -254,7 +254,7 @@ def view_place(
     out = np.empty((3, 15))
     _polynomials(B, i, j, heading, cosine, out)
     square, ahead, product = part_from(out[0], after), part_from(out[1], after), part_from(out[2], after)
-    x = view_change(near, square, ahead, product, cosine, radius, slack)
+    x = view_change(near, square, ahead, product, cosine, radius, radius, slack)
     return float(after + x * (1.0 - after) if x <= 1.0 else NEVER)
 
 
@@ -309,7 +309,7 @@ def _view_crossings(
             if not near[i, j] and stays_beyond(B, far, i, j, radii[i] + slack):
                 continue
             _polynomials(B, i, j, headings[i], cosines[i], out)
-            x = view_change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], slack)
+            x = view_change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], radii[i], slack)
             if x <= 1.0:
                 count = add_row(found, count, x, i, j)
     return count

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flocking.engine.adaptive_steps.state_vectors import place_of
 from flocking.engine.exact.crossings.turning_view_guards import TurningView
 from flocking.engine.exact.crossings.view_guards import ConstantView, ViewGuard
 from flocking.model.bodies.body import Body
@@ -29,10 +30,5 @@ def views_of(graphs: Sequence[Graph], bodies: Body | None, n: int, m: int) -> li
 def _view_of(graph: FieldOfView, bodies: Body | None, n: int, m: int) -> ViewGuard:
     if bodies is None or not graph.heading_column:
         return ConstantView(graph.directions(None if bodies is None else bodies.headings), graph.cosines(n))
-    if graph.along_velocity:
-        return TurningView(n * m, n, m, graph.cosines(n), unit=False)
-    widths = bodies.widths(m)
-    before = list(widths).index(graph.heading_column)
-    # State vectors hold positions, velocities of agents that have some, and then the further columns in order.
-    first = n * (bodies.order * m + sum(list(widths.values())[:before]))
-    return TurningView(first, n, m, graph.cosines(n))
+    first = place_of(graph.heading_column, bodies.order, n, m, bodies.widths(m))
+    return TurningView(first, n, m, graph.cosines(n), unit=not graph.along_velocity)

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Array, Indices, Links
-from flocking.engine.imperfect.cone_switches import ConeView
+from flocking.engine.imperfect.graph_views import GraphView, views_now
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.messages.samples import START, Samples
-from flocking.engine.imperfect.view_switches import View
 from flocking.engine.runs.message_log import OWN, PRESENT
 from flocking.model.space import Space
 from flocking.model.world.information import Information, Messages
@@ -298,7 +297,7 @@ class Knowledge:
             own = self.samples.of(agents, self.taken[agents] - 1)
         return Known(agents, own, rows, there, begun if self.messages.predict else None, time)
 
-    def relink(self, known: Known, rules: LinkRules, views: Mapping[int, View | ConeView]) -> None:
+    def relink(self, known: Known, rules: LinkRules, views: Mapping[int, GraphView]) -> None:
         """Let links appear and break by what agents know; an agent that is not known any more is no neighbour.
 
         Parameters
@@ -308,7 +307,7 @@ class Knowledge:
         rules
             When links of each graph appear and break.
         views
-            The fields of view of graphs that have some, by number.
+            The fields of view of graphs that have some, by number; along velocities as the agents know their own.
         """
         agents, m = known.agents, self.m
         offset = self.space.displacement(known.positions(m) - known.own[:, None, :m])
@@ -319,7 +318,9 @@ class Knowledge:
             links = rules.followed(graph, self.links[graph, agents], distance, agents) & known.there
             links[np.arange(len(agents)), agents] = False
             self.links[graph, agents] = links
-        for graph, view in views.items():
+        headings = np.zeros((self.n, m))
+        headings[agents] = known.own[:, m:]
+        for graph, view in views_now(views, lambda _: headings).items():
             links = view.seen(agents, offset) & known.there
             links[np.arange(len(agents)), agents] = False
             self.links[graph, agents] = links

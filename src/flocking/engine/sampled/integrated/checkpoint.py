@@ -14,11 +14,12 @@ from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import Form, Real, Table
 from flocking.engine.imperfect.checkpoint_form import LARGEST, NEAR, ROUNDED, must
+from flocking.engine.imperfect.margins_in_pieces import Places
 from flocking.engine.imperfect.messages.checkpoint_form import vectors
 from flocking.engine.protocol.session import Packed
 from flocking.engine.sampled.checkpoint import packed_memory as packed_sampled
 from flocking.engine.sampled.checkpoint import recall_forces_and_knowledge
-from flocking.engine.sampled.checkpoint_form import Places, check_sampled
+from flocking.engine.sampled.checkpoint_form import check_sampled
 from flocking.engine.sampled.integrated.motion import IntegratedMotion
 from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
@@ -168,9 +169,17 @@ class IntegratedForm:
 
     def places(self, arrays: Arrays) -> Places:
         """Where agents are by the polynomial of the step of ``arrays``."""
+        return self._columns(arrays, 0)
+
+    def looks(self, arrays: Arrays, column: str) -> Places:
+        """Along which vectors agents look by the same polynomial."""
+        return self._columns(arrays, self._motion.bodies.place_of(column))
+
+    def _columns(self, arrays: Arrays, first: int) -> Places:
+        """The vectors that begin at ``first`` in state vectors, by the polynomial of the step of ``arrays``."""
         begin, end = arrays["step_times"].tolist()
         n, m = self._motion.n, self._motion.m
-        B = arrays["coefficients"][:, : n * m].reshape(DEGREE + 1, n, m)
+        B = arrays["coefficients"][:, first : first + n * m].reshape(DEGREE + 1, n, m)
 
         def at(agents: Indices, time: Array) -> Array:
             x: Array = ((time - begin) / ((end - begin) or 1.0))[..., None]

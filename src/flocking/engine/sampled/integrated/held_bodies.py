@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
-from flocking.engine.adaptive_steps.state_vectors import component_tolerances, further_columns, joined
+from flocking.engine.adaptive_steps.state_vectors import component_tolerances, further_columns, joined, place_of
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import CompiledLaw, LawKernels, Slots, free_pairs, stages
 from flocking.engine.kernels.layout import Layout
@@ -123,6 +123,10 @@ class HeldBodies:
         """Further columns of a state vector ``y`` by name, shape (N, width) each."""
         found = further_columns(y, self.order * self.n * self.m, self.n, self.widths)
         return {name: values.copy() for name, values in found.items()}
+
+    def place_of(self, column: str) -> int:
+        """Place of the first number of a ``column`` in state vectors, see `state_vectors.place_of`."""
+        return place_of(column, self.order, self.n, self.m, self.widths)
 
     def slope(self, t: float, y: Array) -> Array:
         """dy/dt of a state vector ``y``, ``t`` seconds from the start."""

@@ -162,7 +162,15 @@ class IntegratedMotion(Motion):
 
     def shifted(self, time: float) -> Array:
         """Taylor coefficients of the positions about ``time`` seconds from the start, shape (8, N, m)."""
-        series = self.segment.series(self.n * self.m).reshape(DEGREE + 1, self.n, self.m)
+        return self._vectors(time, 0)
+
+    def headings(self, time: float, column: str) -> Array:
+        """The same of the vectors of a ``column`` along which agents look."""
+        return self._vectors(time, self.bodies.place_of(column))
+
+    def _vectors(self, time: float, first: int) -> Array:
+        """Taylor coefficients of the vectors that begin at ``first`` in state vectors, shape (8, N, m)."""
+        series = self.segment.series(first + self.n * self.m)[:, first:].reshape(DEGREE + 1, self.n, self.m)
         return shifted(series, time - self.segment.t0)
 
     def ends(self) -> Instants:

@@ -56,6 +56,9 @@ class IntegratedSession(AdaptiveSession, SampledSession):
     def _columns_at(self, seconds: float) -> dict[str, Array]:
         return self.motion.columns_at(seconds)
 
+    def _headings(self, seconds: float, column: str) -> Array:
+        return self.motion.headings(seconds, column)
+
     # Steps.
 
     def _next_change(self) -> float:
