@@ -142,6 +142,9 @@ CASES = BODIES | {
         _law(fk.FieldOfView(8.4, 1.3)), information=_lossy(fk.Bernoulli(0.3), noise=fk.WhiteNoise(0.02, 0.05)),
         bodies=fk.PointMass(headings=np.linspace(-3.1, 3.1, N)),
     ),
+    "messages lost, views along velocities": lambda: _made(
+        _law(fk.FieldOfView(8.4, 1.3, "p")), information=_lossy(fk.Bernoulli(0.3), self_known="measured")
+    ),
     "held, past obstacles": lambda: _made(_past(fk.Ball(fk.Velocity([9.0, 5.0], start=[-9.0, 2.0]), 5.0))),
     "held, order 1, past obstacles and a wall": lambda: _made(
         fk.Law(fk.Proximity(8.4), [

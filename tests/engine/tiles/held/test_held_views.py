@@ -1,4 +1,4 @@
-"""Fields of view along constant headings under held control and with messages in the tiled engine."""
+"""Fields of view under held control and with messages in the tiled engine, against the engine of events."""
 
 from __future__ import annotations
 
@@ -19,14 +19,20 @@ def _headings(m):
     return np.linspace(-3.0, 3.0, N) if m == 2 else Rotation.random(N, rng=2).as_matrix()
 
 
-def _scenario(m=2, body=fk.PointMass, radius=2.5, half_angle=1.2, **world):
+def _scenario(m=2, body=fk.PointMass, radius=2.5, half_angle=1.2, column="", **world):
     rng = np.random.default_rng(7)
     law = fk.Law(
-        fk.FieldOfView(radius, half_angle), [fk.Gradient(fk.Potential("k*(r-1)**2/2", k=0.3)), fk.Consensus(0.5)]
+        fk.FieldOfView(radius, half_angle, column),
+        [fk.Gradient(fk.Potential("k*(r-1)**2/2", k=0.3)), fk.Consensus(0.5)],
     )
     start = fk.State(rng.uniform(-3, 3, (N, m)), rng.normal(size=(N, m)))
     return fk.Scenario(
-        law, start, t_end=1.0, agents=body(headings=_headings(m)), frames=5, **({"control": fk.Held(0.1)} | world)
+        law,
+        start,
+        t_end=1.0,
+        agents=body(headings=None if column else _headings(m)),
+        frames=5,
+        **({"control": fk.Held(0.1)} | world),
     )
 
 
@@ -36,6 +42,11 @@ CASES = {
     "each by itself": lambda: _scenario(
         radius=np.linspace(1.5, 3.0, N), half_angle=np.linspace(0.4, np.pi, N),
         control=fk.Held(np.where(EACH % 2, 0.1, 0.2), phase=0.02 * (EACH % 3)),
+    ),
+    "along velocities": lambda: _scenario(column="p", control=fk.Held(0.1, latency=0.02)),
+    "along velocities, in space, own ones measured, lost": lambda: _scenario(
+        3, half_angle=1.6, column="p",
+        information=fk.Messages(**HEARD, noise=fk.WhiteNoise(0.02, 0.02), self_known="measured"),
     ),
     "order 1": lambda: _scenario(body=fk.SingleIntegrator),
     "lagged, messages lost, own places measured": lambda: _scenario(

@@ -212,8 +212,6 @@ def held_refusals(scenario: Scenario) -> Iterator[str]:
         return
     if law.beyond_neighbours:
         yield f"the {' and the '.join(law.beyond_neighbours)} under held control, which no agent measures or receives"
-    if any(_view(graph) == VELOCITIES for graph in law.graphs):
-        yield "fields of view along velocities under held control; give the agents constant headings"
 
 
 def integrator_of(scheme: str | None, order: int) -> str:
