@@ -94,7 +94,7 @@ def turning(law, state, agents=None, *, drag=0.0):
     p = state.p.copy()
     p[:, 0] -= RATE * state.q[:, -1]
     p[:, -1] += RATE * state.q[:, 0]
-    return fk.Law(law.graph, [*law.terms, term]), fk.State(state.q, p, state.t)
+    return fk.Law(law.graph, [*law.terms, term]), fk.State(state.q, p, state.t, columns=state.columns)
 
 
 def lattice_in_box(counts, side, speed, flight):
@@ -156,6 +156,15 @@ def _repeating(lengths, graph, n=2 * N, share=1.0, flight=2.0):
     p += flight * np.array([x or 0.0 for x in lengths])
     found = fk.Law(graph, [fk.Gradient(fk.Potential("(r - 7)**2/2")), fk.Consensus(0.3)])
     return found, fk.State(q, p), {"space": fk.Periodic(lengths)}
+
+
+def _looking_ahead(made):
+    """Unicycles with headings of all directions."""
+    law, state, more = made
+    angles = np.linspace(-3.1, 3.1, state.n)
+    heading = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    start = fk.State(state.q, state.p, state.t, columns={"heading": heading})
+    return law, start, more | {"agents": fk.Unicycle(40.0)}
 
 
 def _bodied(bodies, made):
@@ -266,6 +275,7 @@ CASES = {
         {"agents": fk.PointMass(headings=np.random.default_rng(9).uniform(-np.pi, np.pi, N))},
     ),
     "streams that look along their velocities": lambda: _crossing(fk.FieldOfView(8.4, 1.2, "p")),
+    "unicycles that look ahead": lambda: _looking_ahead(_crossing(fk.FieldOfView(8.4, 1.2, "heading"))),
     "two graphs, one fixed": _two_graphs,
     "schedule": _scheduled,
     "damped": lambda: (*_of("own potential")[:2], {"agents": fk.Agents(damping=30.0), "scheme": "damped"}),

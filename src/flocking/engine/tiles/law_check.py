@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Indices, Numbers32, Reals
+from flocking.arrays import Array, Indices, Reals
 from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs, Statement
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.tiles.automatic_step import energy_doubt
@@ -275,17 +275,23 @@ class LawCheck:
         certain = (np.abs(r - leave) > slack) & (np.abs(r - enter) > slack)
         linked = bit if remembered else np.where(r < enter - slack, True, np.where(r > leave + slack, False, bit))
         if kind.view:
-            beyond = self._beyond_view(graph, who, d, r, p[places[k]].astype(np.float64))
+            beyond = self._beyond_view(particles, graph, places[k], d, r, p)
             certain &= np.abs(beyond) > slack
             linked = bit if remembered else linked & np.where(np.abs(beyond) > slack, beyond < 0.0, bit)
         return k[linked], j[linked], certain[linked] | remembered
 
-    def _beyond_view(self, graph: Graph, who: Numbers32, d: Array, r: Array, p: Array) -> Array:
+    def _beyond_view(
+        self, particles: ParticleArrays, graph: Graph, places: Indices, d: Array, r: Array, p: Reals
+    ) -> Array:
         """How far along the headings of agents others are short of their views; negative within, shape (K,)."""
         assert isinstance(graph, FieldOfView)
+        who, p = particles.ids[places], p[places].astype(np.float64)
         if graph.along_velocity:
             speed = np.linalg.norm(p, axis=1, keepdims=True)
             heading = np.divide(p, speed, out=np.zeros_like(p), where=speed > 0.0)
+        elif graph.heading_column:
+            first = particles.spec.row_of(graph.heading_column)
+            heading = particles.body_rows.further[first : first + particles.m, places].T.astype(np.float64)
         else:
             heading = graph.directions(self.scenario.agents.headings)[who]
         found: Array = graph.cosines(self.scenario.start.n)[who] * r - (d * heading).sum(axis=1)

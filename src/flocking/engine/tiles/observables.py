@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from flocking.arrays import Indices, Reals
 from flocking.engine.runs.observation import observation
 from flocking.engine.runs.run import OBSERVED_FIELDS as OBSERVED_FIELDS
-from flocking.engine.tiles.kernels.spec import VELOCITIES
 from flocking.engine.tiles.neighbours.nearest_image import to_nearest
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.formula.native.functions import native
+from flocking.model.graphs.views import VELOCITY
 
 
 def _root(parent: NDArray[np.int32], i: int | np.int64) -> int | np.int64:
@@ -79,12 +79,11 @@ def _survey(agents, p, n, box, rows, first, count, remembered, limit, each, view
 def _flock_sizes(particles: ParticleArrays, p: Reals) -> tuple[Indices, tuple[int, float, float, float, float]]:
     """Sizes of the flocks under the law's graph, and what `_survey` returns; for ``p`` see `observe`."""
     n = particles.n
-    lists, graph = particles.lists[0], particles.radii.graphs[0]
+    lists = particles.lists[0]
     assert lists is not None
-    # If links appear and break at one radius, positions and headings determine them; otherwise the lists store them.
-    by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
     parent = np.empty(n, np.int32)
-    looks = particles.spec.graphs[0].view == VELOCITIES
+    particles.radii.turn(particles.body_rows.further)
+    looks = particles.spec.graphs[0].view == VELOCITY
     velocities = np.ascontiguousarray(p[particles.ids[:n]] if looks else np.zeros((0, 1)), dtype=np.float64)
     counted = _survey(
         particles.agents,
@@ -94,7 +93,7 @@ def _flock_sizes(particles: ParticleArrays, p: Reals) -> tuple[Indices, tuple[in
         lists.rows,
         lists.first,
         lists.count,
-        not by_distance,
+        not particles.radii.follow_state(0),
         particles.radii.limits[0][0],
         particles.radii.each[0],
         particles.radii.views[0],

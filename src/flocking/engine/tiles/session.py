@@ -178,11 +178,10 @@ class TilesSession(Session):
         n, lists = self.scenario.start.n, self._particles.lists[0]
         if n > MOST_LINKED or lists is None:
             return None
-        graph = self.scenario.law.graph
-        # If links appear and break at one radius, positions and headings determine them, whatever the last pass found.
-        by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
-        i, j = listed_pairs(lists, n, linked=not by_distance)
-        if by_distance:
+        by_state = self._particles.radii.follow_state(0)
+        i, j = listed_pairs(lists, n, linked=not by_state)
+        if by_state:
+            self._particles.radii.turn(self._particles.body_rows.further)
             q, p = self._particles.X[: self._particles.m], velocities[self._particles.ids].T
             near = self._particles.radii.linked(0, i, self.scenario.space.displacement((q[:, j] - q[:, i]).T), p)
             i, j = i[near], j[near]

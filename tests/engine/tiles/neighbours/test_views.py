@@ -23,8 +23,14 @@ def _headings(n, m, seed=0):
 
 def _scenario(graph, n=40, m=2, seed=1, t_end=0.5, **more):
     rng = np.random.default_rng(seed)
-    start = fk.State(rng.uniform(-2.5, 2.5, (n, m)), 0.5 * rng.normal(size=(n, m)) + 0.3)
-    agents = fk.PointMass(rng.uniform(0.5, 2.0, n), 0.1, None if graph.heading_column else _headings(n, m))
+    q, p = rng.uniform(-2.5, 2.5, (n, m)), 0.5 * rng.normal(size=(n, m)) + 0.3
+    start, agents = fk.State(q, p), fk.PointMass(rng.uniform(0.5, 2.0, n), 0.1)
+    if graph.heading_column == "heading":
+        angles = _headings(n, m)
+        start = fk.State(q, p, columns={"heading": np.stack([np.cos(angles), np.sin(angles)], axis=1)})
+        agents = fk.Unicycle(np.linspace(0.3, 0.6, n))
+    elif not graph.heading_column:
+        agents = fk.PointMass(rng.uniform(0.5, 2.0, n), 0.1, _headings(n, m))
     return fk.Scenario(fk.Law(graph, TERMS), start, t_end=t_end, agents=agents, frames=6, **more)
 
 
@@ -62,23 +68,32 @@ def test_agents_at_rest_look_all_around_and_those_at_one_place_see_each_other():
     np.testing.assert_allclose(found, [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]], atol=1e-15)
 
 
-@pytest.mark.parametrize("scheme", ["verlet", "damped", "rk4"])
-@pytest.mark.parametrize("column", ["", "p"])
+@pytest.mark.parametrize(
+    ("column", "scheme"), [*((c, s) for c in ("", "p") for s in ("verlet", "damped", "rk4")), ("heading", "rk4")]
+)
 @pytest.mark.parametrize("ledger", [True, False])
 def test_links_of_frames_are_those_of_the_graph_there(column, scheme, ledger):
     made = _scenario(fk.FieldOfView(1.5, 1.1, column))
+    scheme = None if column == "heading" else scheme
     run = fk.simulate(made, engine="tiles", step=0.01, scheme=scheme, ledger=ledger, progress=False)
     different = 0
     for q, p, t, links in zip(run.q, run.p, run.t, run.links, strict=True):
-        expected = links_at_state(made.law.graph, made.space, fk.State(q, p, t), made.agents.headings)
+        columns = {name: values[np.flatnonzero(run.t == t)[0]] for name, values in run.columns.items()}
+        state = fk.State(q, p, t, columns=columns)
+        expected = links_at_state(made.law.graph, made.space, state, made.agents.headings)
         different += int((links != expected).sum())
         assert links.any()
     assert different == 0
     assert (run.links[0] != run.links[-1]).any()
 
 
-@pytest.mark.parametrize("graph", [fk.FieldOfView(1.5, 1.1), fk.FieldOfView(1.7, 2.0, "p")])
-@pytest.mark.parametrize("m", [2, 3])
+@pytest.mark.parametrize(
+    ("graph", "m"),
+    [
+        *((fk.FieldOfView(*given), m) for given in ((1.5, 1.1), (1.7, 2.0, "p")) for m in (2, 3)),
+        (fk.FieldOfView(1.7, 1.4, "heading"), 2),
+    ],
+)
 def test_motion_and_ledger_tend_to_those_of_the_exact_engine(graph, m):
     made = _scenario(graph, n=25, m=m, t_end=0.4)
     exact = fk.simulate(made, engine="exact", progress=False)
@@ -96,7 +111,7 @@ def test_motion_and_ledger_tend_to_those_of_the_exact_engine(graph, m):
     assert fine.sum() < 0.35 * coarse.sum(), errors
 
 
-@pytest.mark.parametrize("column", ["", "p"])
+@pytest.mark.parametrize("column", ["", "p", "heading"])
 def test_links_and_flocks_are_counted_as_the_link_matrix_states(column):
     made = _scenario(fk.FieldOfView(0.8, 1.0, column), n=60)
     run = fk.simulate(made, engine="tiles", step=0.01, observe=True, progress=False)
@@ -154,7 +169,10 @@ def test_another_law_takes_other_views():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"graph": fk.FieldOfView(1.5, 1.1, "heading"), "agents": fk.Unicycle(0.1)}, "direction of bodies that turns"),
+        (
+            {"graph": fk.FieldOfView(1.5, 1.1, "heading"), "agents": fk.Unicycle(0.1), "control": fk.Held(0.1)},
+            "FieldOfView along a direction of bodies under held control",
+        ),
         ({"graph": fk.Cone(1.5, 0.5)}, "the graph Cone"),
         ({"graph": fk.Cone(1.5, 0.5), "control": fk.Held(0.1)}, "the graph Cone"),
     ],

@@ -288,6 +288,7 @@ class RankParticles(SharedParticles):
         q: Reals = self.agents[: self.n, : self.m]
         self.search.pair_count_bound.check(self._crowding, q, self.radii.certain_reaches, self.space)
         radii, left = self.radii, iter(tables)
+        radii.turn(self.body_rows.further)
         lost = None
         for number, kind in enumerate(self.spec.graphs):
             if kind.fixed:

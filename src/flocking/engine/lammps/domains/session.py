@@ -240,13 +240,12 @@ class DomainSession(TilesSession):
 
         Velocities are those of the agents here, shape (m, size); those of the last step when absent.
         """
-        particles, graph = self._particles, self.scenario.law.graph
-        lists = particles.lists[0]
+        particles = self._particles
+        lists, by_state = particles.lists[0], particles.radii.follow_state(0)
         assert lists is not None
-        # If links appear and break at one radius, positions and headings determine them, whatever the last pass found.
-        by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
-        i, j = listed_pairs(lists, particles.n, linked=not by_distance)
-        if by_distance:
+        i, j = listed_pairs(lists, particles.n, linked=not by_state)
+        if by_state:
+            particles.radii.turn(particles.body_rows.further)
             q = particles.X[: particles.m]
             apart = self.scenario.space.displacement((q[:, j] - q[:, i]).T)
             p = particles.X[particles.m :] if velocities is None else velocities

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flocking.engine.kernels.displacements import nearest_image_line
-from flocking.engine.tiles.kernels.spec import VELOCITIES, GraphKind
+from flocking.engine.tiles.kernels.spec import HEADINGS, GraphKind
 from flocking.engine.tiles.kernels.writer import Writer, distance, parameter
+from flocking.model.graphs.views import VELOCITY
 
 if TYPE_CHECKING:
     import sympy
@@ -104,9 +105,15 @@ def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool
 
 def _view_lines(w: Writer, number: int) -> list[str]:
     """Determine which neighbours are within the angle of view: by squares with their signs, which need no root."""
-    along = w.spec.graphs[number].view == VELOCITIES
-    headings = [f"p{k}" if along else f"load(views{number}[{k + 1}], base)" for k in w.axes]
-    length = [f"({' + '.join(f'p{k} * p{k}' for k in w.axes)})"] * along
+    view = w.spec.graphs[number].view
+    length = []
+    if view == VELOCITY:
+        headings = [f"p{k}" for k in w.axes]
+        length = [f"({' + '.join(f'p{k} * p{k}' for k in w.axes)})"]
+    elif view == HEADINGS:
+        headings = [f"load(views{number}[{k + 1}], base)" for k in w.axes]
+    else:
+        headings = [f"load(E[{w.spec.row_of(view) + k}], base)" for k in w.axes]
     least = " * ".join([f"load(views{number}[0], base)", "square", *length])
     return [
         "ahead = " + " + ".join(f"d{k} * {heading}" for k, heading in enumerate(headings)),

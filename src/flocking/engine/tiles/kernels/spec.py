@@ -13,7 +13,8 @@ from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Graph
-from flocking.model.graphs.views import FieldOfView
+from flocking.model.graphs.seen_headings import heading_column
+from flocking.model.graphs.views import VELOCITY, FieldOfView
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 from flocking.model.space import Open, Periodic
@@ -34,8 +35,8 @@ MOST_AGENTS = 2**31 - 64
 """Largest number of agents: entries of neighbour lists have 31 bits for it, and the last tile is padded."""
 
 
-HEADINGS, VELOCITIES = "headings", "velocities"
-"""Constant directions along which agents look, and directions that turn with their motion."""
+HEADINGS = "constant headings"
+"""Directions along which agents look and that stay as they are."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,8 @@ class GraphKind:
     barrier
         Whether a potential is infinite at the break radius, so that links cannot break.
     view
-        Along what agents look who see others within an angle of it only: `HEADINGS` or `VELOCITIES`; empty for the
-        others.
+        Along what agents look who see others within an angle of it only: `HEADINGS`, ``"p"`` for their velocities, or
+        the column of their bodies; empty for the others.
     """
 
     fixed: bool
@@ -115,6 +116,11 @@ class KernelSpec:
     def bodied(self) -> bool:
         """Whether agents are more than points, so that what they make of forces is printed too."""
         return not is_point(self.layout.bodies)
+
+    def row_of(self, column: str) -> int:
+        """Number of the first row of a column of the bodies among their further numbers."""
+        widths = self.layout.bodies.widths(self.dimension)
+        return sum(widths[name] for name in list(widths)[: list(widths).index(column)])
 
     @property
     def departs(self) -> bool:
@@ -188,7 +194,7 @@ def refused_graph(graph: Graph) -> str:
         known = isinstance(graph, Fixed | Complete) and type(graph).initial in (Fixed.initial, Complete.initial)
         return "" if known else f"{name}, whose links never change and are not a list of pairs"
     if isinstance(graph, FieldOfView) and type(graph).start_links is FieldOfView.start_links:
-        return f"{name} along a direction of bodies that turns" if _view(graph) is None else ""
+        return ""
     if not graph.follows_radii:
         return name
     leave, enter = np.asarray(graph.break_radius), np.asarray(graph.appear_radius)
@@ -210,6 +216,9 @@ def held_refusals(scenario: Scenario) -> Iterator[str]:
         yield "messages under continuous control; use control=Held(...)"
     if control.ideal:
         return
+    for graph in law.graphs:
+        if (heading_column(graph) or VELOCITY) != VELOCITY:
+            yield f"{type(graph).__name__} along a direction of bodies under held control; take their velocities"
     if law.beyond_neighbours:
         yield f"the {' and the '.join(law.beyond_neighbours)} under held control, which no agent measures or receives"
 
@@ -253,16 +262,8 @@ def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
 def _kind(graph: Graph, barrier: bool, ledger: bool) -> GraphKind:
     uneven = np.ndim(graph.break_radius) > 0
     remembers = graph.moves and (ledger or barrier or bool(np.any(graph.appear_radius != graph.break_radius)))
-    return GraphKind(not graph.moves, remembers, uneven, barrier, _view(graph) or "")
-
-
-def _view(graph: Graph) -> str | None:
-    """Along what agents look, see `GraphKind`; None for directions that kernels do not know."""
-    if not isinstance(graph, FieldOfView):
-        return ""
-    if graph.along_velocity:
-        return VELOCITIES
-    return None if graph.heading_column else HEADINGS
+    view = (graph.heading_column or HEADINGS) if isinstance(graph, FieldOfView) else ""
+    return GraphKind(not graph.moves, remembers, uneven, barrier, view)
 
 
 def only_numbers_differ(spec: KernelSpec, other: KernelSpec) -> bool:

@@ -9,7 +9,7 @@ from flocking.engine.tiles.kernels.spec import HEADINGS, PRECISIONS, KernelSpec
 from flocking.engine.tiles.measures import cutoffs_of, sensed_offsets
 from flocking.engine.tiles.neighbours.neighbour_lists import NO_VIEWS, FirstLinks
 from flocking.model.graphs.distance_graphs import Fixed, Graph
-from flocking.model.graphs.views import FieldOfView
+from flocking.model.graphs.views import VELOCITY, FieldOfView
 
 
 class GraphRadii:
@@ -44,8 +44,9 @@ class GraphRadii:
         self.each: list[Reals] = []
         """For each graph the squared radius of each agent, shape (size,); shape (1,) if it is common."""
         self.views: list[Reals] = []
-        """For each graph the squares of the cosines of half angles, with their signs, and then the headings if they are
-        constant: a row for each number, shape (m + 1, size) or (1, size); `NO_VIEWS` where agents see all around."""
+        """For each graph the squares of the cosines of half angles, with their signs, and then the headings unless they
+        are those of velocities: a row for each number, shape (m + 1, size) or (1, size); those of columns as `turn`
+        left them. `NO_VIEWS` where agents see all around."""
         self.edges: list[tuple[Numbers, Numbers32] | None] = list(edges or [])
         """Links of fixed graphs, see `flocking.engine.tiles.measures.sensed_offsets`; None for other graphs, and for
         `Complete`, which needs no list of pairs."""
@@ -90,7 +91,35 @@ class GraphRadii:
                 table = (cosines * np.abs(cosines))[None]
                 if self._spec.graphs[number].view == HEADINGS:
                     table = np.vstack([table, graph.directions(self._spec.layout.bodies.headings).T])
+                elif not graph.along_velocity:
+                    table = np.vstack([table, np.zeros((self._spec.dimension, self._everyone))])
                 self.views[number] = np.ascontiguousarray(table[:, ids], dtype=self._dtype)
+
+    def turn(self, further: Reals) -> None:
+        """Take the headings of views along columns of bodies, before links are found outside of the kernels.
+
+        Parameters
+        ----------
+        further
+            Further numbers of the bodies, a row for each, shape (rows, size).
+        """
+        for views, kind in zip(self.views, self._spec.graphs, strict=True):
+            if kind.view not in ("", HEADINGS, VELOCITY):
+                first = self._spec.row_of(kind.view)
+                views[1:] = further[first : first + self._spec.dimension, : views.shape[1]]
+
+    def follow_state(self, number: int) -> bool:
+        """Whether links of a graph follow from positions and headings, whatever the last pass found.
+
+        They appear and break at one radius then.
+
+        Parameters
+        ----------
+        number
+            The graph.
+        """
+        graph = self.graphs[number]
+        return bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
 
     def linked(self, number: int, i: Indices, d: Reals, p: Reals) -> Mask:
         """Which pairs are linked under a graph whose links follow from the positions.

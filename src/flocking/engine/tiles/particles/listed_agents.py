@@ -194,6 +194,7 @@ class ListedAgents(AgentArrays):
         self._reorder(order)
         self._fill_pads()
         radii, beyond = self.radii, self.displacement.skin + self.search.margin
+        radii.turn(self.body_rows.further)
         for number, kind in enumerate(self.spec.graphs):
             if kind.fixed:
                 continue

@@ -370,6 +370,14 @@ class ParticleArrays(ListedAgents):
         arrays += [self.results.tile_extremes, self.results.sums]
         arrays += [parameters.A, displacement.reference]
         sorter = self.search.sorter
-        arrays += [sorter.key, sorter.key_buffer, sorter.index_buffer, sorter.order, sorter.start, *self.radii.each]
+        arrays += [
+            sorter.key,
+            sorter.key_buffer,
+            sorter.index_buffer,
+            sorter.order,
+            sorter.start,
+            *self.radii.each,
+            *self.radii.views,
+        ]
         spares = [b.spare for b in self.search.builders if b.spare is not None]
         return int(sum(a.nbytes for a in arrays)) + sum(x.nbytes for x in [*self.lists, *spares] if x is not None)
