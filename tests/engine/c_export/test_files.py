@@ -32,6 +32,28 @@ def looking():
     return fk.Agents(headings=np.zeros(3))
 
 
+class Ahead(fk.Graph):
+    """A graph of somebody else: all whose first coordinate is larger, nearer than one."""
+
+    appear_radius = break_radius = 1.0
+
+    def initial(self, q):
+        return (q[None, :, 0] > q[:, None, 0]) & (np.linalg.norm(q[None] - q[:, None], axis=2) < 1.0)
+
+
+class Watching(Ahead):
+    """A graph of somebody else that has radii, and reads headings beside them."""
+
+    follows_radii, sees_headings = True, True
+
+
+SINE = fk.Path(["sin(t**2)", "0"])
+
+
+def heard(law, **parts):
+    return scenario(law, information=fk.Messages(0.1, **parts), control=fk.Held(0.1))
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
@@ -39,6 +61,11 @@ def looking():
         (lambda: scenario(law_of(fk.Gradient(fk.Potential("tanh(r)")))), "cannot write math.tanh"),
         (lambda: scenario(law_of(fk.Consensus(), graph=FieldOfView(2.0, 1.0)), agents=looking()), "by two distances"),
         (lambda: scenario(law_of(fk.Consensus()), agents=Drifting(), control=fk.Held(0.1)), "no rule by which"),
+        (lambda: scenario(law_of(fk.Consensus(), graph=Ahead())), "by two distances; Ahead has"),
+        (lambda: scenario(law_of(fk.Consensus(), graph=Watching()), agents=looking()), "Watching has another"),
+        (lambda: scenario(law_of(fk.Consensus(functional=True))), "cannot compute the graph functional"),
+        (lambda: scenario(law_of(fk.Track(SINE, 1.0, 1.0))), "whose position has a closed form in time"),
+        (lambda: heard(law_of(fk.Track(fk.Sink([0, 0]), 1.0, 1.0)), leader=True), "does not receive their messages"),
     ],
 )  # fmt: skip
 def test_what_is_not_exported_is_refused_by_name(given, said):
@@ -57,6 +84,28 @@ def test_what_is_not_exported_is_refused_by_name(given, said):
 def test_values_out_of_range_are_refused(options, said):
     with pytest.raises(InvalidInput, match=f"export_c: {said}"):
         c_files(scenario(), **options)
+
+
+def test_what_no_flight_computer_has_room_for_is_refused():
+    """Identifiers have sixteen bits, and tables of pairs grow with the square of the group."""
+    line = fk.State(3.0 * np.arange(65536.0)[:, None], np.zeros((65536, 1)))
+    alone = fk.Scenario(law_of(fk.Consensus()), line, 1.0)
+    with pytest.raises(InvalidInput, match="scenario must have at most 65535 agents; got 65536"):
+        c_files(alone, neighbours=4)
+    n = 1100
+    weighted = law_of(fk.Consensus(weights=np.ones((n, n)) - np.eye(n)))
+    pairs = fk.Scenario(weighted, fk.State(line.q[:n], line.p[:n]), 1.0)
+    with pytest.raises(InvalidInput, match="at most 1048576 numbers in tables; got 121"):
+        c_files(pairs, neighbours=4)
+
+
+def test_a_limit_behind_a_safety_filter_and_what_is_no_scenario_are_refused():
+    """A limit after the filter would take back the braking that the filter asks for."""
+    filtered = scenario(control=fk.SafetyFilter(0.1, distance=0.1, acceleration=5.0))
+    with pytest.raises(InvalidInput, match="limit must be absent behind a safety filter"):
+        c_files(filtered, limit=1.0)
+    with pytest.raises(InvalidInput, match="export_c: scenario must be a Scenario"):
+        c_files(LAW)
 
 
 def test_numbers_too_large_for_single_precision_are_refused():

@@ -105,6 +105,54 @@ def test_a_start_forgets_what_has_expired(tmp_path):
     assert (known(memory), compiled.links(memory)) == ([2], [2])
 
 
+def bits(memory):
+    """Number of slots in use."""
+    return sum(word.bit_count() for word in memory.used)
+
+
+@pytest.mark.parametrize("remover", ["control", "start", "receive"])
+def test_what_has_expired_takes_its_slot_and_its_links_with_it(remover, tmp_path):
+    """The next sender in that slot is linked by its own distance, not because the one before was."""
+    information = fk.Messages(0.1, expires=0.5)
+    compiled = CompiledLaw(tmp_path, scenario_of(LAW, 4, information=information, control=fk.Held(0.1)), neighbours=2)
+    memory, now = compiled.begin(0), SECOND
+    for sender, place in ((1, [3.0, 0.0]), (2, [0.0, 3.0])):
+        assert compiled.receive(memory, sender, place, REST, stamp=0) == CODES["OK"]
+    assert compiled.control(memory, REST, REST, 0)[0] == CODES["OK"]
+    assert compiled.links(memory) == [1, 2]
+    if remover == "control":
+        assert compiled.control(memory, REST, REST, now)[0] == CODES["OK"]
+    elif remover == "start":
+        assert compiled.start(memory, REST, now) == CODES["OK"]
+    # Between the two distances of the hysteresis: linked only if it was before.
+    assert compiled.receive(memory, 3, [3.8, 0.0], REST, stamp=now) == CODES["OK"]
+    assert (known(memory), bits(memory), memory.lost) == ([3], 1, 0)
+    assert compiled.control(memory, REST, REST, now)[0] == CODES["OK"]
+    assert compiled.links(memory) == []
+
+
+def test_slots_beyond_the_first_word_are_given_back_with_their_links(tmp_path):
+    """Links are bits of words of 32: who is forgotten loses its own bit, and nobody another one."""
+    n = 41
+    compiled = CompiledLaw(tmp_path, scenario_of(LAW, n))
+    memory = compiled.begin(0)
+    angles = 2.0 * np.pi * np.arange(n) / n
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for step, distance in enumerate((3.0, 3.8)):
+        for j in range(1, n - 1):
+            assert compiled.receive(memory, j, distance * ways[j], REST, number=step, stamp=step) == CODES["OK"]
+        assert compiled.control(memory, REST, REST, step)[0] == CODES["OK"]
+        assert compiled.links(memory) == list(range(1, n - 1))
+    for gone in (35, 3):
+        assert forgotten(compiled, memory, gone) == CODES["OK"]
+        assert compiled.links(memory) == [j for j in range(1, n - 1) if j not in {35, gone}]
+    assert compiled.receive(memory, 3, 3.8 * ways[3], REST, stamp=2) == CODES["OK"]
+    assert compiled.receive(memory, n - 1, 3.8 * ways[n - 1], REST, stamp=2) == CODES["OK"]
+    assert bits(memory) == memory.count == n - 2
+    assert compiled.control(memory, REST, REST, 2)[0] == CODES["OK"]
+    assert compiled.links(memory) == [j for j in range(1, n - 1) if j not in {35, 3}]
+
+
 def test_far_senders_starve_no_near_ones(tmp_path):
     """Two slots, seven senders: those near have the slots after one period, whoever was heard first."""
     compiled = CompiledLaw(tmp_path, scenario_of(LAW, 9), neighbours=2)

@@ -175,6 +175,68 @@ def test_schedules_limits_and_periodic_space(tmp_path):
         assert memory.saturated == (wanted > 2.5)
 
 
+@pytest.mark.parametrize("float32", [False, True])
+def test_leaders_and_ages_are_those_of_the_time_however_long_a_run_lasts(float32, tmp_path):
+    """Seconds are those of both halves of a number of nanoseconds, before the start too; schedules count from it."""
+    leader, steps = fk.Velocity([0.25, 0.0], [1.0, 0.0]), fk.Schedule([-2.0, 6.0], [1.0, 2.0, 4.0])
+    law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("r**2/2")), fk.Track(leader, steps, 0.0)])
+    start = fk.State([[0.0, 0.0], [2.0, 0.0]], np.zeros((2, 2)), -3.0)
+    information = fk.Messages(0.1, predict=True)
+    scenario = fk.Scenario(law, start, 1.0, information=information, control=fk.Held(0.1))
+    compiled = CompiledLaw(tmp_path, scenario, float32=float32)
+    for now in (-5_000_000_000, -1, 0, 999_999_999, SHORT, 4_294_967_296, 9_000_000_000, 10**12):
+        for age in (0, SHORT // 2, 5_000_000_000, 50_000_000_000):
+            memory = compiled.begin(0)
+            assert compiled.receive(memory, 1, [2.0, 0.0], [0.5, -0.125], stamp=now - age, now=now) == CODES["OK"]
+            code, u = compiled.control(memory, [0.5, 0.0], [0.0, 0.0], now)
+            assert code == CODES["OK"]
+            t, seconds = -3.0 + now * 1e-9, age * 1e-9
+            gain = 4.0 if now >= 9_000_000_000 else 2.0 if now >= SHORT else 1.0
+            expected = [2.0 + 0.5 * seconds - 0.5 + gain * (1.0 + 0.25 * t - 0.5), -0.125 * seconds]
+            assert u == pytest.approx(expected, rel=1e-6 if float32 else 1e-13, abs=1e-6 if float32 else 1e-13)
+
+
+def test_each_agent_has_the_numbers_of_its_own_rows(tmp_path):
+    """Weights that are not symmetric are those that the agent gives, and gains that begin alike differ later."""
+    weights = np.array([[0.0, 1.0, 2.0], [4.0, 0.0, 8.0], [16.0, 32.0, 0.0]])
+    later = np.array([2.0, 3.0, 5.0])
+    track = fk.Track(fk.Velocity([1.0, 0.0]), 0.0, fk.Schedule([1.0], [np.full(3, 2.0), later]))
+    law = fk.Law(fk.Complete(), [fk.Consensus(weights=fk.MatrixWeights(weights)), track])
+    compiled = CompiledLaw(tmp_path, scenario_of(law, 3))
+    q, p = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array([[1.0, 2.0], [-3.0, 0.5], [0.25, -4.0]])
+    for now, gains in ((0, np.full(3, 2.0)), (SHORT, later)):
+        for i in range(3):
+            code, u, _ = compiled.force(i, q[i], p[i], {j: (q[j], p[j]) for j in range(3) if j != i}, now)
+            assert code == CODES["OK"]
+            assert u == pytest.approx(weights[i] @ (p - p[i]) + gains[i] * (np.array([1.0, 0.0]) - p[i]), rel=1e-13)
+
+
+@pytest.mark.parametrize("float32", [False, True])
+def test_an_obstacle_at_its_range_acts_and_none_beyond(float32, tmp_path):
+    """The damping of (54) does not fade: at the range all of it acts, and nothing one rounding farther away."""
+    avoid = fk.Avoid([fk.Wall([0.0, 0.0], [1.0, 0.0])], range=2.0, damping_gain=2.0, gamma_agents=False)
+    compiled = CompiledLaw(tmp_path, scenario_of(fk.Law(fk.Proximity(1.0), [avoid]), 2), float32=float32)
+    beyond = np.nextafter(compiled.kind(2.0), compiled.kind(3.0))
+    for x, expected in ((2.0, [6.0, 0.0]), (beyond, [0.0, 0.0])):
+        code, u, _ = compiled.force(0, [x, 1.0], [-3.0, 0.5], {})
+        assert code == CODES["OK"]
+        assert u == pytest.approx(expected, abs=1e-5 if float32 else 1e-12)
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_agents_at_the_radius_itself_start_linked_under_a_closed_graph(uneven, tmp_path):
+    """Olfati-Saber (2003), (1) and (8): nearer than the radius, or at it where the graph is closed."""
+    for closed in (True, False):
+        graph = fk.PerAgentRadii([2.0, 3.0, 2.0], closed) if uneven else fk.Proximity(2.0, closed)
+        folder = tmp_path / str(closed)
+        folder.mkdir()
+        compiled = CompiledLaw(folder, scenario_of(fk.Law(graph, [fk.Consensus(1.0)]), 3))
+        for distance, linked in ((2.0, closed), (np.nextafter(2.0, 3.0), False), (np.nextafter(2.0, 1.0), True)):
+            code, u, memory = compiled.force(0, [0.0, 0.0], [0.0, 0.0], {1: ([0.0, distance], [1.0, 0.0])})
+            assert (code, u.tolist()) == (CODES["OK"], [float(linked), 0.0])
+            assert compiled.links(memory) == [1] * linked
+
+
 @pytest.mark.slow
 def test_a_hundred_thousand_states_of_all_papers(tmp_path):
     """Every law of every paper that can be exported, within 8 roundings of what is added up."""

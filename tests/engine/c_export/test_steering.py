@@ -160,6 +160,14 @@ def test_velocities_are_those_of_the_body(body, tmp_path):
         assert np.abs(np.array(v[:]) - expected).max() <= 8 * EPS * (np.abs(p).max() + np.abs(u).max())
 
 
+def test_a_force_that_takes_all_velocity_leaves_the_heading(tmp_path):
+    """w = p + T u/m is zero: the agent keeps its heading, and its speed."""
+    compiled = CompiledLaw(tmp_path, scenario_of(TERMS[:1], fk.Heading(1.0)))
+    # 0.1 * 10 is 1 to the bit.
+    code, v = compiled.velocity(0, [0.0, -1.0], [0.0, 10.0])
+    assert (code, v.tolist()) == (CODES["OK"], [0.0, -1.0])
+
+
 @pytest.mark.parametrize("float32", [False, True])
 @pytest.mark.parametrize(
     ("body", "length"),
