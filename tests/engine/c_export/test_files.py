@@ -241,6 +241,14 @@ def test_the_readme_says_of_what_world_it_has_no_more_than_it_states():
     assert odd.splitlines()[0] == "# The control law of `a 'b' # of\u00fc` in C99"
 
 
+def test_the_readme_says_how_old_a_state_may_be_and_whether_it_is_moved_on():
+    for parts, said in (
+        ({"expires": 0.25}, "used up to an age of 250000000 ns, and held as they were sent"),
+        ({"predict": True}, "used at any age, and moved on with their velocity"),
+    ):
+        assert said in c_files(heard(LAW, **parts))["README.md"]
+
+
 def test_the_readme_of_single_precision_says_that_numbers_are_rounded():
     said = "to which the declared numbers below are rounded"
     assert said in c_files(scenario(), float32=True)["README.md"]

@@ -153,6 +153,85 @@ def test_slots_beyond_the_first_word_are_given_back_with_their_links(tmp_path):
     assert compiled.links(memory) == [j for j in range(1, n - 1) if j not in {35, 3}]
 
 
+def test_a_start_breaks_links_that_distances_do_not_give(tmp_path):
+    """A second start links by distances alone: nobody stays linked because it was."""
+    compiled = CompiledLaw(tmp_path, scenario_of(LAW, 4))
+    memory = compiled.begin(0)
+    for step, (one, two) in enumerate(((3.0, 3.0), (3.0, 4.5))):
+        compiled.receive(memory, 1, [one, 0.0], REST, number=step, stamp=step)
+        compiled.receive(memory, 2, [0.0, two], REST, number=step, stamp=step)
+        assert compiled.start(memory, REST, step) == CODES["OK"]
+        assert compiled.links(memory) == [1, 2][: 2 - step]
+
+
+class Uneven(fk.Graph):
+    """A graph of somebody else whose agents have radii of their own, one of them shared."""
+
+    follows_radii, directed = True, True
+    appear_radius = property(lambda self: self.near)
+    break_radius = property(lambda self: self.far)
+
+    def __init__(self, near, far):
+        self.near, self.far = near, far
+
+    def initial(self, q):
+        distance = np.linalg.norm(q[None] - q[:, None], axis=2)
+        return (distance < np.broadcast_to(self.break_radius, len(q))[:, None]) & ~np.eye(len(q), dtype=bool)
+
+
+@pytest.mark.parametrize(
+    ("appear", "break_"), [([1.0, 2.0], 3.0), (1.0, [3.0, 4.0]), ([1.0, 2.0], [3.0, 4.0]), (1.0, 3.0)], ids=str
+)
+def test_each_agent_has_its_own_radii_of_appearance_and_of_breaking(appear, break_, tmp_path):
+    """Links appear below the first radius of who senses, and break at its second one."""
+    scenario = fk.Scenario(
+        fk.Law(Uneven(np.array(appear), np.array(break_)), [fk.Consensus(1.0)]),
+        fk.State([[0.0], [9.0]], np.zeros((2, 1))),
+        1.0,
+    )
+    compiled = CompiledLaw(tmp_path, scenario)
+    for i in range(2):
+        near, far = (float(np.broadcast_to(x, 2)[i]) for x in (appear, break_))
+        memory, inside = compiled.begin(i), np.nextafter
+        assert compiled.start(memory, [0.0]) == CODES["OK"]
+        steps = [(near, 0), (inside(near, 0.0), 1), (inside(far, 0.0), 1), (far, 0), (inside(far, 0.0), 0)]
+        for k, (distance, linked) in enumerate(steps):
+            assert compiled.receive(memory, 1 - i, [distance], [1.0], number=k, stamp=k) == CODES["OK"]
+            code, u = compiled.control(memory, [0.0], [0.0], k)
+            assert (code, u.tolist()) == (CODES["OK"], [float(linked)])
+
+
+def test_links_of_a_graph_that_never_changes_are_those_of_every_byte(tmp_path):
+    """Bits of agents stand in bytes of eight: 17 agents need three of them."""
+    n, agent, others = 17, 10, [1, 7, 8, 11, 15, 16]
+    law = fk.Law(fk.Fixed(n, [(agent, j) for j in others]), [fk.Consensus(1.0)])
+    compiled = CompiledLaw(tmp_path, scenario_of(law, n))
+    p = np.random.default_rng(0).normal(size=(n, 2))
+    there = {j: ([float(j), 0.0], p[j]) for j in range(n) if j != agent}
+    code, u, memory = compiled.force(agent, [float(agent), 0.0], REST, there)
+    assert (code, compiled.links(memory)) == (CODES["OK"], others)
+    assert u == pytest.approx(p[others].sum(axis=0), rel=1e-12)
+
+
+def test_what_was_scaled_back_or_filtered_is_said_of_the_last_call_alone(tmp_path):
+    """A force that was too large, and then one that is not; and a neighbour in the way, and then far away."""
+    for name in "limit", "filter":
+        (tmp_path / name).mkdir()
+    limited = CompiledLaw(tmp_path / "limit", scenario_of(LAW, 2), limit=1.0)
+    control = fk.SafetyFilter(0.1, distance=0.5, acceleration=5.0)
+    pull = fk.Law(fk.Proximity(9.0), [fk.Gradient(fk.Potential("r**2/2"))])
+    filtered = CompiledLaw(tmp_path / "filter", scenario_of(pull, 2, control=control))
+    for compiled, flag, fast in ((limited, "saturated", [9.0, 0.0]), (filtered, "filtered", [-3.0, 0.0])):
+        memory = compiled.begin(0)
+        for k, (near, speed) in enumerate(((1.0, fast), (2.5, REST), (1.0, fast), (None, REST))):
+            if near is None:
+                assert compiled.control(memory, [float("nan"), 0.0], REST, k)[0] == CODES["NOT_FINITE"]
+            else:
+                compiled.receive(memory, 1, [near, 0.0], speed, number=k, stamp=k)
+                assert compiled.control(memory, REST, REST, k)[0] == CODES["OK"]
+            assert getattr(memory, flag) == (k % 2 == 0)
+
+
 def test_far_senders_starve_no_near_ones(tmp_path):
     """Two slots, seven senders: those near have the slots after one period, whoever was heard first."""
     compiled = CompiledLaw(tmp_path, scenario_of(LAW, 9), neighbours=2)

@@ -235,6 +235,9 @@ def test_agents_at_the_radius_itself_start_linked_under_a_closed_graph(uneven, t
             code, u, memory = compiled.force(0, [0.0, 0.0], [0.0, 0.0], {1: ([0.0, distance], [1.0, 0.0])})
             assert (code, u.tolist()) == (CODES["OK"], [float(linked), 0.0])
             assert compiled.links(memory) == [1] * linked
+            # As long as nobody moves they stay what they are.
+            again, same = compiled.control(memory, [0.0, 0.0], [0.0, 0.0], 1)
+            assert (again, same.tolist()) == (code, u.tolist())
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Safety filters in exported C, against the filter of the engine."""
 
 import ctypes
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -164,6 +165,44 @@ def test_a_run_of_exported_agents_keeps_the_distance(form, tmp_path):
         closest[name] = least
     assert closest["with"] >= 0.7
     assert closest["without"] < 0.6
+
+
+@pytest.mark.parametrize("m", [1, 2])
+def test_others_brake_for_periods_of_their_own(m, tmp_path):
+    """Where ticks differ, another one stops on the path of its own period and largest acceleration."""
+    one = filtered_scenario("stopping", 6, m)
+    control = replace(one.control, period=np.array([0.1, 0.4, 0.2, 0.3, 0.1, 0.5]))
+    scenario = one.with_(control=control)
+    compiled, changed = CompiledLaw(tmp_path, scenario), 0
+    for agent, state, heard, force, filtering, memory, u in states(scenario, compiled, 60, m):
+        expected, gave_way = of_engine(filtering, agent, *state, heard, force)
+        assert np.abs(u - expected).max() <= 1e-9 * scenario.agents.masses[agent] * filtering.most[agent]
+        assert memory.relaxed == gave_way
+        changed += memory.filtered
+    assert changed > 30
+
+
+@pytest.mark.parametrize("obstacle", [fk.Wall([0.0, 0.0], [1.0, 0.0]), fk.Ball([0.0, 0.0], 1.0)], ids=["wall", "ball"])
+@pytest.mark.parametrize("aside", [0.0, 0.4])
+def test_an_agent_that_is_pulled_into_an_obstacle_comes_as_near_as_the_clearance(obstacle, aside, tmp_path):
+    """The stopping form promises the clearance, all the time; what the law pulls comes close to it."""
+    clearance, period = 0.2, 0.1
+    control = fk.SafetyFilter(
+        period, distance=0.7, acceleration=5.0, form="stopping", obstacles=(obstacle,), clearance=clearance
+    )
+    law = fk.Law(fk.Proximity(1.0), [fk.Track(fk.Sink([-9.0, 0.0]), 2.0, 0.5)])
+    start = fk.State([[5.0, aside], [99.0, 0.0]], [[-3.0, 0.0], [0.0, 0.0]])
+    compiled = CompiledLaw(tmp_path, fk.Scenario(law, start, 1.0, control=control))
+    memory, q, p, least = compiled.begin(0), start.q[0], start.p[0], np.inf
+    for tick in range(60):
+        code, u = compiled.control(memory, q, p, tick * 10**8)
+        assert code == CODES["OK"]
+        for s in np.linspace(0.0, period, 41):
+            x, y = q + s * p + 0.5 * s**2 * u
+            least = min(least, x if isinstance(obstacle, fk.Wall) else np.hypot(x, y) - 1.0)
+        q, p = q + period * p + 0.5 * period**2 * u, p + period * u
+        assert not memory.relaxed
+    assert clearance <= least <= clearance + 0.05
 
 
 def test_what_is_forgotten_takes_its_line_with_it(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 import flocking as fk
 from flocking.apps.cli import main
 from flocking.engine.nodes.kills_and_cuts import Cut, Kill, Restart, fault_of
-from flocking.engine.nodes.nodes import Sample
+from flocking.engine.nodes.nodes import PythonNode, Sample
 from flocking.engine.nodes.processes import LocalAgents
 from flocking.engine.nodes.requests import packed, row_of, sample_of, unpacked
 from flocking.engine.nodes.session import NodeSession
@@ -168,6 +168,49 @@ def test_a_cut_radio_silences_an_agent_for_others_and_others_for_it():
     assert not np.array_equal(cut.q[-1], free.q[-1])
 
 
+def test_a_cut_takes_the_samples_from_its_first_time_on_and_not_those_of_its_end():
+    """Samples of agent 2 are taken at 0.5 s and at 0.7 s to the nanosecond."""
+    found, near = scenario(t_end=1.2), 1e-9
+    cut = local(found, faults=[Cut(2, 0.5, 0.7)])
+    for one, other, alike in (
+        (0.5 - near, 0.7, True),
+        (0.5, 0.7 - near, True),
+        (0.5, 0.7 + near, False),
+        (0.5 + near, 0.7, False),
+    ):
+        assert same(local(found, faults=[Cut(2, one, other)]), cut) is alike
+
+
+@pytest.mark.parametrize(("do", "latency"), [("act", 0.01), ("act", 0.12), ("measure", 0.01)])
+def test_an_agent_that_answers_late_keeps_its_force_and_sends_nothing(do, latency, monkeypatch):
+    """From 0.5 s until before 0.7 s: four ticks, and two samples; forces may wait longer than from tick to tick."""
+    ask, hear, heard = LocalAgents.ask, PythonNode.hear, set()
+
+    def asked(self, requests, seconds):
+        late = {i for i, r in requests.items() if i == 1 and r["do"] == do and 5 * 10**8 <= r["now"] < 7 * 10**8}
+        return {i: answer for i, answer in ask(self, requests, seconds).items() if i not in late}
+
+    def listen(self, sample, now):
+        heard.add((sample.sender, sample.stamp))
+        hear(self, sample, now)
+
+    monkeypatch.setattr(LocalAgents, "ask", asked)
+    monkeypatch.setattr(PythonNode, "hear", listen)
+    run = local(scenario(t_end=1.5, latency=latency))
+    assert run.fidelity.changed
+    with pytest.raises(UnsupportedLaw, match="answered late"):
+        fk.replay(run)
+    # The force of the tick at 0.45 s acts until that of the tick at 0.7 s does.
+    assert run.provenance["late answers"] == (4 if do == "act" else 2)
+    held = (run.t >= 0.45 + latency) & (run.t <= 0.7 + latency)
+    rates = np.diff(run.p[held, 1], axis=0) / np.diff(run.t[held])[:, None]
+    assert np.abs(rates).max() > 1e-2
+    assert (np.ptp(rates, axis=0).max() < 1e-9) == (do == "act")
+    sent = {round(stamp * 1e-9, 9) for sender, stamp in heard if sender == 1}
+    assert {0.4, 0.7} <= sent
+    assert ({0.5, 0.6} & sent == set()) == (do == "measure")
+
+
 def test_samples_survive_as_text():
     sample = Sample(3, 7, 1_234_567_890_123, (0.1, -1e-300), (np.pi, 1e300))
     assert sample_of(unpacked(packed({"x": row_of(sample)}))["x"]) == sample
@@ -179,12 +222,14 @@ def test_samples_survive_as_text():
     [
         ("measure", None), ("measure", {}), ("measure", {"sample": []}),
         ("measure", {"sample": [9, 0, 0, [0, 0], [0, 0]]}),
-        ("measure", {"sample": [3, 0, 0, [0.0], [0.0]]}), ("act", {"force": [0.0, 0.0]}),
+        ("measure", {"sample": [3, 0, 0, [0.0], [0.0]]}), ("measure", {"sample": [3, 0, 1, [0.0, 0.0], [0.0, 0.0]]}),
+        ("measure", {"sample": [3, 9, 0, [0.0, 0.0], [0.0, 0.0]]}), ("act", {"force": [0.0, 0.0]}),
         ("act", {"force": [0.0], "links": [[]], "filtered": [False, False]}),
         ("act", {"force": [0.0, math.nan], "links": [[]], "filtered": [False, False]}),
         ("act", {"force": [0.0, 10**400], "links": [[]], "filtered": [False, False]}),
         ("act", {"force": [0.0, "1"], "links": [[]], "filtered": [False, False]}),
         ("act", {"force": [0.0, 0.0], "links": [[99]], "filtered": [False, False]}),
+        ("act", {"force": [0.0, 0.0], "links": [[5]], "filtered": [False, False]}),
         ("act", {"force": [0.0, 0.0], "links": [[-1]], "filtered": [False, False]}),
         ("act", {"force": [0.0, 0.0], "links": [], "filtered": [False, False]}),
         ("act", {"force": [0.0, 0.0], "links": [[]], "filtered": [1, 0]}), ("act", {"fault": 3}), ("act", [1, 2]),
@@ -207,13 +252,54 @@ def test_what_is_no_answer_ends_the_run_and_names_its_agent(do, wrong, monkeypat
     ("parts", "said"),
     [
         ({"control": fk.Continuous()}, "need control=Held"),
+        ({"agents": fk.Quadrotor()}, "moves bodies in closed form between two ticks"),
+        ({"information": fk.Messages(0.1, leader=True)}, "know leaders exactly"),
     ],
 )  # fmt: skip
 def test_what_agents_cannot_run_is_refused_by_name(parts, said):
-    start = fk.start.box(3, side=2.0, speed=1.0, seed=0)
-    found = fk.Scenario(LAW, start, 1.0, **({"control": fk.Held(0.1)} | parts))
+    start = fk.start.box(3, side=2.0, speed=0.0, seed=0, dimension=3)
+    law = fk.Law(LAW.graph, [*LAW.terms, fk.Track(fk.Sink([0.0, 0.0, 0.0]), 1.0, 1.0)])
+    found = fk.Scenario(law, start, 1.0, **({"control": fk.Held(0.1)} | parts))
     with pytest.raises(UnsupportedLaw, match=said):
         local(found)
+
+
+def test_exported_agents_begin_with_the_links_of_their_graph():
+    found = scenario()
+    given = found.with_(start=fk.State(found.start.q, found.start.p, links=np.zeros((5, 5), dtype=bool)))
+    with pytest.raises(UnsupportedLaw, match="Exported C begins with the links of its graph"):
+        local(given, code="c")
+
+
+def test_agents_elsewhere_are_not_killed_and_patience_is_a_time():
+    with pytest.raises(
+        InvalidInput, match="faults must kill and restart no agents whose processes are begun elsewhere"
+    ):
+        local(scenario(), faults=[Restart(3, 1.0)], spawn=False)
+    with pytest.raises(InvalidInput, match="patience"):
+        local(scenario(), patience=0.0)
+
+
+def test_what_processes_were_started_with_is_not_replaced():
+    """Each process has the law and the information of the start: a replaced one would be that of the world alone."""
+    found = scenario()
+    session = NodeSession(found, LocalAgents(found))
+    session.advance(0.2)
+    for change in (
+        lambda: session.replace(law=LAW), lambda: session.replace(state=found.start),
+        lambda: session.replace_information(fk.Messages(0.1)),
+    ):  # fmt: skip
+        with pytest.raises(UnsupportedLaw, match="Start another run"):
+            change()
+
+
+def test_of_one_sender_the_sample_counts_that_was_measured_last():
+    """A process that begins anew counts its samples from 0 again."""
+    node = PythonNode(scenario(information=fk.Instant()), 0)
+    for number, stamp, place in ((100, 10, 1.0), (0, 20, 2.0), (1, 15, 9.0), (101, 19, 9.0), (1, 20, 2.5)):
+        node.hear(Sample(1, number, stamp, (place, 0.0), (0.0, 0.0)), 50)
+    u = node.act(50, [0.0, 0.0], [0.5, 0.0])
+    assert u == pytest.approx([0.2 * (2.5 - 2.0) - 0.3 * 0.5, 0.0])
 
 
 def test_real_time_needs_a_latency_and_faults_an_agent():

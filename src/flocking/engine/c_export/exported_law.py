@@ -51,7 +51,7 @@ class ExportedGraph:
     radii
         Distances at which links appear and break, of each agent, shape (N, 2).
     closed
-        Whether agents at the distance itself are linked at a start.
+        Whether agents at the distance itself are linked.
     fixed
         Links that never change, shape (N, N); None where they follow distances.
     poles

@@ -83,18 +83,17 @@ def _linked(law: ExportedLaw, c: CSource, x: str, X: str, real: str) -> str:
         else:
             table, place = _radii_table(law, number, c, x, real)
             near, far = (f"{place}[0]", f"{place}[1]") if place else (c.literal(float(v)) for v in graph.radii[0])
-            first = "<=" if graph.closed else "<"
-            linked = "old != 0u"
+            nearer, linked = "<=" if graph.closed else "<", "old != 0u"
             alike = bool((graph.radii[:, 0] == graph.radii[:, 1]).all())
             lines = [f"const {real} leave = {far};"]
             lines += [] if alike else [f"const {real} appear = {near};"]
-            rule = "distance < leave" if alike else f"distance < (({linked}) ? leave : appear)"
+            first = f"found = (distance {nearer} leave) ? 1u : 0u;"
+            later = f"found = (distance {nearer} (({linked}) ? leave : appear)) ? 1u : 0u;"
             lines += (
-                [f"found = ({rule}) ? 1u : 0u;"]
-                if alike and not graph.closed
-                else ["if (memory->begun == 0u)", "{", f"    found = (distance {first} leave) ? 1u : 0u;", "}",
-                      "else", "{", f"    found = ({rule}) ? 1u : 0u;", "}"]
-            )  # fmt: skip
+                [first]
+                if alike
+                else ["if (memory->begun == 0u)", "{", f"    {first}", "}", "else", "{", f"    {later}", "}"]
+            )
         tables += table
         body = "".join(f"        {line}\n" for line in lines)
         cases.append(f"    {'else ' if number else ''}if (g == {number}u)\n    {{\n{body}    }}\n")

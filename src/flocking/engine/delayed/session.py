@@ -17,7 +17,7 @@ from flocking.engine.delayed.replacement import Replacement, replacement, same_l
 from flocking.engine.delayed.stepping import DelayedSteps
 from flocking.engine.imperfect.checkpoint_form import must
 from flocking.engine.imperfect.graph_views import views_of
-from flocking.engine.imperfect.link_rules import link_rules
+from flocking.engine.imperfect.link_rules import known_rules, link_rules
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.message_log import CHANGED, DELAYED, GRAPHS_CHANGED, NO_LOG
@@ -162,6 +162,7 @@ class DelayedSession(DelayedSteps):
         self.gains_changed = sum(self._since_start(t) <= seconds for t in self._schedule)
         self._take_gains()
         self._rules = link_rules(new.scenario.law.graphs, self.n)
+        self._known_rules = known_rules(self._rules, new.scenario.law.graphs)
         self._views = views_of(new.scenario.law.graphs, new.scenario.agents.headings, new.scenario.start.q)
         self.history.end_at(seconds)
         self.delays.jumps.add(seconds, moved)

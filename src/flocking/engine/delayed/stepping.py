@@ -142,7 +142,7 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         offset = self.scenario.space.displacement(known[..., :m] - own[:, None, :m])
         distance = np.sqrt((offset**2).sum(axis=-1))
         every = {
-            graph: self._rules.followed(graph, found[graph], distance)
+            graph: self._known_rules.followed(graph, found[graph], distance)
             for graph in np.flatnonzero(self._rules.ways).tolist()
         } | {
             graph: view.seen(slice(None), offset)

@@ -47,3 +47,13 @@ def link_rules(graphs: Sequence[Graph], n: int) -> LinkRules:
     follows = [g.moves and not g.sees_headings for g in graphs]
     ways = np.array([(2 if g.directed else 1) if f else 0 for g, f in zip(graphs, follows, strict=True)], np.int64)
     return LinkRules(ways, np.array([a for a, _ in levels]), np.array([b for _, b in levels]))
+
+
+def known_rules(rules: LinkRules, graphs: Sequence[Graph]) -> LinkRules:
+    """The ``rules`` of ``graphs`` for distances at single moments: at the radius of a closed graph there is a link.
+
+    Where motions are followed a link switches as its distance passes the radius, and stays what it is at the radius.
+    """
+    closed = np.array([bool(getattr(graph, "closed", False)) for graph in graphs])[:, None]
+    appear, break_ = (np.where(closed, np.nextafter(x, np.inf), x) for x in (rules.appear, rules.break_))
+    return LinkRules(rules.ways, appear, break_)

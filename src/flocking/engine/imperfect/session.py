@@ -19,7 +19,7 @@ from flocking.arrays import Array, Indices, Links
 from flocking.engine import interruption
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.imperfect.graph_views import GraphView, view_events, view_from, views_of
-from flocking.engine.imperfect.link_rules import LinkRules, link_rules
+from flocking.engine.imperfect.link_rules import LinkRules, known_rules, link_rules
 from flocking.engine.imperfect.memory import ImperfectMemory
 from flocking.engine.imperfect.pair_polynomials import Paths, as_closest, closest_pairs, paths_in
 from flocking.engine.imperfect.pair_switches import pair_events, radial_speed
@@ -86,6 +86,7 @@ class ImperfectSession(Session):
         graphs = scenario.law.graphs
         self.links: Links = scenario.links_at_start
         self._rules: LinkRules = link_rules(graphs, self.n)
+        self._known_rules = known_rules(self._rules, graphs)
         self._views: dict[int, GraphView] = views_of(graphs, scenario.agents.headings, start.q)
         self.crossings: list[tuple[float, int, int, int]] = []
         self.closest = np.array([[np.inf, np.nan, -1.0, -1.0]] * 2)

@@ -218,10 +218,9 @@ def find_linked(others: Others, memory: LinkMemory, fixed: CallRules, room: Room
             old = memory.links[g, j]
             if rules[g, 2] == FIXED:
                 linked = old
-            elif memory.started:
-                linked = r < (rules[g, 1] if old else rules[g, 0])
             else:
-                linked = r < rules[g, 1] or (rules[g, 2] == CLOSED and r == rules[g, 1])
+                level = rules[g, 1] if old or not memory.started else rules[g, 0]
+                linked = r < level or (rules[g, 2] == CLOSED and r == level)
             if linked:
                 room.sensed[total] = e + 1
                 total += 1

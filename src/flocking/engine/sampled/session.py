@@ -191,7 +191,7 @@ class SampledSession(ImperfectSession):
         if acting.size:
             knowledge.hear(instant, acting)
             known = knowledge.known(instant, acting, *motion.at(seconds))
-            knowledge.relink(known, self._rules, self._views)
+            knowledge.relink(known, self._known_rules, self._views)
             pairs = knowledge.pairs(known)
             leaders = None if self._leader_news is None else self._leader_news.newest(instant, acting)
             force = self._desired(instant, known, pairs, leaders)
@@ -233,8 +233,8 @@ class SampledSession(ImperfectSession):
         memory = self._memory
         if not self._blocks.can(memory):
             return 0
-        settings = Settings(self.scenario, self._law, self._ticks, self._latency, self._rules, self.rule)
-        taken = self._blocks.take(memory, settings, self.records, bound)
+        how = Settings(self.scenario, self._law, self._ticks, self._latency, self._rules, self._known_rules, self.rule)
+        taken = self._blocks.take(memory, how, self.records, bound)
         truth = memory.truth
         self.crossings, self.closest, self.sums, self.errors = truth.crossings, truth.closest, truth.sums, truth.errors
         for name in NUMBERS:

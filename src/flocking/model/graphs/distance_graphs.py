@@ -346,7 +346,7 @@ class Proximity(OneRadius):
     radius
         Sensing radius.
     closed
-        Whether a pair at exactly ``radius`` starts linked, as in Olfati-Saber (8).
+        Whether a pair at exactly ``radius`` is linked, as in Olfati-Saber (8).
 
     Raises
     ------

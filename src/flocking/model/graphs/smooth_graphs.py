@@ -115,7 +115,7 @@ class PerAgentRadii(Graph):
     radii
         One radius per agent, shape (N,); positive.
     closed
-        Whether a pair at exactly the radius starts linked, as printed.
+        Whether a pair at exactly the radius is linked, as printed.
 
     Raises
     ------

@@ -120,7 +120,7 @@ class MessagesSession(DelayedSession):
         known = self.knowledge.known(instant, agents, *self._seen(seconds))
         self.obstacles.take(np.flatnonzero(own), known.own[own[agents], : self.m], self._base + seconds)
         before = self.known_links[:, agents].copy()
-        self.knowledge.relink(known, self._rules, self._views)
+        self.knowledge.relink(known, self._known_rules, self._views)
         self.known_links[:, agents] = np.where(changed[agents], self.known_links[:, agents], before)
         self._using[agents] = True
         self._relink_known()

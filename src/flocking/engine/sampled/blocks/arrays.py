@@ -209,8 +209,9 @@ class Truth(NamedTuple):
         The law on the true state, whose pairs have room for more, and the address of its energies.
     unlinked
         Energy of a pair without a link.
-    rules, barriers
-        When links switch, and under which graphs the energy has a barrier, shape (graphs,).
+    rules, known_rules, barriers
+        When links switch, when those that agents know do, and under which graphs the energy has a barrier, shape
+        (graphs,).
     lengths, table
         As in `flocking.engine.imperfect.pair_polynomials.Paths`.
     links, crossings, closest
@@ -225,6 +226,7 @@ class Truth(NamedTuple):
     energies: int
     unlinked: float
     rules: LinkRules
+    known_rules: LinkRules
     barriers: Mask
     lengths: Array
     table: Array

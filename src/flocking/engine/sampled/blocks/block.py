@@ -101,8 +101,8 @@ class Settings(NamedTuple):
         The scenario, and its law.
     ticks, latency
         When agents act, and for how many nanoseconds their forces wait, shape (N,).
-    rules
-        When true links switch.
+    rules, known_rules
+        When true links switch, and those that agents know.
     rule
         How powers are integrated.
     """
@@ -112,6 +112,7 @@ class Settings(NamedTuple):
     ticks: PeriodicTimes
     latency: Instants
     rules: LinkRules
+    known_rules: LinkRules
     rule: Rule
 
 
@@ -218,8 +219,9 @@ class EventBlocks:
         lengths = np.array(scenario.space.lengths or (np.inf,) * m, dtype=np.float64)
         return Truth(
             law.in_force(self._pairs(len(truth.links))), law.energies_address, float(scenario.energy.unlinked),
-            settings.rules, np.array(law.barriers, dtype=bool), lengths, conversion(memory.motion.degree), truth.links,
-            crossings, truth.closest.copy(), np.array([truth.sums, truth.errors]), progress, counts,
+            settings.rules, settings.known_rules, np.array(law.barriers, dtype=bool), lengths,
+            conversion(memory.motion.degree), truth.links, crossings, truth.closest.copy(),
+            np.array([truth.sums, truth.errors]), progress, counts,
         )  # fmt: skip
 
     def _acts(self, memory: SampledMemory, settings: Settings) -> Acts:

@@ -85,7 +85,7 @@ def relink_known(schedules: Schedules, sending: Sending, memory: Memory, truth: 
     instant
         Now, in nanoseconds.
     """
-    n, m, rules, count = work.q.shape[0], work.q.shape[1], truth.rules, 0
+    n, m, rules, count = work.q.shape[0], work.q.shape[1], truth.known_rules, 0
     own = np.empty(m)
     for i in range(n):
         if not work.acting[i]:
