@@ -13,6 +13,7 @@ import pytest
 import flocking as fk
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import (
+    FlockingError,
     InvalidInput,
     LinkLost,
     NotFinite,
@@ -22,6 +23,7 @@ from flocking.errors import (
     UnsupportedLaw,
 )
 from flocking.model.graphs.distance_graphs import Graph, pair_distances
+from flocking.model.graphs.weights import PairWeights
 from tests.engine.tiles.laws import saber, structural, zhou
 
 LATTICE = fk.start.hexagonal(1000, spacing=0.9, noise=0.05, speed=0.5, seed=1)
@@ -243,3 +245,38 @@ def test_a_graph_of_ones_own_whose_distances_are_one_runs() -> None:
     law = fk.Law(Gaps(EACH, EACH.copy()), [fk.Gradient(fk.Potential("(r - 1)**2"))])
     session = TilesSession(fk.Scenario(law, start, t_end=0.1, frames=2), TilesOptions(step=0.01))
     assert session.accelerations() == pytest.approx(fk.evaluate(law, start).u, rel=1e-12, abs=1e-13)
+
+
+class Halves(PairWeights):
+    """Weights of somebody else."""
+
+    symmetric = True
+
+    def matrix(self, n: int) -> np.ndarray:
+        return np.full((n, n), 0.5)
+
+
+def line(m: int, **parts: Any) -> fk.Scenario:
+    """Three agents on a line in space of m axes."""
+    weights = parts.pop("weights", None)
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0, weights=weights)])
+    return fk.Scenario(law, fk.State(np.arange(3.0)[:, None] * np.ones(m), np.zeros((3, m))), 1.0, frames=2, **parts)
+
+
+HELD = {"control": fk.Held(0.1)}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "options", "said"),
+    [
+        (line(1), {}, "cannot run 1 dimensions, only 2 or 3"), (line(4), {}, "cannot run 4 dimensions, only 2 or 3"),
+        (line(1, **HELD), {}, "cannot run 1 dimensions, only 2 or 3"),
+        (line(2, weights=Halves()), {}, "cannot run the pair weights Halves of"),
+        (line(2), {"scheme": "euler"}, "scheme must be one of verlet, damped, rk4 for agents of order 2"),
+        (line(2, agents=fk.SingleIntegrator()), {"scheme": "verlet"}, "one of rk4, euler for agents of order 1"),
+        (line(2), {"step": 1e-13}, r"step must reach the end in 1e\+12 steps"),
+    ],
+)  # fmt: skip
+def test_what_kernels_and_steps_do_not_do_is_refused(scenario: fk.Scenario, options: dict[str, Any], said: str) -> None:
+    with pytest.raises(FlockingError, match=said):
+        fk.simulate(scenario, engine="tiles", progress=False, **options)

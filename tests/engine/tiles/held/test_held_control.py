@@ -167,6 +167,18 @@ def test_times_off_the_steps_are_refused_with_the_nearest(control, named):
         fk.simulate(scenario(control), engine="tiles", step=0.04 if named == "period" else 0.06, progress=False)
 
 
+@pytest.mark.parametrize(
+    ("t_end", "step", "said"),
+    [
+        (2.0, 4e-10, "step must be at least 1e-09 under held control"),
+        (1e4, 1e-9, r"must reach the end in 1e\+12 steps"),
+    ],
+)
+def test_steps_below_a_nanosecond_or_without_end_are_refused(t_end, step, said):
+    with pytest.raises(InvalidInput, match=said):
+        fk.simulate(scenario(fk.Held(0.1), t_end=t_end), engine="tiles", step=step, progress=False)
+
+
 def test_times_without_a_common_measure_are_refused():
     with pytest.raises(InvalidInput, match="common measure"):
         fk.simulate(scenario(fk.Held(0.1, phase=np.linspace(0.0, 0.09, N))), engine="tiles", progress=False)
