@@ -52,6 +52,8 @@ def test_a_run_of_every_format_opens(version: int, tmp_path: Path) -> None:
     assert len(run.switches) > 0
     np.testing.assert_allclose(run.trace["energy"][-1], computed().trace["energy"][-1], rtol=1e-6)
     assert (run.accuracy is None) == (version == 1)
+    for name in ("time_error", "speed_error"):
+        assert np.isnan(run.switches[name]).all() == (version == 1), "what was not stored is not known"
     # Runs of these formats gave no account of themselves yet: what is derived is what their engine says now.
     assert run.fidelity == computed().fidelity
     assert fk.resume(tmp_path / "run", progress=False).t.tolist() == run.t.tolist()

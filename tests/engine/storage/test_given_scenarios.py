@@ -72,6 +72,10 @@ def test_a_stopped_run_does_not_go_on_under_another_law(stopped: Callable[..., P
         fk.resume(folder, scenario=scenario().with_(law=OTHER), progress=False)
     with pytest.raises(InvalidInput, match="plant must be absent"):
         fk.resume(folder, scenario=scenario(), plant=PLANT, progress=False)
+    with pytest.raises(
+        InvalidInput, match="plant must be a Law, beside the scenario of a run that could not be stored"
+    ):
+        fk.resume(folder, plant=PLANT, progress=False)
     assert_same(fk.resume(folder, scenario=scenario(), progress=False), finished())
 
 
@@ -96,6 +100,58 @@ def test_a_scenario_that_is_not_stored_begins_where_the_run_does(tmp_path: Path)
     with pytest.raises(StorageError, match="begin elsewhere than those of the run"):
         read_run(tmp_path / "run", scenario=foreign.with_(start=moved))
     assert read_run(tmp_path / "run", scenario=foreign).scenario is foreign
+
+
+class _Push(_Pull):
+    """The same with a number."""
+
+    def __init__(self, gain: float = 1.0) -> None:
+        self.gain = gain
+
+    parameters = property(lambda self: {"gain": self.gain})
+
+    def drag(self, x: Any) -> Any:
+        return x.parameter("gain") + 0 * x.r
+
+
+def pushed(gain: float = 1.0, radius: float = 2.0, *more: fk.Term) -> fk.Scenario:
+    return scenario().with_(law=fk.Law(fk.Proximity(radius), [_Push(gain), *more]))
+
+
+@pytest.mark.parametrize(
+    "other", [pushed(1.5), pushed(1.0, 2.5), pushed(1.0, 2.0, fk.Consensus(0.0)), scenario().with_(law=OTHER)]
+)
+def test_a_scenario_that_is_not_stored_has_the_law_of_the_run(other: fk.Scenario, tmp_path: Path) -> None:
+    """A gain that was changed since in the program would go on as if it had been there from the start."""
+    write_run(dataclasses.replace(finished(), scenario=pushed()), tmp_path / "run")
+    with pytest.raises(StorageError, match="the law of the given scenario is not that of the run"):
+        read_run(tmp_path / "run", scenario=other)
+    assert read_run(tmp_path / "run", scenario=pushed()).finished
+
+
+def test_a_run_of_a_plant_does_not_go_on_without_it(
+    stopped: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor with one where it had none: the scenario is not stored, so that neither is."""
+    given = pushed()
+    plant = fk.Law(given.law.graph, [_Push(0.5)])
+    monkeypatch.setattr("tests.engine.storage.test_given_scenarios.scenario", lambda: given)
+    folder = stopped(plant=plant)
+    with pytest.raises(InvalidInput, match=r"plant must be given, for the agents of .* follow another law"):
+        fk.resume(folder, scenario=given, progress=False)
+    whole = fk.simulate(given, plant=plant, progress=False)
+    assert_same(fk.resume(folder, scenario=given, plant=plant, progress=False), whole)
+
+
+def test_a_run_without_a_plant_does_not_go_on_with_one(
+    stopped: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = pushed()
+    monkeypatch.setattr("tests.engine.storage.test_given_scenarios.scenario", lambda: given)
+    folder = stopped()
+    with pytest.raises(InvalidInput, match=r"plant must be absent, for the agents of .* follow its law"):
+        fk.resume(folder, scenario=given, plant=fk.Law(given.law.graph, [_Push(0.5)]), progress=False)
+    assert_same(fk.resume(folder, scenario=given, progress=False), fk.simulate(given, progress=False))
 
 
 def test_a_copy_that_was_killed_is_not_computed_by_an_engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

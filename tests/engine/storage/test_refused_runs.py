@@ -107,6 +107,26 @@ def test_arrays_without_which_nothing_is_known(name: str, tmp_path: Path) -> Non
         read_run(tmp_path / "run")
 
 
+def test_bodies_without_their_columns(tmp_path: Path) -> None:
+    """Where their lagged forces are not known, nothing of the motion follows."""
+    lagged = fk.Scenario(HELD.law, HELD.start, 0.2, frames=3, agents=fk.Lagged(fk.Agents(), 0.2))
+    write_run(fk.simulate(lagged, progress=False), tmp_path / "run")
+    sealed(tmp_path / "run", without("column"))
+    with pytest.raises(StorageError, match="further columns must be 2 numbers for each agent"):
+        read_run(tmp_path / "run")
+
+
+def test_more_obstacles_than_agents_come_back(tmp_path: Path) -> None:
+    """The last of seven balls is met by one of two agents: its number is that of no agent."""
+    balls = [fk.Ball([9.0, 2.0 * k], 0.5) for k in range(6)] + [fk.Ball([2.0, 0.0], 0.5)]
+    law = fk.Law(fk.Proximity(0.5), [fk.Avoid(balls, range=1.0, gamma_agents=False)])
+    start = fk.State([[0.0, 0.0], [0.0, 3.0]], [[1.0, 0.0], [0.0, 0.0]])
+    run = fk.simulate(fk.Scenario(law, start, 1.0, frames=3), progress=False)
+    write_run(run, tmp_path / "run")
+    met = read_run(tmp_path / "run").switches
+    assert met[["i", "j", "kind"]].tolist()[:1] == [(0, 6, "obstacle")]
+
+
 def test_another_part_in_the_place_of_a_scenario(tmp_path: Path) -> None:
     write_run(finished(), tmp_path / "run")
     text = json.dumps([to_data(scenario().law), None]).encode()

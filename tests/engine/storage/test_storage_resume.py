@@ -13,6 +13,7 @@ import flocking as fk
 from flocking.engine.driver import session_writer as saving
 from flocking.engine.driver.registry import engine_named
 from flocking.engine.protocol.team import Team
+from flocking.engine.storage.record import read_record
 from flocking.engine.storage.stored_runs import read_run
 from flocking.errors import InvalidInput, SimulationError, StorageError
 from tests.engine.storage.stored_runs import assert_same, finished, scenario, unpack
@@ -100,6 +101,27 @@ def test_a_saved_run_equals_one_in_memory(tmp_path: Path) -> None:
     assert_same(fk.simulate(scenario(), save=tmp_path / "run", progress=False), finished())
     assert_same(read_run(tmp_path / "run"), finished())
     assert not list((tmp_path / "run").glob("checkpoint*")), "a finished run needs none"
+
+
+SPRING = fk.Law(fk.Proximity(3.0), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(1.0)])
+WORLDS = {
+    "held": {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=0.03)},
+    "late": {"information": fk.Delayed(0.05)},
+    "lagged": {"agents": fk.Lagged(fk.Agents(), 0.2)},
+}
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_a_run_saved_in_pieces_is_returned_whole(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What each commit let go of is there again: the log, the errors of frames, further columns."""
+    monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
+    start = fk.start.box(4, side=3.0, speed=1.0, seed=2)
+    made = fk.Scenario(SPRING, start, t_end=1.0, frames=11, **WORLDS[name])
+    found, whole = (fk.simulate(made, progress=False, **x) for x in ({"save": tmp_path / "run"}, {}))
+    assert read_record(tmp_path / "run")["commits"] > 3
+    assert_same(found, whole)
+    assert_same(read_run(tmp_path / "run"), whole)
+    assert found.log is None or len(found.log.ticks) >= len(start.q) * (10 if name == "held" else 1)
 
 
 def test_a_run_killed_before_its_first_commit_starts_anew(tmp_path: Path) -> None:

@@ -130,6 +130,7 @@ def _left(folder: Path, writer: RunWriter | None, engine: str, scenario: Scenari
     if record["status"] == "finished":
         return _Left(scenario, plant, left.counts, left.options, read_last(folder, scenario, None))
     _check_goes_on(folder, record)
+    _check_plant(folder, record, plant)
     checkpoint = record["checkpoint"]
     if checkpoint is None:
         return left
@@ -157,6 +158,20 @@ def _check_goes_on(folder: Path, record: Mapping[str, object]) -> None:
             "folder and write the run again."
         )
     raise StorageError(f"{folder}: this run cannot continue; it ended with: {record['status']}")
+
+
+def _check_plant(folder: Path, record: Mapping[str, Any], plant: Law | None) -> None:
+    """Refuse to go on without the plant of a run whose scenario is not stored, or with one that it had not."""
+    about = record["scenario"]
+    planted = about.get("plant")
+    if not about["left_out"] or planted is None or planted == (plant is not None):
+        return
+    rule = (
+        "must be given, for the agents of {} follow another law"
+        if planted
+        else ("must be absent, for the agents of {} follow its law")
+    )
+    raise InvalidInput("resume", "plant", rule.format(folder), plant, "It is that with which the run was begun.")
 
 
 def _session(folder: Path, engine: Engine, team: Team, left: _Left, changes: dict[str, object]) -> Session:

@@ -11,6 +11,7 @@ from flocking.arrays import AnyArray
 from flocking.engine.archives.data_checks import MalformedError, Table
 from flocking.engine.runs.columns import COLUMN, KINDS, SWITCHES, component_names
 from flocking.engine.runs.message_log import DELAYED, LEADER, LEADER_SENDER, PRESENT, TICK_PARTS, MessageLog
+from flocking.engine.storage.new_folders import law_sum
 from flocking.errors import StorageError
 from flocking.model.law import Scenario
 from flocking.model.terms.avoidance import ObstacleTerm
@@ -51,6 +52,11 @@ def check_records(
         raise StorageError(
             f"{folder}: the agents of the given scenario begin elsewhere than those of the run. Give the scenario that "
             "was simulated."
+        )
+    if isinstance(about, dict) and about["left_out"] and about.get("law") not in (None, law_sum(scenario.law)):
+        raise StorageError(
+            f"{folder}: the law of the given scenario is not that of the run: it has other parts or numbers. Give the "
+            "scenario that was simulated."
         )
     try:
         _check(scenario, parts, tables)

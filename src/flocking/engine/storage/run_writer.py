@@ -42,7 +42,7 @@ from flocking.engine.storage.atomic_files import (
 )
 from flocking.engine.storage.bounded_chunks import bounds_of
 from flocking.engine.storage.metadata import checkpoint_name
-from flocking.engine.storage.new_folders import check_free, scenario_text
+from flocking.engine.storage.new_folders import check_free, law_sum, scenario_text
 from flocking.engine.storage.part_writer import PartSums, joined_sums
 from flocking.engine.storage.record import (
     FORMAT,
@@ -145,7 +145,11 @@ class RunWriter:
                 "n": size.n, "dimension": size.m, "links": with_links, "arrays": list(size.names()),
                 "components": list(components),
                 "counts": dict.fromkeys(GROWING, 0), "checksums": {}, "closest": [None, None],
-                "scenario": {"checksum": zlib.crc32(text), "left_out": reason}, "session": session or {},
+                "scenario": {
+                    "checksum": zlib.crc32(text), "left_out": reason, "law": law_sum(scenario.law),
+                    "plant": plant is not None,
+                },
+                "session": session or {},
             }  # fmt: skip
             write_record(fresh, record, {})
         return cls(folder)
