@@ -34,7 +34,9 @@ def test_held_control_acts_on_them(known, blocks, monkeypatch):
     assert place(run) == pytest.approx(0.5 * SPAN**2, rel=1e-12)
     assert run.links[:, 0, 1].all()
     assert len(run.log.uses) == len(run.log.ticks)
-    assert fk.replay(run).agrees
+    # Rounding leaves open whether a pair at the radius itself is linked: at the first tick, and at no later one.
+    again = fk.replay(run)
+    assert (again.agrees, again.undecided) == (True, 2)
     assert place(fk.simulate(pair(False, **world), engine="sampled")) == 0.0
 
 

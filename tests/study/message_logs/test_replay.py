@@ -265,6 +265,32 @@ def test_a_log_that_asks_for_more_than_there_can_be_is_refused_when_it_is_read(w
             MessageLog(changed[-4:], whole.log.forces[-4:], whole.log.uses[:0])
 
 
+def with_acts(run, rows, repeated=None):
+    """The run with some acts of its log, and an entry of one of them a second time."""
+    log, ticks, uses = run.log, run.log.ticks[rows].copy(), []
+    for k, row in enumerate(rows):
+        first, count = log.firsts[row], log.ticks[row, 2]
+        uses += [*log.uses[first : first + count], *([log.uses[first]] if row == repeated else [])]
+        ticks[k, 2] += row == repeated
+    return dataclasses.replace(run, log=MessageLog(ticks, log.forces[rows], np.array(uses)))
+
+
+def test_acts_that_are_missing_are_named(whole):
+    """Those at the end of the log too, after which no other act is at a wrong time."""
+    mine = np.flatnonzero(whole.log.ticks[:, 1] == 3)
+    for gone, said in ((mine[-2:], "it was to act and did not"), (mine[4:5], "its act 4 is logged at another time")):
+        found = fk.replay(with_acts(whole, np.setdiff1d(np.arange(len(whole.log.ticks)), gone)))
+        named = [w for w in found.wrong if w.agent == 3 and w.what.startswith(said)]
+        assert [round(w.time, 9) for w in named] == [round(1e-9 * int(whole.log.ticks[gone[0], 0]), 9)]
+
+
+def test_two_entries_of_one_sender_are_named(whole):
+    row = int(np.flatnonzero(whole.log.ticks[:, 2] > 1)[5])
+    found = fk.replay(with_acts(whole, np.arange(len(whole.log.ticks)), row))
+    assert [w.what for w in found.wrong] == ["two of its entries are of one sender under one graph"]
+    assert found.wrong[0].agent == whole.log.ticks[row, 1]
+
+
 def test_a_sample_that_nobody_took_is_named_before_it_is_sought(whole):
     uses = whole.log.uses.copy()
     uses[40:, 2] = 10**9
