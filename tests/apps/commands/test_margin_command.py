@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -39,3 +40,24 @@ def test_a_scenario_of_a_paper_is_drawn_whatever_lies_in_the_folder(
     (tmp_path / "shi-2009").write_text("t_end = 1")
     assert _drawn("zhou-2015")
     assert _drawn("shi-2009")
+
+
+def test_a_stored_table_that_is_computed_otherwise_is_told(tmp_path, monkeypatch, capsys):
+    """Exit code 1, and which paper it is."""
+    import flocking.papers.stored_margins as stored
+
+    tables = {"tanner-2003-fixed": [("loss", "0.1")], "zhou-2015": [("loss", "0.2")]}
+    monkeypatch.setattr(stored, "PLANS", tables)
+    monkeypatch.setattr(stored, "is_stored", lambda key: True)
+    monkeypatch.setattr(stored, "as_text", lambda found: "table")
+    monkeypatch.setattr(stored, "stored_margins", lambda key: SimpleNamespace(cells=tables[key]))
+    computed = dict(tables)
+    monkeypatch.setattr(
+        stored, "computed_margins", lambda key, **_: SimpleNamespace(status="finished", runs=3, cells=computed[key])
+    )
+    for said, code in (("as stored", 0), ("not as stored", 1)):
+        computed["zhou-2015"] = tables["zhou-2015"] if code == 0 else []
+        assert main(["margins", "--papers", "--out", str(tmp_path)]) == code
+        printed = capsys.readouterr().out
+        assert "tanner-2003-fixed: 3 runs, as stored" in printed
+        assert f"zhou-2015: 3 runs, {said}" in printed

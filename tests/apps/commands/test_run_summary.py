@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 import flocking as fk
 from flocking.apps.commands.run_summary import facts, summary
+from flocking.engine.runs.run import OF_VELOCITIES
 
 
 def passing(t: float, engine: str) -> dict[str, str]:
@@ -79,3 +82,32 @@ def test_an_energy_that_is_known_for_a_part_of_the_run_is_not_that_at_the_end():
     found = summary(run)
     assert dict(facts(found))["energy"].endswith("at t = 0.1, where the ledger ends")
     assert found["energy"]["ledger_ends"] == run.trace["time"][-1] == 0.1
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [(5e-7, ""), (2e-6, "; known to within 2e-06"), (1e-4, "; known to within 0.0001")]
+)
+def test_an_error_that_the_digits_show_is_told(error, said):
+    """Distances are shown with six digits: a millionth of them is not seen."""
+    law = fk.Law(fk.Proximity(9.0), [fk.Consensus(0.0)])
+    run = fk.simulate(fk.Scenario(law, fk.State([[0.0], [1.0]]), 0.1, frames=2), progress=False)
+    told = summary(run)
+    assert told["closest"]["distance"] == 1.0
+    told["closest"]["error"] = error
+    assert dict(facts(told))["closest pair"] == f"1, agents 0 and 1, t = 0{said}"
+
+
+def test_velocities_that_nobody_has_are_not_summed_up():
+    """Earlier versions stored zeros where agents of order 1 have no velocities: an order of 0 would be a statement."""
+    law = fk.Law(fk.Proximity(3.0), [fk.Gradient(fk.Potential("(r - 1)**2/2"))])
+    start = fk.State([[0.0, 0.0], [1.5, 0.0]])
+    made = fk.Scenario(law, start, 0.1, frames=2, agents=fk.SingleIntegrator())
+    run = fk.simulate(made, engine="tiles", step=0.01, observe=True, progress=False)
+    older = run.observables.copy()
+    for name in OF_VELOCITIES:
+        older[name] = 0.0
+    for each in (run, replace(run, observables=older)):
+        told = summary(each)
+        assert [told["observed"][name] for name in OF_VELOCITIES] == [None] * len(OF_VELOCITIES)
+        assert told["observed"]["flocks"] == told["flocks"] == 1
+        assert not {"order", "velocity_spread"} & set(told)
