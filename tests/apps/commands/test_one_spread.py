@@ -24,3 +24,15 @@ def test_the_spread_is_about_the_centre_of_mass(masses):
     table, data = observable_table(run)["velocity_spread"][-1], summary(run)["velocity_spread"]
     found = [Evidence(run).velocity_spread[-1], drawn, lab, table, data]
     assert found == pytest.approx([spread] * 5, rel=1e-4)
+
+
+def test_the_spread_of_a_run_without_frames_is_that_of_equal_masses_alone():
+    """Engines observe differences from the mean over agents, which is another velocity where masses differ."""
+    for masses in (2.0, [1.0, 9.0]):
+        start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [-1.0, 0.0]])
+        made = fk.Scenario(fk.Law(fk.Proximity(3.0), [fk.Consensus(1.0)]), start, 1e-6, agents=fk.PointMass(masses))
+        run = fk.simulate(made, engine="tiles", step=1e-6, observe=True, keep_frames=False, progress=False)
+        told = summary(run)
+        assert len(run.t) == 0
+        assert ("velocity_spread" in told) == (masses == 2.0)
+        assert told.get("velocity_spread", 1.0) == pytest.approx(1.0, rel=1e-4)

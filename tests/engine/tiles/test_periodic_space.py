@@ -218,6 +218,21 @@ def test_flocks_and_lengths_of_links_go_across_the_border():
     assert found["closest"] == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("space", [fk.Open(), fk.Periodic([9.0, 9.0])])
+def test_flocks_are_of_links_and_not_of_who_is_near(space):
+    """A pair within its hysteresis that has not met is listed and is not linked: it is no flock, and has no length."""
+    law = fk.Law(fk.Hysteresis(4.0, 0.5), [fk.Gradient(fk.Potential("(r - 3)**2/2"))])
+    q = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 3.75]])
+    links = np.zeros((3, 3), dtype=bool)
+    links[0, 1] = links[1, 0] = True
+    made = fk.Scenario(law, fk.State(q, np.zeros((3, 2)), links=links), 0.01, frames=2, space=space)
+    seen = fk.simulate(made, engine="tiles", step=0.001, observe=True, progress=False).observables
+    assert seen["flocks"].tolist() == [2, 2]
+    assert seen["neighbours"] == pytest.approx([2 / 3] * 2)
+    assert seen["density"] == pytest.approx([2 / 3] * 2)
+    assert seen["closest"] == pytest.approx([3.0] * 2)
+
+
 def test_cells_fill_the_length_and_are_never_narrower_than_the_reach_unless_all_are_neighbours():
     rng = np.random.default_rng(0)
     for _ in range(200):
