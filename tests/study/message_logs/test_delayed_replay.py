@@ -294,3 +294,16 @@ def test_known_links_after_graphs_were_replaced():
             run.known_links_at(10)
         with pytest.raises(UnsupportedLaw, match="changed while it went on"):
             fk.replay(run)
+
+
+@pytest.mark.parametrize("frames", [2, tuple(np.linspace(1.0, 3.0, 41))], ids=["two", "late"])
+def test_what_frames_do_not_show_is_left_open(frames):
+    """Between two frames, or before the first one, nothing bounds where agents were: no act of that time is judged."""
+    run = simulated(frames=frames)
+    found = fk.replay(run)
+    seconds = run.log.ticks[:, 0] * 1e-9
+    dark = (seconds > 0.0) & (seconds < (3.0 if frames == 2 else 1.0))
+    assert found.agrees, str(found)
+    assert dark.sum() > 5
+    # At the last of two frames, too, agents know each other from between them.
+    assert found.undecided >= dark.sum() + (N if frames == 2 else 0)
