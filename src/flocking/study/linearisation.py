@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.engine.adaptive_steps.state_tolerances import counted
 from flocking.engine.reference.control import evaluate
 from flocking.errors import InvalidInput
 from flocking.model.bodies.point_bodies import is_point_mass
@@ -17,6 +18,7 @@ from flocking.model.graphs.seen_headings import links_of_graphs
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
+from flocking.model.terms.avoidance import ObstacleTerm
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +75,23 @@ STEP = 1e-5
 """Relative step of central differences: near the cube root of the rounding, where both of their errors are alike."""
 
 
-def _smallest_distance(q: Array, links: Links, space: Space) -> float:
-    """Smallest distance of linked agents that are apart, of any agents where there is none, or 1."""
+def _smallest_distance(law: Law, q: Array, links: Links, space: Space) -> float:
+    """Smallest distance of linked agents that are apart, of any agents where there is none, of the law, or 1."""
     distance = pair_distances(q, space)
     for chosen in (links, np.ones_like(links)):
         known = distance[chosen & (distance > 0.0) & np.isfinite(distance)]
         if len(known):
             return float(known.min())
-    return 1.0
+    radii = np.concatenate([np.ravel(graph.break_radius) for graph in law.graphs])
+    lengths = [float(r) for r in radii if 0.0 < r < np.inf]
+    lengths += [float(term.range) for term in law.body_terms if isinstance(term, ObstacleTerm)]
+    return min(lengths, default=1.0)
+
+
+def _speed(p: Array) -> float:
+    """Largest component of a velocity; from `ORDINARY` to 1 it counts as 1, and so does rest."""
+    largest = float(np.abs(p).max(initial=0.0))
+    return counted(largest, largest)
 
 
 def linearise(
@@ -97,8 +108,9 @@ def linearise(
     agents
         Masses, damping and headings; of order 2.
     step
-        Step of the differences, in units of length and of speed. By default 1e-5 in speed, and in length 1e-5 of the
-        smallest distance of linked agents, or of any two where there are no links, or 1e-5.
+        Step of the differences, in units of length and of speed. By default 1e-5 in length of the smallest distance of
+        linked agents, or of any two where there are no links, or of the smallest radius of the law, and in speed of the
+        largest component of a velocity; a velocity of 0, or from 0.01 to 1, counts as 1.
     space
         Space of the agents.
 
@@ -119,7 +131,7 @@ def linearise(
         return evaluate(law, State(q, p, state.t, links), agents=agents, space=space).u.ravel()
 
     if step is None:
-        far, near = STEP * _smallest_distance(state.q, links, space), STEP
+        far, near = STEP * _smallest_distance(law, state.q, links, space), STEP * _speed(state.p)
     else:
         far = near = number("linearise", "step", step, above=0.0)
     stiffness, damping = np.empty((n * m, n * m)), np.empty((n * m, n * m))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import quad
 
 import flocking as fk
 from flocking.errors import FormulaError, InvalidInput
@@ -163,3 +164,16 @@ def test_a_position_before_the_start_is_right_where_the_velocity_jumps():
     leader = fk.Path(["where(t < 0.4, 1, exp(-t^2))"], start_time=5.0)
     tail = math.sqrt(math.pi) / 2 * (math.erf(5.0) - math.erf(0.4))
     assert leader.at(-1.5)[0][0] == pytest.approx(-(tail + 1.9), abs=1e-9)
+
+
+@pytest.mark.parametrize(("length", "time"), [(1.0, 1.0), (2.0**-40, 1.0), (1.0, 2.0**-30), (2.0**40, 2.0**-30)])
+def test_a_position_without_closed_form_is_right_in_all_units(length, time):
+    """Velocities v exp(-w t) where sin(5 w t) >= 0, and v sqrt|cos(w t)|."""
+    formulas = ["v*where(sin(5*w*t) < 0, 0, 1)*exp(-w*t)", "v*sqrt(abs(cos(w*t)))"]
+    found = fk.Path(formulas, v=length / time, w=1 / time).at(7.3 * time)[0] / length
+    edges = [math.pi / 5 * k for k in range(12)]
+    on = sum(math.exp(-a) - math.exp(-b) for a, b in zip(edges[::2], edges[1::2], strict=True))
+    # The integral of sqrt(sin t) from 0 to pi is 2.3962804694711844, sqrt(pi) gamma(3/4)/gamma(5/4).
+    rest = quad(lambda s: math.sqrt(math.sin(s)), 0.0, 7.3 - 1.5 * math.pi, epsabs=1e-13)[0]
+    assert found[0] == pytest.approx(on, abs=1e-9)
+    assert found[1] == pytest.approx(2.3962804694711844 * 1.5 + rest, abs=1e-9)

@@ -100,6 +100,15 @@ def test_a_run_too_long_for_nanoseconds_is_refused():
         fk.start(long)
 
 
+@pytest.mark.parametrize("build", [fk.Held, fk.Messages, lambda period: fk.Messages(1e-6, expires=period)])
+def test_a_period_that_would_be_rounded_to_another_is_refused(build):
+    """119.2 nanoseconds would be 119."""
+    with pytest.raises(InvalidInput, match="must be a whole number of 1e-9"):
+        build(0.125 * 2.0**-20)
+    for period in (1.19e-7, 1.0 / 3.0, 5.0001e-6, 1e-9):
+        assert build(period) is not None
+
+
 @pytest.mark.parametrize("value", [[True, False], [0.1, True], np.array([True, True])])
 def test_truth_values_are_no_numbers_of_agents(value):
     for build in (lambda: fk.Held(0.1, latency=value), lambda: fk.Held(value), lambda: fk.Agents(masses=value)):

@@ -24,14 +24,13 @@ def braking(mass: float, speed: float, share: float = 1.0) -> fk.Run:
 
 
 @pytest.mark.parametrize(("mass", "speed"), UNITS)
-def test_another_plant_is_not_taken_for_the_law_in_small_units(mass, speed):
+def test_another_plant_fails_in_small_units(mass, speed):
     run = braking(mass, speed, share=2.0)
     # The kinetic energy m v^2 is lost at twice the rate that the declared law accounts for.
     missing = 0.5 * mass * speed**2 * (1.0 - np.exp(-16.0))
     assert np.abs(run.residual).max() == pytest.approx(missing, rel=0.01)
     report = fk.audit(run)
-    assert str(report["ledger"].verdict) == "not resolved", report["ledger"].note
-    assert "units" in report["ledger"].note
+    assert str(report["ledger"].verdict) == "fails", report["ledger"].note
     assert str(report["energy-falls"].verdict) == "not resolved"
 
 
@@ -62,8 +61,20 @@ def test_agents_that_only_rounding_moves_keep_their_ledger():
     assert str(fk.audit(run)["ledger"].verdict) == "holds"
 
 
-@pytest.mark.parametrize(("unit", "holds", "decided"), [(1.0, False, True), (1e-10, False, False)])
-def test_a_jump_as_large_as_the_energy_is_not_called_continuous(unit, holds, decided):
+@pytest.mark.parametrize("share", [0.0, 1e-9])
+def test_energies_in_which_larger_terms_cancel_are_not_called_anything(share):
+    """A potential of order 1 is taken away from itself: near its minimum what is left is rounding, for any law."""
+    potential = fk.Potential("1/r**2 + log(r**2)").shifted(1.0)
+    start = fk.State([[0.0, 0.0], [1.0 + 1e-9, 0.0]], [[0.0, share], [0.0, -share]])
+    law = fk.Law(fk.Proximity(1.5), [fk.Gradient(potential), fk.Consensus(0.5)])
+    run = fk.simulate(fk.Scenario(law, start, t_end=5.0, frames=11), engine="exact", progress=False)
+    report = fk.audit(run)
+    assert str(report["ledger"].verdict) == "not resolved", report["ledger"].note
+    assert "cancel" in report["ledger"].note
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-10, 1e10])
+def test_a_jump_as_large_as_the_energy_is_not_called_continuous(unit):
     """The spring's energy, (2 - 1)^2/2 in the unit, is lost at once where the link breaks."""
     spring = fk.Potential("k*(r - 1)**2/2", k=unit)
     law = fk.Law(fk.Proximity(2.0), [fk.Gradient(spring)])
@@ -71,8 +82,7 @@ def test_a_jump_as_large_as_the_energy_is_not_called_continuous(unit, holds, dec
     run = fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=11, agents=fk.PointMass(unit)), progress=False)
     assert np.abs(np.diff(run.trace["jumped"])).sum() == pytest.approx(0.5 * unit, rel=1e-6)
     found = energy_continuous(Evidence(run))
-    assert (found.margin - found.error > 0.0) == holds
-    assert (abs(found.margin) > found.error) == decided
+    assert found.margin + found.error < 0.0
 
 
 @pytest.mark.parametrize(
@@ -97,8 +107,8 @@ def test_a_mean_velocity_that_stays_is_called_constant_in_all_units():
         assert found.margin > found.error
 
 
-@pytest.mark.parametrize(("unit", "decided"), [(1.0, True), (1e-9, False)])
-def test_frames_that_were_changed_are_not_the_ledgers_in_small_units(unit, decided):
+@pytest.mark.parametrize("unit", [1.0, 1e-9])
+def test_frames_that_were_changed_are_not_the_ledgers_in_small_units(unit):
     """Velocities of the last frame are halved: a quarter of the kinetic energy is left, however small it was."""
     law = fk.Law(fk.Complete(), [fk.Consensus(1.0)])
     start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[unit, 0.0], [0.5 * unit, 0.0]])
@@ -108,5 +118,4 @@ def test_frames_that_were_changed_are_not_the_ledgers_in_small_units(unit, decid
     p[-1] *= 0.5
     changed = dataclasses.replace(run, p=p)
     assert "ledger records" in Evidence(changed).foreign_motion
-    assert ("units" in Evidence(changed).foreign_motion) == (not decided)
     assert str(fk.audit(changed)["ledger"].verdict) == "not resolved"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.state_tolerances import ORDINARY, natural_sizes
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.origin import Origin
 from flocking.errors import OutOfPrecision
@@ -28,7 +29,7 @@ def places_fine(largest: float, tolerance: float, finest: float) -> bool:
     Parameters
     ----------
     tolerance
-        Tolerance of the scenario.
+        Tolerance of the scenario, as a length: see `Precision.place`.
     finest
         See `Precision`.
     """
@@ -36,9 +37,15 @@ def places_fine(largest: float, tolerance: float, finest: float) -> bool:
     return far <= COARSEST * tolerance and DISTANCE * far <= finest
 
 
-def times_fine(time: float, tolerance: float) -> bool:
-    """Whether times are resolved finely enough for speeds and sizes of 1 or less; for native functions too."""
-    return EPSILON * abs(time) <= COARSEST * tolerance
+def times_fine(time: float, speed: float, tolerance: float) -> bool:
+    """Whether times are resolved finely enough for a ``speed``; for native functions too.
+
+    Parameters
+    ----------
+    tolerance
+        As for `places_fine`.
+    """
+    return EPSILON * abs(time) * speed <= COARSEST * tolerance
 
 
 class Precision:
@@ -65,6 +72,11 @@ class Precision:
             finest += [float(x) for x in (*enter, *leave, *np.abs(leave - enter)) if 0 < x < np.inf]
         self.finest = min(finest)
         """The smallest difference of distances that decides about a link."""
+        sizes = natural_sizes(scenario.start, scenario.t_end - scenario.start.t)
+        self.length, self.speed = (size if 0.0 < size < ORDINARY else 1.0 for size in sizes)
+        """Least length and speed that count, as for tolerances: 1, or what the motion has where that is smaller."""
+        self.place = scenario.tolerance * self.length
+        """Tolerance of places of a group no larger than this length."""
 
     def check(self, own: float, y: Array) -> None:
         """Check the state vector ``y`` at the session's own time.
@@ -75,12 +87,13 @@ class Precision:
             When positions, links or times are finer than floating-point numbers resolve.
         """
         q, p, _ = self._dynamics.split(y)
-        if not places_fine(float(np.abs(q).max(initial=0.0)), self._tolerance, self.finest):
+        if not places_fine(float(np.abs(q).max(initial=0.0)), self.place, self.finest):
             self._check_places(own, q)
         time = self._origin.time_at(own)
-        if self.timed and not times_fine(time, self._tolerance):
-            late = EPSILON * abs(time) * max(1.0, float(np.abs(p).max(initial=0.0)))
-            if late > COARSEST * self._tolerance * max(1.0, _spread(q)):
+        fastest = max(self.speed, float(np.abs(p).max(initial=0.0)))
+        if self.timed and not times_fine(time, fastest, self.place):
+            late = EPSILON * abs(time) * fastest
+            if late > COARSEST * self._tolerance * max(self.length, _spread(q)):
                 raise OutOfPrecision(
                     f"Times are resolved only to {EPSILON * abs(time):.2g}, too coarse for a tolerance "
                     f"of {self._tolerance:g}. Let the scenario, its leaders and its obstacles begin near t = 0.",
@@ -90,7 +103,7 @@ class Precision:
     def _check_places(self, own: float, q: Array) -> None:
         size = np.abs(q).max(axis=1)
         agent = int(np.argmax(size))
-        if EPSILON * size[agent] > COARSEST * self._tolerance * max(1.0, _spread(q)):
+        if EPSILON * size[agent] > COARSEST * self._tolerance * max(self.length, _spread(q)):
             raise OutOfPrecision(
                 f"Positions near {size[agent]:.3g} are resolved only to {EPSILON * size[agent]:.2g}, too coarse "
                 f"for a tolerance of {self._tolerance:g}. Start near the origin, or raise Scenario.tolerance.",

@@ -17,7 +17,7 @@ SHORTENED = 0.25
 """Factor by which a step that is not acceptable is shortened."""
 
 SHORTEST = 64 * float(np.finfo(float).eps)
-"""Steps are not shortened below this share of the time, or of 1: times would no longer resolve them."""
+"""Steps are not shortened below this share of the time, of 1, or of a shorter run: times would not resolve them."""
 
 RETRIES = 30
 """Number of retries, each four times smaller."""
@@ -58,6 +58,8 @@ def found_step(
         When Ctrl-C was pressed; the stepper is then to be put back where it was.
     """
     before = stepper.memory
+    scenario = dynamics.scenario
+    shortest = SHORTEST * max(abs(before.t), min(1.0, scenario.t_end - scenario.start.t))
     longest = np.inf
     for _ in range(RETRIES):
         interruption.check()
@@ -86,7 +88,7 @@ def found_step(
         if lost is None and share >= 1 and not jumped:
             break
         longest = (segment.t1 - segment.t0) * (share if share < 1 else SHORTENED)
-        if longest <= SHORTEST * max(1.0, abs(before.t)):
+        if longest <= shortest:
             break
         stepper.recall(before)
     if lost is not None:

@@ -12,7 +12,8 @@ STEP_ROUNDING = 1e-9
 """Share of a step by which a time may be off: the rounding of a time a million steps from zero is 2e-10 of a step."""
 
 TIME_ROUNDING = 1e-9
-"""Share of the largest time of a run by which a stored time may lie outside of it: far above its rounding."""
+"""Share of the largest time of a run, or of 1 in a longer one, by which a stored time may lie outside of it: far above
+its rounding."""
 
 LARGEST_SQUARE = 1e300
 """Squares of lengths above it count as infinite: sums of a few of them do not overflow."""
@@ -42,4 +43,5 @@ def is_reached(time: float, to: float, step: float) -> bool:
 
 def time_slack(scenario: Scenario) -> float:
     """By how much stored times of a run may lie before its start or after its end."""
-    return TIME_ROUNDING * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
+    start, end = scenario.start.t, scenario.t_end
+    return TIME_ROUNDING * max(abs(start), abs(end), min(1.0, end - start))

@@ -33,7 +33,8 @@ FINER = 100
 """Ratio of the two distances from an edge at which its sides are compared: a gap linear in it falls as far."""
 
 LEAST_SCALE = 1e-3
-"""Borders nearer to 0 are probed as if they were at this distance, so that the steps do not vanish."""
+"""Borders nearer to 0 are probed as if they were at this distance, or at this share of the farthest border where that
+is nearer than 1, so that the steps do not vanish."""
 
 HALVED = 0.5
 """A gap that falls below this share when the step becomes a hundredth vanishes with the step: there is no jump."""
@@ -108,11 +109,13 @@ def limits(borders: Sequence[float], formulas: Shape, parameters: Sequence[objec
             return np.array([np.nan])
 
     edges = [-np.inf, *borders]
-    return np.array([_limits(low, high, shape) for low, high in pairwise(edges)])
+    size = max((abs(float(x)) for x in borders if np.isfinite(x)), default=0.0)
+    least = LEAST_SCALE * (size if 0.0 < size < 1.0 else 1.0)
+    return np.array([_limits(low, high, shape, least) for low, high in pairwise(edges)])
 
 
 def _limits(
-    low: float, high: float, shape: Callable[[float, float, float], Array]
+    low: float, high: float, shape: Callable[[float, float, float], Array], least: float
 ) -> tuple[float, float, float, float]:
     inner = low + MARGIN * max(abs(low), NO_LESS) if np.isfinite(low) else -np.inf
     outer = high - MARGIN * max(abs(high), NO_LESS) if np.isfinite(high) else np.inf
@@ -123,7 +126,7 @@ def _limits(
     for edge, inwards in ((inner, 1.0), (outer, -1.0)):
         if not np.isfinite(edge):
             found.append((edge, edge))
-        elif _goes_on(edge, inwards, middle if np.isfinite(middle) else edge, shape):
+        elif _goes_on(edge, inwards, middle if np.isfinite(middle) else edge, shape, least):
             found.append((edge, -inwards * np.inf))
         else:
             finite = np.isfinite(shape(edge, edge, edge)).all()
@@ -131,9 +134,11 @@ def _limits(
     return found[0][0], found[1][0], found[0][1], found[1][1]
 
 
-def _goes_on(edge: float, inwards: float, side: float, shape: Callable[[float, float, float], Array]) -> bool:
+def _goes_on(
+    edge: float, inwards: float, side: float, shape: Callable[[float, float, float], Array], least: float
+) -> bool:
     """Whether the formulas of the piece around ``side`` are continuous beyond its edge."""
-    scale = max(abs(edge), LEAST_SCALE)
+    scale = max(abs(edge), least)
     gaps = []
     for step in (STEP, STEP / FINER):
         before, after = (shape(d, side, d) for d in (edge + inwards * step * scale, edge - inwards * step * scale))

@@ -32,9 +32,8 @@ class LammpsRecorder(Recorder):
 
     def due(self, t: float) -> bool:
         """Whether a frame is due at or before time ``t``; the same on all ranks."""
-        return self.count < len(self.frame_times) and bool(
-            self.frame_times[self.count] <= t + SAME_TIME * max(1.0, abs(t))
-        )
+        slack = SAME_TIME * max(abs(t), min(1.0, self.scenario.t_end - self.scenario.start.t))
+        return self.count < len(self.frame_times) and bool(self.frame_times[self.count] <= t + slack)
 
     def state_frame(self, state: State, observed: tuple[float, ...] | None) -> None:
         """Store a frame.

@@ -38,13 +38,10 @@ SwitchRow = tuple[float, int, int, str, int, float, bool, float, float]
 TANGENTIAL = 1e-6
 """A crossing slower than this fraction of the relative speed is flagged as tangential."""
 
-AT_REST = 1e-12
-"""Relative speeds below it count as this one, so that agents at rest have a bound above zero."""
-
 
 def is_tangential(speed: float, relative: float) -> bool:
-    """Whether a crossing with this ``speed`` is tangential, ``relative`` being the whole relative speed."""
-    return abs(speed) < TANGENTIAL * max(relative, AT_REST)
+    """Whether a crossing with this ``speed`` is tangential, ``relative`` being the whole relative speed, or 0."""
+    return abs(speed) <= TANGENTIAL * relative
 
 
 FRAMES = "frames"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array, Indices, Numbers32
+from flocking.engine.adaptive_steps.state_tolerances import ORDINARY
 from flocking.engine.kernels.codegen import array_kernels
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.tiles.kernels.body_motion import further_names
@@ -105,7 +106,9 @@ class BodyCheck:
         for k in range(first):
             rows[:, k, moving.index(f"p{k}")] = 1.0
         for column, name in enumerate(moving):
-            change = NUDGE * np.maximum(np.abs(state[name]), 1.0)
+            size = np.abs(state[name])
+            largest = float(size.max(initial=0.0))
+            change = NUDGE * np.maximum(size, largest if 0.0 < largest < ORDINARY else 1.0)
             moved = self._stated(state | {name: state[name] + change}, given, desired)[0]
             rows[:, first:, column] = ((moved - about) / change).T
         finite = np.isfinite(rows).all(axis=(1, 2))

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     import sympy
 
 SAME_TIME = 1e-14
-"""Width at which a bisection for a time ends, relative to the time: some fifty units of rounding."""
+"""Width at which a bisection for a time ends, relative to the time, to 1, or to a shorter interval: some fifty units of
+rounding."""
 
 MOST_ADDENDS = 64
 """Largest number of addends of a velocity for an integral in closed form; limits the time."""
@@ -24,6 +25,9 @@ HIGHEST_POWER = 8
 """Largest exponent in such an addend; limits the number of terms of its integral."""
 MOST_PIECES = 256
 """Largest number of pieces of an interval of quadrature; about one per unit of time below it."""
+
+SHORT_PIECES = 32
+"""Number of pieces of an interval shorter than `ORDINARY`: the unit of time may be a nanosecond then."""
 
 SAMPLES_OF_A_PIECE = 64
 """Times of a piece at which a condition that is no polynomial is looked at: one that changes twice between two is
@@ -33,9 +37,13 @@ NEARLY_REAL = 1e-6
 not needed costs little."""
 
 LARGEST_DOUBT = 1e-9
-"""Largest estimated error of the position on a piece; relative if the displacement exceeds 1."""
+"""Largest estimated error of the position on a piece, relative to its displacement, to 1, or to `_way` where less."""
 ABSOLUTE, RELATIVE, SUBINTERVALS = 1e-13, 1e-12, 200
 """Tolerances of the quadrature, near rounding, and largest number of subintervals of a piece, which limits the time."""
+
+ORDINARY = 0.01
+"""Ways and times from this on are taken to be in usual units: tolerances are absolute errors of ways below 1 there, as
+those of positions are. Shorter ones count as they are."""
 
 Complex = tuple["sympy.Expr", "sympy.Expr"]
 """Real and imaginary part."""
@@ -248,9 +256,8 @@ def jump_times(velocity: Sequence[sympy.Expr], t: sympy.Symbol, start: float, en
         values = [_sign(value, float(x)) for x in times]
         for (a, x), (b, y) in pairwise(zip(times.tolist(), values, strict=True)):
             if x * y < 0:
-                found.add(
-                    float(bisect(lambda s, value=value: _sign(value, s), a, b, xtol=SAME_TIME * max(1.0, abs(b))))
-                )
+                width = SAME_TIME * max(abs(b), min(1.0, abs(end - start)))
+                found.add(float(bisect(lambda s, value=value: _sign(value, s), a, b, xtol=width)))
             elif x == 0:
                 found.add(a)
     return sorted(x for x in found if min(start, end) < x < max(start, end))
@@ -267,13 +274,21 @@ def _sign(value: Callable[[float], object], t: float) -> float:
 
 def _pieces(start: float, end: float) -> int:
     """Number of pieces of an interval of quadrature."""
-    return int(min(MOST_PIECES, max(1.0, np.ceil(abs(end - start)))))
+    length = abs(end - start)
+    return SHORT_PIECES if length < ORDINARY else int(min(MOST_PIECES, max(1.0, np.ceil(length))))
+
+
+def _way(along: Callable[[float], float], edges: Array) -> float:
+    """Size of what is travelled: 1, or by the speeds in the middle of pieces where that is less than `ORDINARY`."""
+    speed = max(abs(along(float(0.5 * (a + b)))) for a, b in pairwise(edges))
+    way = speed * abs(float(edges[-1] - edges[0]))
+    return way if 0.0 < way < ORDINARY else 1.0
 
 
 def travelled(velocity: Callable[[float], Array], start: float, end: float, jumps: Sequence[float] = ()) -> Array:
     """Integral of a velocity from ``start`` to ``end``, by adaptive quadrature over pieces of unit length.
 
-    Longer intervals have 256 pieces, so features much shorter than a piece may be missed.
+    Longer intervals have 256 pieces and very short ones 32, so features much shorter than a piece may be missed.
 
     Parameters
     ----------
@@ -300,11 +315,12 @@ def travelled(velocity: Callable[[float], Array], start: float, end: float, jump
         def along(s: float, axis: int = axis) -> float:
             return float(velocity(s)[axis])
 
+        size = _way(along, edges)
         for a, b in pairwise(edges):
             piece, doubt, *_ = quad(
-                along, float(a), float(b), epsabs=ABSOLUTE, epsrel=RELATIVE, limit=SUBINTERVALS, full_output=1
+                along, float(a), float(b), epsabs=ABSOLUTE * size, epsrel=RELATIVE, limit=SUBINTERVALS, full_output=1
             )
-            if doubt > LARGEST_DOUBT * max(1.0, abs(piece)):
+            if not doubt <= LARGEST_DOUBT * max(size, abs(piece)):
                 raise InvalidInput(
                     "Path", "velocity", "must be smooth enough for the position to be found to 9 digits",
                     f"coordinate {axis} is known to {doubt:.1g} for t in [{a:g}, {b:g}]",

@@ -20,6 +20,10 @@ PER_SECOND = 1_000_000_000
 LONGEST = 1e8
 """Longest period, delay or phase: about three years in seconds, which leaves the sums of such times within 64 bits."""
 
+COARSEST = 1e-4
+"""Largest share of a time by which whole nanoseconds may miss it: times of 5 microseconds and longer always
+pass; a shorter one that is rounded by more is another time."""
+
 Instants = NDArray[np.int64]
 """Times as whole nanoseconds from the start."""
 
@@ -39,7 +43,8 @@ def nanoseconds(owner: str, name: str, value: float | Array, *, positive: bool =
     Raises
     ------
     InvalidInput
-        When a time is negative or longer than `LONGEST`, or one that must be positive rounds to zero.
+        When a time is negative or longer than `LONGEST`, or whole nanoseconds miss one that must be positive by more
+        than `COARSEST` of it.
     """
     found = np.asarray(scalar_or_each(owner, name, value, least=0.0), dtype=np.float64)
     if not found.size:
@@ -49,6 +54,13 @@ def nanoseconds(owner: str, name: str, value: float | Array, *, positive: bool =
     nanoseconds = np.rint(found * PER_SECOND).astype(np.int64)
     if positive and (nanoseconds < 1).any():
         raise InvalidInput(owner, name, f"must be at least {NANOSECOND:g}", float(found.min()))
+    missed = np.abs(found * PER_SECOND - nanoseconds)
+    # Phases and delays may be as short as one likes beside a period.
+    if positive and (coarse := missed > COARSEST * found * PER_SECOND).any():
+        raise InvalidInput(
+            owner, name, "must be a whole number of 1e-9 to one part in 10,000: ticks are counted in these",
+            float(found[coarse].flat[0]), "Choose a smaller unit of time, so that periods are larger numbers.",
+        )  # fmt: skip
     return np.asarray(nanoseconds)
 
 

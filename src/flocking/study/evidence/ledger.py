@@ -11,6 +11,7 @@ from flocking.engine.reference.control import evaluate_each
 from flocking.formula.safe_digits import compared_texts
 from flocking.model.checks import Array
 from flocking.study.evidence.basis import NotResolvable, stated
+from flocking.study.evidence.energy_sizes import energy_size
 from flocking.study.evidence.links import LinkEvidence
 
 LEDGER_FACTOR = 100.0
@@ -34,15 +35,17 @@ MOST_COMPARED = 2_000
 ROUNDING, INTERPOLATION_ROUNDING = 1e-12, 1e-9
 """Rounding of a computed ledger and of one integrated over samples, as shares of the largest energy."""
 
+CLOSE = 0.5
+"""Share of its bound from which a residual is near it: a rise of the energy is at most twice the residual."""
+
 RESTING = 16.0
 """Largest change of a coordinate that is rounding alone, in units of the rounding of the largest one."""
 
-SMALLEST = 1e-14
-"""Smallest bound of a residual, for runs without energy. It depends on the unit of energy: no verdict rests on it where
-it alone lets a residual pass.
-"""
+CANCELLED = 1e-14
+"""Rounding of an energy in double precision as a share of the terms that cancel in it, see `energy_size`: fifty units
+of rounding."""
 
-TOO_SMALL = f"differences below {SMALLEST:g} decide nothing; choose units in which energies are larger"
+TOO_SMALL = "energies in which larger terms cancel decide nothing where rounding is as large as they are"
 """Why a difference of energies is inconclusive."""
 
 
@@ -64,25 +67,38 @@ class LedgerEvidence(LinkEvidence):
         return float(np.abs(self.trace["energy"]).max(initial=0.0))
 
     @cached_property
+    def cancelled(self) -> float:
+        """Rounding of energies in which larger terms cancel, as the potential of a link near its length of rest."""
+        share = max(CANCELLED, RESTING * float(np.finfo(self.run.q.dtype).eps))
+        return share * energy_size(self.run)
+
+    @cached_property
     def ledger_bound(self) -> float:
         """Bound of the residual: 100 tolerances times the energy moved, plus rounding.
 
         It rises to what the integration error explains, where that is known, up to a small share of the energy moved.
         For samples it is the error of the interpolated powers; for a fixed step the share of the energy moved that its
-        engine states.
+        engine states. Rounding of terms that cancel is added where a residual comes near to the rest.
         """
+        bound = self._resolved_bound
+        near = self.fidelity.ledger.kind != "estimate" and self.residual > CLOSE * bound
+        return bound + self.cancelled if near else bound
+
+    @cached_property
+    def _resolved_bound(self) -> float:
+        """The bound without the rounding of terms that cancel."""
         rule = self.fidelity.ledger
         if rule.kind == "unknown":
             raise NotResolvable(f"the run does not state the bound of its ledger{self.why_no_ledger}")
         size = stated(rule.size, "the bound of its ledger")
         if rule.kind == "share":
             rounding = ENERGY_ROUNDING * float(np.finfo(self.run.q.dtype).eps) * self._largest_energy
-            return size * (self.energy_moved + rounding) + SMALLEST
+            return size * (self.energy_moved + rounding)
         if rule.kind == "estimate":
             switch_error = stated(rule.switch_error, "what switches add to its ledger")
             return DOUBT * size + switch_error + INTERPOLATION_ROUNDING * self._largest_energy
         explained = min(self.explained_residual, MOST_EXPLAINED * self.energy_moved)
-        return max(LEDGER_FACTOR * size * self.run.turnover, explained) + ROUNDING * self._largest_energy + SMALLEST
+        return max(LEDGER_FACTOR * size * self.run.turnover, explained) + ROUNDING * self._largest_energy
 
     @property
     def explained_residual(self) -> float:
@@ -126,15 +142,11 @@ class LedgerEvidence(LinkEvidence):
 
     @property
     def _tiny_energies(self) -> str:
-        """Why a residual is inconclusive that is small in the unit of energy but not beside the energies; else empty.
-
-        Rounding explains a residual of `SMALLEST` where energies of order 1 nearly cancel, so that it does not refute
-        the law either.
-        """
+        """Why a residual is inconclusive that only rounding of terms that cancel lets pass; else empty."""
         if self.fidelity.ledger.kind not in ("tolerance", "share"):
             return ""
         size = self._largest_energy + self.energy_moved
-        if not self.ledger_bound - SMALLEST < self.residual <= self.ledger_bound:
+        if not self._resolved_bound < self.residual <= self.ledger_bound:
             return ""
         if self.residual <= MOST_EXPLAINED * size or self._at_rest:
             return ""
@@ -196,10 +208,10 @@ class LedgerEvidence(LinkEvidence):
         size = self._largest_energy + float(self.trace["kinetic"].max()) + self.energy_moved
         for name, (energy, recorded) in compared.items():
             gap = float(np.abs(recorded - energy).min())
-            if gap <= SLACK * size or (gap <= SMALLEST and self._at_rest):
+            if gap <= SLACK * size or (self._at_rest and gap <= self.cancelled):
                 continue
             said = f"the last frame has the {name} {energy:.9g}, and the ledger records {recorded[-1]:.9g} there"
-            return said if not gap <= SMALLEST else f"{said}; {TOO_SMALL}"
+            return said if not gap <= self.cancelled else f"{said}; {TOO_SMALL}"
         return ""
 
     @property

@@ -114,8 +114,11 @@ class Limits(NamedTuple):
         Tolerance of the scenario, and that of each component of the state vector, shape (size,).
     reach
         Shortest reach of a graph.
-    finest
-        The finest difference of radii, see `flocking.engine.exact.precision.Precision`.
+    place, speed, finest
+        Tolerance of places, least speed that counts, and the finest difference of radii, see
+        `flocking.engine.exact.precision.Precision`.
+    velocities
+        How many components of the state vector are velocities; they follow the positions.
     unlinked
         Energy of all pairs without links, shape (1,); it changes with the links.
     recording
@@ -130,7 +133,10 @@ class Limits(NamedTuple):
     tolerance: float
     components: Array
     reach: float
+    place: float
+    speed: float
     finest: float
+    velocities: int
     unlinked: Array
     recording: bool
     most: int

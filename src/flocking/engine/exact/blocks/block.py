@@ -199,8 +199,9 @@ def take_block(
         precision.timed,
     )
     limits = Limits(
-        *until, dynamics.base, dynamics.scenario.tolerance, stepper.tolerance, error.reach, precision.finest,
-        np.array([dynamics.unlinked]), not error.in_doubt, room, companion.FEW_PAIRS,
+        *until, dynamics.base, dynamics.scenario.tolerance, stepper.tolerance, error.reach, precision.place,
+        precision.speed, precision.finest, (dynamics.order - 1) * n * dynamics.m, np.array([dynamics.unlinked]),
+        not error.in_doubt, room, companion.FEW_PAIRS,
     )  # fmt: skip
     shown = max(1, min(MOST_FRAMES, MOST_LINKS // (n * n)))
     records = Records(

@@ -276,9 +276,14 @@ def is_sound(law: CompiledLaw, watches: Watches, limits: Limits, stop: float, so
     largest = 0.0
     for c in range(law.n * law.m):
         largest = max(largest, abs(new[c]))
-    if not places_fine(largest, limits.tolerance, limits.finest):
+    if not places_fine(largest, limits.place, limits.finest):
         return False
-    return not watches.timed or times_fine(stop + limits.base, limits.tolerance)
+    if not watches.timed:
+        return True
+    fastest = limits.speed
+    for c in range(law.n * law.m, law.n * law.m + limits.velocities):
+        fastest = max(fastest, abs(new[c]))
+    return times_fine(stop + limits.base, fastest, limits.place)
 
 
 def follow_companion(

@@ -136,11 +136,13 @@ def energy_continuous(e: Evidence) -> Measure:
     """Total absolute jump of the energy at switches."""
     jumps = float(np.abs(np.diff(e.trace["jumped"])).sum())
     largest = float(np.abs(e.trace["energy"]).max())
-    allowed = ROUNDING * max(1.0, largest)
+    allowed = ROUNDING * largest
+    if jumps > allowed:
+        allowed = max(allowed, e.cancelled)
     over = f" over {len(e.link_switches)} switches" if e.switches_known else ""
     note = f"jumps add up to {jumps:.1e}{over}"
     if ROUNDING * largest < jumps < allowed:
-        # Rounding of energies of order 1 that nearly cancel, or a jump between energies that are all small.
+        # Terms that cancel in the energies may have rounded by as much.
         return Measure(
             allowed - jumps, np.inf, f"{note}, the largest energy is {largest:.1e}: rounding may explain them"
         )
