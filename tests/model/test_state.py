@@ -77,3 +77,22 @@ def test_a_link_of_an_agent_to_itself_is_named_and_no_shape():
         fk.State([[0.0, 0.0], [1.0, 0.0]], links=[[False, True], [True, True]])
     with pytest.raises(fk.InvalidInput, match=r"got 'shape \(3, 3\)'"):
         fk.State([[0.0, 0.0], [1.0, 0.0]], links=np.zeros((3, 3), dtype=bool))
+
+
+@pytest.mark.parametrize("name", ["q", "p"])
+def test_numbers_without_squares_are_refused(name):
+    with pytest.raises(InvalidInput, match=f"State: {name} must hold no number above 1e"):
+        fk.State(**{"q": [[0.0, 0.0]], name: [[0.0, -1e155]]})
+
+
+@pytest.mark.parametrize("extent", [1e-163, 1e-300])
+def test_a_group_whose_distances_have_no_squares_is_refused(extent):
+    """Its agents would count as one point, and a force of 1 between them as 0."""
+    law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("k*r", k=1.0))])
+    state = fk.State([[0.0, 0.0], [extent, 0.0]])
+    with pytest.raises(InvalidInput, match="control: state must have places that differ by more than 1e-140"):
+        fk.control(law, state)
+    with pytest.raises(InvalidInput, match="Scenario: start must have places that differ by more than 1e-140"):
+        fk.Scenario(law, state, t_end=1.0)
+    assert fk.control(law, fk.State([[0.0, 0.0], [1e-138, 0.0]]))[0].tolist() == [1.0, 0.0]
+    assert fk.control(law, fk.State([[0.0, 0.0], [0.0, 0.0]])).tolist() == [[0.0, 0.0], [0.0, 0.0]]

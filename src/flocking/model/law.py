@@ -290,7 +290,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
                 "Scenario", "start", "must be a State", self.start, "Use fk.State(q, p) or fk.start.box(...)."
             )
         kinds = {"agents": Body, "energy": Energy, "space": Space, "information": Information, "control": Control}
-        for name, kind in {**kinds, "name": str}.items():
+        for name, kind in (kinds | {"name": str}).items():
             if not isinstance(getattr(self, name), kind):
                 raise InvalidInput("Scenario", name, f"must be {SORTS[kind]}", getattr(self, name))
         object.__setattr__(self, "t_end", checked_end(self.t_end, self.start.t))
@@ -302,6 +302,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
         self.agents.check_scenario(self.control, self.start.q, self.start.p)
         object.__setattr__(self, "start", self._with_all_columns())
         self.law.check_count(self.start.n, self.start.dimension)
+        self.start.check_extent("Scenario")
         check_acting(self.law, self.space, self.agents, self.start)
         if self.start.links is not None:
             check_mutual(self.law.graph, self.start.links)

@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 SPACE = 3
 """Dimensions beyond which an error adds that rows are agents: columns may have been meant."""
 
+LARGEST = 1e150
+"""Largest coordinate and velocity: squares of larger ones are no numbers, and distances would be infinite."""
+
+NARROWEST = 1e-140
+"""Least extent of a group that is not in one point: squares of shorter distances lose digits, or are 0."""
+
 CALLER = 4
 """Stack level of a warning for the line that makes a state: this class, its constructor, and the check of names."""
 
@@ -52,7 +58,7 @@ class State:
     Raises
     ------
     InvalidInput
-        When shapes disagree, a value is not finite, or there is no agent.
+        When shapes disagree, a value is not finite or above 1e150, or there is no agent.
     """
 
     q: Array
@@ -81,6 +87,10 @@ class State:
             raise InvalidInput(
                 "State", "p", f"must have the shape of q, {q.shape}", f"shape {p.shape}", "Give one velocity per agent."
             )
+        for name, given in (("q", q), ("p", p)):
+            if (largest := float(np.abs(given).max())) > LARGEST:
+                rule = f"must hold no number above {LARGEST:g}, of which there is no square"
+                raise InvalidInput("State", name, rule, largest, "Choose another unit.")
         if q.shape[1] > SPACE:
             warnings.warn(
                 f"State: q has shape {q.shape}, which is {q.shape[0]} agents in {q.shape[1]} dimensions: rows are "
@@ -110,6 +120,26 @@ class State:
                 raise InvalidInput("State", "links", rule, wrong)
             links.setflags(write=False)
             object.__setattr__(self, "links", links)
+
+    def check_extent(self, owner: str, name: str = "start") -> None:
+        """Check that distances of agents are numbers if the places differ.
+
+        Parameters
+        ----------
+        owner
+            Who looks at the distances, for the message.
+        name
+            Its name for the state.
+
+        Raises
+        ------
+        InvalidInput
+            If all agents lie closer together than 1e-140, but not in one point: squares of their distances are 0.
+        """
+        extent = float(np.abs(self.q - self.q[0]).max())
+        if 0.0 < extent < NARROWEST:
+            rule = f"must have places that differ by more than {NARROWEST:g}, or not at all"
+            raise InvalidInput(owner, name, rule, extent, "Choose another unit of length.")
 
     def _checked_columns(self) -> dict[str, Array]:
         if not isinstance(self.columns, Mapping):

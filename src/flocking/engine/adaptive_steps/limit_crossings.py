@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.adaptive_steps.segment import Segment
-from flocking.errors import SimulationError
+from flocking.errors import NotFinite, SimulationError
 from flocking.model.bodies.body import LIMIT_ROUNDS, Body
 from flocking.model.checks import Array
 
@@ -78,6 +78,26 @@ class HeldNumbers:
         """Which limits begin or end to act, from the signs of their expressions, shape (limits, N)."""
         return np.asarray(np.where(self.acting > 0.0, signs[:, 1] > 0.0, signs[:, 0] > 0.0))
 
+    def check(self, values: Array, t: float) -> Array:
+        """The ``values`` of the expressions of limits at a time, once they are known to be no infinities.
+
+        They are made of squares of forces, of which one of 1e160 has none: a scale made of it would be zero.
+
+        Raises
+        ------
+        NotFinite
+            When one is infinite.
+        """
+        if np.isinf(values).any():
+            row, _, agent = (int(k) for k in np.argwhere(np.isinf(values))[0])
+            name = self.names[self.limits[row]]
+            raise NotFinite(
+                f"What the limit {name!r} of agent {agent} holds down is so large that its square is no number. "
+                "Start agents farther apart, or choose units in which forces and speeds are below 1e150.",
+                time=t + self._base, agents=(agent,),
+            )  # fmt: skip
+        return values
+
     def follow(self, signs: Signs, t: float, y: Array, put: Callable[[], None]) -> bool:
         """Change which limits act according to the state; whether one changed.
 
@@ -93,11 +113,11 @@ class HeldNumbers:
         Raises
         ------
         SimulationError
-            When a limit begins and ends without end.
+            When a limit begins and ends without end, or as `check` says.
         """
         any_change = False
         for _ in range(LIMIT_ROUNDS):
-            change = self.changed(signs(t, y))
+            change = self.changed(self.check(signs(t, y), t))
             if not change.any():
                 return any_change
             any_change = True

@@ -261,6 +261,9 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
             segment = self._stepper.step(bound, self._longest_step * self.delays.least)
             if (bite := self._law.held.first_limit_change(self._limit_signs, segment)) is not None:
                 segment = segment.cut(bite)
+            if self._law.held.limits:
+                end, y = segment.t1, segment.coefficients[-1]
+                self._law.held.check(self._limit_signs(end, y), end)
             segment, crossings = self._met_on(segment)
             rows = self._known_switches(segment)
         except BaseException:

@@ -131,6 +131,11 @@ class Dynamics:
         """Change which limits of the bodies act according to a state vector ``y``; whether one changed."""
         return bool(self.held.limits) and self.held.follow(self._limit_signs, t, y, self._put_held)
 
+    def check_limits(self, t: float, y: Array) -> None:
+        """Refuse a state at which limits of the bodies see no finite numbers, see `HeldNumbers.check`."""
+        if self.held.limits:
+            self.held.check(self._limit_signs(t, y), t)
+
     def first_limit_change(self, segment: Segment) -> float | None:
         """The fraction of a segment at which the first limit begins or ends to act; None if none does."""
         return self.held.first_limit_change(self._limit_signs, segment)

@@ -214,6 +214,7 @@ class ExactSession(AdaptiveSession):
             bound = self._jumps.bound(self._segment.t1)
             segment, pending = found_step(self._stepper, self._links, self._dynamics, bound, ledger, tried)
             self._precision.check(segment.t1, segment.coefficients[-1])
+            self._dynamics.check_limits(segment.t1, segment.coefficients[-1])
             self._error.follow(segment)
         except BaseException:
             self._stepper.recall(before)

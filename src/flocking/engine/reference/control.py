@@ -128,6 +128,7 @@ def _evaluated(
     law.check_count(n, m)
     energy = energy or Energy()
     if taken_apart is None:
+        state.check_extent("control", "state")
         check_space(space, law.graphs, law.body_terms, m)
         check_steering_space(space, law.steering_terms)
         layout = Layout(law, energy, agents, space, steering=True)

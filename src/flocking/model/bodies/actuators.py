@@ -32,6 +32,13 @@ SQUARES = 1e-280, 1e300
 """Smallest and largest square of a force from which its length is computed: others lose digits, or overflow."""
 
 
+LARGEST_SQUARE = SQUARES[1]
+"""Square from which on formulas give an infinite force."""
+
+LARGEST_LIMIT = 1e150
+"""Largest limit: its square, and that of what is a little more, are numbers."""
+
+
 def scaled_back(force: Array, most: Array, *, each_axis: bool) -> Array:
     """Forces scaled back to the largest ones.
 
@@ -163,7 +170,8 @@ class Limited(WrappedBody):
     Raises
     ------
     InvalidInput
-        When a limit is not positive, there is none, or the body has nothing that it could limit.
+        When a limit is not positive, its square is no number, there is none, or the body has nothing that it could
+        limit.
 
     Examples
     --------
@@ -189,7 +197,7 @@ class Limited(WrappedBody):
         for name in ("force", "speed", "rate"):
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, scalar_or_each("Limited", name, value, above=0.0))
+                object.__setattr__(self, name, _of_squares(name, scalar_or_each("Limited", name, value, above=0.0)))
         one_of("Limited", "shape", self.shape, SHAPES)
         if not self.own_parameters:
             raise InvalidInput("Limited", "force", "must be given where neither speed nor rate is", None)
@@ -276,6 +284,14 @@ class Limited(WrappedBody):
         return ", ".join(f"{name} at most {float(np.min(value)):g}" for name, value in self.own_parameters.items())
 
 
+def _of_squares(name: str, most: float | Array) -> float | Array:
+    """Limits whose squares are numbers, as motions are compared with them by squares."""
+    if (largest := float(np.max(most))) > LARGEST_LIMIT:
+        fix = "Leave out a limit that never acts, or choose other units."
+        raise InvalidInput("Limited", name, f"must be at most {LARGEST_LIMIT:g}", largest, fix)
+    return most
+
+
 def _along(a: Sequence[sympy.Expr], b: Sequence[sympy.Expr]) -> sympy.Expr:
     import sympy
 
@@ -292,5 +308,8 @@ def _scaled(vector: Sequence[sympy.Expr], most: sympy.Expr, acts: sympy.Expr) ->
     """A vector scaled to the length ``most`` where a limit acts."""
     import sympy
 
-    scale = sympy.Piecewise((most / sympy.sqrt(_along(vector, vector)), acts > ACTING), (1, True))
+    square = _along(vector, vector)
+    # Of a length without a square the share would be 0: an infinite force ends the run instead.
+    share = sympy.Piecewise((most / sympy.sqrt(square), square < LARGEST_SQUARE), (LARGEST_SQUARE, True))
+    scale = sympy.Piecewise((share, acts > ACTING), (1, True))
     return [scale * c for c in vector]

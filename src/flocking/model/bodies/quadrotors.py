@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.model.bodies.actuators import LARGEST_SQUARE
 from flocking.model.bodies.body import Body, Column, Limit, MotionSymbols
 from flocking.model.checks import Array, scalar_or_each
 from flocking.model.parts.registration import register_part
@@ -160,7 +161,10 @@ class Quadrotor(Body):
 
         weight = number("weight", x.mass * x.parameter("gravity"))
         w = x.parameter("command_frequency")
-        scale = number("scale", 1 / sympy.sqrt(1 + _dot(x.u, x.u) / (x.parameter("reach") * weight) ** 2))
+        beyond = 1 + _dot(x.u, x.u) / (x.parameter("reach") * weight) ** 2
+        # Of a force without a square the share would be 0: an infinite force ends the run instead.
+        share = sympy.Piecewise((1 / sympy.sqrt(beyond), beyond < LARGEST_SQUARE), (LARGEST_SQUARE, True))
+        scale = number("scale", share)
         f, rate = x.columns[COMMAND], x.columns[COMMAND_RATE]
         second = vector("command_second", [
             w**2 * (scale * u - a) - 2 * w * b for u, a, b in zip(x.u, f, rate, strict=True)

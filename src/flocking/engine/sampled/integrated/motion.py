@@ -101,6 +101,8 @@ class IntegratedMotion(Motion):
             self.stepper.restart(seconds, y)
             segment = self.stepper.step(min(bound, self.drawn_until * NANOSECOND))
             change = bodies.limits.first_limit_change(bodies.signs, segment)
+            if bodies.limits.limits:
+                bodies.limits.check(bodies.signs(segment.t1, segment.coefficients[-1]), segment.t1)
         except BaseException:
             self.stepper.recall(before)
             raise

@@ -19,6 +19,7 @@ from flocking.model.bodies.actuators import APPLIED, Lagged, Limited
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.disturbances import Disturbed
 from flocking.model.bodies.unicycles import HEADING, Unicycle
+from flocking.model.bodies.vector_lengths import FACTOR, LARGE
 from flocking.model.state import State
 
 BALL, BOX, GUST = 0, 1, 2
@@ -72,11 +73,15 @@ def exert(first, last, desired, kinds, numbers, gusts, target):  # type: ignore[
                     u = select(u > most, most, select(u < -most, -most, u))
                     store(target[k], base, narrow(u, desired[0, 0]))
             else:
-                square = spread(0.0)
+                # Squares of very long vectors are infinite: these are made smaller before, by a power of two.
+                square, smaller = spread(0.0), spread(1.0)
                 for k in range(m):
                     u = double_of(load(target[k], base))
+                    smaller = select(u > LARGE, FACTOR, select(u < -LARGE, FACTOR, smaller))
+                for k in range(m):
+                    u = double_of(load(target[k], base)) * smaller
                     square = square + u * u
-                length = root(square)
+                length, most = root(square), most * smaller
                 share = select(length > most, most / length, spread(1.0))
                 for k in range(m):
                     u = double_of(load(target[k], base))

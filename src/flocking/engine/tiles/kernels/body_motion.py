@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from flocking.engine.kernels.motion_source import motion_values
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.kernels.writer import Writer, parameter
+from flocking.model.bodies.actuators import LARGEST_SQUARE
 from flocking.model.bodies.body import LIMIT_ROUNDS
 
 if TYPE_CHECKING:
@@ -26,6 +27,11 @@ def further_names(spec: KernelSpec) -> list[str]:
     """
     widths = spec.layout.bodies.widths(spec.dimension)
     return [f"{name}{k}" for name, width in widths.items() for k in range(width)]
+
+
+LARGEST_SINGLE = 1e38
+"""What stands for `LARGEST_SQUARE` in single precision, whose numbers end at 3.4e38: a force of such a square times it
+is infinite."""
 
 
 def body_motion(
@@ -45,6 +51,9 @@ def body_motion(
     spec, motion = w.spec, w.formulas.body.motion
     bodies, rows = spec.layout.bodies, spec.layout.held_rows(spec.dimension)
     values = motion_values(motion)
+    if spec.precision == "float32":
+        single = {sympy.Float(LARGEST_SQUARE): sympy.Float(LARGEST_SINGLE)}
+        values = {name: e.xreplace(single) for name, e in values.items()}
     acts = {}
     for k, name in enumerate(_limit_names(spec)):
         begins = sympy.Gt(values[f"begins_{k}"], 0, evaluate=False)
