@@ -302,7 +302,6 @@ class Scenario(ScenarioCell, ScenarioWorld):
         self.agents.check_scenario(self.control, self.start.q, self.start.p)
         object.__setattr__(self, "start", self._with_all_columns())
         self.law.check_count(self.start.n, self.start.dimension)
-        self.start.check_extent("Scenario")
         check_acting(self.law, self.space, self.agents, self.start)
         if self.start.links is not None:
             check_mutual(self.law.graph, self.start.links)

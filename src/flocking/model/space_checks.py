@@ -49,8 +49,9 @@ def check_acting(law: ActingLaw, space: Space, bodies: Body, start: State) -> No
     Raises
     ------
     InvalidInput
-        When it cannot, see `check_space`, `check_steering` and `check_views`.
+        When it cannot, see `State.check_extent`, `check_space`, `check_steering` and `check_views`.
     """
+    start.check_extent("Scenario")
     check_space(space, law.graphs, law.body_terms, start.dimension)
     check_steering(space, law.steering_terms, bodies)
     check_views(law.graphs, bodies, start)

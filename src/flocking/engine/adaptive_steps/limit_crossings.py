@@ -113,7 +113,7 @@ class HeldNumbers:
         Raises
         ------
         SimulationError
-            When a limit begins and ends without end, or as `check` says.
+            When a limit begins and ends without end, or where `check` refuses.
         """
         any_change = False
         for _ in range(LIMIT_ROUNDS):

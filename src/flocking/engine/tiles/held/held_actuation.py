@@ -11,15 +11,14 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.kernels.held_speeds import fit_speed, speed_terms
 from flocking.engine.protocol.body_chains import chain_of
 from flocking.engine.tiles.held.lagged_motion import LagConstants
-from flocking.engine.tiles.held.limited_rates import beginning_share
+from flocking.engine.tiles.held.limited_rates import beginning_share, hold_back
 from flocking.engine.tiles.held.turning import Pushed, TurningPoint, headings_after
-from flocking.engine.tiles.simd.vectors import double_of, load, narrow, root, select, spread, store
+from flocking.engine.tiles.simd.vectors import double_of, load, narrow, select, spread, store
 from flocking.formula.native.functions import native
 from flocking.model.bodies.actuators import APPLIED, Lagged, Limited
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.disturbances import Disturbed
 from flocking.model.bodies.unicycles import HEADING, Unicycle
-from flocking.model.bodies.vector_lengths import FACTOR, LARGE
 from flocking.model.state import State
 
 BALL, BOX, GUST = 0, 1, 2
@@ -73,19 +72,7 @@ def exert(first, last, desired, kinds, numbers, gusts, target):  # type: ignore[
                     u = select(u > most, most, select(u < -most, -most, u))
                     store(target[k], base, narrow(u, desired[0, 0]))
             else:
-                # Squares of very long vectors are infinite: these are made smaller before, by a power of two.
-                square, smaller = spread(0.0), spread(1.0)
-                for k in range(m):
-                    u = double_of(load(target[k], base))
-                    smaller = select(u > LARGE, FACTOR, select(u < -LARGE, FACTOR, smaller))
-                for k in range(m):
-                    u = double_of(load(target[k], base)) * smaller
-                    square = square + u * u
-                length, most = root(square), most * smaller
-                share = select(length > most, most / length, spread(1.0))
-                for k in range(m):
-                    u = double_of(load(target[k], base))
-                    store(target[k], base, narrow(u * share, desired[0, 0]))
+                hold_back(target, base, most, desired[0, 0])
 
 
 @native

@@ -16,6 +16,9 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array
+from flocking.engine.tiles.simd.vectors import double_of, load, narrow, root, select, spread, store
+from flocking.formula.native.functions import native
+from flocking.model.bodies.vector_lengths import FACTOR, LARGE
 
 DRIFT, LIFT, KEEP, PUSH, RAMP, PLACE, SPEED, DECAY = range(8)
 """Places of the numbers in a row."""
@@ -134,3 +137,33 @@ def beginning_share(off: Array, most: Array, tau: Array, h: float) -> Array:
     last = left * np.exp(-(h - steady) / tau)
     integral = steady * (1.0 - 0.5 * rate * steady) + tau * (left - last)
     return np.asarray(2.0 * integral / h - last)
+
+
+@native
+def hold_back(target, base, most, like):  # type: ignore[no-untyped-def]
+    """Scale vectors of the agents of a tile in ``target`` back that are longer than ``most``.
+
+    Squares of very long ones are infinite: these are made smaller before, by a power of two.
+
+    Parameters
+    ----------
+    target
+        Shape (m, size).
+    base
+        The first agent of the tile.
+    most
+        Largest lengths, one for each lane.
+    like
+        A number of the precision of ``target``.
+    """
+    square, smaller = spread(0.0), spread(1.0)
+    for k in range(target.shape[0]):
+        u = double_of(load(target[k], base))
+        smaller = select(u > LARGE, FACTOR, select(u < -LARGE, FACTOR, smaller))
+    for k in range(target.shape[0]):
+        u = double_of(load(target[k], base)) * smaller
+        square = square + u * u
+    length, least = root(square), most * smaller
+    share = select(length > least, least / length, spread(1.0))
+    for k in range(target.shape[0]):
+        store(target[k], base, narrow(double_of(load(target[k], base)) * share, like))
