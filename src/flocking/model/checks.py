@@ -113,7 +113,8 @@ def integer(owner: str, parameter: str, value: object, *, least: int) -> int:
     InvalidInput
         If ``value`` is not an integer or too small.
     """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+    # NumPy counts durations among its integers.
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer):
         raise InvalidInput(owner, parameter, "must be an integer", value)
     if value < least:
         raise InvalidInput(owner, parameter, f"must be at least {least}", value)
@@ -192,6 +193,8 @@ def scalar_or_each(
     if axes_of(value) == 0:
         return number(owner, parameter, value, least=least, above=above)
     result = array(owner, parameter, value, ndim=1)
+    if not result.size:
+        raise InvalidInput(owner, parameter, "must be a number, or one for each agent", "no value")
     too_small = np.zeros(len(result), dtype=bool)
     if least is not None:
         too_small |= result < least

@@ -119,7 +119,8 @@ class Periodic(Space):
 
     def __post_init__(self) -> None:
         given = self.lengths
-        if isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray) or not len(given):
+        listed = isinstance(given, Sequence | np.ndarray) and np.ndim(given) > 0
+        if isinstance(given, str | bytes) or not listed or not len(given):
             raise InvalidInput("Periodic", "lengths", "must be one length for each axis", given, "Write [10.0, 10.0].")
         endless = [x is None or (isinstance(x, float) and x == np.inf) for x in given]
         found = tuple(

@@ -224,3 +224,17 @@ def test_a_failed_run_on_a_full_disk_is_not_lost(tmp_path: Path, monkeypatch: py
     assert caught.value.run is not None
     assert isinstance(caught.value.__context__, SimulationError)
     assert len(caught.value.run.t) > 3
+
+
+def test_a_finished_run_in_a_folder_that_cannot_be_written_is_read(tmp_path, monkeypatch):
+    """A process of root may write everywhere, so that the lock is refused here in the place of the system."""
+    fk.simulate(scenario(), save=tmp_path / "run", progress=False)
+    files = {path: path.stat().st_mtime_ns for path in sorted((tmp_path / "run").rglob("*"))}
+    monkeypatch.setattr("flocking.engine.driver.resuming.os.access", lambda *_: False)
+
+    def refused(folder):
+        raise fk.StorageError(f"{folder}: cannot be locked: read-only file system")
+
+    monkeypatch.setattr("flocking.engine.driver.resuming.RunWriter.reopen", refused)
+    assert_same(fk.resume(tmp_path / "run", progress=False), finished())
+    assert {path: path.stat().st_mtime_ns for path in sorted((tmp_path / "run").rglob("*"))} == files

@@ -214,3 +214,23 @@ def test_a_body_checks_scenarios_within_chains_and_mixtures_too():
         with pytest.raises(fk.InvalidInput, match="Slow: start must be slow"):
             fk.Scenario(law, start, t_end=1.0, agents=body)
     fk.Scenario(law, start, t_end=1.0, agents=fk.Mixture((fk.PointMass(), Slow()), [1, 0]))
+
+
+def test_a_rate_of_the_filtered_force_may_not_carry_it_over_the_weight():
+    """Two lags in a row: the force f follows g = f + f'/w, and g the desired one, so that f stays where g is.
+
+    From f = 0 and f' = v the force peaks at v/(e w) after the time 1/w: a rate of w times the weight is too fast for
+    the bound that the filter keeps, and one of e w times the weight would reach the weight itself.
+    """
+    body = fk.Quadrotor(masses=1.0, gravity=10.0, command_frequency=5.0)
+    law = fk.Law(fk.Complete(), [fk.Consensus(1.0)])
+    for rate, fits in ((49.0, True), (51.0, False), (5.0 * 10.0 * np.e, False)):
+        start = fk.State([[0.0, 0.0, 0.0]], columns={"command_rate": [[rate, 0.0, 0.0]]})
+        if fits:
+            run = fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=11, bodies=body), progress=False)
+            assert np.linalg.norm(run.columns["command"], axis=2).max() < rate / (np.e * 5.0) + 1e-6
+            continue
+        with pytest.raises(fk.InvalidInput, match=r"Quadrotor: command_rate must make .* shorter than the weight, 10"):
+            fk.Scenario(law, start, t_end=1.0, bodies=body)
+    both = fk.State([[0.0, 0.0, 0.0]], columns={"command": [[9.0, 0.0, 0.0]], "command_rate": [[-90.0, 0.0, 0.0]]})
+    assert fk.Scenario(law, both, t_end=1.0, bodies=body) is not None

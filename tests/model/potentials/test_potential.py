@@ -217,3 +217,33 @@ def test_a_start_at_the_rest_length_of_a_potential_with_a_parameter_as_exponent_
     law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("(r - 1)**k", k=2))])
     force = fk.evaluate(law, fk.State([[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]])).u[:, 0]
     assert force == pytest.approx([4.0, 2.0, -6.0], rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("formula", "numbers", "at", "slope", "curvature"),
+    [
+        ("(r - d)**n", {"d": 1.0, "n": 0.0}, 1.0, 0.0, 0.0), ("(r - d)**n", {"d": 1.0, "n": 1.0}, 1.0, 1.0, 0.0),
+        ("(r - d)**n", {"d": 1.0, "n": 2.0}, 1.0, 0.0, 2.0), ("r**n", {"n": 0.0}, 0.0, 0.0, 0.0),
+        ("r**n", {"n": 1.0}, 0.0, 1.0, 0.0), ("r*(r**2 - 1)**(k*n)", {"k": 1.0, "n": 1.0}, 1.0, 2.0, 6.0),
+    ],
+)  # fmt: skip
+def test_powers_of_zero_and_one_have_slopes_where_their_base_is_zero(formula, numbers, at, slope, curvature):
+    """n b**(n - 1) is no 0 times infinity there; beside it the parameter counts as before."""
+    psi = fk.Potential(formula, **numbers)
+    assert float(psi.slope(at)) == slope
+    assert float(psi.curvature(at)) == curvature
+    assert psi.slope([at, at + 1.0]).tolist()[1] == psi.slope(at + 1.0)
+
+
+@pytest.mark.parametrize("engine", ["exact", "sampled", "tiles"])
+def test_a_power_of_zero_is_no_silent_force_where_its_base_is_zero(engine):
+    """Kernels keep the parameter: agents at that distance have no finite force, and a run says so."""
+    law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("(r - d)**n", d=1.0, n=0.0))])
+    control = {"control": fk.Held(0.1)} if engine == "sampled" else {}
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]])
+    with pytest.raises(fk.FlockingError, match=r"finite|NaN"):
+        fk.simulate(fk.Scenario(law, start, t_end=0.2, frames=2, **control), engine=engine, progress=False)
+
+
+def test_a_condition_on_a_positive_distance_holds_at_contact():
+    assert float(fk.Potential("where(r > 0, r + 2, 5)").at_contact) == 2.0

@@ -56,3 +56,26 @@ def test_a_law_replaced_on_the_way_is_judged_by_the_last_one() -> None:
     session.replace(law=fk.Law(fk.Proximity(5.0), TERMS))
     session.advance(1.0)
     assert fk.audit(session.run())["ledger"].verdict == Verdict.HOLDS
+
+
+@pytest.mark.parametrize("share", [0.95, 1.05])
+@pytest.mark.parametrize("radius", [2.0, 3.0])
+def test_radii_that_are_five_per_cent_off_are_seen_at_some_frame(radius, share):
+    """Links of the last frame alone show it in few of these groups: pairs are between the two radii on the way."""
+    rng = np.random.default_rng(0)
+    start = fk.State(rng.uniform(0, 5, (8, 2)), rng.normal(size=(8, 2)))
+    terms = [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(0.1)]
+    scenario = fk.Scenario(fk.Law(fk.Proximity(radius), terms), start, t_end=6.0, frames=121)
+    plant = fk.Law(fk.Proximity(share * radius), terms)
+    note = fk.audit(fk.simulate(scenario, plant=plant, progress=False))["ledger"]
+    assert note.verdict == Verdict.FAILS
+    assert "against the declared graph" in note.note
+
+
+def test_links_that_a_start_leaves_out_are_none_of_another_graph():
+    """A pair that parts inside the radius stays without a link until it comes back: links follow crossings."""
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[-1.0, 0.0], [1.0, 0.0]], links=np.zeros((2, 2), dtype=bool))
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
+    run = fk.simulate(fk.Scenario(law, start, t_end=2.0, frames=41), progress=False)
+    assert not run.links.any()
+    assert fk.audit(run)["ledger"].verdict == Verdict.HOLDS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -35,7 +36,7 @@ def resume(
     """Continue a run on disk from its last commit to the end of its scenario.
 
     The result equals that of an uninterrupted run bit for bit on the same machine and versions.
-    A finished run is read and returned.
+    A finished run is read and returned, also from a folder that cannot be written.
 
     Parameters
     ----------
@@ -102,6 +103,9 @@ def _resume(
     engine = entry.load()
     _check_changes(name, changes, engine.free_options)
     team = engine.team()
+    stored = team.shared(lambda: _read_only(folder, scenario, plant))
+    if stored is not None:
+        return replace(stored, rank=team.rank)
     writer = team.alone(lambda: RunWriter.reopen(folder))
     try:
         left = team.shared(lambda: _left(folder, writer, name, scenario, plant))
@@ -113,6 +117,14 @@ def _resume(
     finally:
         if writer is not None:
             writer.close()
+
+
+def _read_only(folder: Path, scenario: Scenario | None, plant: Law | None) -> Run | None:
+    """A finished run in a folder that cannot be written, as on an archive or of somebody else; None otherwise."""
+    if os.access(folder, os.W_OK) or read_record(folder)["status"] != "finished":
+        return None
+    scenario, plant = own_scenario("resume", folder, scenario, plant)
+    return read_last(folder, scenario, None)
 
 
 def _check_changes(name: str, changes: dict[str, object], free: frozenset[str]) -> None:

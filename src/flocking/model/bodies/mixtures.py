@@ -11,7 +11,7 @@ import numpy as np
 from flocking.arrays import Indices
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import MOVES_ON, Body, Column, Limit, MotionSymbols
-from flocking.model.checks import Array, array, check_each, has_truth_values
+from flocking.model.checks import Array, array, axes_of, check_each, has_truth_values
 from flocking.model.parts.registration import register_part
 from flocking.model.parts.structure import of_agents
 
@@ -64,7 +64,7 @@ class Mixture(Body):
 
     def __post_init__(self) -> None:
         given = (self.bodies,) if isinstance(self.bodies, Body) else self.bodies
-        given = tuple(given) if isinstance(given, Iterable) else ()
+        given = tuple(given) if isinstance(given, Iterable) and axes_of(given) else ()
         if not given or not all(isinstance(body, Body) for body in given):
             raise InvalidInput("Mixture", "bodies", "must be bodies, such as PointMass", self.bodies)
         object.__setattr__(self, "bodies", given)

@@ -24,6 +24,9 @@ AXES = ("axis_1", "axis_2", "axis_3")
 SPIN, COMMAND, COMMAND_RATE = "spin", "command", "command_rate"
 """Columns of the angular velocity in the body's axes, of the filtered desired force, and of its rate."""
 
+RULES = {COMMAND: "be", COMMAND_RATE: "make command + command_rate/command_frequency"}
+"""What columns must do to be shorter than the weight: the filter of the force, two lags in a row, keeps both so."""
+
 SPACE = 3
 """Dimensions in which a quadrotor flies."""
 
@@ -295,10 +298,15 @@ class Quadrotor(Body):
                     f"products off by {off[agent]:.3g} of agent {agent}",
                 )  # fmt: skip
         if COMMAND in given and given[COMMAND].shape == q.shape:
-            self._check_command(given[COMMAND])
+            self._check_command(COMMAND, given[COMMAND])
+        filtered = [given[name] if name in given else found[name] for name in (COMMAND, COMMAND_RATE)]
+        if all(np.shape(a) == q.shape for a in filtered):
+            # The filter is two lags in a row, of which the first has this value: both stay in the ball that holds them.
+            frequency = np.broadcast_to(np.asarray(self.command_frequency, dtype=np.float64), len(q))[:, None]
+            self._check_command(COMMAND_RATE, filtered[0] + filtered[1] / frequency)
         return found
 
-    def _check_command(self, command: Array) -> None:
+    def _check_command(self, name: str, command: Array) -> None:
         """Refuse filtered forces, shape (K, 3), that are not below the weight: then the sum of both may be zero."""
         weight = np.broadcast_to(np.asarray(self.masses) * np.asarray(self.gravity), len(command))
         size = np.linalg.norm(command, axis=1)
@@ -306,7 +314,7 @@ class Quadrotor(Body):
         if wrong.any():
             agent = int(np.argmax(wrong))
             raise InvalidInput(
-                "Quadrotor", COMMAND, f"must be shorter than the weight, {weight[agent]:.6g}",
+                "Quadrotor", name, f"must {RULES[name]} shorter than the weight, {weight[agent]:.6g}",
                 f"length {size[agent]:.6g} of agent {agent}",
                 "The filter keeps it so from a start without it; leave the column out.",
             )  # fmt: skip

@@ -21,6 +21,7 @@ from flocking.model.checks import Array, array, listed, named_parameters, number
 from flocking.model.checks import parameters as checked_parameters
 from flocking.model.leaders_and_obstacles.leader_code import leader_source, motions
 from flocking.model.parts import values as fields
+from flocking.model.parts.construction import given_once
 from flocking.model.parts.description import Group, Short, Stored, add_group
 from flocking.model.parts.registration import description_of, register_part
 
@@ -349,14 +350,11 @@ class Path(Leader):
     start_time: Annotated[float, fields.TIME] = 0.0
     values: Annotated[Mapping[str, float], fields.NAMED_NUMBERS, Stored("parameters")] = field(default_factory=dict)
 
+    @given_once("velocity", "start", "start_time")
     def __init__(
-        self,
-        /,
-        velocity: Sequence[str | Formula],
-        start: Sequence[float] | None = None,
-        start_time: float = 0.0,
+        self, /, velocity: Sequence[str | Formula], start: Sequence[float] | None = None, start_time: float = 0.0,
         **parameters: float | Mapping[str, float],
-    ) -> None:
+    ) -> None:  # fmt: skip
         if isinstance(velocity, str):
             raise InvalidInput("Path", "velocity", "must have one formula per axis", velocity, f"Write [{velocity!r}].")
         texts = listed("Path", "velocity", velocity, "must have one formula per axis")

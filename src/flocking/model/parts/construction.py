@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import wraps
-from typing import Any
+from typing import Any, ParamSpec
 
 import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.parts.seeds import take_rng
 from flocking.model.parts.values import nearest
+
+Given = ParamSpec("Given")
+"""What a constructor is given."""
 
 MOST_SHOWN = 8
 """Numbers of an array in a representation; of longer arrays the shape is given."""
@@ -46,9 +50,56 @@ def check_names(part: type) -> None:
             take_rng(part.__name__, order, values, named)
         for name in named.keys() - known:
             raise InvalidInput(part.__name__, name, "is no parameter", named[name], nearest(name, known))
+        refuse_twice(part.__name__, order, values, named)
         made(self, *values, **named)
 
     part.__init__ = checked  # type: ignore[misc]
+
+
+def refuse_twice(owner: str, order: Sequence[str], values: Sequence[object], named: Mapping[str, object]) -> None:
+    """Refuse a parameter that is given by its position and by its name.
+
+    Parameters
+    ----------
+    owner
+        Whose parameter it is.
+    order
+        Names of the parameters that have positions.
+    values, named
+        What is given by position and by name.
+
+    Raises
+    ------
+    InvalidInput
+        If one is given twice.
+    """
+    for name in order[: len(values)]:
+        if name in named:
+            raise InvalidInput(
+                owner, name, "must be given once", named[name],
+                f"It is given by position and by name; a name in a formula cannot be called {name}.",
+            )  # fmt: skip
+
+
+def given_once(*order: str) -> Callable[[Callable[Given, None]], Callable[Given, None]]:
+    """Decorator of a constructor with further names, such as those of a formula: see `refuse_twice`.
+
+    Parameters
+    ----------
+    order
+        Names of the parameters that have positions.
+    """
+
+    def decorated(made: Callable[Given, None]) -> Callable[Given, None]:
+        @wraps(made)
+        def checked(*values: Given.args, **named: Given.kwargs) -> None:
+            part, *rest = values
+            refuse_twice(type(part).__name__, order, rest, named)
+            made(*values, **named)
+
+        return checked
+
+    return decorated
 
 
 def shorten(part: type) -> None:

@@ -19,6 +19,7 @@ from flocking.formula.identities import MOST_ADDENDS, expanded_addends
 from flocking.model.checks import Array, named_parameters, number
 from flocking.model.checks import parameters as checked_parameters
 from flocking.model.parts import values as fields
+from flocking.model.parts.construction import given_once
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
 
@@ -45,6 +46,9 @@ MOST_BORDERS = 64
 class Potential:
     """A pair potential psi(r) given by one formula; everything else is derived from it.
 
+    Distances are positive: at contact a potential has the value of its formula for small ones, so that
+    ``where(r > 0, a, b)`` is ``a`` everywhere.
+
     Parameters
     ----------
     formula
@@ -69,6 +73,7 @@ class Potential:
     formula: Annotated[Formula, fields.formula("r")]
     parameters: Annotated[Mapping[str, float], fields.NAMED_NUMBERS] = field(default_factory=dict)
 
+    @given_once("formula")
     def __init__(self, /, formula: str | Formula | sympy.Expr, **parameters: float | Mapping[str, float]) -> None:
         if isinstance(formula, str):
             formula = Formula(formula, "Potential")
@@ -165,7 +170,26 @@ class Potential:
         with np.errstate(all="ignore"):
             # Python floats would raise an exception where arrays give NaN or infinity.
             values = getattr(module, which)(distances, *map(np.float64, self.parameters.values()))
-        return np.asarray(values, dtype=np.float64) + np.zeros_like(distances)
+        found = np.asarray(values, dtype=np.float64) + np.zeros_like(distances)
+        lost = np.isnan(found) & ~np.isnan(distances)
+        if lost.any() and self._plain is not None:
+            found = np.where(lost, self._plain._evaluate(which, distances), found)
+        return found
+
+    @cached_property
+    def _plain(self) -> Potential | None:
+        """The same with numbers for parameters that are exponents of 0 or 1; None where there are none.
+
+        A derivative n b**(n - 1) of such a power is 0 times infinity where its base b is zero.
+        """
+        names = _exponents(self.formula.tree)
+        known = {
+            name: ("number", value) for name, value in self.parameters.items() if name in names and value in (0.0, 1.0)
+        }
+        if not known:
+            return None
+        rest = {name: value for name, value in self.parameters.items() if name not in known}
+        return Potential(self.formula.with_parts(known), parameters=rest)
 
     def kinks(self) -> tuple[float, ...]:
         """Distances at which two pieces of a piecewise formula meet, in ascending order."""
@@ -203,6 +227,20 @@ class Potential:
             values[free], parts[name] = value, ("name", free)
             parts[f"PSI_AT_{name}"] = self.formula.with_parts({"r": ("name", free)}).tree
         return Potential(_pattern(pattern).with_parts(parts), parameters=values)
+
+
+def _exponents(tree: object) -> frozenset[str]:
+    """Names of parameters in the exponents of a formula."""
+    if not isinstance(tree, tuple):
+        return frozenset()
+    inside = frozenset[str]().union(*map(_exponents, tree))
+    return inside | _names(tree[2]) if tree[0] == "**" else inside
+
+
+def _names(tree: object) -> frozenset[str]:
+    if not isinstance(tree, tuple):
+        return frozenset()
+    return frozenset({str(tree[1])}) if tree[0] == "name" else frozenset[str]().union(*map(_names, tree))
 
 
 @cache

@@ -5,11 +5,14 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.engine.fixed_step.step_checks import ENERGY_ROUNDING, RESIDUAL
 from flocking.engine.reference.control import evaluate_each
+from flocking.engine.runs.message_log import changed_times
 from flocking.formula.safe_digits import compared_texts
 from flocking.model.checks import Array
+from flocking.model.state import State
 from flocking.study.evidence.basis import NotResolvable, stated
 from flocking.study.evidence.energy_sizes import energy_size
 from flocking.study.evidence.links import LinkEvidence
@@ -28,6 +31,9 @@ DOUBT = 3.0
 
 SLACK = 1e-6
 """Share of a radius within which a pair may be linked or not."""
+
+MOST_PAIRS = 20_000_000
+"""Pairs in all frames whose links are compared, a bound on time: about a second."""
 
 MOST_COMPARED = 2_000
 """Agents of which the energy of the last frame is computed again, a bound on time: all pairs are visited."""
@@ -159,28 +165,48 @@ class LedgerEvidence(LinkEvidence):
 
     @cached_property
     def foreign_link(self) -> str:
-        """What contradicts the declared graph at the last frame: a link too long, or one that is missing.
+        """What contradicts the declared graph at a frame: a link too long, or one that is missing.
 
         The ledger of an engine sums over the links it used, right or wrong. Earlier frames may belong to a law that was
-        replaced during the run.
+        replaced during the run, and pairs whose links a start states against its distances keep them for a while.
         """
         graph = self.law.graph
         if not len(self.run.t) or graph.sees_headings or not self.switches_known:
             return ""
-        state = self.state(-1)
-        if state.links is None:
-            return ""
+        start = self.run.scenario.start
+        stated = None if start.links is None else self._against_graph(start)
+        for frame in self._linked_frames:
+            state = self.state(frame)
+            if state.links is None:
+                return ""
+            wrong = self._against_graph(state)
+            if stated is not None:
+                wrong &= ~stated
+            if wrong.any():
+                i, j = (int(k) for k in np.argwhere(wrong)[0])
+                what = "are linked" if state.links[i, j] else "are not linked"
+                apart = float(self.distances(state.q)[i, j])
+                when = "the end" if frame == len(self.run.t) - 1 else f"t = {self.when(state.t)}"
+                return f"agents {i} and {j}, {apart:.4g} apart, {what} at {when}, against the declared graph"
+        return ""
+
+    @property
+    def _linked_frames(self) -> list[int]:
+        """Frames whose links are compared, the last one first, which is alone where a law or state was replaced."""
+        frames, count = len(self.run.t), max(2, MOST_PAIRS // self.run.n**2)
+        if changed_times(self.run.provenance):
+            return [frames - 1]
+        chosen = np.unique(np.linspace(0, frames - 1, min(count, frames)).round())
+        return [frames - 1, *(int(k) for k in chosen if k < frames - 1)]
+
+    def _against_graph(self, state: State) -> NDArray[np.bool_]:
+        """Which pairs have a link that is too long, or none although they are near; shape (N, N)."""
+        graph, links = self.law.graph, np.asarray(state.links)
+        if not graph.moves:
+            return np.asarray(links != graph.initial(state.q))
         distance = self.distances(state.q)
-        if graph.moves:
-            leaves, enters = (np.asarray(r)[..., None] for r in (graph.break_radius, graph.appear_radius))
-            wrong = state.links & (distance > leaves * (1 + SLACK)) | ~state.links & (distance < enters * (1 - SLACK))
-        else:
-            wrong = state.links != graph.initial(state.q)
-        if not wrong.any():
-            return ""
-        i, j = (int(k) for k in np.argwhere(wrong)[0])
-        what = "are linked" if state.links[i, j] else "are not linked"
-        return f"agents {i} and {j}, {distance[i, j]:.4g} apart, {what} at the end, against the declared graph"
+        leaves, enters = (np.asarray(r)[..., None] for r in (graph.break_radius, graph.appear_radius))
+        return np.asarray(links & (distance > leaves * (1 + SLACK)) | ~links & (distance < enters * (1 - SLACK)))
 
     @cached_property
     def foreign_motion(self) -> str:

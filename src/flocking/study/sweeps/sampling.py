@@ -78,7 +78,7 @@ class Sample:
             if integers[-1] and max(abs(int(end)) for end in ends) > LARGEST_INTEGER:
                 rule = f"must have integers of at most {LARGEST_INTEGER} as its ends, up to which doubles hold each"
                 raise InvalidInput("Sample", where, rule, list(ends))
-        unknown = [name for name in self.log if name not in self.ranges]
+        unknown = [name for name in self.log if not isinstance(name, str) or name not in self.ranges]
         if unknown:
             raise InvalidInput("Sample", "log", f"must be among {', '.join(self.ranges)}", unknown[0])
         object.__setattr__(self, "_integers", tuple(integers))
