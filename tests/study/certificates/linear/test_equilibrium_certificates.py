@@ -195,3 +195,13 @@ def test_lost_messages_move_agents_away_from_an_equilibrium_under_stress():
     # Until the first message is lost the square stays.
     assert seen["square"][10:].min() > 1e-3
     assert seen["triangle"].max() < 1e-9
+
+
+def test_the_refusal_of_a_large_group_gives_its_size():
+    """The graph is right, and its name alone would not say what is wrong."""
+    start = fk.start.hexagonal(101, spacing=1.0, seed=0)
+    law = fk.Law(fk.Proximity(1.5), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(1.0)])
+    found = fk.certify(fk.Scenario(law, start, t_end=1.0))["equilibrium"]
+    (why,) = [x for x in found.hypotheses if not x.holds]
+    assert "of 200 coordinates at most" in why.statement
+    assert why.found == "202 coordinates of 101 agents, Proximity"

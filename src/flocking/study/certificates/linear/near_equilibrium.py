@@ -116,7 +116,8 @@ class NearEquilibrium:
         known = has_known_weight(law.graph) and not law.graph.directed and len(law.graphs) == 1
         known = known and self.scenario.space.is_open and len({t.weighting for t in self.setting.gradients}) == 1
         known = known and not np.ndim(law.graph.break_radius)
-        return Hypothesis(statement, bool(known and start.n > 1 and start.q.size <= LARGEST), type(law.graph).__name__)
+        found = f"{start.q.size} coordinates of {start.n} agents, {type(law.graph).__name__}"
+        return Hypothesis(statement, bool(known and start.n > 1 and start.q.size <= LARGEST), found)
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
