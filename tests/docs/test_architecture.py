@@ -58,7 +58,7 @@ HOMES = {
     "change what each part of a body does to forces": "class BodyShares",
     "change what departed energy of delayed knowledge is due to": "class DelayedCauses(",
     "change how it is located when agents come into view under held control and with messages": "def find_view_events(",
-    "change how it is located when agents come into view that look along their velocities": "def find_turning_events(",
+    "change how it is located when agents come into view of those whose headings turn": "def find_turning_events(",
     "change how agents keep their stopping paths apart": "def between(",
     "add a guarantee of consensus on graphs that switch": "def switching_certificates(",
     "add a guarantee of consensus on directed graphs": "def directed_certificates(",

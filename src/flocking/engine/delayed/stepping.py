@@ -15,7 +15,7 @@ from flocking.engine.delayed.delays import Delays, OneDelay
 from flocking.engine.delayed.history import History, position_series, split_state
 from flocking.engine.delayed.met_obstacles import NOBODY, Crossings, MetObstacles
 from flocking.engine.delayed.pair_delays import PairDelays
-from flocking.engine.imperfect.graph_views import views_now
+from flocking.engine.imperfect.graph_views import views_now, with_bodies
 from flocking.engine.imperfect.powers import FIFTEEN, Powers, integrated
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.true_law import check_forces
@@ -141,13 +141,11 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         own, known = self.delays.all_states(seconds, self._true(y))
         offset = self.scenario.space.displacement(known[..., :m] - own[:, None, :m])
         distance = np.sqrt((offset**2).sum(axis=-1))
+        views = views_now(with_bodies(self._views, lambda: self._law.further(y)), lambda _: own[:, m:])
         every = {
             graph: self._known_rules.followed(graph, found[graph], distance)
             for graph in np.flatnonzero(self._rules.ways).tolist()
-        } | {
-            graph: view.seen(slice(None), offset)
-            for graph, view in views_now(self._views, lambda _: own[:, m:]).items()
-        }
+        } | {graph: view.seen(slice(None), offset) for graph, view in views.items()}
         for graph, followed in every.items():
             found[graph] = followed if pairs is None else np.where(pairs, followed, found[graph])
             np.fill_diagonal(found[graph], False)

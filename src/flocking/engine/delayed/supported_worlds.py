@@ -37,7 +37,7 @@ def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> Non
         raise UnsupportedLaw(f"engine={engine!r} moves no {refused}.")
     points = PointMass() if body.order == 2 else SingleIntegrator()
     views = isinstance(scenario.information, Messages)
-    columns = [VELOCITY] if views and body.order == 2 else []
+    columns = [VELOCITY, *body.directions] if views else []
     check_law(engine, scenario, plant, points, obstacles=True, views=views, columns=columns)
     check_leader_messages(engine, scenario)
 

@@ -13,7 +13,7 @@ from flocking.engine.imperfect.turning_views import MovingView, TurningView
 from flocking.engine.imperfect.view_switches import View, constant_view_events
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.smooth_cones import SmoothCone
-from flocking.model.graphs.views import Cone, FieldOfView
+from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
 
 CONES = (Cone, SmoothCone)
 """Graphs whose links are those of a radius between agents whose headings differ little enough."""
@@ -55,6 +55,20 @@ def view_from(view: GraphView, headings: Callable[[str], Array]) -> View | ConeV
         Gives the Taylor coefficients of a column about that moment by its name, shape (terms, N, m).
     """
     return view.along(headings(view.column)) if isinstance(view, TurningView) else view
+
+
+def with_bodies(views: Mapping[int, GraphView], columns: Callable[[], Mapping[str, Array]]) -> dict[int, GraphView]:
+    """The same ``views``, those along directions of the bodies as they are at a moment: whoever looks knows them.
+
+    Parameters
+    ----------
+    columns
+        Gives the columns of the bodies at that moment by name, shape (N, width) each.
+    """
+    return {
+        k: view.looking(columns()[view.column]) if isinstance(view, TurningView) and view.column != VELOCITY else view
+        for k, view in views.items()
+    }
 
 
 def views_now(views: Mapping[int, GraphView], headings: Callable[[str], Array]) -> dict[int, View | ConeView]:

@@ -18,7 +18,7 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links
 from flocking.engine import interruption
 from flocking.engine.archives.data_checks import MalformedError
-from flocking.engine.imperfect.graph_views import GraphView, view_events, view_from, views_of
+from flocking.engine.imperfect.graph_views import GraphView, view_events, view_from, views_of, with_bodies
 from flocking.engine.imperfect.link_rules import LinkRules, known_rules, link_rules
 from flocking.engine.imperfect.memory import ImperfectMemory
 from flocking.engine.imperfect.pair_polynomials import Paths, as_closest, closest_pairs, paths_in
@@ -130,6 +130,9 @@ class ImperfectSession(Session):
 
     def _columns_at(self, seconds: float) -> dict[str, Array]:
         return {}
+
+    def _views_at(self, seconds: float) -> dict[int, GraphView]:
+        return with_bodies(self._views, lambda: self._columns_at(seconds))
 
     def _seen_at(self, seconds: float) -> tuple[Array, Array, dict[str, Array]]:
         q, p = self.motion_at(seconds)

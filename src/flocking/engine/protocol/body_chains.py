@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from flocking.arrays import Mask
@@ -13,6 +15,7 @@ from flocking.model.bodies.disturbances import Disturbed
 from flocking.model.bodies.mixtures import Mixture
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.bodies.unicycles import Unicycle
+from flocking.model.graphs.seen_headings import heading_column
 from flocking.model.law import Scenario
 
 
@@ -171,4 +174,9 @@ def of_points(scenario: Scenario) -> Scenario:
     point = point_of(scenario.agents)
     if point is scenario.agents or not has_energy_of_points(scenario.agents):
         return scenario
+    if any(heading_column(graph) in scenario.agents.directions for graph in scenario.law.graphs):
+        # Points have no such direction. Links are given to the law: whoever holds the bodies follows them.
+        found = copy(scenario)
+        object.__setattr__(found, "agents", point)
+        return found
     return scenario.with_(agents=point)

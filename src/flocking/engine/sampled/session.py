@@ -191,7 +191,7 @@ class SampledSession(ImperfectSession):
         if acting.size:
             knowledge.hear(instant, acting)
             known = knowledge.known(instant, acting, *motion.at(seconds))
-            knowledge.relink(known, self._known_rules, self._views)
+            knowledge.relink(known, self._known_rules, self._views_at(seconds))
             pairs = knowledge.pairs(known)
             leaders = None if self._leader_news is None else self._leader_news.newest(instant, acting)
             force = self._desired(instant, known, pairs, leaders)

@@ -205,9 +205,10 @@ class FieldOfView(HeadingGraph, OneRadius):
         Largest angle between x_j - x_i and the heading of i, in (0, pi], for all or per sensing agent.
     heading_column
         Name of the direction of the bodies along which agents look, which turns with them, such as ``"heading"`` of
-        a `Unicycle`, in the ideal world of the exact engine, or ``"p"`` for their velocity, in which an agent at rest
-        looks all around, under held control and with `Messages` too; when empty they look along the constant
-        ``headings`` of the agents.
+        a `Unicycle`, or ``"p"`` for their velocity, in which an agent at rest looks all around; when empty they look
+        along the constant ``headings`` of the agents. Views that turn run in the ideal world of the exact engine, with
+        `Messages` under continuous control, and under held control along ``"p"`` and directions of bodies that have no
+        closed form there.
 
     Raises
     ------

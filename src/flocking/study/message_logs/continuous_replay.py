@@ -167,7 +167,7 @@ class ContinuousReplay(SecondComputation):
             slack = world.near * (1.0 + np.where(links, leave, appear)) + 2.0 * world.off_q
             late = watched & np.where(links, apart > leave + slack, apart < appear - slack)
             if graph.sees_headings:
-                inside, doubt = self._inside(graph, offset, velocities)
+                inside, doubt = self._inside(graph, offset, *world.looks(graph, seconds, velocities))
                 slack = slack + doubt
                 late = watched & np.where(links, inside < -slack, inside > slack)
             for agent, other in np.argwhere(late).tolist():
@@ -176,16 +176,16 @@ class ContinuousReplay(SecondComputation):
                     instant, agent, None, f"its link with agent {other} {what} before, by what it knew, and did not"
                 )
 
-    def _inside(self, graph: Graph, offset: Array, velocities: Array) -> tuple[Array, Array]:
-        """How far inside of what each agent has in view all others are, and how uncertain that is by its velocity.
+    def _inside(self, graph: Graph, offset: Array, looks: Array, off: float) -> tuple[Array, Array]:
+        """How far inside of what each agent has in view all others are, and how uncertain that is by where it looks.
 
-        Shape (N, N) each, from displacements, shape (N, N, m), and velocities that agents take to be theirs, (N, m).
+        Shape (N, N) each, from displacements, shape (N, N, m), and what `LoggedWorld.looks` gives.
         """
         n, headings = self.world.n, self.world.scenario.agents.headings
         pairs = [(i, j) for i in range(n) for j in range(n)]
         found = [
-            (margin_of(graph, headings, (i, j), True, offset[i, j], velocities[i])[0],
-             doubt_of(graph, offset[i, j], velocities[i], self.world.off_p)) if i != j else (0.0, 0.0)
+            (margin_of(graph, headings, (i, j), True, offset[i, j], looks[i])[0],
+             doubt_of(graph, offset[i, j], looks[i], off)) if i != j else (0.0, 0.0)
             for i, j in pairs
         ]  # fmt: skip
         inside, doubt = np.reshape(found, (n, n, 2)).transpose(2, 0, 1)

@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.seen_headings import heading_column
 from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.views import Cone, FieldOfView, view_cosines
 
@@ -32,7 +33,7 @@ def radii_of(graph: Graph, n: int) -> tuple[Array, Array]:
 
 
 def margin_of(
-    graph: Graph, headings: Array | None, pair: tuple[int, int], linked: bool, offset: Array, velocity: Array
+    graph: Graph, headings: Array | None, pair: tuple[int, int], linked: bool, offset: Array, looks: Array
 ) -> tuple[float, float]:
     """How far another agent is from where a link switches, and the radius.
 
@@ -48,8 +49,8 @@ def margin_of(
         Whether they are linked so far.
     offset
         Displacement to where it assumes the other one to be, shape (m,).
-    velocity
-        What it takes its own velocity to be, along which it may look, shape (m,).
+    looks
+        Along what it looks where that turns: the velocity that it takes to be its own, or a direction of its body.
 
     Returns
     -------
@@ -65,11 +66,11 @@ def margin_of(
     distance = math.hypot(*offset)
     if isinstance(graph, FieldOfView):
         radius, angle = own(graph.radius), own(graph.half_angle)
-        if graph.along_velocity:
-            speed = math.hypot(*velocity)
-            if speed == 0.0:
+        if graph.heading_column:
+            length = math.hypot(*looks)
+            if length == 0.0:
                 return radius - distance, radius
-            ahead = [float(x) / speed for x in velocity]
+            ahead = [float(x) / length for x in looks]
         else:
             assert headings is not None
             heading = np.asarray(headings)[agent]
@@ -87,22 +88,22 @@ def margin_of(
     return radius - distance, radius
 
 
-def doubt_of(graph: Graph, offset: Array, velocity: Array, off: float) -> float:
-    """By how much the margin of `margin_of` is uncertain because an agent looks along a velocity that is.
+def doubt_of(graph: Graph, offset: Array, looks: Array, off: float) -> float:
+    """By how much the margin of `margin_of` is uncertain because an agent looks along what is.
 
     Parameters
     ----------
     graph
         The graph.
-    offset, velocity
+    offset, looks
         As for `margin_of`.
     off
-        By how much each coordinate of the velocity may be off.
+        By how much each coordinate of that may be off.
     """
-    distance, speed, error = math.hypot(*offset), math.hypot(*velocity), math.sqrt(len(velocity)) * off
-    if not (isinstance(graph, FieldOfView) and graph.along_velocity) or error == 0.0 or distance == 0.0:
+    distance, length, error = math.hypot(*offset), math.hypot(*looks), math.sqrt(len(looks)) * off
+    if not heading_column(graph) or error == 0.0 or distance == 0.0:
         return 0.0
-    return 2.0 * distance * (error / speed if speed > error else math.inf)
+    return 2.0 * distance * (error / length if length > error else math.inf)
 
 
 def _apart(measure: str, one: Array, other: Array) -> float:

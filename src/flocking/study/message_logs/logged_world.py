@@ -13,6 +13,8 @@ from flocking.engine.runs.message_log import LEADER, LEADER_SENDER, OWN, Message
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.seen_headings import heading_column
+from flocking.model.graphs.views import VELOCITY
 from flocking.model.law import Scenario
 from flocking.model.world.control import Continuous, Held
 from flocking.model.world.information import Messages
@@ -247,6 +249,23 @@ class LoggedWorld:
             return self.arrivals.sample(agent, k, instant)
         q, p = self.motion.state(agent, instant * NANOSECOND, instant)
         return Sample(q, p, q, p, instant, open=False)
+
+    def looks(self, graph: Graph, seconds: float, velocities: Array) -> tuple[Array, float]:
+        """Along what agents look under a graph if that turns, shape (N, m), and by how much each coordinate may be off.
+
+        Parameters
+        ----------
+        graph, seconds
+            The graph, and the time since the start.
+        velocities
+            What they take their own velocities to be, shape (N, m).
+        """
+        column = heading_column(graph)
+        if column in ("", VELOCITY):
+            return velocities, self.off_p if seconds > 0.0 else 0.0
+        assert not isinstance(self.motion, ForcedMotion)
+        columns = self.motion.columns(seconds) or self.scenario.start.columns
+        return columns[column], self.motion.error
 
     def received(self, sample: Sample, instant: int) -> tuple[Array, Array]:
         """Position and velocity that a receiver takes a sender to have at an ``instant``, from a ``sample`` of it."""

@@ -199,6 +199,7 @@ class SecondComputation:
             found[LEADER, LEADER_SENDER] = world.leaders.newest(agent, instant)
         for number, graph in enumerate(world.graphs):
             mine = self.links[number][agent]
+            looks, off = world.looks(graph, instant * NANOSECOND, np.tile(own.p, (world.n, 1)))
             for j in range(world.n):
                 if j == agent:
                     continue
@@ -208,10 +209,10 @@ class SecondComputation:
                     place, _ = world.received(sample, instant)
                     offset = world.space.displacement(place - own.q)
                     headings = world.scenario.agents.headings
-                    inside, level = margin_of(graph, headings, (agent, j), near, offset, own.p)
+                    inside, level = margin_of(graph, headings, (agent, j), near, offset, looks[agent])
                     near = there[j] and inside > 0.0
                     within = world.near * (world.sizes.place + level) + 2.0 * world.off_q
-                    within += doubt_of(graph, offset, own.p, world.off_p if instant else 0.0)
+                    within += doubt_of(graph, offset, looks[agent], off)
                     doubtful = sample.open or own.open or abs(inside) <= within
                     if there[j] and doubtful:
                         near, undecided = (number, j) in logged, True

@@ -229,7 +229,7 @@ def test_whoever_cannot_follow_headings_refuses_them_by_name() -> None:
     scenario = robots(0)
     with pytest.raises(UnsupportedLaw, match="FieldOfView"):
         fk.simulate(scenario, engine="tiles", progress=False)
-    worlds = ({"control": fk.Held(0.1)}, {"information": fk.Messages(0.1)}, {"information": fk.Delayed(0.1)})
+    worlds = ({"control": fk.Held(0.1)}, {"information": fk.Delayed(0.1)})
     for world in worlds:
         with pytest.raises(FlockingError, match="look along constant headings"):
             fk.simulate(scenario.with_(**world), progress=False)

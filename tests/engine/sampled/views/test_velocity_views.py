@@ -9,7 +9,6 @@ import pytest
 
 import flocking as fk
 from flocking.engine.imperfect import turning_views
-from flocking.errors import UnsupportedLaw
 from tests.engine.sampled.test_independent import random_world
 from tests.engine.sampled.test_sessions import same
 from tests.engine.sampled.views.plain_velocity_views import Group, PlainVelocityViews
@@ -212,11 +211,3 @@ def test_views_that_look_elsewhere_are_caught(monkeypatch, known):
     monkeypatch.setattr(turning_views.TurningView, "looking", lambda self, headings: looking(self, headings + 0.1))
     made = world(information=replace(WORLD["information"], self_known=known))
     assert "was no neighbour" in str(fk.replay(fk.simulate(made, progress=False)))
-
-
-def test_directions_of_bodies_are_refused_by_name():
-    graph = fk.FieldOfView(2.0, 1.0, "heading")
-    start = fk.State([[0.0, 0.0], [1.0, 0.0]], columns={"heading": [[1.0, 0.0], [1.0, 0.0]]})
-    made = fk.Scenario(fk.Law(graph, LAW.terms), start, 1.0, bodies=fk.Unicycle(0.1), control=fk.Held(0.1))
-    with pytest.raises(UnsupportedLaw, match="lets Unicycle agents look along constant headings, 'p' here"):
-        fk.start(made, "sampled")

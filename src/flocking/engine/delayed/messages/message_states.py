@@ -11,6 +11,7 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links, Numbers
 from flocking.engine.adaptive_steps.integration_method import DEGREE
 from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.state_vectors import place_of
 from flocking.engine.delayed.delays import Delays
 from flocking.engine.delayed.history import History, position_series
 from flocking.engine.delayed.messages.instants import MessageInstants
@@ -35,6 +36,7 @@ from flocking.engine.imperfect.turning_views import TurningView
 from flocking.engine.imperfect.view_switches import Looking, View, add_view_changes
 from flocking.engine.kernels.bernstein import all_rows
 from flocking.formula.native.functions import native_apart
+from flocking.model.graphs.views import VELOCITY
 from flocking.model.space import Space
 from flocking.model.world.times import NANOSECOND
 
@@ -171,6 +173,8 @@ class MessageStates(Delays):
         The past, which is not read.
     views
         The fields of view and cones of graphs that have some, by number.
+    widths
+        How many numbers an agent has in each further column, by name.
     leaders
         Samples of leaders; None where these are known exactly.
     """
@@ -179,11 +183,12 @@ class MessageStates(Delays):
 
     def __init__(
         self, knowledge: Knowledge, history: History, views: Mapping[int, GraphView],
+        widths: Mapping[str, int],
         leaders: LeaderSamples | None = None,
     ) -> None:  # fmt: skip
         assert knowledge.messages is not None
         assert knowledge.schedule is not None
-        self.knowledge, self.history, self.views = knowledge, history, views
+        self.knowledge, self.history, self.views, self._widths = knowledge, history, views, widths
         # Half a nanosecond more than the shortest period, so that rounding cuts no step of a whole one.
         self.least, self.largest = (float(knowledge.schedule.period.min()) + 0.5) * NANOSECOND, 0.0
         self.points = MessageInstants(knowledge, leaders)
@@ -290,18 +295,20 @@ class MessageStates(Delays):
         rows = all_rows(rows_in, 4)
         turning = {graph: view for graph, view in self.views.items() if isinstance(view, TurningView)}
         if turning:
-            paths, span, headings = (
-                Paths(own, lengths, conversion(DEGREE), begin),
-                segment.t1 - begin,
-                self._looks(segment),
-            )
+            paths, span = Paths(own, lengths, conversion(DEGREE), begin), segment.t1 - begin
             rows = np.concatenate([rows, *(
-                turning_switches(paths, used, span, links[graph], graph, view.along(headings), size)
-                for graph, view in turning.items()
+                turning_switches(paths, used, span, links[k], k, view.along(self._looks(segment, view.column)), size)
+                for k, view in turning.items()
             )])  # fmt: skip
         return rows[np.lexsort(rows.T[::-1])]
 
-    def _looks(self, segment: Segment) -> Array:
-        """Taylor coefficients of the velocities that agents know to be theirs about the beginning of a step."""
+    def _looks(self, segment: Segment, column: str) -> Array:
+        """Taylor coefficients of the vectors along which agents look about the beginning of a step, (terms, N, m).
+
+        Their velocities are those that they know to be their own, directions of their bodies what these are.
+        """
         n, m = self.knowledge.n, self.knowledge.m
-        return self._own[None, :, m:] if self._measured else position_series(segment, n, m, segment.t0, n * m)
+        if column == VELOCITY and self._measured:
+            return self._own[None, :, m:]
+        first = place_of(column, self.history.order, n, m, self._widths)
+        return position_series(segment, n, m, segment.t0, first)

@@ -63,7 +63,7 @@ class MessagesSession(DelayedSession):
         self.knowledge = Knowledge(scenario.information, start.q, sent, self.links, scenario.space)
         led = isinstance(scenario.information, Messages) and scenario.information.leader
         leaders = LeaderSamples(scenario.law.leaders, self.knowledge, start.t) if led else None
-        return MessageStates(self.knowledge, self.history, self._views, leaders)
+        return MessageStates(self.knowledge, self.history, self._views, self._law.widths, leaders)
 
     @property
     def _states(self) -> MessageStates:
@@ -120,7 +120,7 @@ class MessagesSession(DelayedSession):
         known = self.knowledge.known(instant, agents, *self._seen(seconds))
         self.obstacles.take(np.flatnonzero(own), known.own[own[agents], : self.m], self._base + seconds)
         before = self.known_links[:, agents].copy()
-        self.knowledge.relink(known, self._known_rules, self._views)
+        self.knowledge.relink(known, self._known_rules, self._views_at(seconds))
         self.known_links[:, agents] = np.where(changed[agents], self.known_links[:, agents], before)
         self._using[agents] = True
         self._relink_known()
