@@ -197,7 +197,7 @@ robustness: $(CLUSTER_READY) $(LAB_READY) $(NODES_READY)
 		tests/engine/storage/test_storage.py tests/engine/storage/test_storage_kill.py tests/engine/storage/test_crafted_checkpoints.py \
 		tests/engine/storage/test_foreign_runs.py tests/engine/storage/test_hostile_folders.py tests/engine/storage/test_formats.py tests/engine/tiles/test_stored_sessions.py \
 		tests/engine/storage/test_storage_creation.py tests/apps/test_commands_in_odd_places.py tests/machines \
-		tests/engine/storage/test_storage_resume.py tests/apps/lab/test_access.py tests/apps/lab/test_server.py \
+		tests/engine/storage/test_storage_resume.py tests/engine/storage/test_refused_runs.py tests/apps/lab/test_access.py tests/apps/lab/test_server.py \
 		tests/engine/storage/test_zarr_thread.py tests/engine/nodes/test_signals.py tests/engine/nodes/test_odd_machines.py \
 		tests/engine/sampled/test_safety_of_extreme_numbers.py tests/apps/lab/test_collapse_of_many_laws.py \
 		tests/formula/test_cache.py tests/study/sweeps/test_sweep_kills.py tests/study/sweeps/test_sweep_store.py \

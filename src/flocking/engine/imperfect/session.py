@@ -93,8 +93,7 @@ class ImperfectSession(Session):
         self.accounted = 0.0
         self.sums, self.errors = np.zeros(4), np.zeros(4)
         self.jumped, self.largest_power, self.ledger_ends = 0.0, 0.0, math.inf
-        terms = scenario.law.body_terms
-        self._schedule = sorted({s for term in terms for s in term.switch_times(start.t, math.inf)})
+        self._schedule = sorted({s for x in scenario.law.body_terms for s in x.switch_times(start.t, math.inf)})
         self.gains_changed = 0
 
     def begin(self) -> None:

@@ -172,7 +172,15 @@ class IntegratedForm:
         return self._columns(arrays, 0)
 
     def looks(self, arrays: Arrays, column: str) -> Places:
-        """Along which vectors agents look by the same polynomial."""
+        """Along which vectors agents look by the same polynomial.
+
+        Parameters
+        ----------
+        arrays
+            As for `places`.
+        column
+            Name of the column that holds them.
+        """
         return self._columns(arrays, self._motion.bodies.place_of(column))
 
     def _columns(self, arrays: Arrays, first: int) -> Places:
