@@ -17,7 +17,7 @@ CONSENSUS = fk.Consensus(1.0)
 
 def flown(space: fk.Space) -> Run:
     """Two agents that fly along together, 0.2 apart across the border of an axis that repeats after 10."""
-    start = fk.State([[0.1, 7.0], [9.9, 7.0]], [[40.0, 5.0], [40.0, 5.0]])
+    start = fk.State([[0.1, 7.0], [9.9, 7.0]], [[8.0, 5.0], [8.0, 5.0]])
     law = fk.Law(fk.Proximity(1.0), [CONSENSUS])
     return fk.simulate(fk.Scenario(law, start, 1.0, frames=3, space=space), progress=False)
 
