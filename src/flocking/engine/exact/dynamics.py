@@ -132,7 +132,7 @@ class Dynamics:
         return bool(self.held.limits) and self.held.follow(self._limit_signs, t, y, self._put_held)
 
     def check_limits(self, t: float, y: Array) -> None:
-        """Refuse a state at which limits of the bodies see no finite numbers, see `HeldNumbers.check`."""
+        """Refuse a state vector ``y`` at which limits have no finite numbers, see `HeldNumbers.check`."""
         if self.held.limits:
             self.held.check(self._limit_signs(t, y), t)
 
