@@ -119,7 +119,7 @@ class Periodic(Space):
 
     def __post_init__(self) -> None:
         given = self.lengths
-        listed = isinstance(given, Sequence | np.ndarray) and np.ndim(given) > 0
+        listed = given.ndim > 0 if isinstance(given, np.ndarray) else isinstance(given, Sequence)
         if isinstance(given, str | bytes) or not listed or not len(given):
             raise InvalidInput("Periodic", "lengths", "must be one length for each axis", given, "Write [10.0, 10.0].")
         endless = [x is None or (isinstance(x, float) and x == np.inf) for x in given]
