@@ -68,6 +68,16 @@ def test_agents_at_rest_look_all_around_and_those_at_one_place_see_each_other():
     np.testing.assert_allclose(found, [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]], atol=1e-15)
 
 
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("radius", [1.5, np.array([1.5, 1.5])])
+def test_agents_at_the_radius_are_seen(radius, precision):
+    state = fk.State([[0.0, 0.0], [1.5, 0.0]], [[0.0, 0.0], [1.0, 0.0]])
+    law = fk.Law(fk.FieldOfView(radius, 1.0), (fk.Consensus(1.0),))
+    found, expected, _ = accelerations(law, state, agents=fk.PointMass(headings=[0.0, np.pi]), precision=precision)
+    np.testing.assert_array_equal(expected, [[1.0, 0.0], [-1.0, 0.0]])
+    np.testing.assert_array_equal(found, expected)
+
+
 @pytest.mark.parametrize(
     ("column", "scheme"), [*((c, s) for c in ("", "p") for s in ("verlet", "damped", "rk4")), ("heading", "rk4")]
 )
