@@ -79,10 +79,15 @@ def test_a_link_of_an_agent_to_itself_is_named_and_no_shape():
         fk.State([[0.0, 0.0], [1.0, 0.0]], links=np.zeros((3, 3), dtype=bool))
 
 
-@pytest.mark.parametrize("name", ["q", "p"])
-def test_numbers_without_squares_are_refused(name):
-    with pytest.raises(InvalidInput, match=f"State: {name} must hold no number above 1e"):
-        fk.State(**{"q": [[0.0, 0.0]], name: [[0.0, -1e155]]})
+@pytest.mark.parametrize("extent", [1e155, 1e300])
+def test_a_group_whose_distances_are_too_large_for_squares_is_refused(extent):
+    """Its agents would have no force on each other."""
+    law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("k*r", k=1.0))])
+    state = fk.State([[0.0, 0.0], [extent, -extent]])
+    with pytest.raises(InvalidInput, match="control: state must have places that differ by at most 1e"):
+        fk.control(law, state)
+    with pytest.raises(InvalidInput, match="Scenario: start must have places that differ by at most 1e"):
+        fk.Scenario(law, state, t_end=1.0)
 
 
 @pytest.mark.parametrize("extent", [1e-163, 1e-300])

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 SPACE = 3
 """Dimensions beyond which an error adds that rows are agents: columns may have been meant."""
 
-LARGEST = 1e150
-"""Largest coordinate and velocity: squares of larger ones are no numbers, and distances would be infinite."""
+WIDEST = 1e150
+"""Largest extent of a group: squares of longer distances are no numbers, and such distances would be infinite."""
 
 NARROWEST = 1e-140
 """Least extent of a group that is not in one point: squares of shorter distances lose digits, or are 0."""
@@ -58,7 +58,7 @@ class State:
     Raises
     ------
     InvalidInput
-        When shapes disagree, a value is not finite or above 1e150, or there is no agent.
+        When shapes disagree, a value is not finite, or there is no agent.
     """
 
     q: Array
@@ -87,10 +87,6 @@ class State:
             raise InvalidInput(
                 "State", "p", f"must have the shape of q, {q.shape}", f"shape {p.shape}", "Give one velocity per agent."
             )
-        for name, given in (("q", q), ("p", p)):
-            if (largest := float(np.abs(given).max())) > LARGEST:
-                rule = f"must hold no number above {LARGEST:g}, of which there is no square"
-                raise InvalidInput("State", name, rule, largest, "Choose another unit.")
         if q.shape[1] > SPACE:
             warnings.warn(
                 f"State: q has shape {q.shape}, which is {q.shape[0]} agents in {q.shape[1]} dimensions: rows are "
@@ -134,9 +130,14 @@ class State:
         Raises
         ------
         InvalidInput
-            If all agents lie closer together than 1e-140, but not in one point: squares of their distances are 0.
+            If all agents lie closer together than 1e-140, but not in one point: squares of their distances are 0. If
+            agents are farther apart than 1e150: squares of their distances are no numbers.
         """
-        extent = float(np.abs(self.q - self.q[0]).max())
+        with np.errstate(over="ignore"):
+            extent = float(np.abs(self.q - self.q[0]).max())
+        if extent > WIDEST:
+            rule = f"must have places that differ by at most {WIDEST:g}"
+            raise InvalidInput(owner, name, rule, extent, "Choose another unit of length.")
         if 0.0 < extent < NARROWEST:
             rule = f"must have places that differ by more than {NARROWEST:g}, or not at all"
             raise InvalidInput(owner, name, rule, extent, "Choose another unit of length.")

@@ -253,18 +253,24 @@ class FieldOfView(HeadingGraph, OneRadius):
         """Whether agents look along their velocities."""
         return self.heading_column == VELOCITY
 
-    def directions(self, headings: Array | None) -> Array:
+    def directions(self, headings: Array | None, n: int = 1) -> Array:
         """Unit vectors of the headings, shape (N, m): (cos, sin) of angles, the first column of rotation matrices.
 
         Vectors, shape (N, m), as columns of states hold them, are taken as they are.
+
+        Parameters
+        ----------
+        headings
+            The headings.
+        n
+            Number of agents, where there are no headings.
 
         Raises
         ------
         InvalidInput
             If there are no headings.
         """
-        n = 0 if headings is None else len(headings)
-        checked = self._headings(headings, max(n, 1))
+        checked = self._headings(headings, n if headings is None else max(len(headings), 1))
         if checked.ndim == 1:
             return np.stack([np.cos(checked), np.sin(checked)], axis=1)
         return np.ascontiguousarray(checked if checked.ndim == 2 else checked[:, :, 0])

@@ -320,7 +320,8 @@ def travelled(velocity: Callable[[float], Array], start: float, end: float, jump
             piece, doubt, *_ = quad(
                 along, float(a), float(b), epsabs=ABSOLUTE * size, epsrel=RELATIVE, limit=SUBINTERVALS, full_output=1
             )
-            if not doubt <= LARGEST_DOUBT * max(size, abs(piece)):
+            # A leader without a real velocity is nowhere: its position is no number either.
+            if doubt > LARGEST_DOUBT * max(size, abs(piece)):
                 raise InvalidInput(
                     "Path", "velocity", "must be smooth enough for the position to be found to 9 digits",
                     f"coordinate {axis} is known to {doubt:.1g} for t in [{a:g}, {b:g}]",

@@ -227,8 +227,8 @@ def test_replacements_keep_what_agents_see() -> None:
 
 def test_whoever_cannot_follow_headings_refuses_them_by_name() -> None:
     scenario = robots(0)
-    with pytest.raises(UnsupportedLaw, match="FieldOfView"):
-        fk.simulate(scenario, engine="tiles", progress=False)
+    with pytest.raises(UnsupportedLaw, match="FieldOfView along a direction of bodies under held control"):
+        fk.simulate(scenario.with_(control=fk.Held(0.1)), engine="tiles", progress=False)
     worlds = ({"control": fk.Held(0.1)}, {"information": fk.Delayed(0.1)})
     for world in worlds:
         with pytest.raises(FlockingError, match="look along constant headings"):

@@ -90,7 +90,7 @@ class GraphRadii:
                 cosines = graph.cosines(self._everyone)
                 table = (cosines * np.abs(cosines))[None]
                 if self._spec.graphs[number].view == HEADINGS:
-                    table = np.vstack([table, graph.directions(self._spec.layout.bodies.headings).T])
+                    table = np.vstack([table, graph.directions(self._spec.layout.bodies.headings, self._everyone).T])
                 elif not graph.along_velocity:
                     table = np.vstack([table, np.zeros((self._spec.dimension, self._everyone))])
                 self.views[number] = np.ascontiguousarray(table[:, ids], dtype=self._dtype)
