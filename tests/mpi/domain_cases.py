@@ -369,6 +369,6 @@ def paper_names():
 
     def runs(make):
         scenario = make(0)
-        return scenario.start.n <= 500 and not engine_named("tiles").why_not(scenario)
+        return scenario.control.ideal and scenario.start.n <= 500 and not engine_named("tiles").why_not(scenario)
 
     return tuple(sorted(name for name, make in _of_papers().items() if runs(make)))

@@ -64,3 +64,13 @@ def test_what_lies_on_the_right_side_has_its_force():
 )  # fmt: skip
 def test_poles_are_read_from_the_formula(formula, expected):
     assert poles(fk.Potential(formula)) == expected
+
+
+def test_rates_of_limited_forces_are_found_without_a_warning():
+    """Numbers of the branch that is not chosen overflow; a test turns what the library warns of into an error."""
+    body = fk.Limited(fk.Lagged(fk.PointMass(), 0.2), force=8.0, rate=200.0)
+    state = fk.State([[0.0, 0.0], [1.0, 0.3]], [[1.0, 0.0], [0.0, 1.0]], columns={"applied": [[1.0, 2.0], [0.0, 1.0]]})
+    psi = fk.Potential("k*(r - 2)**2/2", k=50.0)
+    found = fk.evaluate(fk.Law(fk.Complete(), [fk.Gradient(psi)]), state, agents=body)
+    away = 2.0 - np.hypot(1.0, 0.3)
+    np.testing.assert_allclose(np.linalg.norm(found.u, axis=1), 50.0 * away)

@@ -44,7 +44,7 @@ def motion_of(
     values |= {f"A{row}": drawn.get(name, np.zeros(n)) for name, row in rows.items()}
     limits = [row for name, row in rows.items() if name not in drawn]
     # Formulas of limits that do not act are evaluated as well, such as a division by the speed of an agent at rest.
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for _ in range(LIMIT_ROUNDS if limits else 0):
             found = module.motion(P, values)
             values |= {f"A{row}": np.where(found[f"begins_{k}"] > 0.0, 1.0, 0.0) for k, row in enumerate(limits)}
