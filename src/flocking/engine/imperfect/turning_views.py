@@ -22,8 +22,16 @@ from flocking.engine.imperfect.pair_polynomials import (
     reach_within,
 )
 from flocking.engine.imperfect.pair_switches import TwoPaths, radial_speed
-from flocking.engine.imperfect.view_switches import Looking, View, crosses_radius, view_border, view_change
-from flocking.engine.kernels.bernstein import all_rows, halve_interval, part_from
+from flocking.engine.imperfect.view_switches import (
+    Looking,
+    View,
+    ViewPart,
+    ViewPolynomials,
+    add_changes_of_part,
+    crosses_radius,
+    view_border,
+)
+from flocking.engine.kernels.bernstein import all_rows, halve_interval
 from flocking.formula.native.functions import native_apart
 from flocking.model.graphs.views import ALL_AROUND
 
@@ -245,19 +253,10 @@ def add_turning_changes(
                     product[a + b] += ahead[a] * ahead[b] - look.cosine * look.cosine * square[a] * lengths[b]
             _bernstein(table, ahead, L)
             _bernstein(table, product, Q)
-        x, changes = 0.0, 0
-        while x < 1.0 and changes < MOST_CHANGES:
-            place = view_change(
-                seen, part_from(D, x), part_from(L, x), part_from(Q, x), cosine, look.radius, np.sqrt(far), slack
-            )
-            if place > 1.0:
-                break
-            x = x + place * (1.0 - x)
-            seen = not seen
-            if total < found.shape[0]:
-                found[total, 0], found[total, 1], found[total, 2] = (begin[top] + x * width[top]) * span, look.s, look.o
-            total += 1
-            changes += 1
+        polynomials = ViewPolynomials(D, L, Q, np.sqrt(far), MOST_CHANGES)
+        looking = Looking(look.s, look.o, look.radius, cosine, slack)
+        part = ViewPart(begin[top], width[top], span)
+        seen, total = add_changes_of_part(polynomials, looking, part, seen, found, total)
         top -= 1
     return total
 

@@ -186,6 +186,69 @@ def view_change(
     return min(first, first_all_above(two))
 
 
+class ViewPolynomials(NamedTuple):
+    """Polynomials that decide on a part of a stretch whether an agent has another one in view, by `view_change`.
+
+    Parameters
+    ----------
+    square, L, Q
+        Their Bernstein coefficients on it.
+    far
+        Bound on the distance there, for the slack of ``Q``.
+    most
+        Changes of one pair that are looked for at most.
+    """
+
+    square: Array
+    L: Array
+    Q: Array
+    far: float
+    most: int
+
+
+class ViewPart(NamedTuple):
+    """A part of a stretch of the length ``span``: where it begins and how long it is, as shares of the stretch."""
+
+    begin: float
+    width: float
+    span: float
+
+
+def add_changes_of_part(
+    polynomials: ViewPolynomials, look: Looking, part: ViewPart, seen: bool, found: Array, total: int
+) -> tuple[bool, int]:
+    """Add rows (time, s, o) of changes on one part; whether the other one is seen at its end, and the number of rows.
+
+    Parameters
+    ----------
+    polynomials, look, part
+        What decides, who looks how, and where the part lies.
+    seen
+        Whether the other one is in view as it begins.
+    found, total
+        Takes the rows, shape (room, 3 or more), and how many there are before.
+    """
+    square, L, Q, far, most = polynomials
+    x, changes = 0.0, 0
+    while x < 1.0 and changes < most:
+        place = view_change(
+            seen, part_from(square, x), part_from(L, x), part_from(Q, x), look.cosine, look.radius, far, look.slack
+        )
+        if place > 1.0:
+            break
+        x = x + place * (1.0 - x)
+        seen = not seen
+        if total < found.shape[0]:
+            found[total, 0], found[total, 1], found[total, 2] = (
+                (part.begin + x * part.width) * part.span,
+                look.s,
+                look.o,
+            )
+        total += 1
+        changes += 1
+    return seen, total
+
+
 def add_view_changes(
     paths: Paths, two: TwoPaths, look: Looking, near: bool, direction: Array, found: Array, total: int
 ) -> int:
@@ -231,20 +294,8 @@ def add_view_changes(
         for b in range(a + 1):
             L[a] += paths.table[a, b] * power[b]
             Q[a] += paths.table[a, b] * product[b]
-    seen, x, changes = near, 0.0, 0
-    while x < 1.0 and changes < MOST_CHANGES:
-        place = view_change(
-            seen, part_from(square, x), part_from(L, x), part_from(Q, x), look.cosine, look.radius, look.radius, slack
-        )
-        if place > 1.0:
-            break
-        x = x + place * (1.0 - x)
-        seen = not seen
-        if total < found.shape[0]:
-            found[total, 0], found[total, 1], found[total, 2] = x * span, look.s, look.o
-        total += 1
-        changes += 1
-    return total
+    polynomials = ViewPolynomials(square, L, Q, look.radius, MOST_CHANGES)
+    return add_changes_of_part(polynomials, look, ViewPart(0.0, 1.0, span), near, found, total)[1]
 
 
 @native_apart
