@@ -220,6 +220,7 @@ class FieldOfView(HeadingGraph, OneRadius):
     half_angle: float | Array
     heading_column: str = ""
     directed = True
+    closed = True
 
     if TYPE_CHECKING:  # Lists are accepted.
 
