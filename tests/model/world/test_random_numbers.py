@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flocking.model.world.random_numbers import Purpose, normal_pairs, philox, uniform, words
+from flocking.model.world.random_numbers import FEW_DRAWS, Purpose, normal_pairs, philox, uniform, words
 
 # Known answers of the authors' library, file kat_vectors: counter, key, result.
 VECTORS = [
@@ -19,8 +19,10 @@ VECTORS = [
 
 @pytest.mark.parametrize(("counter", "key", "expected"), VECTORS)
 def test_published_vectors(counter, key, expected):
-    found = philox(tuple(np.uint64(x) for x in counter), key)
-    assert tuple(int(x) for x in found) == expected
+    assert philox(counter, key) == expected
+    found = philox(tuple(np.full(3, x, dtype=np.uint64) for x in counter), key)
+    assert [x.dtype for x in found] == [np.uint64] * 4
+    assert tuple(int(x[2]) for x in found) == expected
 
 
 def test_a_draw_depends_on_all_that_it_is_for_and_on_nothing_else():
@@ -33,6 +35,18 @@ def test_a_draw_depends_on_all_that_it_is_for_and_on_nothing_else():
     assert len(drawn) == len(others)
     many = words(7, Purpose.LOSS, np.arange(5)[:, None], np.arange(4), 3)
     assert tuple(int(x[1, 2]) for x in many) == base
+
+
+@pytest.mark.parametrize("count", [0, 1, FEW_DRAWS, FEW_DRAWS + 1])
+def test_few_draws_are_those_of_many(count):
+    k = np.arange(20) * 10**11
+    many, few = words(5**20, Purpose.NOISE, 3, 4, k), words(5**20, Purpose.NOISE, 3, 4, k[:count])
+    for one, other in zip(many, few, strict=True):
+        assert (one[:count] == other).all()
+        assert other.shape == (count,)
+        assert one.dtype == other.dtype == np.uint64
+    assert [np.shape(x) for x in words(5, Purpose.NOISE, 3, 4, 1)] == [()] * 4
+    assert [x.shape for x in words(5, Purpose.NOISE, np.ones((2, 1), int), np.ones(3, int), 1)] == [(2, 3)] * 4
 
 
 def test_uniform_and_normal_numbers():

@@ -407,9 +407,8 @@ class Run:
     @property
     def turnover(self) -> float:
         """Total energy moved: the sum over steps of absolute work, dissipation, supply and departure."""
-        return float(
-            sum(np.abs(np.diff(self.trace[name])).sum() for name in ("work", "dissipated", "supplied", "departed"))
-        )
+        moved: list[Array] = [self.trace[name] for name in ("work", "dissipated", "supplied", "departed")]
+        return float(sum(np.abs(np.diff(each)).sum() for each in moved))
 
     @property
     def closest(self) -> Closest:

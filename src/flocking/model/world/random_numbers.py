@@ -8,14 +8,18 @@ about. Integers are the same bits on every machine and for any order of the draw
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array
 
-Words = NDArray[np.uint64]
+Words = NDArray[np.integer]
 """Words of 32 bits, held in 64."""
+
+Word = TypeVar("Word", int, Words)
+"""One word, or many."""
 
 ROUNDS = 10
 """Rounds of Philox4x32-10: the number at which its authors found all tests passed with a margin."""
@@ -26,8 +30,14 @@ MULTIPLIERS = (0xD2511F53, 0xCD9E8D57)
 WEYL = (0x9E3779B9, 0xBB67AE85)
 """What the key grows by each round: the golden ratio and the square root of 3, less 1, in 32 bits."""
 
-WORD = np.uint64(0xFFFFFFFF)
-"""Mask of a word."""
+WORD, HALF = 0xFFFFFFFF, 32
+"""Mask of a word, and its bits: half of those of a product."""
+
+WORDS_DRAWN = 4
+"""Words of a counter, and of what is drawn for it."""
+
+FEW_DRAWS = 8
+"""Largest number of draws that integers of Python make in less time than arrays."""
 
 PURPOSE_SHIFT = 24
 """Place of the purpose in the second word of the counter; the bits below it continue the index of the sample."""
@@ -55,31 +65,27 @@ NOT_AN_AGENT = 0xFFFFFFFF
 agents."""
 
 
-def philox(counter: tuple[Words, Words, Words, Words], key: tuple[int, int]) -> tuple[Words, Words, Words, Words]:
-    """Philox4x32-10 of counters and a key.
+def philox(counter: tuple[Word, Word, Word, Word], key: tuple[int, int]) -> tuple[Word, Word, Word, Word]:
+    """Philox4x32-10 of a counter, or of many, and a key.
 
     Parameters
     ----------
     counter
-        The four words of each counter, arrays that broadcast.
+        The four words of the counter: integers, or arrays that broadcast for several counters.
     key
         The two words of the key.
 
     Returns
     -------
-    tuple of arrays
+    tuple
         Four random words for each counter.
     """
     a, b, c, d = counter
     k, m = key
-    half = np.uint64(32)
     for _ in range(ROUNDS):
-        first, second = np.uint64(MULTIPLIERS[0]) * a, np.uint64(MULTIPLIERS[1]) * c
-        a, b, c, d = (
-            (second >> half) ^ b ^ np.uint64(k), second & WORD,
-            (first >> half) ^ d ^ np.uint64(m), first & WORD,
-        )  # fmt: skip
-        k, m = (k + WEYL[0]) & 0xFFFFFFFF, (m + WEYL[1]) & 0xFFFFFFFF
+        first, second = MULTIPLIERS[0] * a, MULTIPLIERS[1] * c
+        a, b, c, d = (second >> HALF) ^ b ^ k, second & WORD, (first >> HALF) ^ d ^ m, first & WORD
+        k, m = (k + WEYL[0]) & WORD, (m + WEYL[1]) & WORD
     return a, b, c, d
 
 
@@ -98,9 +104,13 @@ def words(seed: int, purpose: Purpose, sender: object, receiver: object, sample:
         Index of the sample, from 0.
     """
     i, j, k = (np.asarray(x, dtype=np.int64).astype(np.uint64) for x in (sender, receiver, sample))
-    second = (k >> np.uint64(32)) | np.uint64(int(purpose) << PURPOSE_SHIFT)
-    i, j, k, second = np.broadcast_arrays(i, j, k, second)
-    return philox((k & WORD, second, i, j), (seed & 0xFFFFFFFF, seed >> 32))
+    key, above = (seed & WORD, seed >> HALF), int(purpose) << PURPOSE_SHIFT
+    together = np.broadcast(k, i, j)
+    if together.size > FEW_DRAWS:
+        return philox((k & np.uint64(WORD), (k >> np.uint64(HALF)) | np.uint64(above), i, j), key)
+    drawn = [philox((x & WORD, (x >> HALF) | above, y, z), key) for x, y, z in (map(int, one) for one in together)]
+    found = np.array(drawn, dtype=np.uint64).reshape(*together.shape, WORDS_DRAWN)
+    return tuple(found[..., word] for word in range(WORDS_DRAWN))
 
 
 def _open_unit(high: Words, low: Words) -> Array:

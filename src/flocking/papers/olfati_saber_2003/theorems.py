@@ -292,11 +292,13 @@ def settles_as_flock(e: Evidence) -> Measure:
 def jumps_by_h0(e: Evidence) -> Measure:
     """The jump of H_s at every switching time against h_0 times the links created less those lost at that time."""
     h0, trace, switches = link_energy(e), e.trace, e.link_switches
-    times, which = np.unique(switches["time"], return_inverse=True)
+    at: Array = switches["time"]
+    jumped: Array = trace["jumped"]
+    times, which = np.unique(at, return_inverse=True)
     created = np.bincount(which, np.where(switches["kind"] == "appear", 1.0, -1.0), len(times))
     # The last row of the ledger at that time is after the jump; what jumps between is added to the next.
     rows = np.append(np.searchsorted(trace["time"], times, side="right") - 1, len(trace["time"]) - 1)
-    jumps = np.diff(trace["jumped"][rows], prepend=trace["jumped"][0])
+    jumps = np.diff(jumped[rows], prepend=jumped[0])
     off = float(np.abs(jumps / h0 - np.append(created, 0.0)).max())
     return below(off, 1e-6, f"{len(times)} jumps equal {h0:.4g} for each link within {off:.1e}")
 

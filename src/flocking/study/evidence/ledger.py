@@ -63,6 +63,11 @@ class LedgerEvidence(LinkEvidence):
         """Residual at each row of the ledger; raises as `trace` does."""
         return self.run.residual if len(self.trace) else np.zeros(0)
 
+    def changes(self, name: str) -> Array:
+        """Change of the column ``name`` of the ledger from each row to the next; raises as `trace` does."""
+        column: Array = self.trace[name]
+        return np.diff(column)
+
     @cached_property
     def step_residual(self) -> float:
         """Largest change of the residual in a step, plus rounding."""
@@ -118,7 +123,7 @@ class LedgerEvidence(LinkEvidence):
     def energy_moved(self) -> float:
         """Energy worked, dissipated, supplied and jumped over the run, with the kinetic energy at both ends."""
         kinetic, size = self.trace["kinetic"], self.run.turnover
-        return size + float(np.abs(np.diff(self.trace["jumped"])).sum() + kinetic[0] + kinetic[-1])
+        return size + float(np.abs(self.changes("jumped")).sum() + kinetic[0] + kinetic[-1])
 
     @cached_property
     def ledger_doubt(self) -> str:

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.model.observables import closest_pair
 from flocking.model.state import State
 from flocking.study.evidence.approach import ApproachEvidence
@@ -65,7 +66,9 @@ class RecordEvidence(ApproachEvidence):
             return ""
         history, rows = self.link_history, self.link_switches
         begins = np.array([time for time, _ in history])
-        late = np.nan_to_num(rows["time_error"]) + 2 * np.spacing(np.abs(rows["time"]))
+        at: Array = rows["time"]
+        errors: Array = rows["time_error"]
+        late = np.nan_to_num(errors) + 2 * np.spacing(np.abs(at))
         for k in self._compared:
             t = float(self.t[k])
             wrong = self.frame_links[k] != history[int(np.searchsorted(begins, t, side="right")) - 1][1]

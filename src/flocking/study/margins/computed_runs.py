@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.runs.run import DOUBT_FIELDS, Accuracy, Run
 from flocking.study.claims.audit import Report
 from flocking.study.claims.claim import Basis, Claim, Verdict
@@ -27,7 +28,8 @@ def as_computed(run: Run) -> Run:
         return run
     switches = run.switches.copy()
     for name in ("time_error", "speed_error"):
-        switches[name] = np.nan_to_num(switches[name])
+        errors: Array = switches[name]
+        switches[name] = np.nan_to_num(errors)
     largest = {} if run.accuracy is None else run.accuracy.largest
     accuracy = Accuracy(np.zeros((len(run.t), 2)), np.zeros(0, DOUBT_FIELDS), largest)
     return replace(run, switches=switches, accuracy=accuracy)

@@ -167,7 +167,8 @@ class ObstacleLists:
         near = np.empty(len(who), dtype=bool)
         for first in range(0, len(who), MOST_AT_ONCE):
             some = slice(first, first + MOST_AT_ONCE)
-            near[some] = ~(self._distances(group, points[whose[some]], t, who[some]) > reach[whose[some]])
+            each: Numbers = whose[some]
+            near[some] = ~(self._distances(group, points[each], t, who[some]) > reach[each])
         begin = np.zeros(len(points) + 1, np.int64)
         np.cumsum(np.bincount(whose[near], minlength=len(points)), out=begin[1:])
         return Near(begin, who[near])

@@ -33,7 +33,7 @@ def _worst_residual(e: Evidence) -> Witness:
 
 
 def _largest_rise(e: Evidence) -> Witness:
-    rises = np.diff(e.run.trace["energy"]) - np.diff(e.run.trace["jumped"])
+    rises = e.changes("energy") - e.changes("jumped")
     return Witness(float(e.run.trace["time"][1 + int(rises.argmax())]))
 
 
@@ -108,7 +108,7 @@ def _velocity_tolerance(e: Evidence) -> float:
 @about(Subject.LEDGER, _largest_rise, lasting=True)
 def energy_rise(e: Evidence) -> Measure:
     """Largest rise of the energy between switches against the bound of the ledger."""
-    rise = float((np.diff(e.trace["energy"]) - np.diff(e.trace["jumped"])).max(initial=0.0))
+    rise = float((e.changes("energy") - e.changes("jumped")).max(initial=0.0))
     # A fixed step may miss some energy in every step.
     allowed = e.step_residual if e.fixed_step else e.ledger_bound
     note = f"largest rise {rise:.1e} between switches"
@@ -116,7 +116,7 @@ def energy_rise(e: Evidence) -> Measure:
         return Measure(np.inf, 0.0, note)
     if supplied_energy(e) > 0.0 and rise < allowed:
         # Dissipation is never negative: only supplied energy makes the energy rise.
-        gained = float((np.diff(e.trace["supplied"]) - np.diff(e.trace["dissipated"])).max(initial=0.0))
+        gained = float((e.changes("supplied") - e.changes("dissipated")).max(initial=0.0))
         if gained > SUPPLY_ROUNDING * e.energy_moved:
             return Measure(
                 allowed - rise, np.inf, f"{note}; the law supplies {gained:.1e}, less than the ledger resolves"
@@ -126,7 +126,7 @@ def energy_rise(e: Evidence) -> Measure:
 
 def supplied_energy(e: Evidence) -> float:
     """Total absolute energy supplied over the run; 0 where rounding, or the error of a fixed step, explains it."""
-    supplied = float(np.abs(np.diff(e.trace["supplied"])).sum())
+    supplied = float(np.abs(e.changes("supplied")).sum())
     least = e.ledger_bound if e.fixed_step else SUPPLY_ROUNDING * e.energy_moved
     return supplied if supplied > least else 0.0
 
@@ -134,7 +134,7 @@ def supplied_energy(e: Evidence) -> float:
 @about(Subject.LEDGER, lasting=True)
 def energy_continuous(e: Evidence) -> Measure:
     """Total absolute jump of the energy at switches."""
-    jumps = float(np.abs(np.diff(e.trace["jumped"])).sum())
+    jumps = float(np.abs(e.changes("jumped")).sum())
     largest = float(np.abs(e.trace["energy"]).max())
     allowed = ROUNDING * largest
     if jumps > allowed:

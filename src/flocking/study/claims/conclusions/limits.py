@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flocking.arrays import Mask, Numbers
 from flocking.model.checks import NO_LESS, Array
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import PairWeights
@@ -132,11 +133,14 @@ def _recurs(e: Evidence, since: float) -> bool:
     """Whether a pair that has switched twice switches again after a time: in free flight in open space none does."""
     if not e.run.scenario.space.is_open:
         return True
-    rows = e.link_switches
-    pairs = np.stack([np.minimum(rows["i"], rows["j"]), np.maximum(rows["i"], rows["j"])], axis=1)
-    found, counts = np.unique(pairs[rows["time"] <= since], axis=0, return_counts=True)
+    switches = e.link_switches
+    i: Numbers = switches["i"]
+    j: Numbers = switches["j"]
+    early: Mask = switches["time"] <= since
+    pairs = np.stack([np.minimum(i, j), np.maximum(i, j)], axis=1)
+    found, counts = np.unique(pairs[early], axis=0, return_counts=True)
     often = {tuple(pair) for pair in found[counts >= 2].tolist()}
-    return any(tuple(pair) in often for pair in pairs[rows["time"] > since].tolist())
+    return any(tuple(pair) in often for pair in pairs[~early].tolist())
 
 
 def _meets_a_radius(e: Evidence) -> bool:
