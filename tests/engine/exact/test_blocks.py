@@ -85,14 +85,14 @@ def cases() -> dict[str, fk.Scenario]:
     }  # fmt: skip
 
 
-def run(scenario: fk.Scenario) -> fk.Run:
-    return fk.simulate(scenario, progress=False)
+def run(scenario: fk.Scenario, plant: fk.Law | None = None) -> fk.Run:
+    return fk.simulate(scenario, plant=plant, progress=False)
 
 
-def one_by_one(monkeypatch: pytest.MonkeyPatch, scenario: fk.Scenario) -> fk.Run:
+def one_by_one(monkeypatch: pytest.MonkeyPatch, scenario: fk.Scenario, plant: fk.Law | None = None) -> fk.Run:
     with monkeypatch.context() as patch:
         patch.setattr(session, "take_block", lambda *_, **__: None)
-        return run(scenario)
+        return run(scenario, plant)
 
 
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
@@ -144,6 +144,25 @@ def test_blocks_give_the_bits_of_single_steps(name: str, monkeypatch: pytest.Mon
     # All but the first step, whose length is still to be found, and those that need a closer look.
     assert sum(sizes) >= 0.9 * expected.provenance["steps"] - 1
     assert max(sizes) > 1
+
+
+@pytest.mark.parametrize("name", ["kinks", "links kept", "springs that break", "balls", "agents without inertia"])
+def test_blocks_of_a_plant_have_the_ledger_of_the_declared_law(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = cases()[name]
+    # Among balls a step is made anew since its ledger does not close, which is not asked of a plant.
+    if name != "balls":
+        assert_same(run(scenario, scenario.law), run(scenario))
+    if name == "kinks":
+        other = spring(scenario.law.graph)
+    else:
+        other = fk.Law(scenario.law.graph, [*scenario.law.terms, fk.Gradient(fk.Potential("k*r**2/2", k=0.05))])
+    expected = one_by_one(monkeypatch, scenario, other)
+    sizes = counted(monkeypatch)
+    assert_same(found := run(scenario, other), expected)
+    assert sum(sizes) >= 0.9 * expected.provenance["steps"] - 1
+    # At each row the energy is that of the declared law, whatever moved the agents there.
+    assert found.trace["energy"][0] == run(scenario).trace["energy"][0] != run(scenario, other).trace["energy"][-1]
+    assert np.abs(found.residual).max() > 100 * np.abs(run(scenario).residual).max()
 
 
 @pytest.mark.parametrize("name", [name for name in cases() if "balls" in name])

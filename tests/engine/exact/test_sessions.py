@@ -209,6 +209,14 @@ def test_a_plant_is_driven_by_its_own_law_and_booked_by_the_declared_one() -> No
     run = fk.simulate(scenario, plant=wrong, progress=False)
     assert run.q.tobytes() != fk.simulate(scenario, progress=False).q.tobytes()
     assert np.abs(run.residual).max() > 1e-2
+    # The potential is the same: all that is lost is what the plant dissipates, half of what the declared law would.
+    energy = run.trace["energy"]
+    np.testing.assert_allclose(run.trace["dissipated"], 2.0 * (energy[0] - energy), rtol=1e-6, atol=1e-8)
+    stiffer = fk.Law(wrong.graph, [*wrong.terms, fk.Gradient(fk.Potential("k*r", k=0.1))])
+    pulled = fk.simulate(scenario, plant=stiffer, progress=False)
+    left = pulled.trace["energy"][-1] - energy[0] + pulled.trace["dissipated"][-1] / 2.0
+    apart = np.linalg.norm(pulled.q[[0, -1], 1] - pulled.q[[0, -1], 0], axis=1)
+    assert left == pytest.approx(-0.1 * (apart[1] - apart[0]), rel=1e-6)
     two = fk.Law(wrong.graph, [fk.Gradient(SPRING), fk.Consensus(1.0, over=fk.Proximity(1.0))])
     with pytest.raises(InvalidInput, match="as many graphs"):
         fk.start(scenario, plant=two)

@@ -266,16 +266,20 @@ class Dynamics:
     def compiled(self) -> CompiledLaw | None:
         """The law in force for native functions.
 
-        None for leaders without a closed form, the ledger of another law, obstacles whose potentials have narrow
-        features, or bodies with limits.
+        None for leaders without a closed form, obstacles whose potentials have narrow features, or bodies with limits.
         """
-        special = self._places or self.held.limits or self._ledger is not None
-        if special or any(map(len, self._obstacle_zones)):
+        if self._places or self.held.limits or any(map(len, self._obstacle_zones)):
             return None
         return self._in_force()
 
     def _in_force(self) -> CompiledLaw:
-        return self._kernels.in_force(self.n, self.m, self.pairs, self._slots, self._functionals)
+        ledger = None
+        if self._ledger is not None:
+            # Work, the first of the columns, is that of the forces that act.
+            begin, end = self.motion_size + 1, self.motion_size + LEDGER
+            free = np.tile(FREE, (len(self.pairs.spans), 1))
+            ledger = self._ledger[0].in_ledger(begin, end, free, self._ledger[1])
+        return self._kernels.in_force(self.n, self.m, self.pairs, self._slots, self._functionals, ledger)
 
     def places(self, t: float) -> Array:
         """Coordinates at time ``t`` of the leaders whose position has no closed form."""
@@ -308,18 +312,8 @@ class Dynamics:
         dy = np.zeros_like(y)
         nodes, weights = _START
         stages(self._in_force(), nodes, weights, 0, 1, -1, t, y, 0.0, dy[None], np.empty_like(y))
-        if not self._places and self._ledger is None:
-            return dy
-        tail = self.motion_size
         for k, (_, place) in enumerate(self._places):
-            dy[tail + LEDGER + k] = place.leader.velocity_at(t)[place.axis]
-        if self._ledger is None:
-            return dy
-        module, slots = self._ledger
-        q, p, _ = self.split(y)
-        rates = np.empty(LEDGER)
-        module.control(t, q, p, self._declared_pairs, slots, self._functionals, np.empty_like(q), rates)
-        dy[tail + 1 : tail + LEDGER] = rates[1:]
+            dy[self.motion_size + LEDGER + k] = place.leader.velocity_at(t)[place.axis]
         return dy
 
     def stages(
@@ -337,7 +331,7 @@ class Dynamics:
         nodes, weights
             The method: its nodes c, shape (stages,), and its matrix a, shape (stages, stages).
         """
-        if not self._places and self._ledger is None:
+        if not self._places:
             found = np.empty(len(y))
             stages(self._in_force(), nodes, weights, first, last, state_stage, t + self.base, y, h, K, found)
             return found

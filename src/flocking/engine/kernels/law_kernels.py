@@ -69,29 +69,56 @@ class Slots(NamedTuple):
     W: Array
 
 
+class LedgerLaw(NamedTuple):
+    """The law whose energies and powers the ledger holds.
+
+    Parameters
+    ----------
+    slope
+        Address of its compiled function of the slope; 0 if it is the law that acts.
+    energies
+        Address of its compiled function of the energies.
+    begin, end
+        Its powers are those components of the state vector.
+    spans
+        Limits of the pieces of its formulas, as those of `Pairs`, for the pieces of the law that acts.
+    slots
+        Its parameters.
+    """
+
+    slope: int
+    energies: int
+    begin: int
+    end: int
+    spans: Array
+    slots: Slots
+
+
 class CompiledLaw(NamedTuple):
     """A law in force, as native functions take it.
 
     Parameters
     ----------
-    slope, energies
-        Addresses of its compiled functions, see `flocking.engine.kernels.codegen.compiled_kernels`.
+    slope
+        Address of its compiled function, see `flocking.engine.kernels.codegen.compiled_kernels`.
     order, n, m
         Order of the agents, 1 or 2, their number and that of the axes.
     pairs, slots
         Pairs and parameters in force.
     functionals
         Functionals of the graphs, shape (graphs, N).
+    ledger
+        The law whose energies and powers the ledger holds.
     """
 
     slope: int
-    energies: int
     order: int
     n: int
     m: int
     pairs: Pairs
     slots: Slots
     functionals: Array
+    ledger: LedgerLaw
 
 
 @native_apart
@@ -114,7 +141,8 @@ def stages(
     K
         Slopes at the stages, shape (stages, size).
     """
-    size, pairs, slots = y.shape[0], law.pairs, law.slots
+    size, pairs, slots, ledger = y.shape[0], law.pairs, law.slots, law.ledger
+    powers = np.empty(size if ledger.slope else 0)
     z, none = np.empty(size), np.empty(0)
     q, p, u = np.empty((law.n, law.m)), np.zeros((law.n, law.m)), np.empty((law.n, law.m))
     for s in range(first, max(last, state_stage + 1)):
@@ -133,6 +161,14 @@ def stages(
                 law.slope, t + nodes[s] * h, z, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces, pairs.spans,
                 slots.P, slots.A, slots.W, law.functionals, q, p, u, K[s], none,
             )  # fmt: skip
+            if ledger.slope:
+                _slope(
+                    ledger.slope, t + nodes[s] * h, z, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces,
+                    ledger.spans, ledger.slots.P, ledger.slots.A, ledger.slots.W, law.functionals, q, p, u, powers,
+                    none,
+                )  # fmt: skip
+                for c in range(ledger.begin, ledger.end):
+                    K[s, c] = powers[c]
 
 
 def state_energies(law: CompiledLaw, t: float, y: Array, found: Array) -> None:
@@ -145,7 +181,7 @@ def state_energies(law: CompiledLaw, t: float, y: Array, found: Array) -> None:
     found
         Takes the three, shape (3,).
     """
-    n, m, pairs, slots = law.n, law.m, law.pairs, law.slots
+    n, m, pairs, spans, slots = law.n, law.m, law.pairs, law.ledger.spans, law.ledger.slots
     q, p = np.empty((n, m)), np.zeros((n, m))
     for i in range(n):
         for k in range(m):
@@ -153,7 +189,7 @@ def state_energies(law: CompiledLaw, t: float, y: Array, found: Array) -> None:
             if law.order == 2:
                 p[i, k] = y[(n + i) * m + k]
     _energies(
-        law.energies, t, q, p, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces, pairs.spans,
+        law.ledger.energies, t, q, p, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces, spans,
         slots.P, slots.A, slots.W, law.functionals, found,
     )  # fmt: skip
 
@@ -181,15 +217,25 @@ class LawKernels:
         """Addresses of the compiled functions of the slope and of the energies."""
         return int(self.module.slope.address), int(self.module.energies.address)
 
-    def in_force(self, n: int, m: int, pairs: Pairs, slots: Slots, functionals: Array) -> CompiledLaw:
+    def in_force(
+        self, n: int, m: int, pairs: Pairs, slots: Slots, functionals: Array, ledger: LedgerLaw | None = None
+    ) -> CompiledLaw:
         """The law with pairs and parameters, as native functions take it.
 
         Parameters
         ----------
         pairs, slots, functionals
             As for `control`.
+        ledger
+            The law of the ledger, see `in_ledger`, if it is another one.
         """
-        return CompiledLaw(*self._addresses, self.order, n, m, pairs, slots, functionals)
+        slope, energies = self._addresses
+        own = ledger or LedgerLaw(0, energies, 0, 0, pairs.spans, slots)
+        return CompiledLaw(slope, self.order, n, m, pairs, slots, functionals, own)
+
+    def in_ledger(self, begin: int, end: int, spans: Array, slots: Slots) -> LedgerLaw:
+        """The law as that of the ledger of a run in which another acts; parameters as those of `LedgerLaw`."""
+        return LedgerLaw(*self._addresses, begin, end, spans, slots)
 
     def control(
         self, t: float, q: Array, p: Array, pairs: Pairs, slots: Slots, functionals: Array, u: Array, rates: Array
