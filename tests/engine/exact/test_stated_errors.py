@@ -42,3 +42,24 @@ def test_agents_that_meet_head_on_are_within_the_error_of_each_other() -> None:
         start = fk.State([[-half, 0.0], [half, 0.0]], [[1.1, 0.0], [-1.1, 0.0]])
         run = fk.simulate(fk.Scenario(law, start, 2.5, tolerance=1e-11), progress=False)
         assert run.closest.distance <= run.closest.error < 1e-6
+
+
+@pytest.mark.parametrize("fine", [False, True], ids=["native", "python"])
+def test_the_error_after_a_switch_is_no_smaller_because_the_polynomial_of_its_step_is_off(fine: bool) -> None:
+    """Steps of a relaxation at a loose tolerance are long, and their polynomials wiggle by the error of the step."""
+    rng = np.random.default_rng(1)
+    rng.choice(4)
+    start = fk.State(rng.uniform(-1.3, 1.3, (6, 2)))
+    law = fk.Law(fk.Smooth(1.4, 0.3, sigma_norm=0.1), [fk.Gradient(fk.Potential("(r - 0.6)**2/2"))])
+    made = fk.Scenario(
+        law, start, 4.0, frames=(*np.linspace(0.0, 1.0, 41), 4.0), bodies=fk.SingleIntegrator(), tolerance=1e-3
+    )
+    session = fk.start(made, fine=fine)
+    tight = fk.start(made.with_(tolerance=1e-11))
+    for each in (session, tight):
+        each.advance(1.0)
+    run, true = session.run(), tight.run()
+    assert run.accuracy is not None
+    assert run.switches["time"][0] < true.switches["time"][0] - 0.01
+    off = np.linalg.norm(run.q - true.q, axis=2).max(axis=1)
+    assert (off <= run.accuracy.frames[:, 0]).all()

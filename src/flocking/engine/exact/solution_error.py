@@ -313,7 +313,8 @@ class SolutionError:
             self._companion.lose(segment.t1)
             return np.inf, np.inf
         if self._jump is None or abs(delay) > abs(self._jump[0]):
-            self._jump = (delay, segment.with_slope(segment.t1)[1])
+            # The slope of the polynomial has the error of a step over a part of its length.
+            self._jump = (delay, self._dynamics.slope(segment.t1, segment.coefficients[-1]))
         # The user's time is resolved no finer.
         return late + float(np.spacing(abs(segment.t1 + self._dynamics.base))), drift
 

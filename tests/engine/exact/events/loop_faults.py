@@ -110,14 +110,14 @@ FAULTS = (
     Fault(
         "saltation rule forgotten",
         "blocks/switches.py",
-        "(before - work.K[0, c]) * delay",
+        "(work.velocities[0, c] - work.K[0, c]) * delay",
         "0.0 * delay",
     ),
     Fault(
         "saltation rule with the wrong sign",
         "blocks/switches.py",
-        "+= (before - work.K[0, c]) * delay",
-        "-= (before - work.K[0, c]) * delay",
+        "+= (work.velocities[0, c] - work.K[0, c]) * delay",
+        "-= (work.velocities[0, c] - work.K[0, c]) * delay",
     ),
     Fault(
         "ledger row of a jump dropped",
@@ -242,8 +242,8 @@ FAULTS = (
     Fault(
         "velocities of agents of order 1 are stale at a switch",
         "blocks/loop.py",
-        "            if law.order == 1:\n                velocities_at_end(law, method, limits, stop, solution, work)\n",
-        "            pass\n",
+        "            slopes_at_end(law, method, limits, stop, solution, work)\n",
+        "",
     ),
     Fault(
         "sliding pairs not counted",

@@ -285,7 +285,8 @@ class Work(NamedTuple):
         Of a pair the differences of positions, of velocities, shape (m,), and of the Bernstein coefficients of the
         positions, shape (8, m).
     velocities
-        Velocities where agents of order 1 have none, and their errors, shape (2, size).
+        Slopes by the law before a switch, which hold the velocities of agents of order 1, and their errors there,
+        shape (2, size).
     """
 
     new: Array

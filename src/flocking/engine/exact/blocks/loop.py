@@ -36,7 +36,7 @@ from flocking.engine.exact.blocks.switches import (
     copy_links_of,
     judge_switches,
     restart,
-    velocities_at_end,
+    slopes_at_end,
 )
 from flocking.engine.exact.blocks.tried_steps import (
     LAST,
@@ -115,8 +115,7 @@ def step_block(
             return taken, rows, shown, OPEN, count
         jumping = False
         if count > 0:
-            if law.order == 1:
-                velocities_at_end(law, method, limits, stop, solution, work)
+            slopes_at_end(law, method, limits, stop, solution, work)
             if not switching.allowed or not judge_switches(
                 law, watches, switching, limits, stop, count, solution, switched, work, q_floor, p_floor
             ):

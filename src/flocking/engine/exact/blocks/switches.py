@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from flocking.arrays import Array, Mask
-from flocking.engine.adaptive_steps.integration_method import DEGREE
 from flocking.engine.adaptive_steps.segment import ROUNDING
 from flocking.engine.exact.blocks.arrays import (
     BEGIN,
@@ -168,10 +167,12 @@ def keep_sides(watches: Watches, crossed: Array, count: int, sides: Mask, back: 
                 sides[c, w, 2], sides[c, w, 3] = active[w, i, j], active[w, j, i]
 
 
-def velocities_at_end(
+def slopes_at_end(
     law: CompiledLaw, method: Method, limits: Limits, stop: float, solution: Solution, work: Work
 ) -> None:
-    """Fill ``work.velocities`` with the velocities of agents of order 1 at the end of a step and with their errors.
+    """Fill ``work.velocities`` with the slopes at the end of a step and, for agents of order 1, with their errors.
+
+    Velocities of agents of order 1 are the first of these.
 
     Parameters
     ----------
@@ -181,12 +182,14 @@ def velocities_at_end(
         Where the step ends, and the solution there.
     """
     size, tableau = work.new.shape[0], method.tableau
-    for c in range(size):
-        work.other[c] = work.new[c] + work.e[LAST, c]
     t = stop + limits.base
     stages(law, tableau.nodes, tableau.weights, 0, 1, -1, t, work.new, 0.0, work.K, work.middle)
     for c in range(size):
         work.velocities[0, c] = work.K[0, c]
+    if law.order > 1:
+        return
+    for c in range(size):
+        work.other[c] = work.new[c] + work.e[LAST, c]
     stages(law, tableau.nodes, tableau.weights, 0, 1, -1, t, work.other, 0.0, work.K, work.middle)
     for c in range(size):
         work.velocities[1, c] = work.K[0, c] - work.velocities[0, c]
@@ -361,9 +364,8 @@ def restart(
     counts[SWITCH_ROWS] = first + count
     t = stop + limits.base
     stages(law, tableau.nodes, tableau.weights, 0, 1, -1, t, solution.y, 0.0, work.K, work.middle)
-    # The companion crosses by as much later as it is behind: the saltation rule.
-    span, C = stop - begin, solution.coefficients
+    # The companion crosses by as much later as it is behind: the saltation rule. It moves by the law before the switch,
+    # not by the slope of the polynomial, whose error is that of the step over a part of its length.
     for c in range(size):
-        before = DEGREE / span * (C[DEGREE, c] - C[DEGREE - 1, c])
         solution.slope[c] = work.K[0, c]
-        solution.difference[LAST, c] += (before - work.K[0, c]) * delay
+        solution.difference[LAST, c] += (work.velocities[0, c] - work.K[0, c]) * delay
