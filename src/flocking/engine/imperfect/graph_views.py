@@ -8,9 +8,10 @@ import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.imperfect.cone_switches import ConeView, cone_view
+from flocking.engine.imperfect.constant_views import constant_view_events
 from flocking.engine.imperfect.pair_polynomials import Paths
 from flocking.engine.imperfect.turning_views import MovingView, TurningView
-from flocking.engine.imperfect.view_switches import View, constant_view_events
+from flocking.engine.imperfect.view_switches import View
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
@@ -92,7 +93,7 @@ def view_events(
     Parameters
     ----------
     paths, length, changed, near, size
-        As for `flocking.engine.imperfect.view_switches.find_view_events`.
+        As for `flocking.engine.imperfect.constant_views.find_view_events`.
     view
         The fields of view or cones.
     """

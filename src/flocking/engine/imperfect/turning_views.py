@@ -140,7 +140,7 @@ class MovingView(NamedTuple):
         Parameters
         ----------
         paths, length, changed, near, size
-            As for `flocking.engine.imperfect.view_switches.find_view_events`.
+            As for `flocking.engine.imperfect.constant_views.find_view_events`.
         """
         given = turning_paths(paths, self.headings.shape[1]), length, changed, near, *self, size
         rows = all_rows(lambda found: int(find_turning_events(*given, found)), 3)
@@ -197,7 +197,7 @@ def add_turning_changes(
     paths
         What `turning_paths` gives: how agents move from now on, in open space.
     two, look, near
-        As for `flocking.engine.imperfect.view_switches.add_view_changes`.
+        As for `flocking.engine.imperfect.constant_views.add_view_changes`.
     heading
         Taylor coefficients of the vector along which it looks, about now, shape (terms, m).
     found, total
@@ -273,7 +273,7 @@ def find_turning_events(
     paths
         What `turning_paths` gives.
     length, changed, near
-        As for `flocking.engine.imperfect.view_switches.find_view_events`.
+        As for `flocking.engine.imperfect.constant_views.find_view_events`.
     headings, cosines, radii
         See `MovingView`.
     size

@@ -13,16 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
-from flocking.engine.imperfect.pair_polynomials import (
-    ROUNDING,
-    Paths,
-    nearest_offset,
-    reach_within,
-    squared_distance,
-)
-from flocking.engine.imperfect.pair_switches import TwoPaths, radial_speed
-from flocking.engine.kernels.bernstein import all_rows, first_all_above, part_from
-from flocking.formula.native.functions import native_apart
+from flocking.engine.imperfect.pair_switches import radial_speed
+from flocking.engine.kernels.bernstein import first_all_above, part_from
 
 ROUNDED_SQUARE = 2e-15
 """Rounding of Q relative to its largest coefficient, some units of 2.2e-16."""
@@ -247,109 +239,3 @@ def add_changes_of_part(
         total += 1
         changes += 1
     return seen, total
-
-
-def add_view_changes(
-    paths: Paths, two: TwoPaths, look: Looking, near: bool, direction: Array, found: Array, total: int
-) -> int:
-    """Add rows (time, s, o) of all changes of whether an agent has another one in view; how many rows there are.
-
-    Parameters
-    ----------
-    paths, two
-        How agents move from now on, in open space, and the paths that are looked at, first that of the one that looks.
-    look
-        How it looks.
-    near
-        Whether it has the other one in view now.
-    direction
-        Unit vector in which it looks, shape (m,).
-    found, total
-        Takes the rows, shape (room, 3 or more), and how many there are before.
-    """
-    i, j, span, slack = two.i, two.j, two.span, look.slack
-    if not near and two.distance - two.reach > look.radius + 2.0 * slack:
-        return total
-    degree, m = paths.S.shape[0] - 1, paths.S.shape[2]
-    terms = 2 * degree + 1
-    square, L, Q, offset = np.empty(terms), np.empty(terms), np.empty(terms), np.empty(m)
-    ahead, power, product = np.empty(degree + 1), np.empty(terms), np.empty(terms)
-    for k in range(m):
-        offset[k] = paths.S[0, j, k] - paths.S[0, i, k]
-    squared_distance(paths, i, j, offset, span, square)
-    scale = 1.0
-    for a in range(degree + 1):
-        ahead[a] = 0.0
-        for k in range(m):
-            ahead[a] += (paths.S[a, j, k] - paths.S[a, i, k]) * direction[k]
-        ahead[a] *= scale
-        scale *= span
-    for a in range(terms):
-        power[a], product[a] = ahead[a] if a <= degree else 0.0, 0.0
-    for a in range(degree + 1):
-        for b in range(degree + 1):
-            product[a + b] += ahead[a] * ahead[b]
-    for a in range(terms):
-        L[a], Q[a] = 0.0, -look.cosine * look.cosine * square[a]
-        for b in range(a + 1):
-            L[a] += paths.table[a, b] * power[b]
-            Q[a] += paths.table[a, b] * product[b]
-    polynomials = ViewPolynomials(square, L, Q, look.radius, MOST_CHANGES)
-    return add_changes_of_part(polynomials, look, ViewPart(0.0, 1.0, span), near, found, total)[1]
-
-
-@native_apart
-def find_view_events(
-    paths: Paths, length: Array, changed: Links, near: Links, directions: Array, cosines: Array, radii: Array,
-    size: float, found: Array,
-) -> int:  # fmt: skip
-    """Fill rows (time, i, j) of all changes of what agent i sees of agent j until the motion of either one changes.
-
-    Parameters
-    ----------
-    paths
-        How agents move from now on, in open space.
-    length
-        How long each agent's motion goes on from now, shape (N,).
-    changed
-        Whose motion begins now, shape (N,).
-    near
-        What is seen now, shape (N, N).
-    directions, cosines, radii
-        See `View`.
-    size
-        Size of the coordinates, for rounding.
-    found
-        Takes the rows, shape (room, 3).
-
-    Returns
-    -------
-    int
-        How many rows there are, those included for which there was no room.
-    """
-    n, nearest, total = paths.S.shape[1], np.empty(paths.S.shape[2]), 0
-    for i in range(n):
-        slack = ROUNDING * (radii[i] + size)
-        for j in range(n):
-            if i == j or not (changed[i] or changed[j]):
-                continue
-            span = min(length[i], length[j])
-            distance, reach = nearest_offset(paths, i, j, nearest), reach_within(paths, i, j, span)
-            two, look = TwoPaths(i, j, span, distance, reach), Looking(i, j, radii[i], cosines[i], slack)
-            total = add_view_changes(paths, two, look, near[i, j], directions[i], found, total)
-    return total
-
-
-def constant_view_events(paths: Paths, length: Array, changed: Links, near: Links, view: View, size: float) -> Array:
-    """Rows (time, i, j) of all changes of what agents see, in order of time.
-
-    Parameters
-    ----------
-    paths, length, changed, near, size
-        As for `find_view_events`.
-    view
-        The fields of view.
-    """
-    given = paths, length, changed, near, *view, size
-    rows = all_rows(lambda found: int(find_view_events(*given, found)), 3)
-    return rows[np.lexsort(rows.T[::-1])]

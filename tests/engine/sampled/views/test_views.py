@@ -46,6 +46,18 @@ def test_a_bearing_is_located_exactly():
     assert run.switches["time"].tolist() == pytest.approx([5.0 - rise, 5.0 + rise], rel=1e-11)
 
 
+@pytest.mark.parametrize(("course", "half_angle"), [(0.0, 1.0), (math.pi, 0.3), (2.0, 1.2), (3.0, 2.6)])
+@pytest.mark.parametrize("world", [{"control": fk.Held(7.0)}, {"information": fk.Messages(7.0, predict=True)}])
+def test_agents_that_go_through_one_another_change_sides_as_they_meet(course, half_angle, world):
+    """The other one flies straight through the observer, at the time 4, and is behind it before or after that."""
+    velocity = 0.7 * np.array([math.cos(course), math.sin(course)])
+    start = fk.State([[0.3, -0.2], [0.3, -0.2] - 4.0 * velocity], [[0.0, 0.0], velocity])
+    law = fk.Law(fk.FieldOfView(10.0, half_angle), [fk.Consensus(0.0)])
+    run = fk.simulate(fk.Scenario(law, start, 6.0, agents=fk.Agents(headings=[0.0, 0.0]), **world), progress=False)
+    mine = run.switches[run.switches["i"] == 0]
+    assert mine["time"] == pytest.approx([4.0], rel=1e-11)
+
+
 POINTS = fk.PointMass(damping=0.3, headings=HEADINGS)
 
 

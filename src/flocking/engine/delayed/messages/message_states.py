@@ -20,6 +20,7 @@ from flocking.engine.delayed.messages.samples_in_use import InUse, put_sample
 from flocking.engine.delayed.messages.turning_switches import turning_switches
 from flocking.engine.delayed.met_obstacles import PiecewisePaths
 from flocking.engine.delayed.state_jumps import StateJumps
+from flocking.engine.imperfect.constant_views import add_view_changes
 from flocking.engine.imperfect.graph_views import GraphView
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.messages.knowledge import Knowledge
@@ -33,7 +34,7 @@ from flocking.engine.imperfect.pair_polynomials import (
 )
 from flocking.engine.imperfect.pair_switches import TwoPaths, WatchedLink, add_switches
 from flocking.engine.imperfect.turning_views import TurningView
-from flocking.engine.imperfect.view_switches import Looking, View, add_view_changes
+from flocking.engine.imperfect.view_switches import Looking, View
 from flocking.engine.kernels.bernstein import all_rows
 from flocking.formula.native.functions import native_apart
 from flocking.model.graphs.views import VELOCITY
