@@ -6,7 +6,10 @@ import base64
 import binascii
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from functools import cached_property
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -42,6 +45,19 @@ def to_data(part: object) -> object:
         If a part is not from this library and not registered, see `flocking.register_part`.
     """
     return _Writer(part).data
+
+
+def described_data(part: object, note: Callable[[type], None]) -> object:
+    """As `to_data`, with parts that are not registered by their fields: a description from which none is made again.
+
+    Parameters
+    ----------
+    part
+        A part of a scenario, or a list of parts.
+    note
+        Called with the class of every part from outside this library, registered or not.
+    """
+    return _Describer(part, note).data
 
 
 def from_data(data: object) -> Any:
@@ -93,10 +109,7 @@ class _Writer:
     def _part(self, part: object) -> dict[str, object]:
         kind = registered(part)
         if kind is None:
-            raise ForeignPart(
-                "to_data", type(part).__name__, "must be a part of this library or a registered one", part,
-                "Decorate its class with @fk.register_part, or keep the Python file that makes the scenario.",
-            )  # fmt: skip
+            return self._foreign(part)
         if kind.shares_identity and id(part) in self._described:
             number = self._seen.setdefault(id(part), len(self._seen))
             self._described[id(part)]["id"] = number
@@ -113,6 +126,53 @@ class _Writer:
             holds = kind.fields[name].holds
             data[name] = self._write(holds.store(value) if isinstance(holds, Value) else value)
         return data
+
+    def _foreign(self, part: object) -> dict[str, object]:
+        raise ForeignPart(
+            "to_data", type(part).__name__, "must be a part of this library or a registered one", part,
+            "Decorate its class with @fk.register_part, or keep the Python file that makes the scenario.",
+        )  # fmt: skip
+
+
+class _Describer(_Writer):
+    """Describes parts that are not registered too, and notes the classes of those from outside this library."""
+
+    def __init__(self, part: object, note: Callable[[type], None]) -> None:
+        self._note = note
+        self._under_way: set[int] = set()
+        super().__init__(part)
+
+    def _write(self, value: object) -> object:
+        if isinstance(value, bytes):
+            return value.hex()
+        if isinstance(value, set | frozenset):
+            return sorted(map(repr, value))
+        if isinstance(value, np.ndarray) and value.dtype.kind not in "bfiu":
+            return [self._write(x) for x in value.tolist()]
+        return super()._write(value)
+
+    def _part(self, part: object) -> dict[str, object]:
+        if type(part).__module__.partition(".")[0] != __name__.partition(".")[0]:
+            self._note(type(part))
+        return super()._part(part)
+
+    def _foreign(self, part: object) -> dict[str, object]:
+        name: dict[str, object] = {"foreign": type(part).__qualname__}
+        if id(part) in self._under_way or isinstance(part, type | FunctionType):
+            return name
+        self._under_way.add(id(part))
+        computed = {
+            key for kind in type(part).__mro__ for key, x in vars(kind).items() if isinstance(x, cached_property)
+        }
+        held = {key: x for key, x in getattr(part, "__dict__", {}).items() if key not in computed}
+        if is_dataclass(part):
+            held |= {f.name: getattr(part, f.name, None) for f in fields(part)}
+        stated = getattr(part, "parameters", None)
+        if isinstance(stated, Mapping):
+            held["parameters"] = stated
+        name["holds"] = {str(key): self._write(x) for key, x in sorted(held.items(), key=lambda item: str(item[0]))}
+        self._under_way.discard(id(part))
+        return name
 
 
 def _array_data(values: AnyArray) -> object:

@@ -19,7 +19,9 @@ from flocking.engine.protocol.team import Team
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import checksum, read_soundly, storage_errors
 from flocking.engine.storage.record import engine_of, goes_on, read_record
+from flocking.engine.storage.record_checks import check_sums
 from flocking.engine.storage.run_writer import RunWriter
+from flocking.engine.storage.scenario_sums import plant_sums, scenario_sums
 from flocking.engine.storage.stored_runs import own_scenario, read_last, read_run
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.law import Law, Scenario
@@ -143,6 +145,9 @@ def _left(folder: Path, writer: RunWriter | None, engine: str, scenario: Scenari
         return _Left(scenario, plant, left.counts, left.options, read_last(folder, scenario, None))
     _check_goes_on(folder, record)
     _check_plant(folder, record, plant)
+    check_sums(folder, record["scenario"], "sums", scenario_sums(scenario), code=True)
+    if plant is not None:
+        check_sums(folder, record["scenario"], "plant_sums", plant_sums(scenario, plant), code=True)
     checkpoint = record["checkpoint"]
     if checkpoint is None:
         return left

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from flocking.engine.archives.data_checks import MalformedError, Table
 from flocking.engine.runs.columns import COLUMN, KINDS, SWITCHES, component_names
 from flocking.engine.runs.message_log import DELAYED, LEADER, LEADER_SENDER, PRESENT, TICK_PARTS, MessageLog
 from flocking.engine.storage.new_folders import law_sum
+from flocking.engine.storage.scenario_sums import ScenarioSums, scenario_sums, unlike
 from flocking.errors import StorageError
 from flocking.model.law import Scenario
 from flocking.model.terms.avoidance import ObstacleTerm
@@ -58,10 +60,42 @@ def check_records(
             f"{folder}: the law of the given scenario is not that of the run: it has other parts or numbers. Give the "
             "scenario that was simulated."
         )
+    if isinstance(about, dict) and about["left_out"]:
+        check_sums(folder, about, "sums", scenario_sums(scenario), code=False)
     try:
         _check(scenario, parts, tables)
     except MalformedError as error:
         raise StorageError(f"{folder}: the data do not fit the scenario: {error}; the file was damaged.") from None
+
+
+def check_sums(folder: Path, about: Mapping[str, object], name: str, found: ScenarioSums | None, *, code: bool) -> None:
+    """Check that parts from outside this library are those with which a run was begun; an earlier version kept no sums.
+
+    Parameters
+    ----------
+    about
+        What the record of the run states of its scenario.
+    name
+        Which sums: ``"sums"`` or ``"plant_sums"``.
+    found
+        Sums of what is to go on, or to be read.
+    code
+        Whether the code of these parts must be the same too: a run that goes on acts by it, also where it states no
+        formulas, as rules of graphs.
+
+    Raises
+    ------
+    StorageError
+        If they are not.
+    """
+    stored = about.get(name)
+    if not isinstance(stored, dict) or not (others := unlike(found, stored, code=code)):
+        return
+    whose = "the scenario" if name == "sums" else "the plant"
+    raise StorageError(
+        f"{folder}: {whose} is not that of the run: {others} differ, and would count as if they had been so from its "
+        "start. Give the one that was simulated, with its classes as they were."
+    )
 
 
 def _begins_with(scenario: Scenario, parts: dict[str, AnyArray]) -> bool:

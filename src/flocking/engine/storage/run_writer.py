@@ -55,6 +55,7 @@ from flocking.engine.storage.record import (
     write_record,
 )
 from flocking.engine.storage.regular_files import first_foreign
+from flocking.engine.storage.scenario_sums import stored_sums
 from flocking.engine.storage.zarr_thread import zarr_calls
 from flocking.errors import StorageError
 from flocking.model.law import Law, Scenario
@@ -147,7 +148,7 @@ class RunWriter:
                 "counts": dict.fromkeys(GROWING, 0), "checksums": {}, "closest": [None, None],
                 "scenario": {
                     "checksum": zlib.crc32(text), "left_out": reason, "law": law_sum(scenario.law),
-                    "plant": plant is not None,
+                    "plant": plant is not None, **stored_sums(scenario, plant),
                 },
                 "session": session or {},
             }  # fmt: skip
