@@ -49,18 +49,21 @@ def test_a_run_without_frames_is_judged_by_what_was_observed():
     whole, bare = tiled(4100), tiled(4100, keep_frames=False)
     assert len(bare.t) == 0
     seen, expected = verdicts(bare), verdicts(whole)
-    for key in ("ledger", "energy-falls", "velocities-agree", "connected", "linked-apart", "all-apart"):
+    for key in ("ledger", "energy-falls", "velocities-agree", "connected"):
         assert seen[key] == expected[key], key
+    # Repetitions are compared at frames: without any the error of the motion is not known.
+    for key in ("linked-apart", "all-apart"):
+        assert (seen[key], expected[key]) == (Verdict.NOT_RESOLVED, Verdict.HOLDS), key
     assert {seen[key] for key in ("momentum", "distances-settle", "forces-vanish")} == {Verdict.NOT_APPLICABLE}
 
 
-def test_flocks_that_were_observed_apart_refute_that_the_graph_stays_connected():
+def test_flocks_that_were_observed_apart_are_named_and_refute_nothing_where_errors_are_not_known():
     run = tiled(4100, keep_frames=False)
     apart = run.observables.copy()
     apart["flocks"][3] = 2
     found = {r.claim.key: r for r in fk.audit(dataclasses.replace(run, observables=apart)).results}["connected"]
-    assert found.verdict == Verdict.FAILS
-    assert f"fell apart at t = {apart['time'][3]:.3g}" in found.note
+    assert found.verdict == Verdict.NOT_RESOLVED
+    assert f"the motion as computed falls apart at t = {apart['time'][3]:.3g}" in found.note
     apart["flocks"][0] = 2
     assert verdicts(dataclasses.replace(run, observables=apart))["connected"] == Verdict.HYPOTHESIS_NOT_MET
 

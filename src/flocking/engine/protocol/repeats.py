@@ -12,6 +12,12 @@ MOST_WORK = 1e7
 """Largest work of a run that is repeated, in evaluations of pairs: about a minute, and its repetitions three."""
 
 
+LOST = 1e-3
+"""Difference of positions or velocities, as a share of the largest extent of those of the run, beyond which margins
+that agree are no sign of a small error: motions that have nothing in common any more may have similar means.
+"""
+
+
 @dataclass(frozen=True)
 class Repeats:
     """Repetitions of a run.
@@ -29,6 +35,11 @@ class Repeats:
         Number of steps of the run; None where it is not known.
     most_work
         Largest work of a run that is repeated, in evaluations of pairs.
+    pairs
+        Pairs that a step evaluates; those of all agents when absent.
+    lost
+        Difference of the motions, as a share of their extent, beyond which they have nothing in common; larger where
+        errors of steps are most of it, which shrink with the step.
     """
 
     sessions: tuple[Callable[[], Session], ...]
@@ -36,6 +47,8 @@ class Repeats:
     how: str
     steps: int | None
     most_work: float = MOST_WORK
+    pairs: float | None = None
+    lost: float = LOST
 
 
 def counted_steps(run: Run) -> int | None:

@@ -11,8 +11,6 @@ import zlib
 from collections.abc import Mapping
 from typing import TypedDict
 
-from flocking.engine.kernels.expressions import law_formulas
-from flocking.engine.kernels.layout import Layout
 from flocking.engine.storage.foreign_code import code_of, python_version
 from flocking.errors import FlockingError
 from flocking.formula.origins import canonical
@@ -120,6 +118,9 @@ def unlike(found: ScenarioSums | None, stored: Mapping[str, object], *, code: bo
 
 
 def _formulas(scenario: Scenario, law: Law) -> str:
+    from flocking.engine.kernels.expressions import law_formulas
+    from flocking.engine.kernels.layout import Layout
+
     layout = Layout(law, scenario.energy, scenario.agents, scenario.space, steering=True)
     try:
         return canonical(law_formulas(layout, scenario.start.dimension))

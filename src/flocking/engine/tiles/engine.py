@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 from flocking.engine.fixed_step.given_links import check_given_links
 from flocking.engine.imperfect.messages.leader_news import check_leader_messages
 from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.repeats import Repeats, counted_steps
 from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.runs.run import Run
 from flocking.engine.tiles.held.news import check_messages
 from flocking.engine.tiles.held.session import HeldTilesSession
 from flocking.engine.tiles.kernels.spec import SPACES, check_supported
@@ -18,6 +21,21 @@ from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
+from flocking.model.world.times import PER_SECOND
+
+FINER = (0.5, 0.25)
+"""Steps of the repetitions of a run, as shares of its own."""
+
+SAME_MOTION = 0.05
+"""Difference of repetitions, as a share of the extent of a motion, up to which errors of steps are estimated: a ledger
+may leave as much of the energy unexplained."""
+
+PAIRS = 30
+"""Neighbours of an agent for the work of a step, as in a dense group in the plane."""
+
+MOST_WORK = 2e7
+"""Largest work of a run that is repeated, in evaluations of pairs: some ten seconds with its repetitions, which have
+six times as many steps of up to four passes."""
 
 
 class TilesEngine(Engine):
@@ -62,6 +80,25 @@ class TilesEngine(Engine):
     def open_unrecorded(self, scenario: Scenario) -> Session:
         """Start a session that stores no frames; steps still end at the frame times."""
         return self.open(scenario, TilesOptions(keep_frames=False))
+
+    def repeats(self, run: Run) -> Repeats | None:
+        """With shorter steps in double precision; under held control these are whole numbers of nanoseconds too."""
+        about, held = run.provenance, isinstance(run.scenario.control, Held)
+        step, scheme = about.get("step"), about.get("scheme")
+        if run.fidelity.ledger.kind != "share" or not isinstance(step, float):
+            return None
+        shares = tuple(share for share in FINER if not held or round(step * PER_SECOND) % round(1.0 / share) == 0)
+        if len(shares) < len(FINER):
+            return None
+        known = scheme if isinstance(scheme, str) and not held else None
+        opened = tuple(
+            partial(self.open, run.scenario, TilesOptions(share * step, known, log=False if held else None))
+            for share in shares
+        )
+        return Repeats(
+            opened, "with shorter steps", f"the last with {FINER[-1]:g} of the step", counted_steps(run), MOST_WORK,
+            float(run.n * PAIRS), SAME_MOTION,
+        )  # fmt: skip
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """Restore a session from its packed form."""

@@ -268,11 +268,19 @@ class Claim:
         measured = self.conclusion(evidence)
         if not explained:
             return Result(self, Verdict.NOT_RESOLVED, measured.margin, math.inf, evidence.ledger_note)
-        if self.dynamic and (self.about.subject in MEASURED_AT_FRAMES or evidence.in_discrete_time):
+        if self.dynamic and (self._reads_motion(evidence) or evidence.in_discrete_time):
             measured = _with_errors_of_motion(measured, evidence, self.conclusion)
         verdict, doubt = self._verdict(evidence, measured, hypothesis.unsettled or measured.unsettled)
         error = math.nan if measured.as_computed else measured.error
         return Result(self, verdict, measured.margin, error, _joined(measured.note, doubt))
+
+    def _reads_motion(self, e: Evidence) -> bool:
+        """Whether the error of the motion adds to that of the measure.
+
+        Closest approaches of fixed steps bound what happens between two of them, not where agents are.
+        """
+        subject = self.about.subject
+        return subject in MEASURED_AT_FRAMES or (subject is Subject.CLOSEST and e.fixed_step)
 
     @property
     def unconditional(self) -> Claim:

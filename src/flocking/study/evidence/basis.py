@@ -107,10 +107,10 @@ class RunEvidence:
     def motion_unstated(self) -> bool:
         """Whether nothing is known of the errors of computed positions and velocities.
 
-        Engines of imperfect worlds bound the error of their ledger, but not by how much rounding and the errors of
-        steps were amplified along the motion. Engines with fixed steps state the step itself.
+        Engines of imperfect worlds and those with fixed steps bound the error of their ledger, but not by how much
+        rounding and the errors of steps were amplified along the motion.
         """
-        estimates = self.fidelity.ledger.kind in ("estimate", "tolerance", "forces")
+        estimates = self.fidelity.ledger.kind in ("estimate", "tolerance", "forces", "share")
         return self.run.accuracy is None and not self.sampled and estimates
 
     @property

@@ -33,6 +33,7 @@ class DoubtEvidence(LinkEvidence):
         if self.run.accuracy is None:
             world = self.run.scenario.imperfections
             why = "they are not estimated in an imperfect world" if world else "runs of this version record them"
+            why = "an engine with fixed steps estimates none" if self.fixed_step else why
             raise NotResolvable(f"the errors of the run are unknown; {why}")
         return self.run.accuracy
 

@@ -1,6 +1,6 @@
 """Errors of motions whose engine states none, estimated by repeating the run.
 
-With delays it is repeated with more accurate steps.
+With delays, and of engines with fixed steps, it is repeated with more accurate steps.
 The difference of a run from one whose error is much smaller is its error, whether the motion amplifies the errors of
 steps or damps them (Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, section II.4, on global
 errors). A smaller tolerance alone does not make a run more accurate: steps that end at the delay are the same for all
@@ -20,6 +20,7 @@ import numpy as np
 
 from flocking.arrays import Reals
 from flocking.engine.driver.registry import entry_named
+from flocking.engine.protocol.repeats import LOST
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError
@@ -28,10 +29,9 @@ from flocking.study.evidence.basis import NotResolvable
 SAFETY = 4.0
 """Ratio of stated errors to the differences found, as that of the exact engine's own estimate."""
 
-LOST = 1e-3
-"""Difference of positions or velocities, as a share of the largest extent of those of the run, beyond which margins
-that agree are no sign of a small error: motions that have nothing in common any more may have similar means.
-"""
+SHRUNK = 0.5
+"""Largest difference of the last two repetitions over that of the run from the last, where that is above the usual
+bound: errors of order 1 in the step leave a third of it, those that grow by themselves all of it."""
 
 STEP = 500
 """Work of a step besides its pairs."""
@@ -98,11 +98,13 @@ def repetitions_of(run: Run) -> Repetitions:
     steps = repeats.steps
     if not run.finished or steps is None:
         raise NotResolvable("a run that has not finished is not repeated")
-    if not steps * (STEP + run.n**2) <= repeats.most_work:
+    pairs = run.n**2 if repeats.pairs is None else repeats.pairs
+    if not steps * (STEP + pairs) <= repeats.most_work:
         raise NotResolvable(f"{steps} steps of {run.n} agents are too many to repeat")
     runs = tuple(_repeated(run, opened) for opened in repeats.sessions)
-    share = max(_share(one, runs[-1], run) for one in (run, *runs[:-1]))
-    if not share <= LOST:
+    shares = [_share(one, runs[-1], run) for one in (run, *runs[:-1])]
+    share = max(shares)
+    if not share <= (repeats.lost if shares[-1] <= SHRUNK * shares[0] else min(repeats.lost, LOST)):
         raise NotResolvable(f"repetitions {repeats.kind} differ from it by {share:.1e} of its extent")
     return Repetitions(runs, share, f"error estimated from {len(runs)} repetitions, {repeats.how}")
 

@@ -51,6 +51,8 @@ def stays_connected(e: Evidence) -> Measure:
         certain, doubtful = e.connection
         if certain == np.inf and doubtful:
             return Measure(1.0, np.inf, e.doubt_note())
+    elif e.fixed_step and e.law.graph.moves and e.seen_disconnected > e.run.scenario.start.t:
+        return _connected_as_computed(e)
     if e.seen_disconnected == np.inf:
         return Measure(1.0, 0.0, f"connected after each of {len(e.link_switches)} switches")
     decided = certain if e.switches_known and e.law.graph.moves else e.seen_disconnected
@@ -69,22 +71,29 @@ def _when_apart(e: Evidence) -> str:
 
 def _connected_as_computed(e: Evidence) -> Measure:
     """What the computed motion shows where nobody knows how far the exact one is from it: it decides nothing."""
+    apart = e.seen_disconnected < np.inf
+    seen = f"falls apart {_when_apart(e)}" if apart else f"is connected after each of {len(e.link_switches)} switches"
+    return Measure(-1.0 if apart else 1.0, math.nan, f"the motion as computed {seen}; {_open(e)}")
+
+
+def _open(e: Evidence) -> str:
+    """That it is open whether the exact motion does the same, with the reason why its errors are not known."""
     try:
-        e.accuracy  # noqa: B018  raises the reason why the errors are not known
+        e.accuracy  # noqa: B018  raises the reason
         why = ""
     except NotResolvable as reason:
         why = str(reason)
-    apart = e.seen_disconnected < np.inf
-    seen = f"falls apart {_when_apart(e)}" if apart else f"is connected after each of {len(e.link_switches)} switches"
-    note = f"the motion as computed {seen}; whether the exact one does is open: {why}"
-    return Measure(-1.0 if apart else 1.0, math.nan, note)
+    return f"whether the exact one does is open: {why}"
 
 
 @about(Subject.LINKS, _first_break, lasting=True)
 def no_link_lost(e: Evidence) -> Measure:
     """Number of links that broke; frames alone can refute that there are none but not show it."""
     if e.seen_lost and not e.switches_known:
-        return Measure(0.5 - e.seen_lost, 0.0, f"at least {e.seen_lost} lost")
+        lost = f"at least {e.seen_lost} lost"
+        if e.fixed_step:
+            return Measure(0.5 - e.seen_lost, math.nan, f"{lost} by the motion as computed; {_open(e)}")
+        return Measure(0.5 - e.seen_lost, 0.0, lost)
     certain, most = e.numbers("break")
     if not certain and most:
         return Measure(0.5 - most, np.inf, e.doubt_note("break"))
