@@ -68,6 +68,29 @@ def test_agents_at_rest_look_all_around_and_those_at_one_place_see_each_other():
     np.testing.assert_allclose(found, [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]], atol=1e-15)
 
 
+@pytest.mark.parametrize(("length", "speed"), [(1.0, 1.0), (1e-12, 1e-12), (1e-16, 1e-3), (1.0, 1e-30), (1e12, 1e12)])
+@pytest.mark.parametrize("m", [2, 3])
+def test_views_along_velocities_are_the_same_in_all_units_in_single_precision(length, speed, m):
+    """Squares of products of lengths and speeds of 1e-12 are 1e-48, less than single precision holds."""
+    made = states(200, m, seed=4)["random"]
+    law = fk.Law(fk.FieldOfView(1.6, 0.9, "p"), (fk.Consensus(1.0),))
+    _, expected, _ = accelerations(law, made)
+    law = fk.Law(fk.FieldOfView(1.6 * length, 0.9, "p"), (fk.Consensus(1.0),))
+    found, _, _ = accelerations(law, fk.State(made.q * length, made.p * speed), precision="float32")
+    wrong = (np.abs(found / speed - expected) > 1e-4).any(axis=1)
+    assert wrong.sum() <= 1, np.flatnonzero(wrong)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("length", [1.0, 1e-12])
+def test_runs_in_small_units_are_not_blamed_for_what_no_number_holds(length, precision):
+    made = _scenario(fk.FieldOfView(1.5 * length, 1.1, "p"), n=60, t_end=0.05)
+    start = fk.State(made.start.q * length, made.start.p * length)
+    spring = fk.Gradient(fk.Potential("k*(r - d)**2/2", k=0.3, d=length))
+    small = made.with_(start=start, law=fk.Law(made.law.graph, (spring, fk.Consensus(0.4))))
+    assert fk.simulate(small, engine="tiles", step=0.01, precision=precision, progress=False).finished
+
+
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("radius", [1.5, np.array([1.5, 1.5])])
 def test_agents_at_the_radius_are_seen(radius, precision):

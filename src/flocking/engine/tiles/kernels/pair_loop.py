@@ -104,18 +104,27 @@ def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool
 
 
 def _view_lines(w: Writer, number: int) -> list[str]:
-    """Determine which neighbours are within the angle of view: by squares with their signs, which need no root."""
+    """Determine which neighbours are within the angle of view: by squares with their signs, which need no root.
+
+    Velocities are divided by their largest component before: single precision does not hold squares of products of small
+    lengths and speeds, nor of a speed that fades away.
+    """
     view = w.spec.graphs[number].view
-    length = []
+    length, first = [], list[str]()
     if view == VELOCITY:
-        headings = [f"p{k}" for k in w.axes]
-        length = [f"({' + '.join(f'p{k} * p{k}' for k in w.axes)})"]
+        first = [f"part{k} = select(p{k} < T(0.0), -p{k}, p{k})" for k in w.axes]
+        first += ["fastest = part0", *(f"fastest = select(part{k} > fastest, part{k}, fastest)" for k in w.axes[1:])]
+        first += ["fastest = select(fastest > T(0.0), fastest, T(1.0))"]
+        first += [f"look{k} = p{k} / fastest" for k in w.axes]
+        headings = [f"look{k}" for k in w.axes]
+        length = [f"({' + '.join(f'look{k} * look{k}' for k in w.axes)})"]
     elif view == HEADINGS:
         headings = [f"load(views{number}[{k + 1}], base)" for k in w.axes]
     else:
         headings = [f"load(E[{w.spec.row_of(view) + k}], base)" for k in w.axes]
     least = " * ".join([f"load(views{number}[0], base)", "square", *length])
     return [
+        *first,
         "ahead = " + " + ".join(f"d{k} * {heading}" for k, heading in enumerate(headings)),
         "ahead = select(ahead < T(0.0), -ahead * ahead, ahead * ahead)",
         f"seen = ahead >= {least}",

@@ -95,13 +95,18 @@ def _begin_links(  # type: ignore[no-untyped-def]
                     continue
                 s = agents[i, 0] * 0
                 ahead, speed = agents[i, 0] * 0, agents[i, 0] * 0 + (1 if views.shape[0] > 1 else 0)
+                fastest = agents[i, 0] * 0
+                for k in range(m):
+                    fastest = max(fastest, abs(agents[i, m + k]))
+                if not fastest > 0:
+                    fastest = fastest * 0 + 1
                 for k in range(m):
                     d = agents[j, k] - agents[i, k]
                     if box.shape[0]:
                         d = to_nearest(d, box, k, m)
                     s += d * d
                     if views.shape[0]:
-                        heading = views[k + 1, i] if views.shape[0] > 1 else agents[i, m + k]
+                        heading = views[k + 1, i] if views.shape[0] > 1 else agents[i, m + k] / fastest
                         ahead += d * heading
                         speed += 0 if views.shape[0] > 1 else heading * heading
                 if views.shape[0] and ahead * abs(ahead) < views[0, i] * s * speed:

@@ -137,7 +137,7 @@ class GraphRadii:
         near = square < (self.each[number][i] if kind.uneven else self.limits[number][0])
         if kind.view:
             least, *headings = self.views[number][:, i]
-            along = np.stack(headings) if headings else p[:, i]
+            along = np.stack(headings) if headings else _in_units(p[:, i])
             ahead = (d.T * along).sum(axis=0)
             near &= ahead * np.abs(ahead) >= least * square * (1 if headings else (along**2).sum(axis=0))
         return np.asarray(near)
@@ -185,3 +185,9 @@ class GraphRadii:
             for k, kind in enumerate(self._spec.graphs)
             if not kind.fixed
         ]
+
+
+def _in_units(p: Reals) -> Reals:
+    """Velocities, shape (m, K), divided by their largest components, so that their squares are numbers; zeros stay."""
+    fastest = np.abs(p).max(axis=0)
+    return np.asarray(p / np.where(fastest > 0, fastest, fastest.dtype.type(1)))
