@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.fixed_step.automatic_step import SampledPairs, largest_step
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 
 APART = np.array([[0.0, 0.0], [5.0, 0.0], [10.0, 0.0], [15.0, 0.0]])
@@ -16,7 +17,7 @@ def chosen(scenario: fk.Scenario, **options: object) -> float:
     return TilesSession(scenario, TilesOptions(**options)).step  # type: ignore[arg-type]
 
 
-def moving(law: fk.Law, agents: fk.Agents, t_end: float = 20.0) -> fk.Scenario:
+def moving(law: fk.Law, agents: fk.Body, t_end: float = 20.0) -> fk.Scenario:
     return fk.Scenario(law, fk.State(APART, np.ones((4, 2))), t_end=t_end, frames=2, agents=agents)
 
 
@@ -81,3 +82,24 @@ def test_a_force_that_drives_agents_apart_is_not_called_unstable() -> None:
     scenario = fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=1.0, frames=2)
     run = fk.simulate(scenario, engine="tiles", step=0.5, ledger=False, progress=False)
     assert run.finished
+
+
+def test_the_fastest_lag_and_the_fastest_turn_are_resolved() -> None:
+    """Their rates are 1/tau and speed/offset, of the quickest agent: 0.15 of the inverse of it."""
+    law = fk.Law(fk.Proximity(1.0), [FREE])
+    lagged = fk.Lagged(fk.PointMass(), [0.5, 0.04, 0.5, 0.5])
+    assert largest_step(moving(law, lagged), [None], "verlet") == pytest.approx(0.15 * 0.04)
+    turning = fk.Unicycle([0.5, 0.02, 0.5, 0.5])
+    assert largest_step(moving(law, turning), [None], "verlet") == pytest.approx(0.15 * 0.02 / np.sqrt(2.0))
+
+
+def test_pairs_that_close_in_on_a_pole_make_steps_short() -> None:
+    """A pair at 1 that closes in at 4 may come nearer by a fiftieth a step; who is fast is to pass no radius of 2."""
+    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("k/r", k=1e-9))])
+    q, p = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[2.0, 0.0], [-2.0, 0.0]])
+    scenario = fk.Scenario(law, fk.State(q, p), t_end=20.0, frames=2)
+    pairs = SampledPairs(np.array([0, 1]), np.array([1, 0]), np.ones(2), np.full(2, 4.0))
+    assert largest_step(scenario, [pairs], "verlet") == pytest.approx(0.02 / 4.0)
+    # Two that may meet unseen are as fast as twice the fastest one: half of a quarter of the radius is allowed.
+    faster = fk.Scenario(law, fk.State(10.0 * q, 25.0 * p), t_end=20.0, frames=2)
+    assert largest_step(faster, [None], "verlet") == pytest.approx(0.5 * 0.25 * 2.0 / 100.0)

@@ -126,6 +126,13 @@ def test_an_agent_meets_an_obstacle_twice_while_one_force_is_held():
     half = np.sqrt((BALL.radius + RANGE) ** 2 - 0.3**2)
     assert run.switches["time"] == pytest.approx([(4.0 - half) / 2, (4.0 + half) / 2], abs=1e-11)
     assert (np.sign(run.switches["speed"]) == [-1.0, 1.0]).all()
+    # Another law over the same ball, from 0.5 on: before its first force both meetings are where they were.
+    session = fk.start(run.scenario)
+    session.advance(0.5)
+    stronger = fk.Avoid([BALL], range=RANGE, gamma_agents=False, repulsion_gain=9.0, damping_gain=2.0)
+    session.replace(law=fk.Law(law.graph, [fk.Consensus(0.5), stronger]))
+    session.advance(4.0)
+    assert session.run().switches["time"] == pytest.approx(run.switches["time"], abs=1e-11)
 
 
 def test_the_ledger_closes_and_another_force_departs():

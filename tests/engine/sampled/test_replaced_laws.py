@@ -53,3 +53,24 @@ def test_a_law_that_has_no_energy_at_the_start_is_resumed_once_it_acts(bodies):
 
     assert same(driven(True), driven(False))
     assert np.isfinite(driven(False).trace["jumped"]).all()
+
+
+def test_gains_that_changed_before_a_replacement_do_not_change_again():
+    """A law whose gain became 2 at 0.5 acts from 0.85 on as one whose gain always was 2, with the same ledger."""
+    scenario, graph = far_apart()
+
+    def law(gain):
+        return fk.Law(graph, [fk.Track(fk.Sink([0.3, 0.1]), gain, 0.4)])
+
+    def driven(gain):
+        session = fk.start(scenario.with_(law=law(1.0)))
+        session.advance(0.85)
+        session.replace(law=law(gain))
+        session.advance(1.2)
+        return session.run()
+
+    late, always = driven(fk.Schedule([0.5], [1.0, 2.0])), driven(2.0)
+    assert (late.q == always.q).all()
+    assert late.trace["jumped"][-1] == pytest.approx(always.trace["jumped"][-1], rel=1e-12)
+    assert np.abs(late.residual).max() < 1e-9
+    assert abs(always.trace["jumped"][-1]) > 0.1

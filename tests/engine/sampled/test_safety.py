@@ -8,9 +8,10 @@ from scipy.optimize import minimize
 
 import flocking as fk
 from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.imperfect.messages.knowledge import Known
 from flocking.engine.protocol.session import Stored
 from flocking.engine.sampled.nearest_force import nearest
-from flocking.engine.sampled.safety import continuous_bound, sampled_bound
+from flocking.engine.sampled.safety import ForceFilter, continuous_bound, filter_counts, sampled_bound
 from flocking.engine.sampled.session import SampledSession
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.study.certificates.comparison import compare
@@ -111,6 +112,9 @@ def test_contradicting_conditions_are_relaxed_by_the_least_amount():
     found, fits = nearest(np.array([0.0, 3.0]), np.array([[1.0, 0.0]]), np.array([6.0]), 4.0)
     assert not fits
     assert found == pytest.approx([4.0, 0.0], abs=1e-5)
+    # What is missed by more than rounding is told, however little: a millionth of the largest acceleration.
+    for asked, kept in ((4e-6, False), (4e-11, True)):
+        assert nearest(np.zeros(2), np.array([[1.0, 0.0], [-1.0, 0.0]]), np.full(2, asked), 4.0)[1] == kept
 
 
 def test_what_is_relaxed_is_told():
@@ -292,3 +296,32 @@ def test_what_is_nearest_to_a_far_acceleration_is_that_of_its_direction(size):
 def test_a_safety_filter_is_described_with_its_phase_and_latency():
     keeper = fk.SafetyFilter(0.1, phase=0.03, latency=0.02, distance=0.7, acceleration=10.0)
     assert keeper.summary == "control held for 0.1 behind a safety filter, first at 0.03, acting 0.02 later"
+
+
+def test_the_first_relaxation_is_told_in_the_scenarios_time():
+    """Two that ask one between them for more than it has: at 0.3 s and at 0.4 s after a start at 7."""
+    q = np.array([[0.0, 0.0], [-1.2, 0.0], [1.2, 0.0]])
+    p = np.array([[0.0, 0.0], [3.0, 0.0], [-3.0, 0.0]])
+    own = np.hstack([q, p])
+    control = fk.SafetyFilter(0.1, distance=1.0, acceleration=0.5, gain=50.0)
+    keeper = ForceFilter(control, np.ones(3), q, fk.Open(), 7.0)
+    assert filter_counts(keeper, 7.0) == {"forces changed by the safety filter": 0, "its conditions relaxed": 0}
+    for instant in (300_000_000, 400_000_000):
+        known = Known(np.array([0]), own[:1], own[None], np.ones((1, 3), dtype=bool), None, instant)
+        keeper.filtered(instant, known, np.array([[0.1, 0.0]]))
+    assert keeper.memory.relaxed == 2
+    assert filter_counts(keeper, 7.0)["first relaxed at"] == pytest.approx(7.3, rel=1e-15)
+
+
+@pytest.mark.parametrize("form", ["sampled", "continuous"])
+def test_each_takes_the_share_of_its_own_largest_acceleration(form):
+    """Of what two that close in ask of each other the one takes a quarter and the other three quarters."""
+    q, p = np.array([[0.0, 0.0], [2.0, 0.0]]), np.array([[1.0, 0.0], [-1.0, 0.0]])
+    control = fk.SafetyFilter(0.1, distance=0.7, acceleration=[1.0, 3.0], form=form)
+    keeper, other = ForceFilter(control, np.ones(2), q, fk.Open()), np.array([False, True])
+    found = [
+        float(keeper._conditions(i, other if i == 0 else ~other, q[[i]] - q[[1 - i]], p[[i]] - p[[1 - i]])[1][0])
+        for i in (0, 1)
+    ]
+    assert found[1] == pytest.approx(3.0 * found[0], rel=1e-12)
+    assert found[0] != 0.0

@@ -392,6 +392,7 @@ def test_obstacles_that_a_new_law_has_are_met_from_then_on(added):
     [
         (lambda s: s.replace_information(fk.Messages(0.03, predict=True)), "keeps period, phase, predict and leader"),
         (lambda s: s.replace_information(fk.Messages(0.02)), "keeps period, phase, predict and leader"),
+        (lambda s: s.replace_information(fk.Messages(0.02, phase=0.01, predict=True)), "keeps period, phase, predict"),
         (lambda s: s.replace_information(fk.Instant()), "not whether they are"),
         (lambda s: s.replace(law=fk.Law(fk.Proximity(3.0), LAW.terms)), "keeps the graphs"),
         (lambda s: s.replace(state=s.state), "neither law nor state"),

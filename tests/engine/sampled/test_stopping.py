@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flocking as fk
+from flocking.engine.sampled.safety import ForceFilter
 from flocking.engine.sampled.stopping import (
+    Planes,
     between,
     braking,
     nearest_points,
@@ -169,3 +171,27 @@ def test_guarantees_need_their_hypotheses(changes, reason):
 def test_wrong_values_are_refused(changes, said):
     with pytest.raises(InvalidInput, match=said):
         fk.SafetyFilter(0.1, distance=1.0, acceleration=1.0, **{"form": "stopping", **changes})
+
+
+def test_planes_follow_from_the_period_and_the_force_of_each_and_walls_keep_their_clearance():
+    """Agent 0 rests, agent 1 stops in its one long period of 0.5, agent 2 by its largest acceleration of 0.5."""
+    wall = fk.Wall([0.0, -4.0], [0.0, 1.0])
+    control = fk.SafetyFilter(
+        [0.1, 0.5, 0.1], distance=0.6, acceleration=[1.0, 1.0, 0.5], form="stopping", obstacles=[wall], clearance=0.2
+    )
+    q = np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 8.0]])
+    p = np.array([[0.0, 0.0], [-0.3, 0.0], [0.0, -0.3]])
+    keeper, own = ForceFilter(control, np.ones(3), q, fk.Open()), np.hstack([q, p])
+    planes = keeper._planes(0, np.array([False, True, True]), q[0] - q[1:], p[1:], own[0])
+    # From 0.3 at 0.05 a period to rest: the mean speed 0.15 for six periods of 0.1.
+    stops = 9.0 - 0.15 * 0.5, 8.0 - 0.15 * 0.6
+    assert planes.normals == pytest.approx(np.array([[-1.0, 0.0], [0.0, -1.0], [0.0, 1.0]]))
+    assert planes.levels == pytest.approx([0.3 - 0.5 * stops[0], 0.3 - 0.5 * stops[1], 0.2 - 4.0], rel=1e-6)
+
+
+@pytest.mark.parametrize(("beyond", "fits"), [(1e-10, True), (1e-7, False), (1e-3, False)])
+def test_a_plane_that_is_missed_by_more_than_rounding_counts_as_relaxed(beyond, fits):
+    """An agent at rest cannot leave where it is at once: a plane a little ahead of it is missed by that."""
+    planes = Planes(np.array([[1.0, 0.0]]), np.array([0.5 * beyond]))
+    rest = np.zeros(2)
+    assert stopping_acceleration(rest, rest, planes, 1.0, 0.1, 0.5)[1] == fits

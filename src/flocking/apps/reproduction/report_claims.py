@@ -121,11 +121,13 @@ def _judgement(name: str, j: Judgement) -> str:
     waiting = f", not yet {j.waiting}" if j.waiting else ""
     waiting += f", not resolved {j.unresolved}" if j.unresolved else ""
     counts = f"held {j.held}{waiting}, met {j.met}, tried {j.tried}{escape(rate)}; {decisive} "
-    return _card(j.claim, place_of(name, j), j.verdict, not j.is_contrary, counts + _measured(j.worst))
+    # Not resolved is framed too, though it contradicts nothing: it hides no failure.
+    fine = not (j.is_contrary or (j.verdict == Verdict.NOT_RESOLVED and not j.as_expected))
+    return _card(j.claim, place_of(name, j), j.verdict, fine, counts + _measured(j.worst))
 
 
 def _result(name: str, result: Result) -> str:
-    # A run that leaves a claim open contradicts nothing.
+    # A run that is too short for a claim contradicts nothing; not resolved is framed, as it hides no failure.
     fine = result.as_expected or result.verdict not in (*DECIDED, Verdict.NOT_RESOLVED)
     return _card(result.claim, place_of(name, result), result.verdict, fine, f"margin {_measured(result)}")
 

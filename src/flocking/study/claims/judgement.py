@@ -143,7 +143,7 @@ class Judgement:
         if self.as_expected:
             return False
         refuted = self.claim.expected == Verdict.HOLDS and any(r.verdict == Verdict.FAILS for r in self.results)
-        return refuted or self.verdict in (*DECIDED, Verdict.NOT_RESOLVED)
+        return refuted or self.verdict in DECIDED
 
     def as_dict(self, paper: str, scenario: str) -> dict[str, object]:
         """Plain data for ``claims.json``.
