@@ -82,6 +82,22 @@ def test_steps_that_are_one_per_cent_off_show(part, monkeypatch):
         fk.simulate(scenario("saber", 300), engine="tiles", step=0.005, progress=False)
 
 
+@pytest.mark.parametrize(("name", "said"), [("pairs", "energy"), ("dissipated", "dissipated power")])
+def test_sums_of_the_ledger_that_are_one_per_cent_off_show_though_the_motion_is_right(name, said, monkeypatch):
+    from flocking.engine.tiles.kernels.tile_sums import SUMS
+    from flocking.engine.tiles.particles import particle_arrays as particles
+
+    original = particles.ParticleArrays.move
+
+    def wrong(self, t, **how):
+        original(self, t, **how)
+        self.results.sums[:, SUMS.index(name)] *= 1.01
+
+    monkeypatch.setattr(particles.ParticleArrays, "move", wrong)
+    with pytest.raises(LawNotObeyed, match=f"declared law: the {said} is off by"):
+        fk.simulate(scenario("saber", 300), engine="tiles", step=0.005, progress=False)
+
+
 def test_a_plant_over_other_graphs_is_refused():
     other = fk.Law(fk.Proximity(1.3), saber().terms)
     with pytest.raises(fk.InvalidInput, match="graphs of the declared law"):

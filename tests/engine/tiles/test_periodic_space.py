@@ -107,6 +107,8 @@ def test_each_agent_senses_within_its_own_radius(box):
     radii = np.random.default_rng(1).uniform(0.3, 1.4, 90)
     session = TilesSession(scenario(lengths, start, PerAgentRadii(radii)), TilesOptions(step=1e-3))
     assert np.abs(session.accelerations() - brute(lengths, start.q, start.p, radius=radii)[0]).max() < 1e-11
+    # Pairs are counted from below by what every agent senses.
+    assert session._particles.radii.certain_reaches() == [radii.min()]
 
 
 def stepped(lengths, start, h, count, gap=0.0, order=2):

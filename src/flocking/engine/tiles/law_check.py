@@ -22,6 +22,12 @@ from flocking.model.law import Scenario
 TILES, MOST_TILES = 4, 64
 """Number of tiles that are checked, and of those from which the error of the energy is estimated."""
 
+SAID = {
+    "pairs": "energy", "bodies": "energy", "work": "power", "dissipated": "dissipated power",
+    "supplied": "supplied power",
+}  # fmt: skip
+"""What the compared sums are in words."""
+
 
 @dataclass(frozen=True)
 class Moment:
@@ -232,9 +238,9 @@ class LawCheck:
         agent, power = found
         if not self.refuses or (agent is None and power is None):
             return
-        what = "force" if agent is not None else {"pairs": "energy", "bodies": "energy"}.get(str(power), str(power))
+        what = "force" if agent is not None else SAID[str(power)]
         raise LawNotObeyed(
-            f"The computed motion does not follow the declared law: the error of a {what} is {100 * gaps.gap:.3g} "
+            f"The computed motion does not follow the declared law: the {what} is off by {100 * gaps.gap:.3g} "
             f"% of its terms, and rounding explains {100 * gaps.allowed:.2g} %. This is an error of the engine, not "
             "of the step; use engine='exact', and report the law.",
             time=moment.time, agents=() if agent is None else (agent,),
