@@ -39,7 +39,7 @@ def test_the_turn_counts_in_the_speed_and_in_what_it_is_compared_with(seed):
 
 def test_at_rest_and_at_the_radius_the_speed_is_that_of_the_distance():
     w = np.array([0.5, 0.0])
-    for heading, distance in (([0.0, 0.0], 3.0), ([0.0, 0.0], 5.0), ([1.0, 0.0], 5.0)):
+    for heading, distance in (([0.0, 0.0], 1.0), ([0.0, 0.0], 5.0), ([1.0, 0.0], 5.0)):
         assert leaving(heading, [0.2, 1.0], distance * np.array([0.6, 0.8]), w) == pytest.approx((0.3, 0.5), rel=1e-15)
 
 
