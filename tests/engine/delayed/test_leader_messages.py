@@ -9,6 +9,8 @@ import flocking as fk
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.delayed.messages import leader_samples
 from flocking.engine.delayed.messages.leader_samples import LeaderSamples
+from flocking.engine.imperfect.messages.knowledge import Knowledge
+from flocking.engine.imperfect.messages.leader_news import arrivals_of_leaders
 from flocking.engine.protocol.session import Stored
 from flocking.errors import InvalidInput, UnsupportedLaw
 from tests.engine.delayed.plain_messages import PlainMessages
@@ -292,3 +294,23 @@ def refused(made, name, change, said, at=0.5):
     assert not np.array_equal(change(arrays[name]), arrays[name])
     with pytest.raises(MalformedError, match=said):
         type(session).unpack((numbers, {**arrays, name: change(arrays[name])}), stored, {})
+
+
+def test_a_sample_of_leaders_that_was_overtaken_changes_nothing():
+    """Messages are up to three and a half periods late: of all that have arrived the last that was taken is used."""
+    heard, everyone = fk.Messages(0.1, jitter=0.35, loss=0.2, leader=True, seed=3), np.arange(3)
+    knowledge = Knowledge(heard, np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((1, 3, 3), dtype=bool), fk.Open())
+    samples = LeaderSamples([fk.Velocity([1.0, 0.0])], knowledge, 0.0)
+    receiver, k = (x.ravel() for x in np.meshgrid(everyone, np.arange(40), indexing="ij"))
+    arrive, overtaken = arrivals_of_leaders(heard, receiver, k).reshape(3, 40), 0
+    for number in range(40):
+        knowledge.measure(everyone, np.zeros((3, 2)), np.zeros((3, 2)))
+        samples.measure(number * 10**8)
+        while samples.next < (number + 1) * 10**8:
+            now = samples.next
+            samples.hear(now)
+            there = arrive <= now
+            there[:, number + 1 :] = False
+            assert samples.newest.tolist() == [int(np.flatnonzero(x)[-1]) if x.any() else -1 for x in there]
+            overtaken += int((np.diff(arrive[:, : number + 1], axis=1) < 0).any())
+    assert overtaken

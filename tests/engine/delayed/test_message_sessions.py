@@ -231,13 +231,16 @@ def test_how_messages_are_sent_may_change_while_a_run_goes_on():
         fk.replay(session.run())
 
 
-def test_other_changes_of_a_running_session_are_refused():
+def test_other_changes_of_a_running_session_are_refused_and_a_change_is_stated():
     session = fk.start(scenario())
     session.advance(0.2)
     with pytest.raises(UnsupportedLaw, match="keeps period, phase, predict, leader, expires and self_known of"):
         session.replace_information(replace(RADIO, expires=0.5))
     with pytest.raises(UnsupportedLaw, match="not whether they are"):
         session.replace_information(fk.Instant())
+    assert not session.fidelity.changed
+    session.replace_information(replace(RADIO, loss=1.0))
+    assert session.fidelity.changed
 
 
 @pytest.mark.filterwarnings("error")

@@ -46,7 +46,8 @@ def test_continuous_control_acts_on_them(known):
     run = fk.simulate(pair(True, information=KNOWN[known]))
     assert run.fidelity.engine == "delayed"
     assert place(run) == pytest.approx(1.0 - np.cos(SPAN), rel=1e-8)
-    assert fk.replay(run).agrees
+    again = fk.replay(run)
+    assert (again.agrees, again.undecided) == (True, 2)
     assert place(fk.simulate(pair(False, information=KNOWN[known]))) == 0.0
 
 

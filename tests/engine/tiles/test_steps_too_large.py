@@ -54,7 +54,7 @@ def test_two_that_each_move_less_than_the_share_are_found_together():
     """Head on from 1.2: by 0.35 relative to each other, 0.175 each, which is less than a quarter of the radius."""
     q, others = np.array([[0.0, 0.0], [1.2, 0.0]]), np.array([[9.0, 9.0], [-9.0, 9.0]])
     toward = np.array([[0.175, 0.0], [-0.175, 0.0]])
-    with pytest.raises(StepTooLarge, match="moved 0.35 in one step"):
+    with pytest.raises(StepTooLarge, match=r"moved 0\.35 in one step"):
         check_passing(np.vstack([q, others]), np.vstack([toward, 0.0 * others]), 1.0, 0.1, time=0.0)
     check_passing(q, 0.8 * toward, 1.0, 0.1, time=0.0)
 

@@ -1,5 +1,6 @@
-"""Edges of a second computation: samples that are just too old, gains that change at an act, values that are rounded."""
+"""Edges of a second computation: samples just too old, gains that change at an act, values that are rounded."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,9 +17,9 @@ START = fk.State([[0.0, 0.0], [3.0, 1.0]], [[0.5, 0.2], [-0.3, 0.1]], 2.3)
 def test_a_sample_is_in_use_until_its_age_and_not_at_it():
     """The state at the start is 0.2 old at the third tick, and nothing else has arrived then."""
     heard = fk.Messages(0.1, delay=0.25, expires=0.2)
-    made = fk.Scenario(PAIR, START, 2.8, frames=2, control=fk.Held(0.1), information=heard)
+    made = fk.Scenario(PAIR, START, 2.75, frames=2, control=fk.Held(0.1), information=heard)
     run = fk.simulate(made, progress=False)
-    assert run.log.ticks[:, 2].tolist() == [1, 1, 1, 1, 0, 0, 0, 0]
+    assert run.log.ticks[:, 2].tolist() == [1, 1, 1, 1, 0, 0, 0, 0, 0, 0]
     found = fk.replay(run)
     assert (found.agrees, found.undecided) == (True, 0), str(found)
 
@@ -47,3 +48,29 @@ def test_what_lies_halfway_between_two_multiples_is_open_as_far_as_it_is_known(o
     assert sample.open == is_open
     assert sample.q == pytest.approx([0.02, 0.02], abs=1e-15)
     assert sample.p.tolist() == [0.3, 0.123456]
+
+
+def test_an_agent_by_itself_has_to_be_logged_too():
+    """Nobody uses it and it uses nobody: what it used is known only if the log says so."""
+    start = fk.State([*START.q.tolist(), [9.0, 9.0]], [*START.p.tolist(), [0.1, 0.0]])
+    law = fk.Law(fk.Fixed(3, [(0, 1)]), PAIR.terms)
+    run = fk.simulate(fk.Scenario(law, start, 0.15, frames=2, information=fk.Messages(0.1)), progress=False)
+    assert fk.replay(run).agrees
+    log = run.log
+    left = log.ticks[:, 1] != 2
+    assert not log.ticks[~left, 2].any()
+    short = dataclasses.replace(log, ticks=log.ticks[left], forces=log.forces[left])
+    said = str(fk.replay(dataclasses.replace(run, log=short)))
+    assert "agent 2: nothing is logged of what it used from the start on" in said
+
+
+def test_a_frame_that_errors_of_steps_leave_open_is_counted():
+    """Lengths of 1e-9 are not resolved by tolerances of 1e-9: a third of one hides a frame that is off by it."""
+    start = fk.State(1e-9 * START.q, 1e-9 * START.p)
+    run = fk.simulate(fk.Scenario(PAIR, start, 0.15, frames=2, information=fk.Messages(0.1)), progress=False)
+    right = fk.replay(run)
+    assert (right.agrees, right.undecided) == (True, 0)
+    q = run.q.copy()
+    q[-1, 0, 0] += 1e-9
+    found = fk.replay(dataclasses.replace(run, q=q))
+    assert (found.agrees, found.undecided) == (True, 1)
