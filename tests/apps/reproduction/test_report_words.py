@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 import flocking as fk
 from flocking.apps.reproduction import report_certificates
-from flocking.apps.reproduction.report import _outcome
+from flocking.apps.reproduction.report import _outcome, _summary
 from flocking.apps.reproduction.report_certificates import certificates_table
 from flocking.apps.reproduction.report_claims import claims_beside_pictures
 from flocking.apps.reproduction.report_errata import errata_tables
@@ -109,3 +110,22 @@ def test_nothing_is_promised_of_a_run_that_was_changed(run: fk.Run) -> None:
     changed = replace(run, fidelity=replace(run.fidelity, changed=True))
     assert OTHER_RUN in certificates_table(changed)
     assert "data-name" not in certificates_table(changed)
+
+
+def test_the_claims_of_a_paper_and_of_all_are_counted_by_what_was_found() -> None:
+    judgements = [judged("hhhhh", claim()), judged("fffff", claim()), judged("hhhhf", claim()),
+                  judged("fffff", claim(expected=Verdict.FAILS, basis=Basis.COUNTEREXAMPLE)),
+                  judged("hhhhhf", claim(Basis.OBSERVATION)), judged("hh", claim()), judged("hhhh?", claim())]  # fmt: skip
+    found = Reproduction({"s": judgements})
+    article = SimpleNamespace(
+        scenarios=lambda: {"s": None}, title_of=lambda name: "A title", short_citation="Author 2026", title="A paper"
+    )
+    text = _summary(found, {"key": article})  # type: ignore[dict-item]
+    row = dict(re.findall(r'<td class="count" data-name="([^"]+)">(\d+)</td>', text))
+    assert row == {
+        "claims": "7", "hold": "1", "fail": "3", "observed": "1", "undecided": "2", "as expected": "2",
+        "false statements": "0", "misprints": "0", "ambiguous or missing": "0", "own questions": "0",
+    }  # fmt: skip
+    boxes = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text.split("<table")[0]))
+    for words in ("7 claims judged", "1 hold", "3 fail", "1 observed, with a rate", "2 undecided"):
+        assert f" {words} " in boxes

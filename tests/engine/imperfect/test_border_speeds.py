@@ -6,6 +6,7 @@ import pytest
 import flocking as fk
 from flocking.engine.imperfect.range_crossings import ObstacleRanges
 from flocking.engine.imperfect.turning_views import MovingView
+from flocking.engine.imperfect.view_switches import View
 
 HALF = 0.7
 """Half angle of the view."""
@@ -62,3 +63,15 @@ def test_a_meeting_is_recorded_with_the_number_of_its_obstacle_and_whether_it_is
     assert down[2] == (pytest.approx(1.6), False)
     across = np.array([4.0, 0.3]) / np.hypot(4.0, 0.3)
     assert along[1] == (pytest.approx(-2.0 * across[0]), False)
+
+
+def test_others_leave_a_constant_view_through_its_radius_or_a_side():
+    view = View(np.array([[1.0, 0.0]]), np.array([np.cos(HALF)]), np.array([5.0]))
+    w = np.array([0.5, 0.3])
+    for distance, bearing in ((5.0, 0.3), (1.3, HALF)):
+        along, across = np.array([np.cos(bearing), np.sin(bearing)]), np.array([-np.sin(bearing), np.cos(bearing)])
+        # Beyond the side the margin d.h - c |d| falls with what is across the bearing alone.
+        expected = w @ along if distance == 5.0 else np.sin(HALF) * (w @ across)
+        speed, relative = view.border_speed(0, distance * along, w)
+        assert speed == pytest.approx(expected, rel=1e-12)
+        assert relative == pytest.approx(np.hypot(*w), rel=1e-15)
