@@ -115,7 +115,8 @@ def test_nothing_is_promised_of_a_run_that_was_changed(run: fk.Run) -> None:
 def test_the_claims_of_a_paper_and_of_all_are_counted_by_what_was_found() -> None:
     judgements = [judged("hhhhh", claim()), judged("fffff", claim()), judged("hhhhf", claim()),
                   judged("fffff", claim(expected=Verdict.FAILS, basis=Basis.COUNTEREXAMPLE)),
-                  judged("hhhhhf", claim(Basis.OBSERVATION)), judged("hh", claim()), judged("hhhh?", claim())]  # fmt: skip
+                  judged("hhhhhf", claim(Basis.OBSERVATION)), judged("hh", claim()), judged("hhhh?", claim()),
+                  ]  # fmt: skip
     found = Reproduction({"s": judgements})
     article = SimpleNamespace(
         scenarios=lambda: {"s": None}, title_of=lambda name: "A title", short_citation="Author 2026", title="A paper"

@@ -11,7 +11,8 @@ import flocking as fk
 from flocking.study.claims.claim import Verdict
 from flocking.study.claims.conclusions.links import stays_connected
 from flocking.study.claims.general_claims import GENERAL
-from flocking.study.evidence import Evidence
+from flocking.study.evidence import Evidence, farthest_links
+from flocking.study.evidence.repetitions import Repetitions
 
 SPRING = fk.Gradient(fk.Potential("(r - 1)**2/2"))
 
@@ -48,17 +49,63 @@ def scattering(n=12):
     return fk.Scenario(fk.Law(fk.Proximity(1.5), [fk.Consensus(0.1)]), fk.State(q, 0.8 * q), t_end=8.0, frames=17)
 
 
-def test_the_graph_of_a_computed_motion_decides_as_little_as_in_another_engine_without_errors():
-    """The same frames leave it open whichever engine computed them."""
-    made = scattering()
-    tiles = fk.simulate(made, engine="tiles", step=0.01, progress=False)
-    held = fk.simulate(made.with_(control=fk.Held(0.01)), engine="sampled", progress=False)
+def engines_of(made, step=0.01):
+    tiles = fk.simulate(made, engine="tiles", step=step, progress=False)
+    held = made.with_(control=fk.Held(step))
+    return (
+        tiles,
+        fk.simulate(held, engine="tiles", step=step, progress=False),
+        fk.simulate(held, engine="sampled", progress=False),
+    )
+
+
+def test_agents_beyond_reach_refute_connection_and_links_whichever_engine_moved_them():
+    for run in engines_of(scattering()):
+        found, lost = audited(run, "connected", "links-kept")
+        assert found.verdict == lost.verdict == Verdict.FAILS
+        assert found.note.startswith("fell apart at t = ")
+        assert "error estimated from 2 repetitions" in found.note
+        farthest = np.linalg.norm(run.q[:, None] - run.q[:, :, None], axis=3).max(axis=0)
+        error = Evidence(run).repetitions.position_errors(run)[-1]
+        assert 0.0 < error < 0.2
+        gone, at_most = (int((run.links[0] & (farthest > 1.5 + 2.0 * e)).sum()) // 2 for e in (error, 0.0))
+        assert 20 < gone <= at_most < 66
+        assert lost.note.startswith(f"at least {gone} lost; error estimated")
+        assert lost.margin == 0.5 - gone
+
+
+def test_agents_that_are_apart_by_less_than_the_errors_decide_nothing(monkeypatch):
+    """A pair that ends a hundredth beyond the radius, and errors of a thousandth and of a tenth."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Consensus(1e-9)])
+    made = fk.Scenario(law, fk.State([[0.0, 0.0], [0.9, 0.0]], [[0.0, 0.0], [0.11, 0.0]]), t_end=1.0, frames=5)
+    for run in engines_of(made, 0.125):
+        for error, verdict in ((0.001, Verdict.FAILS), (0.1, Verdict.NOT_RESOLVED)):
+            monkeypatch.setattr(Repetitions, "position_errors", lambda _, run, error=error: np.full(len(run.t), error))
+            assert [one.verdict for one in audited(run, "connected", "links-kept")] == [verdict] * 2
+
+
+def test_the_graph_of_a_computed_motion_decides_as_little_as_in_another_engine_without_errors(monkeypatch):
+    """Where errors cannot be estimated, the same frames leave it open whichever engine computed them."""
+    monkeypatch.setattr(farthest_links, "MOST_AGENTS", 11)
+    tiles, stepped, held = engines_of(scattering())
     assert fk.audit(held)["connected"].verdict == Verdict.NOT_RESOLVED
-    found, lost = audited(tiles, "connected", "links-kept")
-    assert found.verdict == Verdict.NOT_RESOLVED
-    assert "the motion as computed falls apart at t = " in found.note
-    assert "open: the errors of the run are unknown; an engine with fixed steps estimates none" in found.note
-    assert lost.verdict == Verdict.NOT_RESOLVED
+    for run in (tiles, stepped):
+        found, lost = audited(run, "connected", "links-kept")
+        assert found.verdict == Verdict.NOT_RESOLVED
+        assert "the motion as computed falls apart at t = " in found.note
+        assert "open: the errors of the run are unknown; an engine with fixed steps estimates none" in found.note
+        assert lost.verdict == Verdict.NOT_RESOLVED
+
+
+def test_estimated_errors_of_positions_are_above_the_true_ones_and_grow():
+    made = flocking_group()
+    run = fk.simulate(made, engine="tiles", step=0.02, progress=False)
+    best = fk.simulate(made.with_(tolerance=1e-11), engine="exact", progress=False)
+    errors = Evidence(run).repetitions.position_errors(run)
+    true = np.linalg.norm(run.q - best.q, axis=2).max(axis=1)
+    assert (true <= errors).all()
+    assert (np.diff(errors) >= 0.0).all()
+    assert errors[-1] < 20.0 * true.max()
 
 
 def test_a_start_that_is_apart_refutes_the_connection_for_it_is_given():

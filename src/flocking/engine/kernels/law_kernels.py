@@ -234,7 +234,13 @@ class LawKernels:
         return CompiledLaw(slope, self.order, n, m, pairs, slots, functionals, own)
 
     def in_ledger(self, begin: int, end: int, spans: Array, slots: Slots) -> LedgerLaw:
-        """The law as that of the ledger of a run in which another acts; parameters as those of `LedgerLaw`."""
+        """The law as that of the ledger of a run in which another acts.
+
+        Parameters
+        ----------
+        begin, end, spans, slots
+            As those of `LedgerLaw`.
+        """
         return LedgerLaw(*self._addresses, begin, end, spans, slots)
 
     def control(

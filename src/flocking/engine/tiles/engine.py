@@ -30,12 +30,12 @@ SAME_MOTION = 0.05
 """Difference of repetitions, as a share of the extent of a motion, up to which errors of steps are estimated: a ledger
 may leave as much of the energy unexplained."""
 
-PAIRS = 30
-"""Neighbours of an agent for the work of a step, as in a dense group in the plane."""
+PAIRS, STEP = 30, 50_000
+"""Neighbours of an agent for the work of a step, as in a dense group in the plane, and that of a step besides."""
 
-MOST_WORK = 2e7
+MOST_WORK = 2e8
 """Largest work of a run that is repeated, in evaluations of pairs: some ten seconds with its repetitions, which have
-six times as many steps of up to four passes."""
+six times as many steps."""
 
 
 class TilesEngine(Engine):
@@ -97,7 +97,7 @@ class TilesEngine(Engine):
         )
         return Repeats(
             opened, "with shorter steps", f"the last with {FINER[-1]:g} of the step", counted_steps(run), MOST_WORK,
-            float(run.n * PAIRS), SAME_MOTION,
+            float(run.n * PAIRS + STEP), SAME_MOTION,
         )  # fmt: skip
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Reals
+from flocking.arrays import Array, Reals
 from flocking.engine.driver.registry import entry_named
 from flocking.engine.protocol.repeats import LOST
 from flocking.engine.protocol.session import Session
@@ -55,6 +55,12 @@ class Repetitions:
     runs: tuple[Run, ...]
     share: float
     note: str = ""
+
+    def position_errors(self, run: Run) -> Array:
+        """Estimated errors of positions of a ``run`` at its frames: four times those found till then, shape (F,)."""
+        *others, best = run, *self.runs
+        found = [np.linalg.norm(np.asarray(other.q - best.q, dtype=np.float64), axis=2).max(axis=1) for other in others]
+        return SAFETY * np.maximum.accumulate(np.max(found, axis=0))
 
     def error(self, margin: float, margins: Sequence[float]) -> float:
         """Estimated error of a margin.

@@ -106,8 +106,8 @@ def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool
 def _view_lines(w: Writer, number: int) -> list[str]:
     """Determine which neighbours are within the angle of view: by squares with their signs, which need no root.
 
-    Velocities are divided by their largest component before: single precision does not hold squares of products of small
-    lengths and speeds, nor of a speed that fades away.
+    Velocities are divided by their largest component before: single precision does not hold squares of products of
+    small lengths and speeds, nor of a speed that fades away.
     """
     view = w.spec.graphs[number].view
     length, first = [], list[str]()

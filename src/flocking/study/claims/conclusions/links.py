@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from flocking.model.graphs.connectivity import Links, components
 from flocking.model.graphs.views import FieldOfView
 from flocking.study.claims.claim import Measure, above
 from flocking.study.claims.subjects import Subject, Witness, about
-from flocking.study.evidence import Evidence, NotResolvable
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 
 def _outside_largest(links: Links, time: float) -> Witness:
@@ -70,10 +71,25 @@ def _when_apart(e: Evidence) -> str:
 
 
 def _connected_as_computed(e: Evidence) -> Measure:
-    """What the computed motion shows where nobody knows how far the exact one is from it: it decides nothing."""
+    """What the computed motion shows where its errors are not stated.
+
+    It refutes that the graph stays connected where agents are too far apart for any error that repetitions estimate,
+    and decides nothing else.
+    """
     apart = e.seen_disconnected < np.inf
+    certain = _decided(e.apart_for_certain, np.inf) if apart else np.inf
+    if certain < np.inf:
+        return Measure(-1.0, 0.0, f"fell apart {_when_apart(e)}; {e.repetitions.note}", decided=certain)
     seen = f"falls apart {_when_apart(e)}" if apart else f"is connected after each of {len(e.link_switches)} switches"
     return Measure(-1.0 if apart else 1.0, math.nan, f"the motion as computed {seen}; {_open(e)}")
+
+
+def _decided(look: Callable[[], float], otherwise: float) -> float:
+    """What a ``look`` at frames within their estimated errors gives; ``otherwise`` where these are not known."""
+    try:
+        return look()
+    except (NotMeasurable, NotResolvable):
+        return otherwise
 
 
 def _open(e: Evidence) -> str:
@@ -89,16 +105,19 @@ def _open(e: Evidence) -> str:
 @about(Subject.LINKS, _first_break, lasting=True)
 def no_link_lost(e: Evidence) -> Measure:
     """Number of links that broke; frames alone can refute that there are none but not show it."""
+    computed = e.law.graph.moves and e.motion_unstated and not e.in_discrete_time
+    if computed and e.seen_lost and (lost := _decided(e.lost_for_certain, 0)):
+        return Measure(0.5 - lost, 0.0, f"at least {lost} lost; {e.repetitions.note}")
     if e.seen_lost and not e.switches_known:
-        lost = f"at least {e.seen_lost} lost"
-        if e.fixed_step:
-            return Measure(0.5 - e.seen_lost, math.nan, f"{lost} by the motion as computed; {_open(e)}")
-        return Measure(0.5 - e.seen_lost, 0.0, lost)
+        note = f"at least {e.seen_lost} lost"
+        if computed:
+            return Measure(0.5 - e.seen_lost, math.nan, f"{note} by the motion as computed; {_open(e)}")
+        return Measure(0.5 - e.seen_lost, 0.0, note)
     certain, most = e.numbers("break")
     if not certain and most:
         return Measure(0.5 - most, np.inf, e.doubt_note("break"))
-    lost = e.link_switches["time"][e.link_certain & (e.link_switches["kind"] == "break")]
-    decided = float(lost[0]) if len(lost) else np.inf
+    times = e.link_switches["time"][e.link_certain & (e.link_switches["kind"] == "break")]
+    decided = float(times[0]) if len(times) else np.inf
     return Measure(0.5 - certain, 0.0, f"{e.links_lost} lost, {e.links_created} created", decided=decided)
 
 
