@@ -7,7 +7,7 @@ import pytest
 
 import flocking as fk
 from flocking.study.claims.claim import Verdict
-from flocking.study.potentials.equilibrium import Equilibrium
+from flocking.study.potentials.equilibrium import FEW_COORDINATES, Equilibrium
 from flocking.study.potentials.state_energy import agent_energies, total_energy
 
 PSI = fk.Potential("(r - d)**2 + k/r", d=1.2, k=0.05)
@@ -77,3 +77,15 @@ def test_weights_that_depend_on_headings_are_refused_by_name():
     law = fk.Law(fk.SmoothCone(8.0, 0.5, 1.0), [fk.Gradient(fk.Potential("r**2"))])
     with pytest.raises(fk.InvalidInput, match="distance alone"):
         Equilibrium(law, fk.State([[0.0, 0.0], [1.0, 0.0]], links=~np.eye(2, dtype=bool)))
+
+
+@pytest.mark.parametrize("pressed", [0.8, 1.0, 1.3])
+def test_the_largest_stiffness_of_many_agents_is_that_of_all_eigenvalues(pressed):
+    """Links under tension and pressure; of a line of springs at rest it tends to 4 times the curvature."""
+    law = fk.Law(fk.Proximity(1.5), [fk.Gradient(fk.Potential("k*(r - 1)**2/2", k=3.0))])
+    q = pressed * np.stack([np.arange(250.0), np.zeros(250)], axis=1)
+    found = Equilibrium(law, fk.State(q))
+    assert len(found.hessian) > FEW_COORDINATES
+    assert found.largest_stiffness == pytest.approx(np.abs(found.stiffness).max(), rel=1e-7)
+    if pressed == 1.0:
+        assert found.largest_stiffness == pytest.approx(12.0, rel=1e-3)

@@ -74,6 +74,8 @@ class Measure:
         Time after which the motion cannot change the result; the end of the run for most.
     as_computed
         Whether it is about the motion as it was computed, of whose errors nothing is known.
+    conserved
+        Whether it is of a quantity that every motion under the law keeps, whatever its errors.
     """
 
     margin: float
@@ -84,6 +86,7 @@ class Measure:
     somewhere: bool = False
     decided: float = math.inf
     as_computed: bool = False
+    conserved: bool = False
 
     @property
     def holds(self) -> bool | None:
@@ -120,7 +123,7 @@ def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[
     unknown elsewhere. In discrete time, where no step is integrated and only rounding grows, a conclusion is then one
     about the motion as it was computed.
     """
-    if not e.motion_unstated or math.isinf(measured.margin) or measured.unsettled:
+    if not e.motion_unstated or math.isinf(measured.margin) or measured.unsettled or measured.conserved:
         return measured
     try:
         repetitions = e.repetitions

@@ -211,6 +211,15 @@ class MotionEvidence(RunEvidence):
         NotResolvable
             When it is not finite, as for two agents at one point under a singular potential.
         """
+        self._need_finite_stiffness()
+        return self.equilibrium.stiffness
+
+    @cached_property
+    def largest_stiffness(self) -> float:
+        """Largest absolute value of `stiffness`; raises as it does."""
+        self._need_finite_stiffness()
+        return self.equilibrium.largest_stiffness
+
+    def _need_finite_stiffness(self) -> None:
         if not np.isfinite(self.equilibrium.hessian).all():
             raise NotResolvable("the stiffness of the potential is not finite at the end")
-        return self.equilibrium.stiffness

@@ -16,6 +16,12 @@ from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Gradient
 
+FEW_COORDINATES = 400
+"""Largest number of coordinates of a group all of whose eigenvalues are found in a moment."""
+
+DIGITS = 1e-8
+"""Relative error of the largest eigenvalue of more."""
+
 
 def link_potential(graph: Graph, potential: Potential) -> Potential:
     """Potential of a link: psi times the weight a(r) that the graph gives it.
@@ -142,3 +148,19 @@ class Equilibrium:
     def stiffness(self) -> Array:
         """Eigenvalues of the Hessian, ascending: negative ones are directions in which the potential falls."""
         return np.asarray(np.linalg.eigvalsh(self.hessian))
+
+    @cached_property
+    def largest_stiffness(self) -> float:
+        """Largest absolute eigenvalue of the Hessian; of large groups by the Lanczos method, to some digits."""
+        size = len(self.hessian)
+        if size <= FEW_COORDINATES or not np.isfinite(self.hessian).all():
+            return float(np.abs(self.stiffness).max())
+        from scipy.sparse import csr_array
+        from scipy.sparse.linalg import ArpackNoConvergence, eigsh
+
+        start = np.random.default_rng(0).normal(size=size)
+        try:
+            found = eigsh(csr_array(self.hessian), 1, which="LM", v0=start, tol=DIGITS, return_eigenvectors=False)
+        except ArpackNoConvergence:
+            return float(np.abs(self.stiffness).max())
+        return float(np.abs(found[0]))

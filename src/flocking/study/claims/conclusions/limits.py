@@ -163,7 +163,7 @@ def _meets_a_radius(e: Evidence) -> bool:
 def _force_scale(e: Evidence) -> float:
     """Stiffness times link length, the unit of forces."""
     lengths = e.equilibrium.r
-    return float(np.abs(e.stiffness).max()) * float(lengths.mean()) if len(lengths) else 0.0
+    return e.largest_stiffness * float(lengths.mean()) if len(lengths) else 0.0
 
 
 def _imbalance_at(e: Evidence, frame: int, scale: float) -> float:
