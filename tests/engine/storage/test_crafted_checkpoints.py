@@ -213,6 +213,13 @@ def test_what_is_left_out_of_the_sampled_engine(name: str) -> None:
         gone_on(written(numbers, others if name == "noise" else {**others, **fewer}), "sampled")
 
 
+def bent(coefficients: np.ndarray) -> np.ndarray:
+    """Steps of which the last leads where it did by other velocities of an agent on its way."""
+    found = coefficients.copy()
+    found[-1, 3:5, 16] += 0.01
+    return found
+
+
 def test_the_checkpoint_of_the_delayed_engine_has_something_everywhere() -> None:
     numbers, arrays = contents(checkpoint("delayed"))
     assert {name for name, x in arrays.items() if not x.size} <= {"pending", "crossing", "crossing_time"}
@@ -232,6 +239,7 @@ def test_the_checkpoint_of_the_delayed_engine_has_something_everywhere() -> None
         ("coefficients", lambda x: x[:, :-1].copy(), "coefficients must have the shape"),
         ("coefficients", lambda x: x + np.arange(len(x))[:, None, None], "coefficients must be those of steps without"),
         ("coefficients", lambda x: x * np.nan, "coefficients must hold finite numbers"),
+        ("coefficients", lambda x: bent(x), "coefficients must be those of a motion under the law"),
         ("known_links", lambda x: x | True, "known_links.0. must be links"),
         ("links", np.logical_not, "links.0. must be links"),
         ("pending", lambda x: np.array([[0, 8, 0]]), "pending must not hold values above 7"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.errors import FlockingError, InvalidInput, NotFinite
+from flocking.errors import FlockingError, InvalidInput, NotFinite, StepTooSmall
 
 BODIES = {
     "points": fk.Limited(fk.PointMass(), force=1.0),
@@ -69,3 +69,20 @@ def test_quadrotors_do_not_ignore_a_force_without_a_square(engine):
 def test_limits_without_squares_are_refused(name, value):
     with pytest.raises(InvalidInput, match=f"Limited: {name} must be at most 1e"):
         fk.Limited(fk.PointMass(), **{name: value})
+
+
+@pytest.mark.parametrize("engine", ["exact", "delayed"])
+def test_a_first_step_without_a_length_is_refused_in_words(engine):
+    """Slopes of 1e149 have squares, and in units of the tolerance they have none: the guess of a first step is zero."""
+    world = {"information": fk.Delayed(0.01)} if engine == "delayed" else {}
+    with pytest.raises(StepTooSmall, match="no first step is short enough"):
+        fk.simulate(scenario(1.0, fk.Lagged(fk.PointMass(), 1e-149), **world), engine=engine, progress=False)
+
+
+def test_lags_and_gusts_without_squares_are_refused_by_name():
+    for shortest in (1e-320, np.array([0.1, 1e-151])):
+        with pytest.raises(InvalidInput, match=r"Lagged: time_constant must be at least 1e-150; got .* Leave out"):
+            fk.Lagged(fk.PointMass(), shortest)
+    for largest in (1e141, np.array([0.0, 1.7e308])):
+        with pytest.raises(InvalidInput, match=r"Disturbed: sigma must be at most 1e\+140; got .* Choose other units"):
+            fk.Disturbed(fk.PointMass(), largest, 0.1)

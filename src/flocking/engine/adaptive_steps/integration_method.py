@@ -146,6 +146,8 @@ def first_length(
 ) -> float:
     """Length of the first step (Hairer, Norsett & Wanner, section II.4), by one Euler step of a guessed length.
 
+    It is 0 where none is left, and where slopes have no squares in units of the tolerance.
+
     Parameters
     ----------
     slope
@@ -167,6 +169,8 @@ def first_length(
     state, rate = size_of(y), size_of(known)
     guess = UNKNOWN if state < NEGLIGIBLE or rate < NEGLIGIBLE else STEP_SHARE * state / rate
     guess = min(guess, bound - t)
+    if not guess > 0.0:
+        return 0.0
     change = size_of(slope(t + guess, y + guess * known) - known) / guess
     if rate <= CONSTANT and change <= CONSTANT:
         length = max(UNKNOWN, guess * CONSTANT_SHARE)

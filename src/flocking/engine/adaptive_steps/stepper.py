@@ -101,10 +101,23 @@ class Stepper:
         return most_strained(each.max(axis=(0, 2)))
 
     def first_step(self, bound: float) -> float:
-        """Length proposed for the next step where no step has been taken yet, which ends at time ``bound`` at most."""
+        """Length proposed for the next step where no step has been taken yet, which ends at time ``bound`` at most.
+
+        Raises
+        ------
+        StepTooSmall
+            When slopes are so large that no step is short enough for them.
+        """
         before = self.memory
         with np.errstate(all="ignore"):
-            return float(first_length(self._slope, before.t, before.y, before.slope, self.tolerance, bound))
+            found = float(first_length(self._slope, before.t, before.y, before.slope, self.tolerance, bound))
+        if found == 0.0 and bound > before.t:
+            raise StepTooSmall(
+                "Forces, or rates of the bodies, are so large that no first step is short enough: in units of the "
+                "tolerance their squares are no numbers. Lower gains or gusts, lengthen lags, or choose other units.",
+                time=before.t + self._base,
+            )  # fmt: skip
+        return found
 
     def step(self, bound: float, longest: float = np.inf) -> Segment:
         """Take one step, not beyond time ``bound`` nor longer than ``longest``.

@@ -15,7 +15,7 @@ from flocking.engine.archives.data_checks import Table
 from flocking.engine.delayed.checkpoint import DelayedMemory, packed_memory, unpacked_memory
 from flocking.engine.delayed.replacement import Replacement, replacement, same_law
 from flocking.engine.delayed.stepping import DelayedSteps
-from flocking.engine.imperfect.checkpoint_form import must
+from flocking.engine.imperfect.checkpoint_form import NEAR, must
 from flocking.engine.imperfect.graph_views import views_of
 from flocking.engine.imperfect.link_rules import known_rules, link_rules
 from flocking.engine.protocol.session import Packed, Stored
@@ -30,6 +30,15 @@ from flocking.model.world.times import PER_SECOND
 CLOCK = 4.0 * float(np.finfo(np.float64).eps)
 """Rounding of a time since the start, as a share of the scenario's times of which it is the difference: two of these,
 each rounded by half a unit, and the difference."""
+
+
+OFF_LAW = 1e4
+"""Largest difference of the slope of a stored step from that of the law, in tolerances over the length of the step: of
+steps of the default tolerance in the tests it was 125 at most. At a tolerance of 1e-9 and steps of 0.1 that is a force
+of 1e-4."""
+
+WITHIN = (0.25, 0.5, 0.75)
+"""Where on the last step it is compared: at its ends what agents know may jump."""
 
 
 @dataclass(frozen=True)
@@ -287,7 +296,28 @@ class DelayedSession(DelayedSteps):
         session._law.put_held()
         session._gust_ends = stored.scenario.agents.drawn_until(session._segment.t0)
         session._stepper = session._new_stepper(memory.truth.numbers["step"])
+        session._check_last_step()
         return session
+
+    def _check_last_step(self) -> None:
+        """Refuse what was unpacked if the last step is not a motion under the law on what agents know."""
+        segment = self._segment
+        length = segment.t1 - segment.t0
+        if not length > 0.0:
+            return
+        allowed = self._law.tolerances(self.scenario.start) * OFF_LAW / length
+        for place in WITHIN:
+            t = segment.t0 + place * length
+            y, found = segment.with_slope(t)
+            slope = self._slope(t, y)
+            fits = np.abs(found - slope) <= allowed + NEAR * (1.0 + np.abs(slope))
+            print(
+                "RATIO",
+                float((np.abs(found - slope) * length / self._law.tolerances(self.scenario.start)).max()),
+                length,
+                flush=True,
+            )
+            must(bool(fits.all()), "coefficients", "be those of a motion under the law")
 
     def _check_known_obstacles(self) -> None:
         """Refuse what was unpacked if agents do not take themselves to be within range of obstacles as it states."""

@@ -89,7 +89,8 @@ class Lagged(WrappedBody):
     Raises
     ------
     InvalidInput
-        When a time constant is not positive, or the body is none or lagged already.
+        When a time constant is not positive, its inverse has no square that is a number, or the body is none or lagged
+        already.
 
     Examples
     --------
@@ -106,6 +107,9 @@ class Lagged(WrappedBody):
 
     def __post_init__(self) -> None:
         tau = scalar_or_each("Lagged", "time_constant", self.time_constant, above=0.0)
+        if (shortest := float(np.min(tau))) < 1.0 / LARGEST_LIMIT:
+            fix = "Leave out a lag that nothing shows, or choose other units."
+            raise InvalidInput("Lagged", "time_constant", f"must be at least {1.0 / LARGEST_LIMIT:g}", shortest, fix)
         object.__setattr__(self, "time_constant", tau)
         self.check_inner()
 

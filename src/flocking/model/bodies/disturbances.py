@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from flocking.arrays import Indices
-from flocking.errors import SuspectInput
+from flocking.errors import InvalidInput, SuspectInput
 from flocking.model.bodies.body import MotionSymbols
 from flocking.model.bodies.chained_bodies import WrappedBody
 from flocking.model.checks import Array, number, scalar_or_each
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flocking.model.bodies.body import Body
+
+LARGEST_SIGMA = 1e140
+"""Largest intensity: forces of gusts as short as a nanosecond, and what they do to velocities, have squares that are
+numbers."""
 
 
 @register_part("disturbed")
@@ -54,7 +58,7 @@ class Disturbed(WrappedBody):
     Raises
     ------
     InvalidInput
-        When an intensity is negative, or the period is not positive.
+        When an intensity is negative or so large that energies of gusts are no numbers, or the period is not positive.
 
     Examples
     --------
@@ -74,6 +78,9 @@ class Disturbed(WrappedBody):
     def __post_init__(self) -> None:
         self.check_inner()
         object.__setattr__(self, "sigma", scalar_or_each("Disturbed", "sigma", self.sigma, least=0.0))
+        if (largest := float(np.max(self.sigma))) > LARGEST_SIGMA:
+            fix = "Choose other units."
+            raise InvalidInput("Disturbed", "sigma", f"must be at most {LARGEST_SIGMA:g}", largest, fix)
         object.__setattr__(self, "period", number("Disturbed", "period", self.period, above=0.0))
         nanoseconds("Disturbed", "period", self.period, positive=True)
         object.__setattr__(self, "seed", seed_number("Disturbed", self.seed))
