@@ -158,3 +158,37 @@ def test_the_supply_of_two_agents_about_their_centre_of_mass_gives_no_alarm(m):
     kinetic = 0.25 * ((start.p[1] - start.p[0]) ** 2).sum() * np.exp(-6.0 * run.t)
     assert run.trace["energy"][[0, -1]] == pytest.approx(kinetic, rel=1e-9)
     assert np.abs(run.trace["supplied"]).max() < 1e-14
+
+
+def _radius(particles):
+    particles.radii.limits[0][:2] *= 1.05
+
+
+def _view(particles):
+    particles.radii.views[0][0] *= 1.1
+
+
+def _neighbour(particles):
+    """An agent of the first tile has its own number in place of its first neighbour."""
+    require = particles.require_lists
+
+    def wrong(h):
+        require(h)
+        lists = particles.lists[0]
+        for lane in range(16):
+            lists.rows[lists.first[0], lane] = lane
+
+    particles.require_lists = wrong
+
+
+@pytest.mark.parametrize("scheme", ["verlet", "damped", "rk4"])
+@pytest.mark.parametrize("fault", [_radius, _view, _neighbour])
+def test_links_that_are_not_those_of_the_graph_stop_the_run(scheme, fault):
+    """With Runge-Kutta steps forces are held against the law over the links of the engine: these are judged apart."""
+    start = fk.start.hexagonal(300, spacing=0.9, noise=0.15, speed=0.3, seed=2)
+    graph = fk.FieldOfView(1.5, 1.1, "p") if fault is _view else fk.Proximity(1.5)
+    law = fk.Law(graph, [fk.Gradient(fk.Potential("k*(r - 1)**2/2", k=0.3)), fk.Consensus(0.4)])
+    session = TilesSession(fk.Scenario(law, start, t_end=1.0, frames=2), TilesOptions(step=0.005, scheme=scheme))
+    fault(session._particles)
+    with pytest.raises(LawNotObeyed, match=r"declared law"):
+        session.advance(0.4)

@@ -6,17 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Indices, Reals
+from flocking.arrays import Array, Indices, Mask, Reals
 from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs, Statement
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.tiles.automatic_step import energy_doubt
 from flocking.engine.tiles.body_check import BodyCheck
+from flocking.engine.tiles.kernels.spec import HEADINGS
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.errors import LawNotObeyed
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.views import FieldOfView
+from flocking.model.graphs.views import VELOCITY, FieldOfView
 from flocking.model.law import Scenario
 
 TILES, MOST_TILES = 4, 64
@@ -130,6 +131,8 @@ class LawCheck:
         LawNotObeyed
             If it is not that of the declared law.
         """
+        if self.refuses:
+            self._check_links(particles, moment)
         if not self.motion:
             return
         if self.order == 1:
@@ -153,6 +156,89 @@ class LawCheck:
         p = np.asarray((particles.Y if self.order == 2 else particles.X)[m:].T)
         found = self._compared(particles, (q, p), places, force, rounding, moment, gaps, remembered=False)
         self._require(found, moment, gaps)
+
+    def _check_links(self, particles: ParticleArrays, moment: Moment) -> None:
+        """Hold the links that acted in a step, for some agents, against the graphs at the state before it.
+
+        Entries of the lists are judged by their bits, and for one tile it is judged of all agents at hand whether they
+        are listed. Links between the radii of a graph with a gap depend on the past, and directions of bodies have gone
+        on: they are not judged.
+
+        Raises
+        ------
+        LawNotObeyed
+            If a link is none by the declared graph, or one is missing.
+        """
+        m, places = particles.m, self._places(particles, moment)
+        q, p = np.asarray(particles.Y[:m].T), np.asarray(particles.Y[m:].T)
+        for number, kind in enumerate(particles.spec.graphs):
+            lists = particles.lists[number]
+            judged = kind.view in ("", HEADINGS) or (kind.view == VELOCITY and self.order == 2)
+            if kind.fixed or lists is None or not len(lists.rows) or not judged:
+                continue
+            k, j, bit = self._entries(particles, number, places)
+            inside, outside = self._sides(particles, number, (q, p), places[k], j)
+            wrong = (inside & ~bit) | (outside & bit) if kind.memory else np.zeros(len(k), dtype=bool)
+            if wrong.any():
+                first = int(np.argmax(wrong))
+                self._refuse_link(particles, number, (places[k[first]], j[first]), q, moment)
+            few = places[:WIDTH]
+            all_k, all_j = (x.ravel() for x in np.indices((len(few), particles.n)))
+            listed = np.zeros((len(few), particles.n), dtype=bool)
+            near = (k < len(few)) & (j < particles.n)
+            listed[k[near], j[near]] = True
+            listed[np.arange(len(few)), few] = True
+            missing = ~listed[all_k, all_j]
+            all_k, all_j = all_k[missing], all_j[missing]
+            inside, _ = self._sides(particles, number, (q, p), few[all_k], all_j)
+            if inside.any():
+                first = int(np.argmax(inside))
+                self._refuse_link(particles, number, (few[all_k[first]], all_j[first]), q, moment)
+
+    def _entries(self, particles: ParticleArrays, number: int, places: Indices) -> tuple[Indices, Indices, Mask]:
+        """Entries of lists of the agents at some ``places``: number of the agent, index of the other, and its bit."""
+        lists = particles.lists[number]
+        assert lists is not None
+        tile, lane = places // WIDTH, places % WIDTH
+        row = np.arange(int(lists.count[tile].max(initial=0)))
+        at = lists.first[tile][:, None] + np.minimum(row, np.maximum(lists.count[tile] - 1, 0)[:, None])
+        entries = lists.rows[at, lane[:, None]]
+        j = (entries & NUMBER).astype(np.int64)
+        k, column = np.nonzero((row < lists.count[tile][:, None]) & (j != places[:, None]))
+        return k, j[k, column], entries[k, column] > NUMBER
+
+    def _sides(
+        self, particles: ParticleArrays, number: int, state: tuple[Reals, Reals], i: Indices, j: Indices
+    ) -> tuple[Mask, Mask]:
+        """Which pairs of indices are linked for sure by a graph whatever was before, and which are not for sure."""
+        q, p = state
+        graph, kind = particles.radii.graphs[number], particles.spec.graphs[number]
+        difference = q[j].astype(np.float64) - q[i].astype(np.float64)
+        d = particles.space.displacement(difference)
+        r = np.sqrt((d**2).sum(axis=1))
+        who = particles.ids[i]
+        leave, enter = (
+            np.broadcast_to(np.asarray(x, dtype=np.float64), particles.everyone)[who]
+            for x in (graph.break_radius, graph.appear_radius)
+        )
+        slack = EDGE * self.eps * (leave + np.abs(d - difference).sum(axis=1))
+        inside, outside = r < enter - slack, r > leave + slack
+        if kind.view:
+            beyond = self._beyond_view(particles, graph, i, d, r, p)
+            inside, outside = inside & (beyond < -slack), outside | (beyond > slack)
+        return inside, outside
+
+    def _refuse_link(
+        self, particles: ParticleArrays, number: int, pair: tuple[int, int], q: Reals, moment: Moment
+    ) -> None:
+        i, j = (int(particles.ids[x]) for x in pair)
+        away = particles.space.displacement((q[pair[1]].astype(np.float64) - q[pair[0]].astype(np.float64))[None])
+        raise LawNotObeyed(
+            f"The computed motion does not follow the declared law: agent {j} counts wrongly as a neighbour of agent "
+            f"{i} under graph {number}, or as none, at a distance of {float(np.linalg.norm(away)):.6g}. This is "
+            "an error of the engine, not of the step; use engine='exact', and report the law.",
+            time=moment.time, agents=(i, j),
+        )  # fmt: skip
 
     def energy_rounding(self, particles: ParticleArrays, time: float) -> float:
         """Change of the energy by the rounding of positions and of its formulas, estimated from some tiles.
