@@ -113,10 +113,9 @@ def test_nothing_is_promised_of_a_run_that_was_changed(run: fk.Run) -> None:
 
 
 def test_the_claims_of_a_paper_and_of_all_are_counted_by_what_was_found() -> None:
-    judgements = [judged("hhhhh", claim()), judged("fffff", claim()), judged("hhhhf", claim()),
-                  judged("fffff", claim(expected=Verdict.FAILS, basis=Basis.COUNTEREXAMPLE)),
-                  judged("hhhhhf", claim(Basis.OBSERVATION)), judged("hh", claim()), judged("hhhh?", claim()),
-                  ]  # fmt: skip
+    refuted = claim(Basis.COUNTEREXAMPLE, Verdict.FAILS)
+    of_proofs = [judged(verdicts, claim()) for verdicts in ("hhhhh", "fffff", "hhhhf", "hh", "hhhh?")]
+    judgements = [*of_proofs, judged("fffff", refuted), judged("hhhhhf", claim(Basis.OBSERVATION))]
     found = Reproduction({"s": judgements})
     article = SimpleNamespace(
         scenarios=lambda: {"s": None}, title_of=lambda name: "A title", short_citation="Author 2026", title="A paper"

@@ -264,6 +264,7 @@ def test_laws_and_messages_may_change_on_the_way():
     session.advance(0.6)
     again.advance(0.6)
     assert same(session.run(), again.run())
+    assert session.run().fidelity.changed
     assert np.abs(session.run().residual).max() <= 1e-8 * max(1.0, session.run().turnover)
 
 
