@@ -126,6 +126,11 @@ def test_an_agent_meets_an_obstacle_twice_while_one_force_is_held():
     half = np.sqrt((BALL.radius + RANGE) ** 2 - 0.3**2)
     assert run.switches["time"] == pytest.approx([(4.0 - half) / 2, (4.0 + half) / 2], abs=1e-11)
     assert (np.sign(run.switches["speed"]) == [-1.0, 1.0]).all()
+    # No force acts: what departs is the work of the ball's force, all of it between the two meetings.
+    times = np.linspace(*run.switches["time"], 101)
+    powers = [fk.control(law, fk.State([[2.0 * s, 0.0]], start.p, s))[0] @ start.p[0] for s in times.tolist()]
+    assert run.trace["departed"][-1] == pytest.approx(-np.trapezoid(powers, times), rel=0.05)
+    assert np.abs(run.residual).max() < 1e-9
     # Another law over the same ball, from 0.5 on: before its first force both meetings are where they were.
     session = fk.start(run.scenario)
     session.advance(0.5)
