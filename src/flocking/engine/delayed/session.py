@@ -311,12 +311,6 @@ class DelayedSession(DelayedSteps):
             y, found = segment.with_slope(t)
             slope = self._slope(t, y)
             fits = np.abs(found - slope) <= allowed + NEAR * (1.0 + np.abs(slope))
-            print(
-                "RATIO",
-                float((np.abs(found - slope) * length / self._law.tolerances(self.scenario.start)).max()),
-                length,
-                flush=True,
-            )
             must(bool(fits.all()), "coefficients", "be those of a motion under the law")
 
     def _check_known_obstacles(self) -> None:

@@ -162,8 +162,8 @@ class LawCheck:
         """Hold the links that acted in a step, for some agents, against the graphs at the state before it.
 
         Entries of the lists are judged by their bits, and for one tile it is judged of all agents at hand whether they
-        are listed. Links between the radii of a graph with a gap depend on the past, and directions of bodies have gone
-        on: they are not judged.
+        are listed. Links between the radii of a graph with a gap depend on the past, directions of bodies have gone on,
+        and of a graph over which nothing acts the links are not kept up to date: they are not judged.
 
         Raises
         ------
@@ -172,13 +172,11 @@ class LawCheck:
         """
         m, places = particles.m, self._places(particles, moment)
         q, p = np.asarray(particles.Y[:m].T), np.asarray(particles.Y[m:].T)
-        source = tile_kernels(particles.spec).SOURCE
+        visited = tile_kernels(particles.spec).VISITED
         for number, kind in enumerate(particles.spec.graphs):
             lists = particles.lists[number]
             judged = kind.view in ("", HEADINGS) or (kind.view == VELOCITY and self.order == 2)
-            # Of a graph over which nothing acts no pass looks at the lists.
-            looked_at = f"range(count{number}[tile])" in source
-            if kind.fixed or lists is None or not len(lists.rows) or not (judged and looked_at):
+            if kind.fixed or lists is None or not len(lists.rows) or not (judged and visited[number]):
                 continue
             k, j, bit = self._entries(particles, number, places)
             inside, outside = self._sides(particles, number, (q, p), places[k], j)

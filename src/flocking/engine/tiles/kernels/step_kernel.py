@@ -46,7 +46,8 @@ is below the largest number of single precision (3.4e38)."""
 def tile_kernels(spec: KernelSpec) -> ModuleType:
     """Module with the kernels ``move`` and ``flow`` of a law; for their arguments see `_arguments`.
 
-    ``flow`` is called after ``move`` with the same arguments; it is None if there is nothing to add.
+    ``flow`` is called after ``move`` with the same arguments; it is None if there is nothing to add. ``VISITED``: for
+    each graph whether ``move`` passes over its lists, as it does where something acts over it.
 
     Parameters
     ----------
@@ -260,6 +261,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
 
     w = Writer(spec, formulas)
     pairs = [pair_loop(w, number, pair) for number, pair in enumerate(formulas.pairs)]
+    visited = tuple(map(bool, pairs))
     pairs += [obstacle_block(w, number, obstacle_group) for number, obstacle_group in enumerate(formulas.obstacles)]
     tail = _tail_block(w)
     frames: list[str] = []
@@ -270,7 +272,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
         tile += block
     kernels = _kernel(w, "move", tile + tail, [*formulas.body.frame, *w.obstacle_values], frames, "p")
     kernels += _flow_kernel(spec, formulas) if spec.order == 1 and spec.ledger else "\n\nflow = None\n"
-    return module_header(spec, kernels) + kernels
+    return module_header(spec, kernels) + kernels + f"\n\nVISITED = {visited!r}\n"
 
 
 def module_header(spec: KernelSpec, kernels: str) -> str:
@@ -298,14 +300,11 @@ def module_header(spec: KernelSpec, kernels: str) -> str:
     return header + (_HASH if "hash" in spec.weights else "")
 
 
-def _kernel(
-    w: Writer, name: str, tile: list[str], values: list[sympy.Expr], frames: list[str], mean: str
-) -> str:  # fmt: skip
+def _kernel(w: Writer, name: str, tile: list[str], values: list[sympy.Expr], frames: list[str], mean: str) -> str:
     """One function over the tiles: unpacking of its arguments, then the lines for a tile."""
     first = ["base = tile * 16", "i = numbers_from(base)", *own_lines(w, "X")]
-    head = f"@native\ndef {name}({', '.join(_arguments(w.spec))}):\n" + indented(
-        uniform_lines(w, values, frames, mean), 1
-    )
+    head = f"@native\ndef {name}({', '.join(_arguments(w.spec))}):\n"
+    head += indented(uniform_lines(w, values, frames, mean), 1)
     return head + indented(["for tile in range(first_tile, last_tile):"], 1) + indented(first + tile, 2)
 
 
