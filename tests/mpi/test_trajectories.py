@@ -59,3 +59,17 @@ def test_an_audit_claims_nothing_that_was_not_recorded():
     for key in ("links-kept", "switching-stops"):
         assert str(found[key].verdict) in ("not resolved", "fails"), key
         assert found[key].note
+
+
+@pytest.mark.parametrize("forces", ["kernels", "pair styles"])
+def test_the_error_of_the_motion_is_estimated_by_shorter_steps_of_tiles(forces):
+    law = fk.Law(fk.Proximity(5.0), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(1.0)])
+    start = fk.start.box(4, side=2.0, speed=1.0, seed=1)
+    made = fk.Scenario(law, start, t_end=20.0, frames=41)
+    run = fk.simulate(made, engine="lammps", forces=forces, step=0.02, progress=False)
+    best = fk.audit(fk.simulate(made, engine="exact", progress=False))["velocities-agree"]
+    found = fk.audit(run)["velocities-agree"]
+    assert str(found.verdict) == "holds"
+    assert 0.0 < found.error < 0.1
+    assert abs(found.margin - best.margin) <= found.error
+    assert "error estimated from 2 repetitions" in found.note

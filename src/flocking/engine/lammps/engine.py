@@ -18,8 +18,10 @@ from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.restart import stored_options
 from flocking.engine.lammps.session import LammpsSession
 from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.repeats import Repeats
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
+from flocking.engine.runs.run import Run
 from flocking.engine.tiles.held.news import check_messages
 from flocking.engine.tiles.kernels.spec import SPACES, check_supported
 from flocking.errors import UnsupportedLaw
@@ -62,6 +64,12 @@ class LammpsEngine(Engine):
         if isinstance(scenario.control, Held):
             return HeldDomainSession(scenario, chosen)
         return DomainSession(scenario, chosen, plant=plant)
+
+    def repeats(self, run: Run) -> Repeats | None:
+        """By the tiled engine, whose steps are the same, in this process."""
+        from flocking.engine.tiles.engine import ENGINE as TILES
+
+        return TILES.repeats(run)
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
         """Restore a session from its packed form. Collective."""
