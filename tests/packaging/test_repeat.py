@@ -22,6 +22,7 @@ LEFT_OUT = {
     "tests/engine/exact/test_first_frame.py": "runs programs to their end, without limit",
     "tests/engine/exact/events/loop_faults.py": "no tests: runs tests to their end, without limit",
     "tests/engine/storage/storage_victim.py": "no tests: part of test_storage_kill.py",
+    "tests/engine/storage/test_scenario_sums.py": "runs programs to their end, without limit",
     "tests/engine/storage/test_storage.py": "a signal at an instruction, without a clock",
     "tests/counting.py": "no tests: adds up processor time, which is stated and not judged",
     "tests/formula/test_growth.py": "under limits of processor time",

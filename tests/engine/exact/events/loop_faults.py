@@ -236,8 +236,8 @@ FAULTS = (
     Fault(
         "ledger check of a step skipped",
         "blocks/tried_steps.py",
-        "if not missed <= LEDGER_GAP * limits.tolerance:",
-        "if not missed <= 1e12 * LEDGER_GAP * limits.tolerance:",
+        "and not missed <= LEDGER_GAP * limits.tolerance:",
+        "and not missed <= 1e12 * LEDGER_GAP * limits.tolerance:",
     ),
     Fault(
         "velocities of agents of order 1 are stale at a switch",
