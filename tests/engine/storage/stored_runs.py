@@ -89,3 +89,20 @@ def fill_the_disk_after_three_commits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
     monkeypatch.setattr(saving.SessionWriter, "_commit", count)
     monkeypatch.setattr(atomic_files.os, "fsync", full)
+
+
+def stopped_run(folder: Path, made: fk.Scenario, monkeypatch: pytest.MonkeyPatch, **options: Any) -> Path:
+    """Save a run, stopped at its eighth frame."""
+    commit, seen = saving.SessionWriter.commit_if_due, []
+
+    def once(self: saving.SessionWriter) -> None:
+        commit(self)
+        seen.append(None)
+        if len(seen) == 8:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(saving, "COMMIT_SECONDS", 0.0)
+        patch.setattr(saving.SessionWriter, "commit_if_due", once)
+        fk.simulate(made, save=folder, progress=False, **options)
+    return folder

@@ -10,12 +10,11 @@ from typing import Any
 import pytest
 
 import flocking as fk
-from flocking.engine.driver import session_writer as saving
 from flocking.engine.storage.record import SCENARIO
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import read_run, stored_facts, write_run
 from flocking.errors import InvalidInput, StorageError
-from tests.engine.storage.stored_runs import assert_same, finished, scenario
+from tests.engine.storage.stored_runs import assert_same, finished, scenario, stopped_run
 
 OTHER = fk.Law(fk.Hysteresis(radius=4, gap=0.1), [fk.Gradient(fk.Potential("(r - 9)^2"))])
 
@@ -37,22 +36,7 @@ PLANT = fk.Law(scenario().law.graph, [scenario().law.terms[0], fk.Consensus(0.5)
 def stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
     """Save a run, stopped at its eighth frame."""
 
-    def stop(**options: object) -> Path:
-        commit, seen = saving.SessionWriter.commit_if_due, []
-
-        def once(self: saving.SessionWriter) -> None:
-            commit(self)
-            seen.append(None)
-            if len(seen) == 8:
-                raise KeyboardInterrupt
-
-        with monkeypatch.context() as patch:
-            patch.setattr(saving, "COMMIT_SECONDS", 0.0)
-            patch.setattr(saving.SessionWriter, "commit_if_due", once)
-            fk.simulate(scenario(), save=tmp_path / "run", progress=False, **options)  # type: ignore[arg-type]
-        return tmp_path / "run"
-
-    return stop
+    return lambda **options: stopped_run(tmp_path / "run", scenario(), monkeypatch, **options)
 
 
 def test_a_run_is_not_read_under_another_law(tmp_path: Path) -> None:

@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.driver import session_writer as saving
 from flocking.engine.storage.record import read_record
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.scenario_sums import scenario_sums
 from flocking.engine.storage.stored_runs import read_run, write_run
 from flocking.errors import StorageError
-from tests.engine.storage.stored_runs import assert_same, finished, scenario
+from tests.engine.storage.stored_runs import assert_same, finished, scenario, stopped_run
 
 
 def pull(strength: float) -> type[fk.PairTerm]:
@@ -38,23 +37,6 @@ def pull(strength: float) -> type[fk.PairTerm]:
 def foreign(strength: float = 1.0, formula: str = "(r - 1)**2", **changes: object) -> fk.Scenario:
     law = fk.Law(fk.Proximity(2.0), [pull(strength)(), fk.Gradient(fk.Potential(formula))])
     return scenario().with_(law=law, **changes)
-
-
-def stop(folder: Path, made: fk.Scenario, monkeypatch: pytest.MonkeyPatch, **options: object) -> Path:
-    """Save a run, stopped at its eighth frame."""
-    commit, seen = saving.SessionWriter.commit_if_due, []
-
-    def once(self: saving.SessionWriter) -> None:
-        commit(self)
-        seen.append(None)
-        if len(seen) == 8:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(saving, "COMMIT_SECONDS", 0.0)
-        patch.setattr(saving.SessionWriter, "commit_if_due", once)
-        fk.simulate(made, save=folder, progress=False, **options)
-    return folder
 
 
 @pytest.mark.parametrize(
@@ -78,7 +60,7 @@ def test_a_run_that_is_not_stored_with_its_scenario_is_of_that_one_alone(
 
 
 def test_a_stopped_run_does_not_go_on_under_another_formula(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = stop(tmp_path / "run", foreign(), monkeypatch)
+    folder = stopped_run(tmp_path / "run", foreign(), monkeypatch)
     with pytest.raises(StorageError, match="the scenario is not that of the run: formulas differ"):
         fk.resume(folder, scenario=foreign(1.01), progress=False)
     assert_same(fk.resume(folder, scenario=foreign(), progress=False), fk.simulate(foreign(), progress=False))
@@ -86,7 +68,7 @@ def test_a_stopped_run_does_not_go_on_under_another_formula(tmp_path: Path, monk
 
 def test_a_stopped_run_does_not_go_on_with_another_plant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plant, other = foreign(0.5).law, foreign(0.6).law
-    folder = stop(tmp_path / "run", foreign(), monkeypatch, plant=plant)
+    folder = stopped_run(tmp_path / "run", foreign(), monkeypatch, plant=plant)
     with pytest.raises(StorageError, match="the plant is not that of the run: formulas differ"):
         fk.resume(folder, scenario=foreign(), plant=other, progress=False)
     whole = fk.simulate(foreign(), plant=plant, progress=False)
@@ -112,7 +94,7 @@ def test_a_stopped_run_does_not_go_on_with_other_code_and_is_read_with_it(
     def made(reach: float) -> fk.Scenario:
         return scenario().with_(law=fk.Law(ring(reach)(scenario().start.n, edges), [fk.Consensus(1.0)]))
 
-    folder = stop(tmp_path / "run", made(1.0), monkeypatch)
+    folder = stopped_run(tmp_path / "run", made(1.0), monkeypatch)
     with pytest.raises(StorageError, match="the code of its classes differ"):
         fk.resume(folder, scenario=made(2.0), progress=False)
     assert len(read_run(folder, scenario=made(2.0)).t) > 1
@@ -137,7 +119,7 @@ def test_a_registered_part_whose_formula_was_changed_since_does_not_go_on(
         return Towed
 
     made = scenario().with_(law=fk.Law(fk.Proximity(2.0), [register(1.0)(0.5)]))
-    folder = stop(tmp_path / "run", made, monkeypatch)
+    folder = stopped_run(tmp_path / "run", made, monkeypatch)
     register(2.0)
     with pytest.raises(StorageError, match="the scenario is not that of the run: formulas differ"):
         fk.resume(folder, progress=False)
@@ -149,7 +131,7 @@ def test_scenarios_of_the_library_have_no_sums_and_runs_of_earlier_versions_go_o
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert scenario_sums(scenario()) is None
-    folder = stop(tmp_path / "run", foreign(), monkeypatch)
+    folder = stopped_run(tmp_path / "run", foreign(), monkeypatch)
     assert "sums" in read_record(folder)["scenario"]
     with RunWriter.reopen(folder) as writer:
         del writer.record["scenario"]["sums"]

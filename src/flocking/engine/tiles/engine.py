@@ -34,8 +34,8 @@ PAIRS, STEP = 30, 50_000
 """Neighbours of an agent for the work of a step, as in a dense group in the plane, and that of a step besides."""
 
 MOST_WORK = 2e8
-"""Largest work of a run that is repeated, in evaluations of pairs: some ten seconds with its repetitions, which have
-six times as many steps."""
+"""Largest work of a run that is repeated, in evaluations of pairs: some seconds for its repetitions, which have six
+times as many steps."""
 
 
 class TilesEngine(Engine):

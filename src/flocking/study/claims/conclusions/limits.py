@@ -21,7 +21,6 @@ from flocking.study.claims.settling import (
     held_for_long,
     limit_of,
     limit_of_series,
-    of_configuration,
 )
 from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence
@@ -207,11 +206,14 @@ def potential_is_minimal(e: Evidence) -> Measure:
 
     The imbalance of the forces is its error.
     """
+    error = imbalance(e) + _force_error(e)
+    # Raises where the configuration cannot be judged, before all eigenvalues, which take long for many agents.
+    unsettled = configuration_unsettled(e)
     stiffness = e.stiffness
     largest = float(np.abs(stiffness).max(initial=0.0))
     ratio = float(stiffness[0]) / largest if largest > 0 else 0.0
     note = f"smallest stiffness {ratio:.1e} of the largest"
-    return of_configuration(e, Measure(ratio + STATIONARY, imbalance(e) + _force_error(e), note))
+    return Measure(ratio + STATIONARY, error, note, unsettled, everywhere=False)
 
 
 def agents_at_their_minimum(e: Evidence) -> Measure:
