@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from flocking.arrays import Array
+from flocking.errors import SimulationError
 from flocking.formula.native.functions import native_apart
 
 MOST_TURN = 0.5
@@ -25,6 +26,10 @@ vector: by the recursion all later ones are smaller still."""
 
 MOST_TERMS = 400
 """Terms of a series, far more than the bound on the turn leaves."""
+
+MOST_PIECES = 1_000_000
+"""Power series for one motion, a second or two of computing. Where a hand point goes so many times as far as its
+offset, more are needed."""
 
 
 @native_apart
@@ -42,14 +47,15 @@ def turn_along(first: int, last: int, C: Array, offset: Array, spans: Array, vec
     spans
         How long, shape (agents,).
     vectors
-        Half-angle vectors, shape (agents, 2), which are changed.
+        Half-angle vectors, shape (agents, 2), which are changed; NaN where more than `MOST_PIECES` series are needed.
     """
     degree = C.shape[0] - 1
     a, b = np.empty(MOST_TERMS), np.empty(MOST_TERMS)
     x, y = np.empty(degree), np.empty(degree)
     for i in range(first, last):
-        done = 0.0
+        done, pieces = 0.0, 0
         while done < spans[i]:
+            pieces += 1
             # Velocity about the time reached, over twice the offset.
             for k in range(degree):
                 x[k], y[k] = 0.0, 0.0
@@ -73,6 +79,10 @@ def turn_along(first: int, last: int, C: Array, offset: Array, spans: Array, vec
                     turn += np.sqrt(x[k] ** 2 + y[k] ** 2) * power / (k + 1)
                 if turn > MOST_TURN:
                     step *= 0.5
+            # Slopes that overflow leave steps of no length.
+            if not (turn <= MOST_TURN and step * MOST_PIECES > spans[i] - done) or pieces > MOST_PIECES:
+                vectors[i, 0], vectors[i, 1] = np.nan, np.nan
+                break
             a[0], b[0] = vectors[i, 0], vectors[i, 1]
             power, small, k = 1.0, 0, 0
             while small <= degree and k < MOST_TERMS - 1:
@@ -93,7 +103,7 @@ def turn_along(first: int, last: int, C: Array, offset: Array, spans: Array, vec
 
 
 def turned(C: Array, offset: Array, spans: Array, heading: Array, each: Callable[..., None] | None = None) -> Array:
-    """Headings after some time, shape (agents, 2).
+    """Headings after some time, shape (agents, 2); NaN where they turn too often, see `turns_too_often`.
 
     Parameters
     ----------
@@ -116,3 +126,20 @@ def turned(C: Array, offset: Array, spans: Array, heading: Array, each: Callable
         each(turn_along, len(vectors), *arguments)
     a, b = vectors.T
     return np.stack([(a - b) * (a + b), 2.0 * a * b], axis=1)
+
+
+def turns_too_often(time: float, agents: tuple[int, ...]) -> SimulationError:
+    """The error for headings that turn too often to be followed.
+
+    Parameters
+    ----------
+    time
+        When.
+    agents
+        Numbers of the agents.
+    """
+    return SimulationError(
+        "The hand point of a unicycle goes about a million times as far as its offset under one held force, so that "
+        "its heading cannot be followed. Use a larger Unicycle.offset, or a shorter period of Held.",
+        time=time, agents=agents,
+    )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.engine.imperfect.taylor_series import shifted
-from flocking.engine.kernels.headings import turned
+from flocking.engine.kernels.headings import turned, turns_too_often
 from flocking.engine.sampled.actuation import Actuation
 from flocking.engine.sampled.piece_series import LONGEST_PIECE, binomials, shift_pieces
 from flocking.model.bodies.body import Body
@@ -51,6 +51,8 @@ class Motion:
         What stands between the forces that are held and those that act; None for nothing.
     lag, heading
         Lagged forces at the start, shape (N, m), and headings of unicycles, shape (N, 2), where there are some.
+    since
+        Time at the start, for errors.
 
     Attributes
     ----------
@@ -76,8 +78,10 @@ class Motion:
         actuation: Actuation | None = None,
         lag: Array | None = None,
         heading: Array | None = None,
+        since: float = 0.0,
     ) -> None:
         n, m = q.shape
+        self._since = since
         self.order = body.order
         self.masses = np.broadcast_to(np.asarray(body.masses, dtype=np.float64), n)[:, None]
         self.rate = np.broadcast_to(np.asarray(body.damping, dtype=np.float64), n)[:, None] / self.masses
@@ -269,6 +273,9 @@ class Motion:
         found = np.array(self.heading[agents])
         C = self.coefficients[:, agents][:, turns]
         found[turns] = turned(C, self._offset[agents][turns], s[turns], found[turns])
+        if np.isnan(found).any():
+            lost = np.arange(len(self.begin))[agents][np.isnan(found).any(axis=1)]
+            raise turns_too_often(self._since + time, tuple(lost[:10].tolist()))
         return found
 
     def exert(self, time: int, agents: Indices, force: Array | None = None, beside: Array | None = None) -> None:

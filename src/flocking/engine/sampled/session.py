@@ -115,7 +115,7 @@ class SampledSession(ImperfectSession):
         start, columns = scenario.start, scenario.start.columns
         found = Actuation(scenario.agents, self.n, self.m, periods)
         lag, heading = columns.get(APPLIED), columns.get(HEADING)
-        return found, Motion(start.q, start.p, scenario.agents, found, lag, heading)
+        return found, Motion(start.q, start.p, scenario.agents, found, lag, heading, start.t)
 
     @property
     def _law(self) -> SampledLaw:

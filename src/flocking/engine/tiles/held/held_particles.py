@@ -98,8 +98,7 @@ class HeldParticles(ParticleArrays):
             heard = self.store.heard(self.m, repeats, self._shared)
         self.logged = UsedSamples(messages=heard is not None) if logs else None
         self.control = control_kernel(self.control_spec, heard, logs=logs).control
-        self._draws = heard is not None and heard.draws
-        self._tested = 0
+        self._draws, self._tested = heard is not None and heard.draws, 0
         self.used: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
         self.senders: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32) for _ in spec.graphs]
         self._ahead = 1
@@ -332,6 +331,8 @@ class HeldParticles(ParticleArrays):
                 coast_lagged, self.tiles, self.agents, into, forces, rows, frame, self.n, second, self._fastest
             )
         if actuation is not None:
+            if heading is not None and np.isnan(heading[: self.n]).any():
+                self._fastest[:1] = np.inf  # All processes then look at their agents.
             if target is None:
                 actuation.heading = heading
             else:
@@ -395,9 +396,8 @@ class HeldParticles(ParticleArrays):
             Their numbers.
         """
         own = self.ids[: self.n]
-        order = np.argsort(own, kind="stable")
-        found: Indices = order[np.searchsorted(own[order], agents)] if len(agents) else order[:0]
-        return found
+        order: Indices = np.argsort(own, kind="stable")
+        return order[np.searchsorted(own[order], agents)] if len(agents) else order[:0]
 
     def recall_known(self, force: Reals, known: list[TileLists | None], rooms: list[Numbers]) -> None:
         """Go on with forces and lists of a checkpoint.

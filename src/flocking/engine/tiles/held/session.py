@@ -12,6 +12,7 @@ import numpy as np
 from flocking.arrays import Links, Numbers32
 from flocking.engine import interruption
 from flocking.engine.fixed_step.threads import Workers
+from flocking.engine.kernels.headings import turns_too_often
 from flocking.engine.protocol.body_chains import of_points, point_of
 from flocking.engine.protocol.session import Packed, Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.protocol.waiting_forces import put
@@ -188,6 +189,10 @@ class HeldTilesSession(HeldTruth):
 
     def _check_finite(self) -> None:
         particles = self._particles
+        heading = None if particles.actuation is None else particles.actuation.heading
+        lost = np.zeros(0, int) if heading is None else np.flatnonzero(np.isnan(heading[: particles.n]).any(axis=1))
+        if len(lost) and np.isfinite(particles.X[:, lost]).all():
+            raise turns_too_often(self.time, tuple(sorted(particles.ids[lost].tolist())[:10]))
         bad = np.flatnonzero(~np.isfinite(particles.X[:, : particles.n]).all(axis=0))
         if len(bad):
             raise NotFinite(
