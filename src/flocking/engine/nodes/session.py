@@ -17,7 +17,7 @@ from flocking.engine.nodes.nodes import START
 from flocking.engine.nodes.processes import PATIENCE, Agents
 from flocking.engine.nodes.recording import Recording
 from flocking.engine.nodes.requests import Answer, Request, sample_of, well_formed
-from flocking.engine.protocol.body_chains import why_not_closed
+from flocking.engine.protocol.body_chains import is_integrated
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.sampled.engine import ENGINE as SAMPLED
@@ -78,10 +78,11 @@ def check_nodes(scenario: Scenario, *, real_time: float | None, exported: bool) 
         raise UnsupportedLaw("Processes of agents need control=Held(...): they act at ticks, not at every moment.")
     SAMPLED.check(scenario)
     SAMPLED.check_space(scenario)
-    if why_not_closed(scenario.agents):
+    if is_integrated(scenario):
         raise UnsupportedLaw(
-            f"The process of the world moves bodies in closed form between two ticks, which {scenario.agents.summary} "
-            "do not. A run in one process does, by engine='sampled'."
+            "The process of the world moves bodies in closed form between two ticks, which "
+            f"{scenario.agents.summary} do not, nor those that look along their headings. A run in one process does, "
+            "by engine='sampled'."
         )
     if exported and scenario.start.links is not None:
         raise UnsupportedLaw(

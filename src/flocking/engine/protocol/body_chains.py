@@ -114,6 +114,22 @@ def _why_not_closed(chain: list[WrappedBody], inner: Body) -> str:
     return ""
 
 
+def is_integrated(scenario: Scenario) -> bool:
+    """Whether bodies are integrated while a force is held.
+
+    They are where their motion has no closed form, and where agents look along a direction that has one: headings of
+    unicycles are no polynomials, in which it is located when agents come into view.
+
+    Parameters
+    ----------
+    scenario
+        Bodies, and the graphs of a law.
+    """
+    body = scenario.agents
+    looked = {heading_column(graph) for graph in scenario.law.graphs}
+    return bool(why_not_closed(body)) or not looked.isdisjoint(body.directions)
+
+
 def check_integrated(engine: str, body: Body) -> None:
     """Refuse bodies that cannot be integrated while a force is held.
 
@@ -143,8 +159,14 @@ def check_integrated(engine: str, body: Body) -> None:
         if speeds and body.order > 1 and not _why_not_closed(chain, inner):
             raise UnsupportedLaw(
                 f"engine={engine!r} scales held forces back to a largest speed where bodies move in closed form, which "
-                f"not all bodies of this {type(chain_of(body)[1]).__name__} do. Leave the speed out."
+                f"{_who_does_not(chain_of(body)[1])}. Leave the speed out."
             )
+
+
+def _who_does_not(inner: Body) -> str:
+    if isinstance(inner, Mixture):
+        return f"not all bodies of this {type(inner).__name__} do"
+    return f"{type(inner).__name__} agents that look along their headings do not"
 
 
 def has_energy_of_points(body: Body) -> bool:

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from flocking.engine.imperfect.messages.leader_news import check_leader_messages
-from flocking.engine.protocol.body_chains import check_integrated, members_of, why_not_closed
+from flocking.engine.protocol.body_chains import check_integrated, is_integrated, members_of
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.repeats import Repeats, counted_steps
 from flocking.engine.protocol.session import Packed, Session, Stored
@@ -70,7 +70,7 @@ class SampledEngine(Engine):
         check_nanoseconds(scenario)
         if isinstance(scenario.control, SafetyFilter):
             check_filter(scenario)
-        if why_not_closed(scenario.agents):
+        if is_integrated(scenario):
             check_integrated(self.name, scenario.agents)
         _check_pieces(scenario)
         check_sampled_law(self.name, scenario, plant)
@@ -101,7 +101,7 @@ class SampledEngine(Engine):
 
 def _kind(scenario: Scenario) -> type[SampledSession]:
     """The session that moves the bodies of a scenario: in closed form where they have one."""
-    return IntegratedSession if why_not_closed(scenario.agents) else SampledSession
+    return IntegratedSession if is_integrated(scenario) else SampledSession
 
 
 def _finer(scenario: Scenario, share: float) -> Session:
@@ -126,7 +126,7 @@ def _check_pieces(scenario: Scenario) -> None:
                     float(np.min(part.time_constant)),
                     "Leave the lag out, which moves agents nearly as well, use engine='tiles', or end the run earlier.",
                 )  # fmt: skip
-    if body.order != SECOND or why_not_closed(body):
+    if body.order != SECOND or is_integrated(scenario):
         return
     fastest = float(np.max(np.asarray(body.damping) / np.asarray(body.masses)))
     if not fastest * shortest <= 1.0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flocking.engine.imperfect.supported_laws import check_law
-from flocking.engine.protocol.body_chains import point_of, why_not_closed
+from flocking.engine.protocol.body_chains import point_of
 from flocking.model.graphs.views import VELOCITY
 from flocking.model.law import Law, Scenario
 
@@ -28,6 +28,5 @@ def check_sampled_law(engine: str, scenario: Scenario, plant: Law | None) -> Non
         When there is such a part; the message names it.
     """
     body = scenario.agents
-    # Headings of bodies in closed form are no polynomials.
-    columns = [VELOCITY, *(body.directions if why_not_closed(body) else ())]
+    columns = (VELOCITY, *body.directions)
     check_law(engine, scenario, plant, point_of(body), obstacles=True, views=True, columns=columns)

@@ -207,8 +207,7 @@ class FieldOfView(HeadingGraph, OneRadius):
         Name of the direction of the bodies along which agents look, which turns with them, such as ``"heading"`` of
         a `Unicycle`, or ``"p"`` for their velocity, in which an agent at rest looks all around; when empty they look
         along the constant ``headings`` of the agents. Views that turn run in the ideal world of the exact engine, with
-        `Messages` under continuous control, and under held control along ``"p"`` and directions of bodies that have no
-        closed form there.
+        `Messages` under continuous control, and under held control.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.protocol.body_chains import why_not_closed
+from flocking.engine.protocol.body_chains import is_integrated
 from flocking.engine.runs.message_log import LEADER, LEADER_SENDER, OWN, MessageLog, keeping_logs
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
@@ -223,7 +223,7 @@ class LoggedWorld:
         self.motion: ForcedMotion | IntegratedForcedMotion
         if not isinstance(scenario.control, Held):
             self.motion = ContinuousMotion(run, scenario, log, self.law)
-        elif why_not_closed(scenario.agents):
+        elif is_integrated(scenario):
             self.motion = IntegratedForcedMotion(run, scenario, log)
         else:
             self.motion = ForcedMotion(scenario, log)
