@@ -22,6 +22,12 @@ def _streams(dimension=2, speed=40.0, n=N):
     return fk.State(state.q, state.p + speed * way)
 
 
+def _facing(state):
+    """The state with headings of all directions."""
+    angles = np.linspace(-3.1, 3.1, state.n)
+    return fk.State(state.q, state.p, columns={"heading": np.stack([np.cos(angles), np.sin(angles)], axis=1)})
+
+
 def _law(graph=None, *terms):
     pull = fk.Gradient(fk.Potential("(r - 7)**2/2"))
     return fk.Law(graph or fk.Hysteresis(8.4, 1.0), [pull, fk.Consensus(0.3), *terms])
@@ -144,6 +150,14 @@ CASES = BODIES | {
     ),
     "messages lost, views along velocities": lambda: _made(
         _law(fk.FieldOfView(8.4, 1.3, "p")), information=_lossy(fk.Bernoulli(0.3), self_known="measured")
+    ),
+    "unicycles look ahead": lambda: _made(
+        _law(fk.FieldOfView(8.4, 1.3, "heading")), _facing(_streams()),
+        bodies=fk.Lagged(fk.Disturbed(fk.Unicycle(2.0, np.linspace(1, 2, N), damping=0.1), 1.0, 0.05), 0.1),
+    ),
+    "unicycles look ahead, messages lost": lambda: _made(
+        _law(fk.FieldOfView(8.4, 1.3, "heading")), _facing(_streams()), bodies=fk.Unicycle(2.0),
+        information=_lossy(fk.Bernoulli(0.3), self_known="measured"),
     ),
     "held, past obstacles": lambda: _made(_past(fk.Ball(fk.Velocity([9.0, 5.0], start=[-9.0, 2.0]), 5.0))),
     "held, order 1, past obstacles and a wall": lambda: _made(

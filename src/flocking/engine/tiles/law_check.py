@@ -383,6 +383,9 @@ class LawCheck:
         if graph.along_velocity:
             speed = np.linalg.norm(p, axis=1, keepdims=True)
             heading = np.divide(p, speed, out=np.zeros_like(p), where=speed > 0.0)
+        elif graph.heading_column and not self.scenario.control.ideal:
+            number = next(k for k, each in enumerate(particles.radii.graphs) if each is graph)
+            heading = particles.radii.views[number][1:, places].T.astype(np.float64)
         elif graph.heading_column:
             first = particles.spec.row_of(graph.heading_column)
             heading = particles.body_rows.further[first : first + particles.m, places].T.astype(np.float64)

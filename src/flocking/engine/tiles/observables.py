@@ -82,7 +82,7 @@ def _flock_sizes(particles: ParticleArrays, p: Reals) -> tuple[Indices, tuple[in
     lists = particles.lists[0]
     assert lists is not None
     parent = np.empty(n, np.int32)
-    particles.radii.turn(particles.body_rows.further)
+    particles.turn_views()
     looks = particles.spec.graphs[0].view == VELOCITY
     velocities = np.ascontiguousarray(p[particles.ids[:n]] if looks else np.zeros((0, 1)), dtype=np.float64)
     counted = _survey(

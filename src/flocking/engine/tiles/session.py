@@ -181,7 +181,7 @@ class TilesSession(Session):
         by_state = self._particles.radii.follow_state(0)
         i, j = listed_pairs(lists, n, linked=not by_state)
         if by_state:
-            self._particles.radii.turn(self._particles.body_rows.further)
+            self._particles.turn_views()
             q, p = self._particles.X[: self._particles.m], velocities[self._particles.ids].T
             near = self._particles.radii.linked(0, i, self.scenario.space.displacement((q[:, j] - q[:, i]).T), p)
             i, j = i[near], j[near]

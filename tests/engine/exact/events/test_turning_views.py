@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import flocking as fk
 from flocking.arrays import Array, Links
-from flocking.errors import FlockingError, InvalidInput, UnsupportedLaw
+from flocking.errors import FlockingError, InvalidInput
 from flocking.model.bodies.body import MotionSymbols
 from flocking.study.scenario_files.scenario_file import parse_scenario, scenario_to_text
 from tests.engine.exact.events.loose_tolerances import difference_within_errors
@@ -227,8 +227,6 @@ def test_replacements_keep_what_agents_see() -> None:
 
 def test_whoever_cannot_follow_headings_refuses_them_by_name() -> None:
     scenario = robots(0)
-    with pytest.raises(UnsupportedLaw, match="FieldOfView along a direction of bodies under held control"):
-        fk.simulate(scenario.with_(control=fk.Held(0.1)), engine="tiles", progress=False)
     with pytest.raises(FlockingError, match="look along constant headings"):
         fk.simulate(scenario.with_(information=fk.Delayed(0.1)), progress=False)
 

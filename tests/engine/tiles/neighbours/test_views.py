@@ -202,10 +202,6 @@ def test_another_law_takes_other_views():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        (
-            {"graph": fk.FieldOfView(1.5, 1.1, "heading"), "agents": fk.Unicycle(0.1), "control": fk.Held(0.1)},
-            "FieldOfView along a direction of bodies under held control",
-        ),
         ({"graph": fk.Cone(1.5, 0.5)}, "the graph Cone"),
         ({"graph": fk.Cone(1.5, 0.5), "control": fk.Held(0.1)}, "the graph Cone"),
     ],
@@ -213,9 +209,8 @@ def test_another_law_takes_other_views():
 def test_other_views_are_refused_by_name(changes, reason):
     graph = changes.get("graph", fk.FieldOfView(1.5, 1.1))
     rng = np.random.default_rng(2)
-    agents = changes.get("agents", fk.PointMass(headings=_headings(5, 2)))
-    columns = {"heading": np.tile([1.0, 0.0], (5, 1))} if "agents" in changes else {}
-    start = fk.State(rng.uniform(-2, 2, (5, 2)), np.zeros((5, 2)), columns=columns)
+    agents = fk.PointMass(headings=_headings(5, 2))
+    start = fk.State(rng.uniform(-2, 2, (5, 2)), np.zeros((5, 2)))
     more = {"control": changes["control"]} if "control" in changes else {}
     with pytest.raises(UnsupportedLaw, match=reason):
         fk.start(fk.Scenario(fk.Law(graph, TERMS), start, t_end=1.0, agents=agents, **more), engine="tiles")

@@ -245,7 +245,7 @@ class DomainSession(TilesSession):
         assert lists is not None
         i, j = listed_pairs(lists, particles.n, linked=not by_state)
         if by_state:
-            particles.radii.turn(particles.body_rows.further)
+            particles.turn_views()
             q = particles.X[: particles.m]
             apart = self.scenario.space.displacement((q[:, j] - q[:, i]).T)
             p = particles.X[particles.m :] if velocities is None else velocities

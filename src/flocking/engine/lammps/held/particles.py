@@ -83,6 +83,7 @@ class HeldRankParticles(RankParticles, HeldParticles):
         if self.store is not None:
             self.search.margin = SPARE * self.store.deviation(None)
         before, columns = self.ids[: self.n].copy(), self.columns()
+        self._before = before
         super().rebuild(step, skin)
         self.hold_columns(fetched(self.ranks.comm, before, columns, self.ids))
         self.forget_used()
@@ -165,6 +166,10 @@ class HeldRankParticles(RankParticles, HeldParticles):
     def _list_moving(self, skin: float, tables: list[Numbers32]) -> tuple[int, int] | None:
         known = len(self._known_with_memory)
         beyond = skin + self.search.margin
+        if self._no_links_yet and self.actuation is not None and self.actuation.heading is not None:
+            # Afterwards links go with the agents.
+            rows = self.actuation.heading[: len(self._before)]
+            self.radii.face(fetched(self.ranks.comm, self._before, rows, self.ids[: self.size]))
         lost = super()._list_moving(beyond, tables[: len(tables) - known])
         self._list_known(beyond, tables[len(tables) - known :])
         return lost

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Array, Indices, Numbers, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
+from flocking.engine.tiles.held.facing_particles import FacingParticles
 from flocking.engine.tiles.held.held_actuation import HeldActuation
 from flocking.engine.tiles.held.held_motion import HeldMotion, coast
 from flocking.engine.tiles.held.known_leaders import KnownLeaders, known_leaders
@@ -18,7 +19,6 @@ from flocking.engine.tiles.kernels.control_kernel import control_kernel, control
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, TileLists
 from flocking.engine.tiles.particles.departing_velocities import DepartingVelocities
-from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.engine.tiles.simd.aligned_memory import aligned
 from flocking.model.bodies.body import Body
 from flocking.model.law import Scenario
@@ -35,7 +35,7 @@ DRAWING_COST, LOOK_COST = 3.3, 1.6
 passes of a step under ideal control: 29 and 15 ms over 9.3 ms of a million agents. Constants, as `PASS_COST`."""
 
 
-class HeldParticles(ParticleArrays):
+class HeldParticles(FacingParticles):
     """Particle arrays with a force of each agent that stays until the agent acts again.
 
     Parameters
@@ -79,7 +79,6 @@ class HeldParticles(ParticleArrays):
         self.force: Reals = np.zeros((self.m, self.size), self.dtype)
         self.acting: Numbers32 = np.zeros(self.size, np.int32)
         self.all_act = False
-        self.actuation: HeldActuation | None = None
         assert isinstance(scenario.control, Held)
         self._periods = np.asarray(scenario.control.period, dtype=np.float64)
         self.motion = HeldMotion(scenario.agents, self.everyone, self.dtype)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,6 @@ from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Graph
-from flocking.model.graphs.seen_headings import heading_column
 from flocking.model.graphs.views import VELOCITY, FieldOfView
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
@@ -216,9 +215,6 @@ def held_refusals(scenario: Scenario) -> Iterator[str]:
         yield "messages under continuous control; use control=Held(...)"
     if control.ideal:
         return
-    for graph in law.graphs:
-        if (heading_column(graph) or VELOCITY) != VELOCITY:
-            yield f"{type(graph).__name__} along a direction of bodies under held control; take their velocities"
     if law.beyond_neighbours:
         yield f"the {' and the '.join(law.beyond_neighbours)} under held control, which no agent measures or receives"
 
@@ -256,7 +252,11 @@ def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
         Whether energies are summed.
     """
     law = scenario.law
-    return tuple(_kind(graph, law.has_barrier(graph) and graph.moves, ledger) for graph in law.graphs)
+    found = tuple(_kind(graph, law.has_barrier(graph) and graph.moves, ledger) for graph in law.graphs)
+    if scenario.control.ideal:
+        return found
+    # Kernels have no columns of bodies there: their directions are passed as constant headings are.
+    return tuple(replace(kind, view=HEADINGS) if kind.view not in ("", VELOCITY) else kind for kind in found)
 
 
 def _kind(graph: Graph, barrier: bool, ledger: bool) -> GraphKind:

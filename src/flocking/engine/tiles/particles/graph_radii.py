@@ -46,7 +46,7 @@ class GraphRadii:
         self.views: list[Reals] = []
         """For each graph the squares of the cosines of half angles, with their signs, and then the headings unless they
         are those of velocities: a row for each number, shape (m + 1, size) or (1, size); those of columns as `turn`
-        left them. `NO_VIEWS` where agents see all around."""
+        or `face` left them. `NO_VIEWS` where agents see all around."""
         self.edges: list[tuple[Numbers, Numbers32] | None] = list(edges or [])
         """Links of fixed graphs, see `flocking.engine.tiles.measures.sensed_offsets`; None for other graphs, and for
         `Complete`, which needs no list of pairs."""
@@ -89,7 +89,7 @@ class GraphRadii:
             if isinstance(graph, FieldOfView):
                 cosines = graph.cosines(self._everyone)
                 table = (cosines * np.abs(cosines))[None]
-                if self._spec.graphs[number].view == HEADINGS:
+                if self._spec.graphs[number].view == HEADINGS and not graph.heading_column:
                     table = np.vstack([table, graph.directions(self._spec.layout.bodies.headings, self._everyone).T])
                 elif not graph.along_velocity:
                     table = np.vstack([table, np.zeros((self._spec.dimension, self._everyone))])
@@ -107,6 +107,18 @@ class GraphRadii:
             if kind.view not in ("", HEADINGS, VELOCITY):
                 first = self._spec.row_of(kind.view)
                 views[1:] = further[first : first + self._spec.dimension, : views.shape[1]]
+
+    def face(self, headings: Reals) -> None:
+        """Take the headings of views along a direction of bodies that is no column of the kernels.
+
+        Parameters
+        ----------
+        headings
+            Unit vectors, shape (size, m).
+        """
+        for views, kind, graph in zip(self.views, self._spec.graphs, self.graphs, strict=True):
+            if kind.view == HEADINGS and isinstance(graph, FieldOfView) and graph.heading_column:
+                views[1:] = headings[: views.shape[1]].T
 
     def follow_state(self, number: int) -> bool:
         """Whether links of a graph follow from positions and headings, whatever the last pass found.

@@ -161,6 +161,10 @@ class ListedAgents(AgentArrays):
             found += [self.radii.views[number]] * bool(self.spec.graphs[number].view)
         return found
 
+    def turn_views(self) -> None:
+        """Take the headings of views that turn with the bodies, before links are found outside of the kernels."""
+        self.radii.turn(self.body_rows.further)
+
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents and rebuild all lists; stored links are kept.
 
