@@ -159,14 +159,16 @@ def check_integrated(engine: str, body: Body) -> None:
         if speeds and body.order > 1 and not _why_not_closed(chain, inner):
             raise UnsupportedLaw(
                 f"engine={engine!r} scales held forces back to a largest speed where bodies move in closed form, which "
-                f"{_who_does_not(chain_of(body)[1])}. Leave the speed out."
+                f"{_who_does_not(body)}. Leave the speed out."
             )
 
 
-def _who_does_not(inner: Body) -> str:
-    if isinstance(inner, Mixture):
-        return f"not all bodies of this {type(inner).__name__} do"
-    return f"{type(inner).__name__} agents that look along their headings do not"
+def _who_does_not(body: Body) -> str:
+    """Who does not move in closed form, and a verb."""
+    name = type(chain_of(body)[1]).__name__
+    if why_not_closed(body):
+        return f"not all bodies of this {name} do"
+    return f"{name} agents that look along their headings do not"
 
 
 def has_energy_of_points(body: Body) -> bool:
