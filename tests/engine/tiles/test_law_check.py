@@ -1,10 +1,13 @@
 """A gain that is one per cent off shows, at every size and precision; what is right gives no alarm."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 import flocking as fk
 from flocking.engine.fixed_step.law_gaps import is_due
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import LawNotObeyed
 from flocking.study.claims.claim import Verdict
@@ -179,6 +182,47 @@ def _neighbour(particles):
             lists.rows[lists.first[0], lane] = lane
 
     particles.require_lists = wrong
+
+
+def of_a_moving_group(terms, order, n=2000):
+    """Agents that all but follow their leader: what is left of velocities about the mean is small."""
+    start = fk.start.hexagonal(n, spacing=7.0, noise=0.1, speed=1e-3, seed=1)
+    start = fk.State(start.q + 300.0, start.p + 9.97 if order == 2 else None)
+    body = fk.PointMass(np.linspace(1, 2, n)) if order == 2 else fk.SingleIntegrator(np.linspace(1, 2, n))
+    law = fk.Law(fk.Proximity(8.4), terms)
+    return fk.Scenario(law, start, t_end=0.02, frames=2, energy=fk.Energy("centre of mass"), agents=body)
+
+
+LEADER = fk.Velocity([9.97, 9.97])
+MOVING = {
+    "about the centre of mass": lambda: of_a_moving_group([fk.Consensus(1.0), fk.Track(LEADER, 0.0, 0.3)], 2),
+    "of the centre of mass": lambda: of_a_moving_group(
+        [fk.Consensus(1.0), fk.Track(LEADER, 1e-3, 0.3, shared=True)], 2
+    ),
+    "of order 1": lambda: of_a_moving_group(
+        [fk.Gradient(fk.Potential("(r - 7)**2/2")), fk.Track(LEADER, position_gain=1e-3)], 1
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MOVING)
+@pytest.mark.parametrize(("share", "alarm"), [(0.25, False), (1e6, True)])
+def test_means_may_be_off_by_the_rounding_of_their_sums_and_no_more(name, share, alarm, monkeypatch):
+    """Numbers that are added one after the other may be off by their number of units of rounding."""
+    made = MOVING[name]()
+    fill = ParticleArrays.fill_means
+
+    def less_exact(self, rows, out):
+        fill(self, rows, out)
+        out *= 1.0 + share * self.n * np.finfo(float).eps
+
+    monkeypatch.setattr(ParticleArrays, "fill_means", less_exact)
+    run = partial(fk.simulate, made, engine="tiles", step=0.005, progress=False)
+    if alarm:
+        with pytest.raises(LawNotObeyed, match="declared law"):
+            run()
+    else:
+        assert run().fidelity.law.checks == 2
 
 
 @pytest.mark.parametrize("scheme", ["verlet", "damped", "rk4"])

@@ -10,7 +10,7 @@ import numpy as np
 from flocking.arrays import Array, Indices
 from flocking.engine.discrete.cell_pairs import AXES, CellPairs
 from flocking.engine.discrete.linked_pairs import MOST_DENSE, Neighbours
-from flocking.engine.fixed_step.declared_law import POWERS, SAFETY, Declared, Group, LinkedPairs, Statement
+from flocking.engine.fixed_step.declared_law import POWERS, SAFETY, Declared, Group, LinkedPairs, Statement, means_of
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels, Slots, free_pairs
@@ -245,8 +245,8 @@ class DiscreteLaw:
         if max(float(np.abs(x).max()) for x in (q, p, u)) > LARGEST:
             return
         masses = np.broadcast_to(np.asarray(self.scenario.agents.masses, dtype=np.float64), self.n)
-        means = [masses @ x / masses.sum() for x in (q, p)]
-        group = Group(q, p, np.arange(self.n), t, self._since, np.zeros(self.m), means[0], means[1])
+        means = means_of(q, p, masses, np.asarray, self.n)
+        group = Group(q, p, np.arange(self.n), t, self._since, np.zeros(self.m), means[0], means[1], means[2:])
         declared = self._declared.state(group, agents, pairs)
         if self.law.steering_terms:
             # The functions of arrays are the same: what is compared is who sees whom, here by comparison with all.

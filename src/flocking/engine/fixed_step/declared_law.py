@@ -6,7 +6,7 @@ scenario's parameters, independently of the kernels of an engine and of their ar
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,6 +61,8 @@ class Group:
     mean_q, mean_p
         Centre of mass and its velocity (of agents of order 1 the mean control), shape (m,); NaN if the law does not
         use them.
+    mean_errors
+        Bounds on what rounding may lead an engine from both, shape (2, m); see `means_of`.
     """
 
     q: AnyArray
@@ -71,6 +73,7 @@ class Group:
     frame: Array
     mean_q: Array
     mean_p: Array
+    mean_errors: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +129,9 @@ class Declared:
             For each graph the linked pairs: the sensing agent as an index into ``judged``, the index of the other, and
             whether the link is certain.
         """
+        law, energy = self.scenario.law, self.scenario.energy
+        if not (law.beyond_neighbours or energy.frame == "centre of mass"):
+            group = replace(group, mean_errors=np.zeros_like(group.mean_errors))
         if self.scenario.agents.order == 2:
             return self._seen(group, judged, pairs)
         still = replace(group, p=np.zeros_like(group.p), mean_p=np.zeros_like(group.mean_p))
@@ -164,6 +170,7 @@ class Declared:
             own_values |= {f"q{x}": q[:, x], f"p{x}": 0.0 * u[:, x], f"u{x}": u[:, x], f"mean_u{x}": group.mean_p[x]}
             own_values |= {f"mean_q{x}": group.mean_q[x], f"mean_p{x}": 0.0}
         own, off = self._both("body_flow", P, own_values, count)
+        self._off_means(("body_flow", P, own_values, count), own, off, group)
         supply += own["supply"]
         size = np.abs(own["supply"])
         for met, values in obstacles_met(self.scenario.law, self._layout, self._module, q, P, own_values):
@@ -215,6 +222,7 @@ class Declared:
             error += np.bincount(k, doubt, minlength=count)
             # Powers of forces that are not opposite are products with differences of velocities, which may cancel.
             sizes["supply"] += magnitude * (2.0 * speeds[k] + v_size)
+            off["supply"] += magnitude * group.mean_errors[1].sum()
             for column, name in ((0, "storage"), (3, "dissipation"), (4, "supply")):
                 value = 0.5 * found[name]
                 powers[:, column] += np.bincount(k, value, minlength=count)
@@ -242,6 +250,7 @@ class Declared:
         for k in range(m):
             given |= {f"q{k}": q[:, k], f"p{k}": p[:, k], f"mean_q{k}": group.mean_q[k], f"mean_p{k}": group.mean_p[k]}
         body, off = self._both("body", P, given, count)
+        self._off_means(("body", P, given, count), body, off, group)
         sizes = self._sizes("body_sizes", P, given, count)
         own = np.stack([body[f"force{k}"] for k in range(m)], axis=1)
         force += own
@@ -261,7 +270,8 @@ class Declared:
             np.add.at(error, i, NEAR_OBSTACLES * self.rounding * strength)
             for column, name in ((3, "dissipation"), (4, "supply")):
                 np.add.at(powers[:, column], i, values[name])
-                np.add.at(errors[:, column], i, NEAR_OBSTACLES * self.rounding * np.abs(values[name]))
+                doubt = NEAR_OBSTACLES * self.rounding * np.abs(values[name]) + strength * group.mean_errors[1].sum()
+                np.add.at(errors[:, column], i, doubt)
 
     def _displacement(self, there: AnyArray, here: Array) -> tuple[Array, Array]:
         """Displacements of pairs, shape (K, m), and how far rounding may lead an engine from their lengths.
@@ -288,6 +298,23 @@ class Declared:
             for key, value in found.items():
                 gap = np.abs(other[key] - value)
                 off[key] = off[key] + np.where(np.isfinite(gap), gap, np.abs(value))
+
+    def _off_means(
+        self, call: tuple[str, Array, dict[str, object], int], found: Mapping[str, Array], off: dict[str, Array],
+        group: Group,
+    ) -> None:  # fmt: skip
+        """Add to bounds on rounding what the errors of means do to the values of a function."""
+        name, P, given, count = call
+        for axis in range(group.mean_errors.shape[1]):
+            for key, error in zip(("mean_q", "mean_p"), group.mean_errors[:, axis].tolist(), strict=True):
+                # In the formulas of the flow controls take the place of velocities.
+                names = [f"mean_u{axis}"] if key == "mean_p" and f"mean_u{axis}" in given else [f"{key}{axis}"]
+                for each, sign in ((x, s) for x in names for s in (-1.0, 1.0) if error > 0.0):
+                    moved = {**given, each: np.asarray(given[each], dtype=np.float64) + sign * error}
+                    other = self._sizes(name, P, moved, count)
+                    for value in found:
+                        gap = np.abs(other[value] - found[value])
+                        off[value] = off[value] + np.where(np.isfinite(gap), gap, np.abs(found[value]))
 
     def _sizes(self, name: str, P: Array, given: Mapping[str, object], count: int) -> dict[str, Array]:
         """Sums of the absolute values of the terms of each formula; 0 if there are none."""
@@ -325,6 +352,34 @@ def _pair_values(d: Array, v: Array, own: Array) -> dict[str, Array]:
         "r": r, "speed2": (v**2).sum(axis=1), "radial": (d * v).sum(axis=1) / length,
         "push": (d * own).sum(axis=1) / length, "pull": (v * own).sum(axis=1),
     }  # fmt: skip
+
+
+def means_of(q: AnyArray, p: AnyArray, masses: Array, sums: Callable[[Array], Array], count: int) -> Array:
+    """Mean positions and velocities weighted by masses, and bounds on the rounding errors of an engine's.
+
+    The bounds are those of numbers that are added one after the other in double precision.
+
+    Parameters
+    ----------
+    q, p
+        Positions and velocities of agents, shape (n, m).
+    masses
+        Their masses, shape (n,).
+    sums
+        Adds an array to those of other processes, which have other agents.
+    count
+        Number of agents of all processes.
+
+    Returns
+    -------
+    array
+        The two means and the two bounds, shape (4, m).
+    """
+    exact = [x.astype(np.float64) for x in (q, p)]
+    moments = sums(np.array([masses @ x for x in (*exact, *map(np.abs, exact))]))
+    found: Array = moments / sums(masses.sum(keepdims=True))
+    found[2:] *= count * float(np.finfo(np.float64).eps)
+    return found
 
 
 def weights_of(weights: PairWeights, i: NDArray[np.integer], j: NDArray[np.integer]) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from flocking.arrays import Array, Forces, Indices
 from flocking.engine.fixed_step.automatic_step import SAMPLE
 from flocking.engine.fixed_step.certain_pairs import ENTRY_BYTES, certain_pairs, lists_limit, too_crowded
-from flocking.engine.fixed_step.declared_law import Declared, Group, Statement
+from flocking.engine.fixed_step.declared_law import Declared, Group, Statement, means_of
 from flocking.engine.fixed_step.energy_rounding import energy_rounding
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.lammps.deck import Deck
@@ -153,8 +153,8 @@ class LawCheck:
         number = np.full(n, -1)
         number[judged] = np.arange(len(judged))
         frame = frame_velocity(scenario.energy, state, masses)
-        means = np.array([masses @ x / masses.sum() for x in (state.q, seen)])
-        group = Group(state.q, seen, np.arange(n), state.t, scenario.start.t, frame, *means)
+        means = means_of(state.q, seen, masses, np.asarray, n)
+        group = Group(state.q, seen, np.arange(n), state.t, scenario.start.t, frame, means[0], means[1], means[2:])
         pairs, tables = [], np.zeros(len(judged))
         for graph, error in zip(scenario.law.graphs, self._tables, strict=True):
             radius = float(np.max(graph.break_radius))

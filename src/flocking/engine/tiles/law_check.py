@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import Array, Indices, Mask, Reals
-from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs, Statement
+from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs, Statement, means_of
 from flocking.engine.fixed_step.law_gaps import EDGE, SPREAD, LawGaps
 from flocking.engine.tiles.automatic_step import energy_doubt
 from flocking.engine.tiles.body_check import BodyCheck
@@ -308,17 +308,17 @@ class LawCheck:
         scenario = self.scenario
         q, p = state
         energy = scenario.energy
-        means = np.full((2, particles.m), np.nan)
+        means = np.vstack([np.full((2, particles.m), np.nan), np.zeros((2, particles.m))])
         if scenario.law.beyond_neighbours or energy.frame == "centre of mass":
-            mass = self._mass(particles, np.arange(particles.n))
-            moments = np.array([mass @ x[: particles.n].astype(np.float64) for x in (q, p)])
-            means = particles.group_sum(moments) / particles.group_sum(mass.sum(keepdims=True))
+            everybody = np.arange(particles.n)
+            mass = self._mass(particles, everybody)
+            means = means_of(q[everybody], p[everybody], mass, particles.group_sum, particles.everyone)
         frame = np.zeros(particles.m)
         if energy.frame == "centre of mass":
             frame = means[1]
         elif energy.leader is not None:
             frame = energy.leader.at(moment.time)[1]
-        group = Group(q, p, particles.ids, moment.time, moment.gains_since, frame, *means)
+        group = Group(q, p, particles.ids, moment.time, moment.gains_since, frame, means[0], means[1], means[2:])
         pairs = [self._pairs(particles, number, state, places, remembered) for number in range(len(particles.lists))]
         return self.declared.state(group, places, pairs)
 
