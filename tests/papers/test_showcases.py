@@ -15,6 +15,7 @@ from flocking.papers.showcases.files import TITLES, showcase_scenario, showcase_
 from flocking.papers.showcases.obstacle_views import LATTICE, CloseView, ObstacleViews, balls_of, surface_distances
 from flocking.papers.showcases.shipped import FIELD, RESULTS, SHOWCASES, SIX, showcase
 from flocking.papers.showcases.stored_summary import StoredSummary, packed, unpacked
+from flocking.study.claims.general_claims import GENERAL
 
 STORED = sorted(path.stem.split(".") for path in RESULTS.glob("*.npz"))
 
@@ -207,6 +208,25 @@ def test_stored_results_are_of_the_whole_scenario(name, engine):
     assert made["steps"] >= scenario.t_end / made["step"] * 0.999
     assert facts["audit"]["ledger"][0] == "holds"
     assert facts["ledger_share"] < 0.05
+
+
+@pytest.mark.parametrize(("name", "engine"), STORED)
+def test_stored_audits_are_as_sure_as_one_of_today_would_be(name, engine):
+    """Of a motion of fixed steps that is too large to be repeated no error is known: only the ledger decides."""
+    stored = showcase(name).stored(engine).facts["audit"]
+    assert set(stored) == {claim.key for claim in GENERAL}
+    decided = {key for key, (verdict, _) in stored.items() if verdict in {"holds", "fails"}}
+    assert decided <= {"ledger", "energy-falls"}
+    assert engine == "lammps" or "forces are those of the law" in stored["ledger"][1]
+
+
+@pytest.mark.slow
+def test_the_field_of_obstacles_is_followed_at_full_size_beyond_two_thousand_steps(tmp_path):
+    """Where forces and powers of a hundred thousand agents are compared with the law again."""
+    one = showcase("obstacle-field")
+    run = one.run(tmp_path / "run", one.scenario(until=63.0), progress=False)
+    assert run.status == "finished"
+    assert run.fidelity.law.checks == 7
 
 
 def test_nobody_was_ever_seen_in_an_obstacle():
