@@ -303,7 +303,8 @@ class DelayedSession(DelayedSteps):
         """Refuse what was unpacked if the last step is not a motion under the law on what agents know."""
         segment = self._segment
         length = segment.t1 - segment.t0
-        if not length > 0.0:
+        # A step that is accounted for may have ended: gains, and what agents know, are those after it then.
+        if not length > 0.0 or self.accounted >= segment.t1:
             return
         allowed = self._law.tolerances(self.scenario.start) * OFF_LAW / length
         for place in WITHIN:
