@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from flocking.engine.storage import export_formats
+
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 BEFORE = {
     "index": "",
@@ -55,6 +57,8 @@ def test_every_page_with_code_is_run(notebooks):
 def test_code_of_a_page_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {"__name__": __name__}
+    # A page registers a format of its own, which is not there for other tests.
+    monkeypatch.setattr(export_formats, "FORMATS", dict(export_formats.FORMATS))
     exec(BEFORE[page], names)
     capsys.readouterr()
     for block, printed in blocks(page):
