@@ -106,10 +106,16 @@ class Declared:
         The scenario.
     rounding
         Machine epsilon of the engine's state.
+
+    Attributes
+    ----------
+    uses_means
+        Whether the law or its energy uses means of the group.
     """
 
     def __init__(self, scenario: Scenario, rounding: float) -> None:
         self.scenario, self.rounding = scenario, rounding
+        self.uses_means = bool(scenario.law.beyond_neighbours) or scenario.energy.frame == "centre of mass"
         # Forces of steering terms are added by whoever compares: they have no formulas.
         self._layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space, True)
         self._module = array_kernels(self._layout, scenario.start.dimension)
@@ -129,8 +135,7 @@ class Declared:
             For each graph the linked pairs: the sensing agent as an index into ``judged``, the index of the other, and
             whether the link is certain.
         """
-        law, energy = self.scenario.law, self.scenario.energy
-        if not (law.beyond_neighbours or energy.frame == "centre of mass"):
+        if not self.uses_means:
             group = replace(group, mean_errors=np.zeros_like(group.mean_errors))
         if self.scenario.agents.order == 2:
             return self._seen(group, judged, pairs)
@@ -290,31 +295,36 @@ class Declared:
         blur: Array,
     ) -> None:  # fmt: skip
         """Add to bounds on rounding what a blurred distance does to the values of a function."""
-        name, P, given, count = call
+        r = call[2]["r"]
         for sign in (-1.0, 1.0):
-            moved = {**given, "r": np.maximum(given["r"] + sign * blur, 0.0)}
-            with np.errstate(all="ignore"):
-                other = {key: v * np.ones(count) for key, v in getattr(self._module, name)(P, moved).items()}
-            for key, value in found.items():
-                gap = np.abs(other[key] - value)
-                off[key] = off[key] + np.where(np.isfinite(gap), gap, np.abs(value))
+            self._add_change(call, {"r": np.maximum(r + sign * blur, 0.0)}, found, off)
 
     def _off_means(
         self, call: tuple[str, Array, dict[str, object], int], found: Mapping[str, Array], off: dict[str, Array],
         group: Group,
     ) -> None:  # fmt: skip
         """Add to bounds on rounding what the errors of means do to the values of a function."""
+        given = call[2]
+        for axis, (of_place, of_velocity) in enumerate(group.mean_errors.T.tolist()):
+            # In the formulas of the flow controls take the place of velocities.
+            velocity = f"mean_u{axis}" if f"mean_u{axis}" in given else f"mean_p{axis}"
+            for each, error in ((f"mean_q{axis}", of_place), (velocity, of_velocity)):
+                for sign in (-1.0, 1.0) if error > 0.0 else ():
+                    moved = np.asarray(given[each], dtype=np.float64) + sign * error
+                    self._add_change(call, {each: moved}, found, off)
+
+    def _add_change(
+        self, call: tuple[str, Array, Mapping[str, object], int], moved: Mapping[str, object],
+        found: Mapping[str, Array], off: dict[str, Array],
+    ) -> None:  # fmt: skip
+        """Add to bounds how far the values of a function change where some of its arguments are others."""
         name, P, given, count = call
-        for axis in range(group.mean_errors.shape[1]):
-            for key, error in zip(("mean_q", "mean_p"), group.mean_errors[:, axis].tolist(), strict=True):
-                # In the formulas of the flow controls take the place of velocities.
-                names = [f"mean_u{axis}"] if key == "mean_p" and f"mean_u{axis}" in given else [f"{key}{axis}"]
-                for each, sign in ((x, s) for x in names for s in (-1.0, 1.0) if error > 0.0):
-                    moved = {**given, each: np.asarray(given[each], dtype=np.float64) + sign * error}
-                    other = self._sizes(name, P, moved, count)
-                    for value in found:
-                        gap = np.abs(other[value] - found[value])
-                        off[value] = off[value] + np.where(np.isfinite(gap), gap, np.abs(found[value]))
+        with np.errstate(all="ignore"):
+            changed = getattr(self._module, name)(P, {**given, **moved}).items()
+            other = {key: v * np.ones(count) for key, v in changed}
+        for key, value in found.items():
+            gap = np.abs(other[key] - value)
+            off[key] = off[key] + np.where(np.isfinite(gap), gap, np.abs(value))
 
     def _sizes(self, name: str, P: Array, given: Mapping[str, object], count: int) -> dict[str, Array]:
         """Sums of the absolute values of the terms of each formula; 0 if there are none."""

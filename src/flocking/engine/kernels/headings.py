@@ -28,8 +28,8 @@ MOST_TERMS = 400
 """Terms of a series, far more than the bound on the turn leaves."""
 
 MOST_PIECES = 1_000_000
-"""Power series for one motion, a second or two of computing. Where a hand point goes so many times as far as its
-offset, more are needed."""
+"""Power series for one motion, of which 400,000 took 0.3 s along a straight line. Where a hand point goes about so many
+times as far as its offset, more are needed."""
 
 
 @native_apart

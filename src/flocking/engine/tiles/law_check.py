@@ -309,7 +309,7 @@ class LawCheck:
         q, p = state
         energy = scenario.energy
         means = np.vstack([np.full((2, particles.m), np.nan), np.zeros((2, particles.m))])
-        if scenario.law.beyond_neighbours or energy.frame == "centre of mass":
+        if self.declared.uses_means:
             everybody = np.arange(particles.n)
             mass = self._mass(particles, everybody)
             means = means_of(q[everybody], p[everybody], mass, particles.group_sum, particles.everyone)

@@ -57,28 +57,6 @@ def test_true_links_of_aircraft_are_those_of_the_definition():
         assert np.array_equal(run.links[k], made.law.graph.start_links(run.q[k], run.columns["axis_1"][k]))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("known", ["true", "measured"])
-def test_runs_of_aircraft_are_replayed_and_those_that_look_elsewhere_are_caught(monkeypatch, known):
-    made = craft(information=replace(WORLD["information"], self_known=known))
-    found = fk.replay(fk.simulate(made, progress=False))
-    assert found.agrees, str(found)
-    looking = TurningView.looking
-    monkeypatch.setattr(TurningView, "looking", lambda self, headings: looking(self, headings + 0.3))
-    assert "was no neighbour" in str(fk.replay(fk.simulate(made, progress=False)))
-
-
-def test_stored_and_cut_runs_have_the_same_bits(tmp_path):
-    made = craft(t_end=0.3)
-    ideal = fk.simulate(made, save=tmp_path / "run", progress=False)
-    session = fk.start(made)
-    for t in np.linspace(0.01, 0.3, 5):
-        session.advance(float(t))
-        session = session.moment()()
-    assert same(session.run(), ideal)
-    assert same(fk.read_run(tmp_path / "run"), ideal)
-
-
 def robots(half_angle=None, information=None, bodies=None, **parts):
     rng = np.random.default_rng(7)
     graph = fk.Proximity(2.0) if half_angle is None else fk.FieldOfView(2.0, half_angle, "heading")
@@ -139,8 +117,15 @@ def test_robots_act_on_those_in_view_at_their_ticks():
     assert len(run.switches) > 20
 
 
-def test_robots_that_look_ahead_are_replayed_and_those_that_look_elsewhere_are_caught(monkeypatch):
-    made = robots(0.9, fk.Messages(0.05, delay=0.02, loss=0.2, seed=2))
+KNOWN = [pytest.param(known, marks=pytest.mark.slow) for known in ("true", "measured")]
+
+
+@pytest.mark.parametrize("known", [*KNOWN, "robots"])
+def test_runs_are_replayed_and_those_that_look_elsewhere_are_caught(monkeypatch, known):
+    if known == "robots":
+        made = robots(0.9, fk.Messages(0.05, delay=0.02, loss=0.2, seed=2))
+    else:
+        made = craft(information=replace(WORLD["information"], self_known=known))
     found = fk.replay(fk.simulate(made, progress=False))
     assert found.agrees, str(found)
     looking = TurningView.looking
@@ -148,11 +133,12 @@ def test_robots_that_look_ahead_are_replayed_and_those_that_look_elsewhere_are_c
     assert "was no neighbour" in str(fk.replay(fk.simulate(made, progress=False)))
 
 
-def test_stored_and_cut_runs_of_robots_have_the_same_bits(tmp_path):
-    made = robots(0.9).with_(t_end=3.5)
+@pytest.mark.parametrize("make", [lambda: craft(t_end=0.3), lambda: robots(0.9).with_(t_end=3.5)])
+def test_stored_and_cut_runs_have_the_same_bits(tmp_path, make):
+    made = make()
     whole = fk.simulate(made, save=tmp_path / "run", progress=False)
     session = fk.start(made)
-    for t in np.linspace(3.01, 3.5, 5):
+    for t in np.linspace(made.start.t + 0.01, made.t_end, 5):
         session.advance(float(t))
         session = session.moment()()
     assert same(session.run(), whole)
