@@ -107,10 +107,11 @@ def agree(name: str, seed: int) -> None:
     other = {each for each, values in now.items() if not same(values[0], stored.values[each][seed])}
     if not other:
         return
-    moved = quantities_of_rounded_start(name, seed)
+    moved = [quantities_of_rounded_start(name, seed, share) for share in ROUNDED]
     for quantity in other:
         value, known = now[quantity][0], stored.values[quantity]
-        assert not same(value, moved[quantity]), (name, quantity)
+        # One of them may come near by chance: a quantity near zero is held to 1e-3.
+        assert not all(same(value, each[quantity]) for each in moved), (name, quantity)
         low, high = np.nanmin(known), np.nanmax(known)
         assert low - (high - low) / 2 <= value <= high + (high - low) / 2, (name, quantity)
 
@@ -119,11 +120,15 @@ def same(a: float, b: float) -> bool:
     return a == pytest.approx(b, rel=0.05, abs=1e-3, nan_ok=True)
 
 
-def quantities_of_rounded_start(name: str, seed: int) -> Mapping[str, float]:
-    """Of a run whose agents start elsewhere by some units in the last place."""
+ROUNDED = (1e-14, -1e-14, 2e-14)
+"""Shares of places by which agents start elsewhere: some units in the last place."""
+
+
+def quantities_of_rounded_start(name: str, seed: int, share: float) -> Mapping[str, float]:
+    """Of a run whose agents start elsewhere by a ``share`` of their places."""
     found = paper(next(key for key in ALL_KEYS if name in paper(key).scenarios()))
     scenario = found.scenarios()[name](seed)
-    start = replace(scenario.start, q=scenario.start.q * (1.0 + 1e-14))
+    start = replace(scenario.start, q=scenario.start.q * (1.0 + share))
     run = fk.simulate(scenario.with_(start=start), progress=False)
     return importlib.import_module(f"{found.package}.observations").quantities(run)
 

@@ -19,7 +19,10 @@ LOOKS = frozenset({
 WORDS = frozenset({"reason", "note", "err_msg"})
 """Keywords that hold a sentence for the reader."""
 TEXTS = frozenset({"label", "variable", "title", "xlabel", "ylabel"})
-CHECKERS = re.compile(r"^(checked_\w+|_?check_\w+|number|integer|array|listed|vector|scalar_or_each|generated_module)$")
+CHECKERS = re.compile(
+    r"^(checked_\w+|_?check_\w+|number|integer|array|listed|vector|scalar_or_each|truth|text|one_of|seed_number"
+    r"|generated_module)$"
+)
 SYMBOLIC = frozenset({"strict", "positive", "real", "nonnegative", "all", "check", "casting"})
 """Keywords that check arguments, silence warnings or state what is known of a symbol."""
 SYMMETRIC = frozenset({

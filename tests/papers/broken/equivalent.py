@@ -13,6 +13,9 @@ NO_HEADINGS = "the count serves only where there are no headings, which is refus
 GRID = "a wider bracket holds the maximum too, and the largest slope of the grid is taken besides"
 EQUAL_MASSES = "equal masses give the same mean, whatever they are"
 DEEPER = "a block may be indented by more, and what the last turn of a loop assigns stands after it as well"
+TWO_WAYS = "both ways of computing it give the same"
+FINER = "another number of terms, or of squares, gives the same digits"
+CHECK = "a check of arguments"
 UNUSED = "a value that no formula reads is assigned too"
 RULES: tuple[tuple[str, str, str], ...] = (
     ("matrices.adjacency", "index: [(i, j)] turned round", SYMMETRIC_GAP),
@@ -120,6 +123,67 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ),
     ("vasarhelyi_2018.parameters.at", "in np.where(speeds > 0.0", "the direction at rest is 0, whatever divides it"),
     ("vasarhelyi_2018.parameters.at", "in max(len(q) * (len(q) - 1), 1)", "of no pairs none is near"),
+    *(
+        ("agreement._propagator", words, TWO_WAYS)
+        for words in (
+            "without np.fill_diagonal(weights",
+            "for 0 in np.fill_diagonal(weights",
+            "weights < 0.0",
+            "matrix.copy()",
+        )
+    ),
+    *(
+        ("agreement._propagator", words, FINER)
+        for words in (
+            "in max(0, int(",
+            "TERMS",
+            "fastest * length",
+            "SHORT = ",
+        )
+    ),
+    ("agreement._propagator", "initial", "there are agents, so that some rate is the largest"),
+    *(
+        ("agreement._propagator", words, "rows sum to 1 but for rounding")
+        for words in (
+            "keepdims",
+            "Mult in found / found.sum(",
+        )
+    ),
+    (
+        "agreement._propagator",
+        "1.05 for 1 in 1.0 - matrix.diagonal()",
+        "what is added to the diagonal is a factor of all numbers, and rows are made to sum to 1",
+    ),
+    ("connectivity.is_connected", "for 0 in _reached(either, 0)", "whoever is asked, all are reached or not"),
+    ("nets.agreement.agree", "index: 0 for 1 in -1", "what all have in common may be any of their values"),
+    *(
+        ("connectivity.is_connected", words, TWO_WAYS)
+        for words in (
+            "for 0 in 0 < len(either) <= WORD",
+            "0 < len(either) <= WORD for not",
+            "not (not 0 < len(either) <= WORD)",
+            "not 0 < len(either) <= WORD",
+        )
+    ),
+    ("State.check_extent", ": ", CHECK),
+    ("State.__post_init__", "And in links.shape != (", CHECK),
+    ("zhou_2015.system.scenario", "constant: LONGEST = ", CHECK),
+    ("closed_forms._outside", "constant: ROUNDING = ", CHECK),
+    *(("sigma_norm.SigmaNorm", f"without {word} = 'ignore'", "a warning is silenced") for word in ("over", "invalid")),
+    ("Potential._evaluate", "BitOr in np.isnan(found)", "the plain potential has the same values wherever it is asked"),
+    (
+        "check_potential",
+        "without potential = potential",
+        "bounds between the places looked at decide on no case",
+    ),
+    *(("agent_energies", words, "the links of the case are the same from both sides") for words in ("in axis",)),
+    (
+        "agent_energies",
+        "without agents = agents",
+        "agents decide on links by their headings alone",
+    ),
+    ("reference.control._evaluated", "other branch of 0.0 if (own == u)", "the rest is zero but for rounding"),
+    ("observables.headings", "other sign in state.p[:, 1] + 0.0", "an angle of minus zero is zero"),
     ("closed_forms.lone_speeds", "Mult in system.STEP / system.TIME_CONSTANT", "the time constant is one second"),
 )
 """Function, words of the fault, and why it changes nothing."""

@@ -35,6 +35,12 @@ def kept(part, **expected):
             assert found == value
 
 
+def true(part, *names):
+    """What NumPy calls true is kept as Python's own, so that parts are equal that say the same."""
+    for name in names:
+        assert getattr(part, name) is True, name
+
+
 def refused(make, **wrong):
     for name, value in wrong.items():
         with pytest.raises(InvalidInput, match=name):
@@ -43,6 +49,7 @@ def refused(make, **wrong):
 
 def proximity():
     kept(Proximity(3), radius=3)
+    true(Proximity(3.0, closed=np.bool_(True)), "closed")
 
 
 def hysteresis():
@@ -53,6 +60,7 @@ def fixed():
     pairs = [[2, 0], (1, 0), (0, 2)]
     assert Fixed(3, pairs).edges == ((0, 1), (0, 2))
     assert Fixed(3, pairs, directed=True).edges == ((0, 2), (1, 0), (2, 0))
+    true(Fixed(3, pairs, directed=np.bool_(True)), "directed")
 
 
 def smooth():
@@ -62,6 +70,7 @@ def smooth():
 
 def per_agent_radii():
     kept(PerAgentRadii([0.25, 2]), radii=[0.25, 2])
+    true(PerAgentRadii([0.25, 2.0], closed=np.bool_(True)), "closed")
 
 
 def cone():
@@ -96,6 +105,9 @@ def track():
     kept(Track(Velocity((1.0, 0.0)), [1, 2], [3, 4], [5, 6]), position_gain=[1, 2], velocity_gain=[3, 4],
          acceleration_gain=[5, 6])  # fmt: skip
     assert_allclose(Track((1.0, 2.0)).leader.at(3.0)[1], [1.0, 2.0])
+    names = ("per_mass", "shared", "saturated")
+    for name in names:
+        true(Track((1.0, 2.0), **{name: np.bool_(True)}), name)
 
 
 def avoid():

@@ -174,8 +174,8 @@ BOUNDS = [
     ("all-apart", NOT, "OWN", "HOLDS", True, "all_apart", "granted"),
 ]
 GROUP = [
-    ("energy", f"the system, {CITED}", "PAPER", "HOLDS", False, "ledger_residual", "granted"),
-    ("momentum", NOT, "OWN", "HOLDS", True, "momentum_drift", "granted"),
+    ("energy", f"the system, {CITED}", "PAPER", "HOLDS", False, "ledger_residual", "alignment_alone"),
+    ("momentum", NOT, "OWN", "HOLDS", True, "momentum_drift", "opposite_forces"),
 ]
 UNCONDITIONAL = (
     "velocities-agree", f"main theorem, {CITED}", "PAPER", "HOLDS", True, "velocities_agree", "weights_not_summable"

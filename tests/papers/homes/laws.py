@@ -60,6 +60,8 @@ def law():
     assert "momentum" not in arrows.symmetries
     assert "momentum" in Law(Proximity(R), (Gradient(PSI),)).symmetries
     assert whole.singular_at_zero()
+    twice = Law(Proximity(R), (Gradient(PSI), Gradient(Potential("r**2"), over=other)))
+    assert [twice.singular_at_contact(graph) for graph in twice.graphs] == [True, False]
     assert not Law(Proximity(R), (Gradient(Potential("r**2")), Consensus())).singular_at_zero()
     one = Law(Proximity(R), Gradient(PSI))
     assert one.terms == (Gradient(PSI),)

@@ -280,6 +280,14 @@ def connected():
         assert not is_connected(cut)
         assert not is_connected(cut | cut.T)
     assert is_connected(np.zeros((1, 1), dtype=bool))
+    # Small groups are asked about in another way than those of more than 64 agents.
+    for n in (9, 20, 63, 64, 65, 70):
+        long = np.eye(n, k=1, dtype=bool)
+        assert is_connected(long)
+        for k in (0, n // 2, n - 2):
+            cut = long.copy()
+            cut[k, k + 1] = False
+            assert not is_connected(cut)
     # Two agents see the third, who sees nobody.
     assert is_connected(np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]], dtype=bool))
 

@@ -40,6 +40,11 @@ def potential():
     assert found == Potential("k/r + 1/(R - r) + r**2", k=2.0, R=4.0)
     assert float(Potential("7")(np.array(1.0))) == 7.0
     capped()
+    # By powers of 0 and 1 alone a derivative is 0 times infinity where the base is zero.
+    line = Potential("k*(r - 1)**n + k*r**2", k=3.0, n=1)
+    assert_allclose(line.curvature([0.5, 1.0, math.nan]), [6.0, 6.0, math.nan])
+    assert_allclose(Potential("(r - 1)**n + r", n=0).slope([0.5, 1.0]), [1.0, 1.0])
+    assert_allclose(Potential("sqrt(r - 1)")([0.5, 2.0]), [math.nan, 1.0])
 
 
 def capped():

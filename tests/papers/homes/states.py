@@ -172,6 +172,8 @@ def angles():
     p = np.array([[1.0, 0.0], [0.0, 2.0], [-1.0, 0.0], [0.0, -3.0], [1.0, 1.0], [-2.0, -2.0], [0.0, 0.0], [-1.0, 0.5]])
     expected = [0.0, 90.0, 180.0, -90.0, 45.0, -135.0, 0.0, 180 - math.degrees(math.atan(0.5))]
     assert_allclose(headings(State(np.zeros((8, 2)) + np.arange(8)[:, None], p)), np.radians(expected), atol=1e-12)
+    signed = State([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], [[-0.0, -0.0], [-0.0, 0.0], [-1.0, -0.0]])
+    assert_array_equal(headings(signed), [0.0, 0.0, math.pi])
 
 
 def states():

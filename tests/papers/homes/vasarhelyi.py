@@ -194,7 +194,7 @@ def unit_body():
 
 def vehicle():
     agents = np.arange(N)
-    p = np.array([[9.0, 0.0], [0.0, 0.5], *P[2:]])
+    p = np.array([[9.0, 0.0], [0.0, 0.02], *P[2:]])
     for fixed in (False, True):
         body = VelocityUnit(0.8, acceleration=3.0, speed=2.0, fixed=fixed, diffusion=0.3, substeps=4, seed=7)
         w = body.updated(P, p, np.full(N, 0.2), agents, 0 * agents)

@@ -46,6 +46,8 @@ def body():
     assert_allclose(forward.q[1], Q + by_hand.updated(Q, P, SIDE, 0.7, 0.5, 0, seed=3)[1], atol=1e-12)
     noisy = run_of(fk.Heading(0.5, 0.6, "vectorial", seed=5))
     assert_allclose(noisy.p[1], by_hand.with_vectorial_noise(Q, P, SIDE, 0.6, 0.5, 0, seed=5), atol=1e-12)
+    little = run_of(fk.Heading(0.5, 0.02, "vectorial", seed=5))
+    assert_allclose(little.p[1], by_hand.with_vectorial_noise(Q, P, SIDE, 0.02, 0.5, 0, seed=5), atol=1e-12)
     # Half a period, half the way to the average; masses divide the force.
     halved, heavy = run_of(fk.Heading(0.5), 0.5, 1.0), run_of(fk.Heading(0.5, masses=2.0), 1.0, 1.0)
     for run in (halved, heavy):
@@ -53,6 +55,7 @@ def body():
             near = by_hand.neighbours(Q, i, SIDE)
             w = P[i] + 0.5 * (sum(P[j] for j in near) / len(near) - P[i])
             assert_allclose(run.p[1, i], 0.5 * w / math.hypot(*w), atol=1e-12)
+    assert type(fk.Heading(1.0, seed=np.int64(3)).seed) is int
     alone = fk.Heading(1.0)
     assert (alone.noise, alone.noise_kind, alone.update, alone.seed, alone.masses, alone.order) == (
         0.0, "angular", "backward", 0, 1.0, 2)  # fmt: skip

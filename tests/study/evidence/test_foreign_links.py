@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -79,3 +81,15 @@ def test_links_that_a_start_leaves_out_are_none_of_another_graph():
     run = fk.simulate(fk.Scenario(law, start, t_end=2.0, frames=41), progress=False)
     assert not run.links.any()
     assert fk.audit(run)["ledger"].verdict == Verdict.HOLDS
+
+
+def test_links_far_from_the_origin_are_not_held_against_rounded_places():
+    """At 1e15 frames are rounded to 1/8: agents 2.0002 apart, in places 2.125 apart, are linked within 2.06."""
+    start = fk.State([[1e15, 0.0], [1e15 + 1.875, 0.0]], [[0.0624, 0.0], [0.1876, 0.0]])
+    law = fk.Law(fk.Proximity(2.06), [fk.Consensus(0.0)])
+    run = fk.simulate(fk.Scenario(law, start, 1.0, frames=2), progress=False)
+    assert run.links[-1].any()
+    assert np.ptp(run.q[-1, :, 0]) == 2.125
+    assert str(fk.audit(run)["ledger"].verdict) == "holds"
+    apart = replace(run, q=run.q + [[[0.0, 0.0], [1.0, 0.0]]])
+    assert str(fk.audit(apart)["ledger"].verdict) == "fails"

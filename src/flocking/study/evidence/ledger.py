@@ -209,9 +209,12 @@ class LedgerEvidence(LinkEvidence):
         graph, links = self.law.graph, np.asarray(state.links)
         if not graph.moves:
             return np.asarray(links != graph.initial(state.q))
-        distance = self.distances(state.q)
+        distance, m = self.distances(state.q), state.q.shape[1]
+        # Far from the origin frames are rounded by more than that; engines compute near the agents.
+        rounded = float(np.sqrt(m) * np.finfo(self.run.q.dtype).eps * np.abs(state.q).max(initial=0.0))
         leaves, enters = (np.asarray(r)[..., None] for r in (graph.break_radius, graph.appear_radius))
-        return np.asarray(links & (distance > leaves * (1 + SLACK)) | ~links & (distance < enters * (1 - SLACK)))
+        farther, nearer = distance > leaves * (1 + SLACK) + rounded, distance < enters * (1 - SLACK) - rounded
+        return np.asarray(links & farther | ~links & nearer)
 
     @cached_property
     def foreign_motion(self) -> str:
