@@ -22,6 +22,10 @@ from flocking.model.world.times import NANOSECOND, PER_SECOND
 if TYPE_CHECKING:
     import sympy
 
+GROWN = 4.0
+"""By how much errors of steps may grow beyond their sum from one frame to the next. The spin of an aircraft, whose
+attitude follows at a rate of some 20, differed by 1.5 times what that sum allows in a frame of a hundredth."""
+
 RELATIVE, ABSOLUTE = 1e-12, 1e-13
 """Tolerances of the second integration, a thousandth of that of a usual run or less; SciPy warns below 2e-14."""
 
@@ -134,7 +138,7 @@ class IntegratedForcedMotion:
                 frame += 1
             for row in changes.get(at, []):
                 self._take(log, row)
-        self.error = (scenario.tolerance + self._absolute) * error
+        self.error = GROWN * (scenario.tolerance + self._absolute) * error
         """By how much errors of the run's steps may move agents from one frame to the next, relative to 1 and to their
         positions: those of velocities add up over its steps, which are no more than those here, and then over time."""
 
