@@ -8,7 +8,7 @@ import io
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from types import FunctionType
 from typing import Any
 
@@ -47,7 +47,7 @@ def to_data(part: object) -> object:
     return _Writer(part).data
 
 
-def described_data(part: object, note: Callable[[type], None]) -> object:
+def described_data(part: object, note: Callable[[Callable[..., object]], None]) -> object:
     """As `to_data`, with parts that are not registered by their fields: a description from which none is made again.
 
     Parameters
@@ -55,7 +55,8 @@ def described_data(part: object, note: Callable[[type], None]) -> object:
     part
         A part of a scenario, or a list of parts.
     note
-        Called with the class of every part from outside this library, registered or not.
+        Called with the class of every part from outside this library, registered or not, and with every function and
+        class that parts hold.
     """
     return _Describer(part, note).data
 
@@ -137,7 +138,7 @@ class _Writer:
 class _Describer(_Writer):
     """Describes parts that are not registered too, and notes the classes of those from outside this library."""
 
-    def __init__(self, part: object, note: Callable[[type], None]) -> None:
+    def __init__(self, part: object, note: Callable[[Callable[..., object]], None]) -> None:
         self._note = note
         self._under_way: set[int] = set()
         super().__init__(part)
@@ -153,7 +154,8 @@ class _Describer(_Writer):
 
     def _part(self, part: object) -> dict[str, object]:
         if type(part).__module__.partition(".")[0] != __name__.partition(".")[0]:
-            self._note(type(part))
+            named = callable(part) and (hasattr(part, "__qualname__") or isinstance(part, partial))
+            self._note(part if callable(part) and named else type(part))
         return super()._part(part)
 
     def _foreign(self, part: object) -> dict[str, object]:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.storage.foreign_code import code_of
 from flocking.engine.storage.record import read_record
 from flocking.engine.storage.run_writer import RunWriter
-from flocking.engine.storage.scenario_sums import scenario_sums
+from flocking.engine.storage.scenario_sums import scenario_sums, unlike
 from flocking.engine.storage.stored_runs import read_run, write_run
 from flocking.errors import StorageError
 from tests.engine.storage.stored_runs import assert_same, finished, scenario, stopped_run
@@ -155,3 +158,70 @@ def test_sums_are_the_same_in_another_process() -> None:
     environment = {**os.environ, "PYTHONHASHSEED": "12345"}
     found = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, env=environment, check=True)
     assert found.stdout.strip() == str(scenario_sums(foreign()))
+
+
+def using(kind: str, number: float) -> type:
+    """A class by the same name whose method uses a number by way of something else."""
+    helpers = ModuleType("numbers_of_a_user")
+    vars(helpers)["GAIN"] = number
+    table, whole, potential = {"near": number}, np.int64(number), fk.Potential(f"(r - {number})**2")
+    bound = functools.partial(max, number)
+
+    @functools.lru_cache
+    def cached(x: float) -> float:
+        return x * number
+
+    uses: dict[str, Callable[[object], object]] = {
+        "module": lambda self: helpers.GAIN,
+        "table": lambda self: table["near"],
+        "whole number": lambda self: whole,
+        "partial": lambda self: bound(1.0),
+        "cached": lambda self: cached(1.0),
+        "dataclass": lambda self: potential,
+    }
+    return type("Used", (), {"__module__": "of_a_user", "initial": uses[kind]})
+
+
+@pytest.mark.parametrize("kind", ["module", "table", "whole number", "partial", "cached", "dataclass"])
+def test_what_code_uses_counts_wherever_it_stands(kind: str) -> None:
+    assert code_of(using(kind, 1.0)) == code_of(using(kind, 1.0))
+    assert code_of(using(kind, 1.0)) != code_of(using(kind, 2.0))
+
+
+def test_what_code_fills_as_it_goes_does_not_count() -> None:
+    def filling(known: dict[float, float]) -> type:
+        def initial(self: object, x: float) -> float:
+            known[x] = 2.0 * x
+            return known[x]
+
+        return type("Filling", (), {"__module__": "of_a_user", "initial": initial})
+
+    assert code_of(filling({})) == code_of(filling({1.0: 2.0}))
+
+
+def ruled(rule: Callable[[np.ndarray], np.ndarray]) -> fk.Scenario:
+    """A graph that holds the function by which it links agents."""
+
+    @dataclasses.dataclass(frozen=True)
+    class Ruled(fk.Fixed):
+        rule: Callable[[np.ndarray], np.ndarray] = np.sign
+
+        def initial(self, q):
+            return np.asarray(super().initial(q)) & (self.rule(q).sum() > 0.0)
+
+    graph = Ruled(scenario().start.n, ((0, 1), (1, 2)), rule=rule)
+    return scenario().with_(law=fk.Law(graph, [fk.Consensus(1.0)]))
+
+
+def test_functions_that_parts_hold_count() -> None:
+    def near(reach: float) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda q: q * 0.0 + reach
+
+    one, same, other, sine, cosine = (
+        scenario_sums(ruled(rule)) for rule in (near(1.0), near(1.0), near(2.0), np.sin, np.cos)
+    )
+    assert one is not None
+    assert sine is not None
+    assert unlike(one, {**same}, code=True) == ""
+    assert unlike(one, {**other}, code=True) == "the code of its classes"
+    assert unlike(sine, {**cosine}, code=True) != ""

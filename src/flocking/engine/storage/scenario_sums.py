@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TypedDict
 
 from flocking.engine.storage.foreign_code import code_of, python_version
@@ -28,7 +28,7 @@ class ScenarioSums(TypedDict):
     formulas
         Of the formulas of its law, energy and bodies; 0 where they have none.
     code
-        Of the byte code of its classes from outside this library.
+        Of the byte code of its classes and functions from outside this library.
     python
         Version of Python of that byte code, as ``"3.12"``.
     """
@@ -64,12 +64,13 @@ def plant_sums(scenario: Scenario, plant: Law) -> ScenarioSums | None:
 
 
 def _sums(scenario: Scenario, law: Law, part: Scenario | Law) -> ScenarioSums | None:
-    kinds: list[type] = []
+    kinds: list[Callable[..., object]] = []
     described = described_data(part, kinds.append)
     if not kinds:
         return None
     assert isinstance(described, dict)
-    code = [code_of(kind) for kind in sorted(set(kinds), key=lambda kind: (kind.__module__, kind.__qualname__))]
+    # Of equal names those first that are described first.
+    code = [code_of(kind) for kind in sorted(dict.fromkeys(kinds), key=_name)]
     fields = {name: _sum(value) for name, value in described.items()}
     return {
         "fields": fields,
@@ -115,6 +116,11 @@ def unlike(found: ScenarioSums | None, stored: Mapping[str, object], *, code: bo
     if code and stored.get("python") == found["python"] and found["code"] != stored.get("code"):
         return "the code of its classes"
     return ""
+
+
+def _name(kind: Callable[..., object]) -> tuple[str, str]:
+    """Module and name of a class or function, by which they are sorted."""
+    return str(getattr(kind, "__module__", "")), str(getattr(kind, "__qualname__", ""))
 
 
 def _formulas(scenario: Scenario, law: Law) -> str:
