@@ -77,7 +77,13 @@ def _distances(obstacle: Obstacle, times: Array, points: Array) -> Array:
 
 @lru_cache(maxsize=1)
 def flock_counts(e: Evidence) -> tuple[int, int, int]:
-    """Number of flocks when the first obstacle becomes active, its maximum until the last is left, and at the end."""
+    """Number of flocks when the first obstacle becomes active, its maximum until the last is left, and at the end.
+
+    Raises
+    ------
+    NotResolvable
+        When links in doubt change one of them.
+    """
     from flocking.study.nets.matrices import flocks
 
     switches = e.all_switches
@@ -85,15 +91,21 @@ def flock_counts(e: Evidence) -> tuple[int, int, int]:
     if len(times) == 0:
         now = flocks(e.end_links)
         return now, now, now
-    before, most = flocks(e.link_history[0][1]), 0
-    for time, links in e.link_history:
-        if time > times[-1]:
-            break
-        count = flocks(links)
-        if time <= times[0]:
-            before = count
-        most = max(most, count if time >= times[0] else 0)
-    return before, max(most, before), flocks(e.end_links)
+    found = set()
+    # Without errors of the run the history is that of the motion as computed.
+    for history in (e.link_history,) if e.run.accuracy is None else e.possible_histories:
+        before, most = flocks(history[0][1]), 0
+        for time, links in history:
+            if time > times[-1]:
+                break
+            count = flocks(links)
+            if time <= times[0]:
+                before = count
+            most = max(most, count if time >= times[0] else 0)
+        found.add((before, max(most, before)))
+    if len(found) > 1 or e.known_until < np.inf:
+        raise NotResolvable(e.doubt_note() or e.loss_note)
+    return *found.pop(), flocks(e.end_links)
 
 
 @about(Subject.NET, lasting=True)
