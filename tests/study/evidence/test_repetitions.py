@@ -119,6 +119,7 @@ def test_equal_margins_do_not_make_an_error_of_zero():
     assert Repetitions((), 0.0).error(1.0, [1.5, 2.0]) == SAFETY
     assert Repetitions((), 0.0).error(2.0, [1.5, 2.0]) == SAFETY * 0.5
     assert np.isnan(Repetitions((), 0.0).error(2.0, [1.5, np.nan]))
+    assert np.isnan(Repetitions((), 0.0).error(2.0, [np.nan, 1.5]))
 
 
 def exact_recursion(q, p, period, ticks):
@@ -199,3 +200,12 @@ def test_in_discrete_time_a_verdict_says_where_no_error_is_estimated():
     assert np.isnan(large.error)
     assert "whose rounding errors are not estimated: 1000000000 steps of 2 agents are too many to repeat" in large.note
     assert large.as_dict()["error"] is None
+
+
+def test_a_stored_run_that_states_few_steps_of_a_tiny_length_is_not_repeated():
+    run = fk.simulate(
+        fk.Scenario(fk.Law(fk.Complete(), [fk.Consensus(1.0)]), fk.start.box(2, side=1.0, seed=1), t_end=1.0, frames=3),
+        engine="tiles", step=0.1, progress=False,
+    )  # fmt: skip
+    with pytest.raises(NotResolvable, match="1000000000 steps of 2 agents are too many to repeat"):
+        Evidence(replace(run, provenance={**run.provenance, "step": 1e-9})).repetitions  # noqa: B018

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 
+import numpy as np
+
 from flocking.engine.fixed_step.given_links import check_given_links
 from flocking.engine.imperfect.messages.leader_news import check_leader_messages
 from flocking.engine.protocol.engine import Engine
@@ -95,8 +97,12 @@ class TilesEngine(Engine):
             partial(self.open, run.scenario, TilesOptions(share * step, known, log=False if held else None))
             for share in shares
         )
+        steps, length = counted_steps(run), run.scenario.t_end - run.scenario.start.t
+        if steps is not None and np.isfinite(length / step):
+            # What a stored run states of its steps may not fit their length.
+            steps = max(steps, round(length / step))
         return Repeats(
-            opened, "with shorter steps", f"the last with {FINER[-1]:g} of the step", counted_steps(run), MOST_WORK,
+            opened, "with shorter steps", f"the last with {FINER[-1]:g} of the step", steps, MOST_WORK,
             float(run.n * PAIRS + STEP), SAME_MOTION,
         )  # fmt: skip
 

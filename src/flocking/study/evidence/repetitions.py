@@ -76,7 +76,8 @@ class Repetitions:
             Those of the repetitions.
         """
         *others, best = margin, *margins
-        return SAFETY * max(*(abs(other - best) for other in others), self.share * abs(margin))
+        # One that is no number leaves none.
+        return SAFETY * float(np.max([*(abs(other - best) for other in others), self.share * abs(margin)]))
 
 
 def repetitions_of(run: Run) -> Repetitions:
