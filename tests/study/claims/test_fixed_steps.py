@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.study.claims.claim import Verdict
+from flocking.study.claims.claim import Claim, Measure, Verdict
 from flocking.study.claims.conclusions.links import stays_connected
 from flocking.study.claims.general_claims import GENERAL
+from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence, farthest_links
 from flocking.study.evidence.repetitions import Repetitions
 
@@ -124,3 +125,82 @@ def test_runs_that_are_too_large_to_repeat_leave_motions_open():
         assert result.verdict == Verdict.NOT_RESOLVED
         assert "the error of the motion is not estimated: 10000000 steps of 4 agents are too many" in result.note
         assert result.margin > 0.0
+
+
+def test_momentum_that_errors_of_the_motion_may_have_moved_is_not_refuted():
+    """Rounding in single precision moves the mean velocity by more than a tolerance, and says nothing of the law."""
+    run = fk.simulate(flocking_group(), engine="tiles", step=0.02, progress=False)
+    (kept,) = audited(run, "momentum")
+    assert (kept.verdict, kept.error) == (Verdict.HOLDS, 0.0)
+    p = run.p.copy()
+    p[-1] += 1e-5
+    (moved,) = audited(replace(run, p=p), "momentum")
+    assert moved.margin < 0.0 < moved.error
+    assert moved.verdict == Verdict.NOT_RESOLVED
+
+
+def test_an_energy_that_a_law_supplies_is_none_of_a_step():
+    """A leader that gathers speed pulls a group along: after 61 its energy is 100, a share of what was dissipated."""
+    rng = np.random.default_rng(0)
+    q, p = rng.uniform(-2, 2, (12, 2)), rng.normal(size=(12, 2)) - [1, 0]
+    pulled = fk.Track(fk.Path(["0.2*t", "0"]), velocity_gain=0.0, acceleration_gain=1.0)
+    law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("4*(r - 0.7)**2")), fk.Consensus(0.5), pulled])
+    made = fk.Scenario(law, fk.State(q, p), t_end=12.0, frames=3)
+    for engine in ("tiles", "exact"):
+        run = fk.simulate(made, engine=engine, progress=False)
+        energy = run.trace["energy"]
+        assert energy[-1] > energy.min() + 10.0
+        assert np.abs(np.diff(run.trace["supplied"])).sum() < 0.05 * energy[0]
+        (found,) = audited(run, "energy-falls")
+        assert (found.verdict, found.note) == (Verdict.NOT_APPLICABLE, "the law supplies energy")
+
+
+def flocks_at_end(number):
+    """A claim of anybody about the links at the end."""
+
+    @about(Subject.CONNECTIVITY)
+    def counted(e):
+        count = int(e.flocks_at_end)
+        return Measure(number + 0.5 - count, 0.0, f"{count} flocks at the end", everywhere=False)
+
+    return Claim("flocks", "here", "The group ends in few flocks.", counted)
+
+
+def test_claims_about_links_at_frames_have_the_error_of_the_motion(monkeypatch):
+    """A pair that ends at its radius: it is linked in the run, and not in one of shorter steps."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Gradient(fk.Potential("40*(r - 0.8)**2"))])
+    start = fk.State([[0.0, 0.0], [0.9, 0.0]], [[0.0, 0.0], [0.3, 0.0]])
+    made = fk.Scenario(law, start, t_end=0.3, frames=4)
+    run = fk.simulate(made, engine="tiles", step=0.025, progress=False)
+    for changed, verdict in (
+        (run, Verdict.HOLDS),
+        (replace(run, links=run.links & (run.t < 0.25)[:, None, None]), Verdict.NOT_RESOLVED),
+    ):
+        found = fk.audit(changed, [flocks_at_end(1)])["flocks"]
+        assert found.verdict == verdict
+        assert "error estimated from 2 repetitions" in found.note
+        assert found.error > 0.0
+
+
+def test_links_of_a_start_are_those_of_its_numbers_and_not_of_rounded_ones():
+    """In single precision 1001.00001 is 1001, and 1 - 1e-9 is 1."""
+    law = fk.Law(fk.Proximity(1.000005), [fk.Consensus(1e-9)])
+    apart = fk.State([[1000.0, 0.0], [1001.00001, 0.0], [1000.0, 0.5]], [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]])
+    near = fk.State([[0.0, 0.0], [1.0 - 1e-9, 0.0]], np.zeros((2, 2)))
+    lone, pair = (
+        fk.simulate(
+            fk.Scenario(made, start, t_end=1.0, frames=5),
+            engine="tiles",
+            step=0.05,
+            precision="float32",
+            progress=False,
+        )
+        for made, start in ((law, apart), (fk.Law(fk.Proximity(1.0), law.terms), near))
+    )
+    assert lone.links[0, 0, 1]
+    assert not pair.links[0, 0, 1]
+    found, lost = audited(lone, "connected", "links-kept")
+    assert (found.verdict, found.note) == (Verdict.HYPOTHESIS_NOT_MET, "starts disconnected")
+    assert lost.verdict == Verdict.NOT_RESOLVED
+    (found,) = audited(pair, "connected")
+    assert found.verdict == Verdict.NOT_RESOLVED

@@ -9,6 +9,7 @@ import flocking as fk
 from flocking.apps.commands.audit_command import audit
 from flocking.study.claims.claim import Verdict
 from flocking.study.evidence import Evidence
+from flocking.study.evidence.view_sides import beside_view
 from flocking.study.sample_files.sampled_runs import motion_of
 from flocking.study.sample_files.samples import Samples
 from flocking.study.trajectory import run_from_samples
@@ -174,3 +175,36 @@ def test_samples_of_agents_with_headings_have_the_links_of_these():
     assert seen.links[:20, 0, 1].all()
     assert not seen.links[21:, 0, 1].any()
     assert not seen.links[:, 1, 0].any()
+
+
+@pytest.mark.parametrize("noise", [1e-4, 1e-3])
+def test_noise_at_the_side_of_a_field_of_view_breaks_no_link(noise):
+    """Two agents abreast, each just within the side of the view of the other: seen bearings are on both sides of it."""
+    samples = abreast(1.0, noise, velocities=True)
+    graph = fk.FieldOfView(2.0, np.pi / 2 + noise / 4)
+    law, ahead = fk.Law(graph, [fk.Consensus(1e-9)]), fk.PointMass(headings=[0.0, 0.0])
+    found = motion_of(samples, fk.Scenario(law, fk.State(samples.q[0]), t_end=1.0, bodies=ahead)).audit()
+    for key in ("connected", "links-kept"):
+        assert found[key].verdict is Verdict.NOT_RESOLVED, found[key]
+
+
+def test_pairs_beside_a_view_are_those_that_the_error_may_bring_across_its_side():
+    """By brute force: all displacements on a circle of the error about those of the pairs."""
+    rng = np.random.default_rng(4)
+    q, angles, error = rng.uniform(-1, 1, (8, 2)), rng.uniform(-3, 3, 8), 0.05
+    graph = fk.FieldOfView(5.0, np.linspace(0.3, np.pi, 8))
+    offsets = q[None] - q[:, None]
+    turns = np.linspace(0.0, 2.0 * np.pi, 721)
+    around = error * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    bearings = [np.arctan2(*np.moveaxis(offsets + each, 2, 0)[::-1]) - angles[:, None] for each in around]
+    seen = np.array(
+        [np.abs((b + np.pi) % (2 * np.pi) - np.pi) <= np.asarray(graph.half_angle)[:, None] for b in bearings]
+    )
+    may = seen.any(axis=0) & ~seen.all(axis=0)
+    np.fill_diagonal(may, False)
+    found = beside_view(graph, angles, offsets, error)
+    assert not (may & ~found).any()
+    assert may.sum() > 3
+    far = beside_view(graph, angles, offsets, 1e-9)
+    np.fill_diagonal(far, False)
+    assert not far.any()

@@ -19,7 +19,7 @@ from flocking.model.world.safety_filters import SafetyFilter
 from flocking.study.certificates.certificate import Certificate, Certificates
 from flocking.study.certificates.energy_setting import EnergySetting
 from flocking.study.certificates.obstacle_approach import closest_to_obstacles
-from flocking.study.evidence import Evidence
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 MOST_STATES = 32
 """Frames of which the energy is computed, at even places of the run."""
@@ -148,11 +148,23 @@ def _position_error(run: Run) -> float:
 
 
 def _losses(run: Run, certificate: Certificate) -> tuple[float, float] | None:
-    """Number of links lost; where no switches are recorded frames can show a loss, but not that there is none."""
+    """Number of links lost, and how many of them are in doubt, NaN where the errors of the motion leave all open.
+
+    Where no switches are recorded frames can show a loss, but not that there is none.
+    """
     evidence = Evidence(run)
-    if not evidence.switches_known:
-        return (float(evidence.seen_lost), 0.0) if evidence.seen_lost else None
-    return float(evidence.links_lost), 0.0
+    if not evidence.switches_known and not evidence.seen_lost:
+        return None
+    lost = evidence.links_lost if evidence.switches_known else evidence.seen_lost
+    if not lost or evidence.sampled:
+        return float(lost), 0.0
+    if run.accuracy is not None:
+        return float(lost), float(lost - evidence.numbers("break")[0])
+    try:
+        certain = evidence.lost_for_certain()
+    except (NotMeasurable, NotResolvable):
+        certain = 0
+    return float(lost), float(lost - certain) if certain else np.nan
 
 
 def _speed(run: Run, certificate: Certificate) -> tuple[float, float]:

@@ -13,9 +13,9 @@ from flocking.model.law import Scenario
 from flocking.study.claims.subjects import About, Finder, Subject, about_of
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
-MEASURED_AT_FRAMES = frozenset({Subject.SPREAD, Subject.LEADER, Subject.VELOCITIES, Subject.NET})
-"""Subjects whose measures read positions and velocities as they were computed. Those of links, closest approaches and
-the ledger have errors of their own, or state that they are not known."""
+OF_THEIR_OWN = frozenset({Subject.LEDGER, Subject.CLOSEST})
+"""Subjects whose measures have errors of their own, or state that they are not known. Others are of the motion as it
+was computed, unless their measure is declared `flocking.study.claims.subjects.About.with_errors`."""
 
 UNCOMPUTED = "could not be computed"
 """How the note of a claim begins whose computation failed for the numbers of a run."""
@@ -75,7 +75,7 @@ class Measure:
     as_computed
         Whether it is about the motion as it was computed, of whose errors nothing is known.
     conserved
-        Whether it is of a quantity that every motion under the law keeps, whatever its errors.
+        Whether it is of a quantity that every motion under the law keeps: that it was kept needs no error.
     """
 
     margin: float
@@ -123,7 +123,8 @@ def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[
     unknown elsewhere. In discrete time, where no step is integrated and only rounding grows, a conclusion is then one
     about the motion as it was computed.
     """
-    if not e.motion_unstated or math.isinf(measured.margin) or measured.unsettled or measured.conserved:
+    kept = measured.conserved and measured.holds
+    if not e.motion_unstated or math.isinf(measured.margin) or measured.unsettled or kept:
         return measured
     try:
         repetitions = e.repetitions
@@ -282,8 +283,8 @@ class Claim:
 
         Closest approaches of fixed steps bound what happens between two of them, not where agents are.
         """
-        subject = self.about.subject
-        return subject in MEASURED_AT_FRAMES or (subject is Subject.CLOSEST and e.fixed_step)
+        of_motion = self.about.subject not in OF_THEIR_OWN and not self.about.with_errors
+        return of_motion or (self.about.subject is Subject.CLOSEST and e.fixed_step)
 
     @property
     def unconditional(self) -> Claim:

@@ -64,28 +64,32 @@ class About:
         Whether a failure is final; else it is pending until the end.
     while_connected
         Whether theorems conclude it only for graphs that stay connected.
+    with_errors
+        Whether its measure has the errors of the motion, or needs none: else they are added where a run states none.
     """
 
     subject: Subject = Subject.NET
     witness: Finder | None = None
     lasting: bool = False
     while_connected: bool = False
+    with_errors: bool = False
 
 
 Measuring = TypeVar("Measuring", bound=Callable[..., object])
 
 
 def about(
-    subject: Subject, witness: Finder | None = None, *, lasting: bool = False, while_connected: bool = False
-) -> Callable[[Measuring], Measuring]:
+    subject: Subject, witness: Finder | None = None, *, lasting: bool = False, while_connected: bool = False,
+    with_errors: bool = False,
+) -> Callable[[Measuring], Measuring]:  # fmt: skip
     """Decorator that declares what the statement measured by a function is about; see `About`.
 
     Parameters
     ----------
-    subject, witness, lasting, while_connected
+    subject, witness, lasting, while_connected, with_errors
         As in `About`.
     """
-    properties = About(subject, witness, lasting, while_connected)
+    properties = About(subject, witness, lasting, while_connected, with_errors)
 
     def declare(measure: Measuring) -> Measuring:
         setattr(measure, ATTRIBUTE, properties)

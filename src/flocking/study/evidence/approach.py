@@ -60,11 +60,11 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
         """Closest approach ever of any two agents.
 
         Where an engine records linked pairs only, all others are further apart than the radius, unless the graph is
-        fixed.
+        fixed or agents have fields of view.
         """
         if self._records_all_pairs:
             return min(self._checked(self.run.closest_unlinked), self.closest_linked, key=lambda c: c.distance)
-        if not self.law.graph.moves:
+        if not self.law.graph.moves or self.law.graph.sees_headings:
             raise NotMeasurable(f"the engine {self.fidelity.engine} records distances of linked agents only")
         reach = float(np.min(np.asarray(self.law.graph.appear_radius)))
         return min(self.closest_linked, Closest(reach), key=lambda c: c.distance)

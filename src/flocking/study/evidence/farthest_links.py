@@ -37,7 +37,7 @@ class FarthestLinkEvidence(DoubtEvidence, MotionEvidence):
         NotResolvable
             As `apart_for_certain` does, and when frames have no links.
         """
-        errors, links = self._errors_at_frames(), self.links_at(0)
+        errors, links = self._errors_at_frames(), self.start_links
         kept = np.array(links)
         for k, error in enumerate(errors.tolist()):
             kept &= self._linked_at_most(k, error)

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from flocking.arrays import AnyArray, Reals, Records
 from flocking.engine.runs.message_log import AT_START, LEADER_SENDER, PRESENT
 from flocking.model.graphs.connectivity import Links, components, is_connected
+from flocking.model.graphs.seen_headings import heading_column, links_of_graphs
 from flocking.model.state import State
 from flocking.model.world.control import Held
 from flocking.model.world.information import Delayed, Messages
 from flocking.model.world.times import NANOSECOND, Instants
 from flocking.study.evidence.basis import MOST_DENSE, NotMeasurable, NotResolvable, RunEvidence
+from flocking.study.evidence.view_sides import beside_view
 
 FASTER = 1.25
 """Between two samples a distance is taken to change at most this many times as fast as at them."""
@@ -55,18 +57,23 @@ class LinkEvidence(RunEvidence):
     def yet_to_meet(self) -> str:
         """Which agents first come into each other's radius within `FURTHER_RUNS` if all keep their velocities.
 
-        Empty where none do, in space that repeats, for more agents than `MOST_DENSE`, and without known links.
+        In view or not. Empty where none do, in space that repeats, for more agents than `MOST_DENSE`, and without known
+        links.
         """
         graph, run = self.law.graph, self.run
-        if not graph.moves or graph.sees_headings or not run.scenario.space.is_open or run.n > MOST_DENSE:
+        if not graph.moves or not run.scenario.space.is_open or run.n > MOST_DENSE:
             return ""
         try:
             met = self.frame_links.any(axis=0)
         except NotMeasurable:
             return ""
         when, nearest = self.straight_ahead
-        soon = (when > 0) & (when <= FURTHER_RUNS * (self.t[-1] - self.t[0]))
+        # Agents whose bodies turn bring others who are near into their view without going there.
+        turning = heading_column(graph) in run.scenario.agents.directions
+        soon = (turning | (when > 0)) & (when <= FURTHER_RUNS * (self.t[-1] - self.t[0]))
         meets = soon & (nearest < np.asarray(graph.appear_radius)[..., None]) & ~(met | met.T)
+        if (allowed := graph.allowed(run.scenario.agents.headings)) is not None:
+            meets &= allowed | allowed.T
         np.fill_diagonal(meets, False)
         if not meets.any():
             return ""
@@ -173,6 +180,11 @@ class LinkEvidence(RunEvidence):
             uncertain[k] = crossed & (now >= near) & (now < far)
             np.fill_diagonal(uncertain[k], False)
             before, rate_before = now, rate
+        if error and graph.sees_headings:
+            headings = self.run.scenario.agents.headings
+            for k, q in enumerate(self.q):
+                apart = self.displacement(q[None] - q[:, None])
+                uncertain[k] |= beside_view(graph, headings, apart, error) & (self.distances(q) < far)
         return uncertain
 
     def _distances(self, frame: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -320,7 +332,15 @@ class LinkEvidence(RunEvidence):
         """Whether the graph is connected at the start."""
         if (seen := self._observed_flocks) is not None:
             return bool(seen["flocks"][0] == 1)
-        return bool(is_connected(self.links_at(0)))
+        return bool(is_connected(self.start_links))
+
+    @property
+    def start_links(self) -> Links:
+        """Links at the first frame, shape (N, N): by the given start, also where engines round it; see `links_at`."""
+        links, scenario = self.links_at(0), self.run.scenario
+        if self.run.q.dtype == np.float64 or self.sampled or self.replaced or self.t[0] != scenario.start.t:
+            return links
+        return links_of_graphs(self.law.graphs[:1], scenario.space, scenario.start, scenario.agents.headings)[0]
 
     @property
     def looks(self) -> int:

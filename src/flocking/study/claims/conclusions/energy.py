@@ -114,7 +114,7 @@ def energy_rise(e: Evidence) -> Measure:
     note = f"largest rise {rise:.1e} between switches"
     if rise == 0.0 == allowed:
         return Measure(np.inf, 0.0, note)
-    if supplied_energy(e) > 0.0 and rise < allowed:
+    if e.changes("supplied").any() and rise < allowed:
         # Dissipation is never negative: only supplied energy makes the energy rise.
         gained = float((e.changes("supplied") - e.changes("dissipated")).max(initial=0.0))
         if gained > SUPPLY_ROUNDING * e.energy_moved:
@@ -125,10 +125,17 @@ def energy_rise(e: Evidence) -> Measure:
 
 
 def supplied_energy(e: Evidence) -> float:
-    """Total absolute energy supplied over the run; 0 where rounding, or the error of a fixed step, explains it."""
+    """Total absolute energy supplied over the run; 0 where rounding explains it.
+
+    The formula of what passive terms supply is zero, so that an error of the motion makes nothing of it.
+    """
     supplied = float(np.abs(e.changes("supplied")).sum())
-    least = e.ledger_bound if e.fixed_step else SUPPLY_ROUNDING * e.energy_moved
-    return supplied if supplied > least else 0.0
+    return supplied if supplied > _supply_rounding(e) * e.energy_moved else 0.0
+
+
+def _supply_rounding(e: Evidence) -> float:
+    """The share `SUPPLY_ROUNDING`, in the precision of the run."""
+    return SUPPLY_ROUNDING * float(np.finfo(e.run.q.dtype).eps / np.finfo(np.float64).eps)
 
 
 @about(Subject.LEDGER, lasting=True)

@@ -41,7 +41,7 @@ def _slowest_crossing(e: Evidence) -> Witness:
     return Witness.pair(row["time"], row["i"], row["j"])
 
 
-@about(Subject.CONNECTIVITY, _first_split, lasting=True)
+@about(Subject.CONNECTIVITY, _first_split, lasting=True, with_errors=True)
 def stays_connected(e: Evidence) -> Measure:
     """Whether the graph is connected after every switch; frames alone can refute it but not show it."""
     if e.seen_disconnected == np.inf:
@@ -52,19 +52,19 @@ def stays_connected(e: Evidence) -> Measure:
         certain, doubtful = e.connection
         if certain == np.inf and doubtful:
             return Measure(1.0, np.inf, e.doubt_note())
-    elif e.fixed_step and e.law.graph.moves and e.seen_disconnected > e.run.scenario.start.t:
+    elif e.fixed_step and e.law.graph.moves and (e.seen_disconnected > e.run.scenario.start.t or e.connected_at_start):
         return _connected_as_computed(e)
     if e.seen_disconnected == np.inf:
         return Measure(1.0, 0.0, f"connected after each of {len(e.link_switches)} switches")
     decided = certain if e.switches_known and e.law.graph.moves else e.seen_disconnected
-    return Measure(-1.0, 0.0, f"fell apart {_when_apart(e)}", decided=decided)
+    return Measure(-1.0, 0.0, f"fell apart {_when_apart(e, e.seen_disconnected)}", decided=decided)
 
 
-def _when_apart(e: Evidence) -> str:
-    """When the graph was first seen disconnected, and in how many flocks it ended, in words."""
-    lost, end = e.seen_disconnected, e.run.scenario.t_end if e.run.finished else float(e.t[-1])
+def _when_apart(e: Evidence, lost: float, ended: str = "") -> str:
+    """When the graph was disconnected, and in how many flocks it ``ended``, as that is known, in words."""
+    end = e.run.scenario.t_end if e.run.finished else float(e.t[-1])
     try:
-        flocks = f"; {e.flocks_at_end} flocks at the end"
+        flocks = f"; {e.flocks_at_end} flocks at the end{ended}"
     except NotResolvable:
         flocks = ""
     return f"at t = {e.when(lost, 3)} of {e.when(end, 6)}{flocks}"
@@ -79,8 +79,12 @@ def _connected_as_computed(e: Evidence) -> Measure:
     apart = e.seen_disconnected < np.inf
     certain = _decided(e.apart_for_certain, np.inf) if apart else np.inf
     if certain < np.inf:
-        return Measure(-1.0, 0.0, f"fell apart {_when_apart(e)}; {e.repetitions.note}", decided=certain)
-    seen = f"falls apart {_when_apart(e)}" if apart else f"is connected after each of {len(e.link_switches)} switches"
+        note = f"fell apart {_when_apart(e, certain, ', as computed')}; {e.repetitions.note}"
+        return Measure(-1.0, 0.0, note, decided=certain)
+    if apart:
+        seen = f"falls apart {_when_apart(e, e.seen_disconnected)}"
+    else:
+        seen = f"is connected after each of {len(e.link_switches)} switches"
     return Measure(-1.0 if apart else 1.0, math.nan, f"the motion as computed {seen}; {_open(e)}")
 
 
@@ -102,7 +106,7 @@ def _open(e: Evidence) -> str:
     return f"whether the exact one does is open: {why}"
 
 
-@about(Subject.LINKS, _first_break, lasting=True)
+@about(Subject.LINKS, _first_break, lasting=True, with_errors=True)
 def no_link_lost(e: Evidence) -> Measure:
     """Number of links that broke; frames alone can refute that there are none but not show it."""
     computed = e.law.graph.moves and e.motion_unstated and not e.in_discrete_time
@@ -137,7 +141,7 @@ def crossings_transversal(e: Evidence) -> Measure:
     return above(slowest, 0.0, note, error if error > 0 else 0.0)
 
 
-@about(Subject.CONNECTIVITY, _split_at_start)
+@about(Subject.CONNECTIVITY, _split_at_start, with_errors=True)
 def starts_connected(e: Evidence) -> Measure:
     """Whether the graph is connected at the start."""
     holds = e.connected_at_start
