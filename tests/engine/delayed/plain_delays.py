@@ -26,7 +26,8 @@ class PlainDelays:
         self.masses = np.broadcast_to(scenario.agents.masses, self.n)[:, None]
         self.damping = np.broadcast_to(scenario.agents.damping, self.n)[:, None]
         graph = scenario.law.graph
-        self.enter, self.leave = float(graph.appear_radius), float(graph.break_radius)
+        radii = graph.appear_radius, graph.break_radius
+        self.enter, self.leave = (np.broadcast_to(x, self.n)[:, None] for x in radii)
         tau, late = scenario.information.tau, scenario.information.self_delayed
         everybody = np.full((self.n, self.n), 1.0) - (0.0 if late else np.eye(self.n))
         self.delays = tau * everybody if np.ndim(tau) == 0 else np.array(tau)
@@ -72,6 +73,11 @@ class PlainDelays:
         p = self.split(y)[1]
         return np.concatenate([p.ravel(), ((u - self.damping * p) / self.masses).ravel()])
 
+    def gaps(self, t, y, solutions):
+        """How far every pair is from where its link switches, shape (N, N); negative beyond."""
+        r = np.linalg.norm(self.apart(t, y, solutions)[0], axis=2)
+        return np.where(self.links, self.leave - r, r - self.enter)
+
     def begun(self):
         """All numbers at the start."""
         return np.concatenate([self.q0.ravel(), self.p0.ravel()][: self.order])
@@ -86,13 +92,9 @@ class PlainDelays:
         t, solutions, switches = 0.0, [], 0
         for corner in sorted(self.corners(t_end)):
             while t < corner:
-                levels = np.where(self.links, self.leave, self.enter)
-                side = np.where(self.links, 1.0, -1.0)
 
-                def worst(s, z, levels=levels, side=side, solutions=tuple(solutions)):
-                    r = np.linalg.norm(self.apart(s, z, solutions)[0], axis=2)
-                    gaps = side * (levels - r) + 1e3 * np.eye(self.n)
-                    return gaps.min() + 1e-12
+                def worst(s, z, solutions=tuple(solutions)):
+                    return (self.gaps(s, z, solutions) + 1e3 * np.eye(self.n)).min() + 1e-12
 
                 worst.terminal, worst.direction = True, -1
                 known = tuple(solutions)
@@ -105,8 +107,7 @@ class PlainDelays:
                     solutions.append((t, end, found.sol))
                 t, y = end, found.y[:, -1]
                 if found.status == 1:
-                    r = np.linalg.norm(self.apart(t, y, solutions)[0], axis=2)
-                    crossed = (side * (levels - r) < 1e-9) & ~np.eye(self.n, dtype=bool)
+                    crossed = (self.gaps(t, y, solutions) < 1e-9) & ~np.eye(self.n, dtype=bool)
                     self.links = self.links ^ crossed
                     switches += int(crossed.sum())
         self.end = y

@@ -9,7 +9,7 @@ import flocking as fk
 from flocking.engine.delayed.messages import message_states
 from flocking.engine.imperfect import session as imperfect_session
 from flocking.engine.imperfect.cone_switches import ConeView
-from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.errors import InvalidInput
 from tests.engine.delayed.plain_views import PlainCones, PlainViews
 from tests.engine.delayed.test_message_sessions import same_logs
 from tests.engine.delayed.test_messages import GAIN, LAW, STIFF, agreeing, random_world
@@ -220,6 +220,3 @@ def test_a_moment_before_a_bearing_is_crossed_is_whole():
 def test_what_cannot_be_is_refused():
     with pytest.raises(InvalidInput, match="headings must be given"):
         fk.start(scenario(agents=fk.PointMass()))
-    for graph, name in ((VIEWS, "FieldOfView"), (CONES, "Cone")):
-        with pytest.raises(UnsupportedLaw, match=f"{name} has another rule"):
-            fk.start(scenario(graph, information=fk.Delayed(0.1)), "delayed")

@@ -231,7 +231,7 @@ def test_the_energy_that_a_new_law_adds_is_a_jump():
         ({"state": fk.State(np.zeros((3, 2)))}, InvalidInput, r"must have the shape \(5, 2\)"),
         ({"law": law(formula="k/r"), "state": "met"}, InvalidInput, "state must give finite forces"),
         ({"law": law(formula="k/(r - 1)**2"), "state": "pole"}, InvalidInput, "state must have a finite energy"),
-        ({"law": fk.Law(fk.FieldOfView(2.0, 1.0), law().terms)}, UnsupportedLaw, "FieldOfView"),
+        ({"law": fk.Law(fk.Proximity(2.0), [fk.VelocityAverage(1.0)])}, UnsupportedLaw, "VelocityAverage"),
     ],
 )
 def test_what_cannot_be_replaced_is_refused_and_the_session_goes_on_as_it_was(change, error, words):

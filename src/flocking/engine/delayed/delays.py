@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
+from functools import partial
 from typing import Self
 
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.state_vectors import place_of
 from flocking.engine.delayed.breaking_points import BreakingPoints, OneDelayPoints
 from flocking.engine.delayed.history import History, position_series
-from flocking.engine.delayed.known_links import known_switches
+from flocking.engine.delayed.known_links import known_switches, known_view_switches, with_cones
 from flocking.engine.delayed.met_obstacles import PiecewisePaths
 from flocking.engine.delayed.state_jumps import EVERYTHING, StateJumps, Windows
+from flocking.engine.imperfect.graph_views import GraphView, view_from
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.taylor_series import shifted
+from flocking.engine.imperfect.turning_views import TurningView
+from flocking.model.graphs.views import VELOCITY
 from flocking.model.space import Space
 
 NONE: Indices = np.zeros(0, dtype=np.int64)
@@ -25,8 +30,9 @@ NONE: Indices = np.zeros(0, dtype=np.int64)
 
 
 def late_pieces(
-    history: History, segment: Segment, tau: float, first: int = -1, last: int | None = None
-) -> Iterator[tuple[float, float, Array]]:
+    history: History, segment: Segment, tau: float, first: int = -1, last: int | None = None, *,
+    velocities: bool = False,
+) -> Iterator[tuple[float, float, Array]]:  # fmt: skip
     """The past that is known on a step, piece by piece.
 
     Parameters
@@ -39,6 +45,8 @@ def late_pieces(
         How late the past is known.
     first, last
         Numbers of the steps that may be read, see `History.at`.
+    velocities
+        Whether velocities are known instead of positions.
 
     Yields
     ------
@@ -47,7 +55,7 @@ def late_pieces(
         beginning, shape (8, N, m).
     """
     begin, end = segment.t0, segment.t1
-    for since, until, known in history.pieces(begin - tau, end - tau, first, last):
+    for since, until, known in history.pieces(begin - tau, end - tau, first, last, velocities=velocities):
         at = max(since + tau - begin, 0.0)
         span = min(until + tau, end) - (begin + at)
         if span > 0.0:
@@ -67,6 +75,8 @@ class Delays(ABC):
         Where steps must end.
     jumps
         Replaced states that somebody does not know of yet.
+    views
+        Fields of view and cones of the law's graphs, by number.
     begin
         When the step begins whose states are read, in seconds from the start.
     """
@@ -76,6 +86,7 @@ class Delays(ABC):
     history: History
     points: BreakingPoints
     jumps: StateJumps
+    views: Mapping[int, GraphView]
     begin: float = 0.0
     _found: tuple[object, Windows] | None = None
 
@@ -193,6 +204,24 @@ class Delays(ABC):
         """
 
 
+def column_series(
+    segment: Segment, history: History, column: str, widths: Mapping[str, int], since: float = 0.0
+) -> Array:  # fmt: skip
+    """Taylor coefficients of a column of vectors about a time on a step, shape (8, N, m).
+
+    Parameters
+    ----------
+    segment, history
+        The step, and the past before it.
+    column, widths
+        Name of the column, and how many numbers those of the bodies have.
+    since
+        The time since the step began.
+    """
+    n, m = history.n, history.m
+    return position_series(segment, n, m, segment.t0 + since, place_of(column, history.order, n, m, widths))
+
+
 class OneDelay(Delays):
     """Everybody is known the same time ago.
 
@@ -204,12 +233,17 @@ class OneDelay(Delays):
         Whether agents know themselves as late.
     history
         The past.
+    views, widths
+        Fields of view and cones of graphs by number, and how many numbers the columns of the bodies have, by name.
     """
 
-    def __init__(self, tau: float, self_delayed: bool, history: History) -> None:
+    def __init__(
+        self, tau: float, self_delayed: bool, history: History, views: Mapping[int, GraphView],
+        widths: Mapping[str, int],
+    ) -> None:  # fmt: skip
         self.least = self.largest = tau
         self._self_delayed = self_delayed
-        self.history = history
+        self.history, self.views, self._widths = history, views, widths
         self.points = OneDelayPoints(tau)
         self.jumps = StateJumps(len(history.start), self._delays_of)
 
@@ -247,10 +281,38 @@ class OneDelay(Delays):
     def switches(self, space: Space, segment: Segment, base: float, links: Links, rules: LinkRules) -> Array:
         """Those on the first piece of the past that has any."""
         positions = position_series(segment, self.history.n, self.history.m, segment.t0)
+        by_distance, allowed = with_cones(rules, self.views)
+        velocities: Iterator[tuple[float, float, Array]] = iter(())
+        if self._self_delayed and any(isinstance(x, TurningView) and x.column == VELOCITY for x in self.views.values()):
+            velocities = late_pieces(self.history, segment, self.largest, *self._window(), velocities=True)
         for since, span, known in late_pieces(self.history, segment, self.largest, *self._window()):
-            own = known if self._self_delayed else shifted(positions, since)
-            rows = known_switches(space, own, known, span, base + segment.t0 + since, links, rules)
+            own, now = known if self._self_delayed else shifted(positions, since), base + segment.t0 + since
+            rows = known_switches(space, own, known, span, now, links, by_distance)
+            rows = rows if allowed is None else rows[allowed[tuple(rows[:, [3, 1, 2]].astype(np.int64).T)]]
+            *_, past = next(velocities, (None,))
+            looks = partial(self._looks, segment, since, past)
+            seen = [
+                known_view_switches(space, own, known, span, now, links[graph], graph, view_from(view, looks))
+                for graph, view in self.views.items()
+            ]  # fmt: skip
+            rows = np.concatenate([rows, *seen])
             if len(rows):
                 rows[:, 0] += since
-                return rows
+                return rows[np.lexsort(rows.T[::-1])]
         return np.zeros((0, 4))
+
+    def _looks(self, segment: Segment, since: float, past: Array | None, column: str) -> Array:
+        """Taylor coefficients of the vectors along which agents look, about a time on a step, shape (8, N, m).
+
+        Parameters
+        ----------
+        segment, since
+            The step, and the time since it began.
+        past
+            Those of the velocities that agents take to be their own, where these are not the true ones.
+        column
+            Name of the column.
+        """
+        if column == VELOCITY and past is not None:
+            return past
+        return column_series(segment, self.history, column, self._widths, since)

@@ -121,7 +121,7 @@ class History:
         return split_state(y[: self.order * self.n * self.m], self.n, self.m)
 
     def pieces(
-        self, begin: float, end: float, first: int = -1, last: int | None = None
+        self, begin: float, end: float, first: int = -1, last: int | None = None, *, velocities: bool = False
     ) -> list[tuple[float, float, Array]]:
         """The motion from ``begin`` to ``end`` seconds, piece by piece: begin, end and Taylor coefficients about begin.
 
@@ -131,12 +131,16 @@ class History:
         ----------
         first, last
             As for `at`.
+        velocities
+            Whether they are of velocities instead, of agents of order 2.
         """
-        found = []
+        found, place = [], self.n * self.m if velocities else 0
         if begin < 0.0 and first < 0:
             line = np.zeros((DEGREE + 1, self.n, self.m))
             line[0] = self.start[:, : self.m] + begin * self.start[:, self.m :]
             line[1] = self.start[:, self.m :]
+            if velocities:
+                line[0], line[1] = line[1], 0.0
             found.append((begin, min(end, 0.0), line))
         stop = len(self.segments) if last is None else last + 1
         for k in range(max(bisect_left(self._ends, begin), first), stop):
@@ -145,7 +149,7 @@ class History:
                 break
             since, until = max(segment.t0, begin), min(segment.t1, end)
             if since < until:
-                found.append((since, until, position_series(segment, self.n, self.m, since)))
+                found.append((since, until, position_series(segment, self.n, self.m, since, place)))
         return found
 
 

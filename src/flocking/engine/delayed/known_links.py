@@ -1,12 +1,18 @@
-"""When links switch that follow the distance between an agent and what it knows of another."""
+"""When links switch that follow what an agent knows of another: its distance, and whether it is in view."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
 from flocking.arrays import Array, Links, Numbers
+from flocking.engine.imperfect.cone_switches import ConeView
+from flocking.engine.imperfect.constant_views import add_view_changes
+from flocking.engine.imperfect.graph_views import GraphView
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.pair_polynomials import (
+    ROUNDING,
     Paths,
     nearest_offset,
     paths_in,
@@ -14,6 +20,8 @@ from flocking.engine.imperfect.pair_polynomials import (
     too_many_images,
 )
 from flocking.engine.imperfect.pair_switches import TwoPaths, WatchedLink, add_switches
+from flocking.engine.imperfect.turning_views import MovingView, add_turning_changes, turning_paths
+from flocking.engine.imperfect.view_switches import Looking, View
 from flocking.engine.kernels.bernstein import all_rows
 from flocking.formula.native.functions import native_apart
 from flocking.model.space import Space
@@ -93,3 +101,107 @@ def known_switches(
 
     rows = all_rows(rows_in, 4)
     return rows[np.lexsort(rows.T[::-1])]
+
+
+def followed_links(
+    rules: LinkRules, views: Mapping[int, View | ConeView], links: Links, offset: Array
+) -> dict[int, Links]:  # fmt: skip
+    """Links of each graph, by its number, after what agents know has become what it is.
+
+    Parameters
+    ----------
+    rules, views
+        How links follow distances, and fields of view and cones now, by the number of the graph.
+    links
+        Links before, shape (graphs, N, N).
+    offset
+        Displacements to what each agent knows of the others, shape (N, N, m).
+    """
+    distance, by_distance = np.sqrt((offset**2).sum(axis=-1)), np.flatnonzero(rules.ways).tolist()
+    found = {graph: rules.followed(graph, links[graph], distance) for graph in by_distance}
+    return found | {graph: view.seen(slice(None), offset) for graph, view in views.items()}
+
+
+def with_cones(rules: LinkRules, views: Mapping[int, GraphView]) -> tuple[LinkRules, Links | None]:
+    """The ``rules`` of links by distances with those of cones, and the pairs that may be linked, (graphs, N, N).
+
+    Parameters
+    ----------
+    views
+        Fields of view and cones by the number of the graph. Without cones there is nothing to add, and every pair may.
+    """
+    cones = {k: view for k, view in views.items() if isinstance(view, ConeView)}
+    if not cones:
+        return rules, None
+    n = rules.appear.shape[1]
+    found = LinkRules(rules.ways.copy(), rules.appear.copy(), rules.break_.copy())
+    allowed = np.ones((len(rules.ways), n, n), dtype=bool)
+    for graph, view in cones.items():
+        # Knowledge is directed: two agents may know different distances from each other.
+        found.ways[graph], allowed[graph] = 2, view.allowed
+        found.appear[graph] = found.break_[graph] = view.radii
+    return found, allowed
+
+
+@native_apart
+def find_known_view_switches(
+    paths: Paths, span: float, links: Links, turning: bool, headings: Array, cosines: Array, radii: Array, size: float,
+    found: Array,
+) -> int:  # fmt: skip
+    """Fill rows (time, i, j) of all changes of what agents take to be in view within a time; how many there are.
+
+    Parameters
+    ----------
+    paths, span, size
+        As for `find_known_switches`; in open space, and by `turning_paths` where views turn.
+    links
+        Links of the graph by what agents know, shape (N, N).
+    turning, headings
+        Whether views turn, and Taylor coefficients about now of the vectors along which agents look, unit vectors that
+        stay what they are if not, shape (N, terms, m).
+    cosines, radii
+        Cosine of the half angle and radius of each agent, shape (N,).
+    found
+        Takes the rows, shape (room, 3).
+    """
+    n, total = links.shape[0], 0
+    nearest = np.empty(paths.S.shape[2])
+    for i in range(n):
+        slack = ROUNDING * (radii[i] + size)
+        for j in range(n):
+            if i == j:
+                continue
+            distance, reach = nearest_offset(paths, i, n + j, nearest), reach_within(paths, i, n + j, span)
+            two, look = TwoPaths(i, n + j, span, distance, reach), Looking(i, j, radii[i], cosines[i], slack)
+            if turning:
+                total = add_turning_changes(paths, two, look, links[i, j], headings[i], found, total)
+            else:
+                total = add_view_changes(paths, two, look, links[i, j], headings[i, 0], found, total)
+    return total
+
+
+def known_view_switches(
+    space: Space, own: Array, known: Array, span: float, now: float, links: Links, graph: int,
+    view: View | ConeView | MovingView,
+) -> Array:  # fmt: skip
+    """Rows (time, i, j, graph) of all changes of what agents take to be in view under one graph.
+
+    Parameters
+    ----------
+    space, own, known, span, now
+        As for `known_switches`.
+    links
+        Links of the graph by what agents know, shape (N, N).
+    graph, view
+        The number of the graph, and how agents look under it. Cones are not looked at, see `with_cones`.
+    """
+    if isinstance(view, ConeView):
+        return np.zeros((0, 4))
+    paths = paths_in(space, np.concatenate([own, known], axis=1), now)
+    size, turning = float(np.abs(paths.S[0]).max()), isinstance(view, MovingView)
+    headings = view.headings if isinstance(view, MovingView) else np.ascontiguousarray(view.directions[:, None])
+    if turning:
+        paths = turning_paths(paths, headings.shape[1])
+    given = paths, span, links, turning, headings, view.cosines, view.radii, size
+    rows = all_rows(lambda found: int(find_known_view_switches(*given, found)), 3)
+    return np.column_stack([rows, np.full(len(rows), float(graph))])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import comb
 
 import numpy as np
@@ -9,16 +10,26 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.adaptive_steps.integration_method import DEGREE
 from flocking.engine.adaptive_steps.segment import Segment
+from flocking.engine.adaptive_steps.state_vectors import place_of
 from flocking.engine.delayed.breaking_points import PairPoints
-from flocking.engine.delayed.delays import Delays, late_pieces
+from flocking.engine.delayed.delays import Delays, column_series, late_pieces
 from flocking.engine.delayed.history import BINOMIALS, History, position_series
+from flocking.engine.delayed.known_links import with_cones
 from flocking.engine.delayed.met_obstacles import PiecewisePaths
-from flocking.engine.delayed.pair_past import Past, Pieces, fill_states, find_first_switches
+from flocking.engine.delayed.pair_past import Looks, Past, Pieces, fill_states, find_first_switches
 from flocking.engine.delayed.state_jumps import StateJumps
+from flocking.engine.imperfect.cone_switches import ConeView
+from flocking.engine.imperfect.graph_views import GraphView
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.pair_polynomials import conversion, too_many_images
+from flocking.engine.imperfect.turning_views import TurningView
+from flocking.engine.imperfect.view_switches import View
 from flocking.engine.kernels.bernstein import all_rows
+from flocking.model.graphs.views import VELOCITY
 from flocking.model.space import Space
+
+BY_DISTANCE = Looks(np.zeros((0, 1, 1, 1)), False, np.zeros(0), np.zeros(0))
+"""Nobody looks anywhere: links follow distances."""
 
 COMBINATIONS = np.array([[comb(a, k) for k in range(DEGREE + 1)] for a in range(DEGREE + 1)], dtype=np.float64)
 
@@ -30,12 +41,14 @@ class PairDelays(Delays):
     ----------
     tau
         The delays, shape (N, N), at least one of them positive; on the diagonal how late agents know themselves.
-    history
-        The past.
+    history, views, widths
+        As for `flocking.engine.delayed.delays.OneDelay`.
     """
 
-    def __init__(self, tau: Array, history: History) -> None:
-        self.tau = np.ascontiguousarray(tau)
+    def __init__(
+        self, tau: Array, history: History, views: Mapping[int, GraphView], widths: Mapping[str, int]
+    ) -> None:  # fmt: skip
+        self.tau, self.views, self._widths = np.ascontiguousarray(tau), views, widths
         positive = tau[tau > 0.0]
         self.least, self.largest = float(positive.min()), float(positive.max())
         self.history = history
@@ -121,14 +134,48 @@ class PairDelays(Delays):
         lengths = np.array(space.lengths or (np.inf,) * m, dtype=np.float64)
         size = float(np.abs(pieces.series[:, 0]).max())
 
-        def rows_in(found: Array) -> int:
-            count = int(find_first_switches(
-                pieces, self.tau, segment.t0, segment.t1, lengths,
-                conversion(DEGREE), links, *rules, size, found,
-            ))  # fmt: skip
-            if count < 0:
-                raise too_many_images(base + segment.t0)
-            return count
+        def rows_of(table: Array, links: Links, rules: LinkRules, looks: Looks) -> Array:
+            def rows_in(found: Array) -> int:
+                count = int(find_first_switches(
+                    pieces, self.tau, segment.t0, segment.t1, lengths, table, links, rules, looks, size, found
+                ))  # fmt: skip
+                if count < 0:
+                    raise too_many_images(base + segment.t0)
+                return count
 
-        rows = all_rows(rows_in, 4)
+            return all_rows(rows_in, 4)
+
+        by_distance, allowed = with_cones(rules, self.views)
+        rows = rows_of(conversion(DEGREE), links, by_distance, BY_DISTANCE)
+        rows = rows if allowed is None else rows[allowed[tuple(rows[:, [3, 1, 2]].astype(np.int64).T)]]
+        for graph, view in self.views.items():
+            if isinstance(view, ConeView):
+                continue
+            looks, one = self._looks(view, segment, before), slice(graph, graph + 1)
+            by_view = LinkRules(np.ones(1, np.int64), rules.appear[one], rules.break_[one])
+            seen = rows_of(conversion(DEGREE + looks.series.shape[1] - 1), links[one], by_view, looks)
+            seen[:, 3] = graph
+            rows = np.concatenate([rows, seen])
         return rows[np.lexsort(rows.T[::-1])]
+
+    def _looks(self, view: View | TurningView, segment: Segment, before: int) -> Looks:
+        """How agents look under a graph on a step, as they know themselves.
+
+        Parameters
+        ----------
+        view, segment
+            The fields of view, and the step.
+        before
+            1 where the line before the start is among the pieces that are read, else 0.
+        """
+        if isinstance(view, View):
+            return Looks(view.directions[None, None], False, view.cosines, view.radii)
+        last = column_series(segment, self.history, view.column, self._widths)
+        if view.column != VELOCITY or self.knows_present:
+            return Looks(last[None], False, view.cosines, view.radii)
+        n, m, order = self.history.n, self.history.m, self.history.order
+        place = place_of(VELOCITY, order, n, m, self._widths)
+        line = np.zeros((before, DEGREE + 1, n, m))
+        line[:, 0] = self.history.start[:, m:]
+        steps = [position_series(x, n, m, x.t0, place) for x in self.history.segments]
+        return Looks(np.concatenate([line, np.array([*steps, last])]), True, view.cosines, view.radii)

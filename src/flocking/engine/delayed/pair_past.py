@@ -6,9 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flocking.arrays import Array, Indices, Links, Numbers
-from flocking.engine.imperfect.pair_polynomials import Paths, nearest_offset, reach_within
+from flocking.arrays import Array, Indices, Links
+from flocking.engine.imperfect.constant_views import add_view_changes
+from flocking.engine.imperfect.link_rules import LinkRules
+from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, nearest_offset, reach_within
 from flocking.engine.imperfect.pair_switches import TwoPaths, WatchedLink, add_switches
+from flocking.engine.imperfect.turning_views import add_turning_changes
+from flocking.engine.imperfect.view_switches import Looking
 from flocking.formula.native.functions import native_apart
 
 
@@ -59,6 +63,27 @@ class Pieces(NamedTuple):
     binomials: Array
     first: Indices
     last: Indices
+
+
+class Looks(NamedTuple):
+    """How agents look under a graph, if their links under it follow fields of view.
+
+    Parameters
+    ----------
+    series
+        Taylor coefficients of the vectors along which they look, about the beginning of each piece of `Pieces`, or of
+        the last one alone, shape (pieces or 1, terms, N, m). One term is a unit vector that stays what it is. There are
+        no entries where links follow distances.
+    late
+        Whether they know these as late as their positions, and there are those of all pieces.
+    cosines, radii
+        Cosine of the half angle and radius of each agent, shape (N,).
+    """
+
+    series: Array
+    late: bool
+    cosines: Array
+    radii: Array
 
 
 def step_at(ends: Array, seconds: float) -> int:
@@ -153,10 +178,53 @@ def shift_path(pieces: Pieces, piece: int, agent: int, by: float, S: Array, plac
             S[a, place, k] = value
 
 
+class Moment(NamedTuple):
+    """A time on a step, in seconds from the start, and the piece of its own motion that an agent knows then."""
+
+    t: float
+    own: int
+    delay: float
+
+
+def add_view_switches(
+    paths: Paths, two: TwoPaths, looks: Looks, pieces: Pieces, now: Moment, look: Looking, near: bool, row: Array
+) -> int:
+    """Put the first change of whether another agent is in view into ``row``; how many there are. For native functions.
+
+    Parameters
+    ----------
+    paths, two
+        The paths of the two about now.
+    looks, pieces, now
+        How agents look, the motion, and now.
+    look, near
+        Who looks at whom, and whether that one is in view now.
+    row
+        Takes the change, shape (1, 4).
+    """
+    terms, m = looks.series.shape[1], looks.series.shape[3]
+    H = np.empty((terms, m))
+    piece, by = 0, 0.0
+    if looks.late:
+        piece, by = now.own, now.t - now.delay - pieces.begins[now.own]
+    elif terms > 1:
+        by = now.t - pieces.begins[pieces.begins.shape[0] - 1]
+    for k in range(m):
+        for a in range(terms):
+            value = 0.0
+            for b in range(terms - a):
+                power = terms - 1 - b
+                value = value * by + pieces.binomials[power, a] * looks.series[piece, power, look.s, k]
+            H[a, k] = value
+    if terms > 1:
+        return add_turning_changes(paths, two, look, near, H, row, 0)
+    return add_view_changes(paths, two, look, near, H[0], row, 0)
+
+
 @native_apart
 def find_first_switches(
     pieces: Pieces, tau: Array, begin: float, end: float, lengths: Array, table: Array,
-    links: Links, ways: Numbers, enter: Array, leave: Array, size: float, found: Array,
+    links: Links, rules: LinkRules, looks: Looks, size: float, found: Array,
 ) -> int:  # fmt: skip
     """Fill rows (time since the step began, i, j, graph) of the first switch of every link on a step.
 
@@ -175,8 +243,10 @@ def find_first_switches(
         See `flocking.engine.imperfect.pair_polynomials.Paths`.
     links
         Links by what agents know, shape (graphs, N, N).
-    ways, enter, leave
-        See `flocking.engine.imperfect.link_rules.LinkRules`.
+    rules
+        When links switch by distances.
+    looks
+        How agents look, for the links of one graph alone, in open space.
     size
         Size of the coordinates, for rounding.
     found
@@ -222,10 +292,17 @@ def find_first_switches(
                     distance, reach = nearest_offset(paths, 0, 1, nearest), reach_within(paths, 0, 1, until - t)
                     two = TwoPaths(0, 1, until - t, distance, reach)
                     for graph in range(graphs):
-                        if ways[graph] == 0 or switched[graph] > 0.0:
+                        if rules.ways[graph] == 0 or switched[graph] > 0.0:
                             continue
-                        link = WatchedLink(links[graph, i, j], enter[graph, i], leave[graph, i], i, j, graph)
-                        count = add_switches(paths, two, nearest, link, size, row, 0)
+                        if looks.series.shape[0]:
+                            slack = ROUNDING * (looks.radii[i] + size)
+                            look = Looking(i, j, looks.radii[i], looks.cosines[i], slack)
+                            now, near = Moment(t, own, tau[i, i]), links[graph, i, j]
+                            count = add_view_switches(paths, two, looks, pieces, now, look, near, row)
+                        else:
+                            appear, leave = rules.appear[graph, i], rules.break_[graph, i]
+                            link = WatchedLink(links[graph, i, j], appear, leave, i, j, graph)
+                            count = add_switches(paths, two, nearest, link, size, row, 0)
                         if count < 0:
                             return -1
                         if count > 0:

@@ -173,6 +173,7 @@ class DelayedSession(DelayedSteps):
         self._rules = link_rules(new.scenario.law.graphs, self.n)
         self._known_rules = known_rules(self._rules, new.scenario.law.graphs)
         self._views = views_of(new.scenario.law.graphs, new.scenario.agents.headings, new.scenario.start.q)
+        self.delays.views = self._views
         self.history.end_at(seconds)
         self.delays.jumps.add(seconds, moved)
         self.delays.begin_step(seconds)
@@ -222,7 +223,7 @@ class DelayedSession(DelayedSteps):
         if new.state.links is not None:
             # Links that are cut or made without a move; of moves agents know when their delays have passed.
             known = np.where((self.links != before) & ~(moved | moved[:, None]), self.links, known)
-        self.known_links = self.links_by_known_distances(known, seconds, y, self.delays.known_at_once(moved))
+        self.known_links = self.links_by_known_distances(known, seconds, y, self.delays.known_at_once(moved), moved)
 
     @property
     def about(self) -> dict[str, object]:

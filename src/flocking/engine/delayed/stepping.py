@@ -13,9 +13,10 @@ from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.delayed.delayed_law import DelayedLaw
 from flocking.engine.delayed.delays import Delays, OneDelay
 from flocking.engine.delayed.history import History, position_series, split_state
+from flocking.engine.delayed.known_links import followed_links
 from flocking.engine.delayed.met_obstacles import NOBODY, Crossings, MetObstacles
 from flocking.engine.delayed.pair_delays import PairDelays
-from flocking.engine.imperfect.graph_views import views_now, with_bodies
+from flocking.engine.imperfect.graph_views import turns_with_bodies, views_now, with_bodies
 from flocking.engine.imperfect.powers import FIFTEEN, Powers, integrated
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.true_law import check_forces
@@ -101,9 +102,10 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         """What agents know of each other, and where steps end because of it."""
         assert isinstance(scenario.information, Delayed)
         tau, late = scenario.information.tau, scenario.information.self_delayed
+        seen = self._views, self._law.widths
         if isinstance(tau, np.ndarray):
-            return PairDelays(tau, self.history)
-        return OneDelay(tau, late, self.history)
+            return PairDelays(tau, self.history, *seen)
+        return OneDelay(tau, late, self.history, *seen)
 
     @property
     def _law(self) -> DelayedLaw:
@@ -123,7 +125,9 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         known = None if self.delays.knows_present else self.delays.own(seconds, true)[:, : self.m]
         return MetObstacles(self._law.law, true[:, : self.m], known, self._base + seconds)
 
-    def links_by_known_distances(self, found: Links, seconds: float, y: Array, pairs: Links | None = None) -> Links:
+    def links_by_known_distances(
+        self, found: Links, seconds: float, y: Array, pairs: Links | None = None, turned: Links | None = None
+    ) -> Links:  # fmt: skip
         """Links after the distances that agents know have become what they are.
 
         Parameters
@@ -134,20 +138,18 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
             Time since the start, and the true state vector.
         pairs
             Pairs whose distances jump, shape (N, N); all when absent.
+        turned
+            Agents whose bodies may have turned, shape (N,): they look along these at once.
         """
         if not self._rules.ways.any() and not self._views:
             return found
-        m = self.m
         own, known = self.delays.all_states(seconds, self._true(y))
-        offset = self.scenario.space.displacement(known[..., :m] - own[:, None, :m])
-        distance = np.sqrt((offset**2).sum(axis=-1))
-        views = views_now(with_bodies(self._views, lambda: self._law.further(y)), lambda _: own[:, m:])
-        every = {
-            graph: self._known_rules.followed(graph, found[graph], distance)
-            for graph in np.flatnonzero(self._rules.ways).tolist()
-        } | {graph: view.seen(slice(None), offset) for graph, view in views.items()}
-        for graph, followed in every.items():
-            found[graph] = followed if pairs is None else np.where(pairs, followed, found[graph])
+        offset = self.scenario.space.displacement(known[..., : self.m] - own[:, None, : self.m])
+        views = views_now(with_bodies(self._views, lambda: self._law.further(y)), lambda _: own[:, self.m :])
+        jumping = np.ones((self.n, self.n), dtype=bool) if pairs is None else pairs
+        for graph, followed in followed_links(self._known_rules, views, found, offset).items():
+            at_once = turned if turns_with_bodies(self._views.get(graph)) else None
+            found[graph] = np.where(jumping if at_once is None else jumping | at_once[:, None], followed, found[graph])
             np.fill_diagonal(found[graph], False)
         return found
 

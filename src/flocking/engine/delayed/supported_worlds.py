@@ -10,7 +10,6 @@ from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.graphs.views import VELOCITY
 from flocking.model.law import Law, Scenario
-from flocking.model.world.information import Messages
 
 
 def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> None:
@@ -36,9 +35,7 @@ def check_delayed_law(engine: str, scenario: Scenario, plant: Law | None) -> Non
     if refused := _refused_body(body):
         raise UnsupportedLaw(f"engine={engine!r} moves no {refused}.")
     points = PointMass() if body.order == 2 else SingleIntegrator()
-    views = isinstance(scenario.information, Messages)
-    columns = [VELOCITY, *body.directions] if views else []
-    check_law(engine, scenario, plant, points, obstacles=True, views=views, columns=columns)
+    check_law(engine, scenario, plant, points, obstacles=True, views=True, columns=[VELOCITY, *body.directions])
     check_leader_messages(engine, scenario)
 
 

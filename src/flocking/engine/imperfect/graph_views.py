@@ -58,6 +58,11 @@ def view_from(view: GraphView, headings: Callable[[str], Array]) -> View | ConeV
     return view.along(headings(view.column)) if isinstance(view, TurningView) else view
 
 
+def turns_with_bodies(view: GraphView | None) -> bool:
+    """Whether agents look along a column of their bodies, which they know at once."""
+    return isinstance(view, TurningView) and view.column != VELOCITY
+
+
 def with_bodies(views: Mapping[int, GraphView], columns: Callable[[], Mapping[str, Array]]) -> dict[int, GraphView]:
     """The same ``views``, those along directions of the bodies as they are at a moment: whoever looks knows them.
 
@@ -67,7 +72,7 @@ def with_bodies(views: Mapping[int, GraphView], columns: Callable[[], Mapping[st
         Gives the columns of the bodies at that moment by name, shape (N, width) each.
     """
     return {
-        k: view.looking(columns()[view.column]) if isinstance(view, TurningView) and view.column != VELOCITY else view
+        k: view.looking(columns()[view.column]) if isinstance(view, TurningView) and turns_with_bodies(view) else view
         for k, view in views.items()
     }
 

@@ -11,10 +11,12 @@ from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.runs.message_log import DELAYED, MessageLog
 from flocking.engine.runs.run import Run
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.seen_headings import heading_column
+from flocking.model.graphs.views import VELOCITY
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed
 from flocking.model.world.times import NANOSECOND, PER_SECOND
-from flocking.study.message_logs.link_margins import radii_of
+from flocking.study.message_logs.link_margins import doubt_of, margin_of, radii_of
 from flocking.study.message_logs.logged_world import NEAR
 from flocking.study.message_logs.recorded_motion import Between, RecordedMotion
 from flocking.study.message_logs.reference_law import ReferenceLaw
@@ -50,7 +52,7 @@ class DelayedReplay:
         assert isinstance(scenario.information, Delayed)
         self.run, self.scenario, self.log = run, scenario, log
         self.base, self.n = scenario.start.t, scenario.start.n
-        self.motion, self.law = RecordedMotion(run), ReferenceLaw(scenario)
+        self.motion, self.law = RecordedMotion(run, log), ReferenceLaw(scenario)
         tau = np.asarray(scenario.information.tau, dtype=np.float64)
         own = np.eye(self.n, dtype=bool) & (not scenario.information.self_delayed)
         self.tau: Array = np.where(own, 0.0, np.broadcast_to(tau, (self.n, self.n)))
@@ -107,21 +109,64 @@ class DelayedReplay:
     def _frame(self, frame: int) -> Iterator[WrongEntry]:
         """Links at a frame against the distances that agents know then."""
         seconds = float(self.run.t[frame]) - self.base
-        distance, error = self._distances(self._known(seconds))
+        known = self._known(seconds)
+        distance, _ = self._distances(known)
         open_ = np.zeros(self.n, dtype=bool)
         for number, graph in enumerate(self.graphs):
             links: Links = self.links[number]
             if not graph.moves:
                 yield from self._unlike(seconds, number, links != self._first[number], distance)
                 continue
-            appear, leave = self._radii[number]
-            radius = np.where(links, leave, appear)
-            over, slack = np.where(links, distance - radius, radius - distance), self.near * (1.0 + radius)
+            inside, error = self._inside(number, links, known, self._looks(graph, known, frame))
+            over = np.where(links, -inside, inside)
             np.fill_diagonal(over, -np.inf)
             np.fill_diagonal(error, 0.0)
-            open_ |= (np.abs(over) <= error + slack).any(axis=1)
-            yield from self._unlike(seconds, number, over > error + slack, distance)
+            open_ |= (np.abs(over) <= error).any(axis=1)
+            yield from self._unlike(seconds, number, over > error, distance)
         self.undecided += int(open_.sum())
+
+    def _inside(self, number: int, links: Links, known: Between, looks: tuple[Array, Array]) -> tuple[Array, Array]:
+        """How far inside of where they are linked pairs are, negative outside, and the error of that, shape (N, N).
+
+        Parameters
+        ----------
+        number, links
+            The number of a graph, and links under it so far, shape (N, N).
+        known, looks
+            What agents know, and what `_looks` gives.
+        """
+        graph, (appear, leave) = self.graphs[number], self._radii[number]
+        distance, error = self._distances(known)
+        if not graph.sees_headings:
+            radius = np.where(links, leave, appear)
+            return radius - distance, error + self.near * (1.0 + radius)
+        own, headings = np.arange(self.n), self.scenario.agents.headings
+        offset = self.scenario.space.displacement(known.q - known.q[own, own][:, None])
+        inside, radii = np.full((self.n, self.n), np.inf), np.zeros((self.n, self.n))
+        doubt = np.zeros((self.n, self.n))
+        for i, j in zip(*np.nonzero(~np.eye(self.n, dtype=bool)), strict=True):
+            pair, d, ahead = (int(i), int(j)), offset[i, j], looks[0][i]
+            inside[i, j], radii[i, j] = margin_of(graph, headings, pair, bool(links[i, j]), d, ahead)
+            doubt[i, j] = doubt_of(graph, d, ahead, float(looks[1][i]))
+        # An error of a place changes the part by the bearing by twice itself at most.
+        return inside, SURE * (2.0 * error + doubt) + self.near * (1.0 + radii)
+
+    def _looks(self, graph: Graph, known: Between, frame: int | None) -> tuple[Array, Array]:
+        """Along what agents look under a graph if that turns, shape (N, m), and the errors of coordinates, shape (N,).
+
+        Parameters
+        ----------
+        graph, known
+            The graph, and what agents know.
+        frame
+            The frame of now; None where there is none: directions of bodies are not known then.
+        """
+        own, column = np.arange(self.n), heading_column(graph)
+        if column in ("", VELOCITY):
+            return known.p[own, own], known.off_p[own, own]
+        if frame is None:
+            return np.asarray(self.run.columns[column][0]), np.full(self.n, np.inf)
+        return np.asarray(self.run.columns[column][frame]), np.full(self.n, self.near)
 
     def _unlike(self, seconds: float, number: int, wrong: Links, distance: Array) -> Iterator[WrongEntry]:
         """Findings on pairs marked in ``wrong``, shape (N, N)."""
@@ -155,20 +200,19 @@ class DelayedReplay:
         self, seconds: float, agent: int, before: Links, known: Between, *, first: bool
     ) -> Iterator[WrongEntry]:
         """Links of an agent that switch in an act, or are found at its first one."""
-        distances, errors = self._distances(known)
-        distance, error = distances[agent], errors[agent]
+        distance = self._distances(known)[0][agent]
         # The nanosecond of an act is the whole one before a switch.
         rate = np.linalg.norm(known.p[agent] - known.p[agent, agent], axis=-1) + known.off_p[agent]
-        error = error + np.where(np.isfinite(rate), rate, 0.0) * NANOSECOND
+        moved = np.where(np.isfinite(rate), rate, 0.0) * NANOSECOND
         for number, graph in enumerate(self.graphs):
             if not graph.moves:
                 continue
-            was, now = before[number], self.links[number][agent]
-            appear, leave = (np.ravel(radius)[agent] for radius in self._radii[number])
-            radius = np.where(was, leave, appear)
-            over, slack = distance - radius, error + self.near * (1.0 + radius)
-            # At the start links follow from what is known; later they switch where it passes a radius.
-            wrong = (np.abs(over) > slack) & ((now != (over < 0.0)) if first else (was != now))
+            was, now, links = before[number], self.links[number][agent], self.links[number].copy()
+            links[agent] = was
+            looks = self._looks(graph, known, 0 if seconds == 0.0 else None)
+            inside, error = (x[agent] for x in self._inside(number, links, known, looks))
+            # At the start links follow from what is known; later they switch where it passes a border.
+            wrong = (np.abs(inside) > error + moved) & ((now != (inside > 0.0)) if first else (was != now))
             wrong[agent] = False
             for other in np.flatnonzero(wrong).tolist():
                 does = ("is" if now[other] else "is not") if first else ("appears" if now[other] else "breaks")

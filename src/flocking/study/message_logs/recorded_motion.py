@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array, Indices
+from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.runs.run import Run
+from flocking.model.world.times import NANOSECOND
 
 JUMP_SHARE = 4.0
 """Largest error of the acceleration of a cubic over the jump between two of them at a frame, where the acceleration
@@ -17,6 +19,10 @@ BEND_SHARE = 0.5
 """The same over the second difference of the accelerations at frames, where the acceleration is smooth: 1/12, for the
 error of a cubic through two values and slopes is the fourth derivative times s**2 (h - s)**2 / 24. Six times that
 leaves room for its change."""
+
+
+FORCE_SHARE = 2.0
+"""Largest error of the acceleration of a cubic over a jump of it between its two frames, as above."""
 
 
 class Between(NamedTuple):
@@ -42,15 +48,17 @@ class RecordedMotion:
     Frames hold no velocities of agents of order 1: differences of neighbouring positions stand for them. Before the
     start agents moved in straight lines, those of order 1 stood still. At a frame, and before the start, the error is
     that of rounding; between two frames it is estimated from how far the accelerations of neighbouring cubics differ
-    and bend.
+    and bend, and by how much logged forces change there.
 
     Parameters
     ----------
     run
         The run.
+    log
+        Its log, if its forces are to count. No neighbour shows a jump just after the start or before the end.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, log: MessageLog | None = None) -> None:
         start = run.scenario.start
         self._t: Array = np.asarray(run.t, dtype=np.float64) - start.t
         self._q: Array = np.asarray(run.q, dtype=np.float64)
@@ -61,6 +69,22 @@ class RecordedMotion:
         if not self._slopes and len(self._t) > 1:
             self._p = np.gradient(self._q, self._t, axis=0)
         self._unsure = self._differences()
+        if log is not None and len(self._unsure):
+            masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), self._q.shape[1])
+            self._unsure = np.maximum(self._unsure, self._jumps(log, masses))
+
+    def _jumps(self, log: MessageLog, masses: Array) -> Array:
+        """Largest error of the acceleration between two frames by which a force jumps there, shape (F - 1, N)."""
+        found, h = np.zeros((len(self._t) - 1, self._q.shape[1])), np.diff(self._t)
+        for agent in range(self._q.shape[1]):
+            rows = np.flatnonzero(log.ticks[:, 1] == agent)
+            times = log.ticks[rows, 0] * NANOSECOND
+            change = np.linalg.norm(np.diff(np.asarray(log.forces, dtype=np.float64)[rows], axis=0), axis=-1)
+            k = np.clip(np.searchsorted(self._t, times[1:], side="right") - 1, 0, len(h) - 1)
+            # Of order 1 the velocity jumps: of a line through two frames the error is h x (1 - x) of that.
+            jump = change / masses[agent] if self._slopes else change / h[k]
+            np.maximum.at(found[:, agent], k, FORCE_SHARE * jump)
+        return found
 
     def _differences(self) -> Array:
         """Estimated largest error of the acceleration between two frames, shape (F - 1, N)."""

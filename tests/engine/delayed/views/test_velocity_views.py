@@ -11,7 +11,7 @@ import pytest
 import flocking as fk
 from flocking.engine.delayed.messages import message_states
 from flocking.engine.imperfect.turning_views import MovingView, TurningView
-from flocking.errors import SimulationError, UnsupportedLaw
+from flocking.errors import SimulationError
 from tests.engine.delayed.plain_views import PlainViews
 from tests.engine.delayed.test_message_sessions import same_logs
 from tests.engine.delayed.test_message_views import RADIO, START, VIEWS
@@ -202,8 +202,3 @@ def test_short_periods_tend_to_ideal_knowledge():
         run = fk.simulate(fk.Scenario(law, start, information=fk.Messages(period), **given), progress=False)
         assert run.switches[["i", "j", "kind"]].tolist() == ideal.switches[["i", "j", "kind"]].tolist()
         assert 0.001 * period < np.abs(run.q[-1] - ideal.q[-1]).max() < 2.0 * period
-
-
-def test_delayed_states_refuse_fields_of_view_by_name():
-    with pytest.raises(UnsupportedLaw, match="along constant headings here, not along 'p'"):
-        fk.start(world(information=fk.Delayed(0.1)), "delayed")

@@ -12,6 +12,8 @@ from scipy.integrate import solve_ivp
 
 import flocking as fk
 from flocking.arrays import Array, Links
+from flocking.engine.c_export.exported_law import exported_law
+from flocking.engine.driver.nodes import simulate_nodes
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.bodies.body import MotionSymbols
 from flocking.study.scenario_files.scenario_file import parse_scenario, scenario_to_text
@@ -226,9 +228,11 @@ def test_replacements_keep_what_agents_see() -> None:
 
 
 def test_whoever_cannot_follow_headings_refuses_them_by_name() -> None:
-    scenario = robots(0)
-    with pytest.raises(FlockingError, match="look along constant headings"):
-        fk.simulate(scenario.with_(information=fk.Delayed(0.1)), progress=False)
+    scenario = robots(0).with_(control=fk.Held(0.1), information=fk.Messages(0.1))
+    with pytest.raises(FlockingError, match="FieldOfView has another rule"):
+        exported_law(scenario)
+    with pytest.raises(FlockingError, match="that look along their headings"):
+        simulate_nodes(scenario, processes=False)
 
 
 def test_views_along_what_bodies_do_not_have_are_refused() -> None:

@@ -11,7 +11,7 @@ import flocking as fk
 from flocking.engine.driver.nodes import simulate_nodes
 from flocking.engine.imperfect import session as imperfect_session
 from flocking.engine.imperfect.view_switches import View
-from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.errors import InvalidInput
 from tests.engine.sampled.plain_world import NS, PlainWorld
 from tests.engine.sampled.test_independent import random_world
 from tests.engine.sampled.test_sessions import same
@@ -189,5 +189,3 @@ def test_what_cannot_be_is_refused():
         fk.start(scenario(agents=fk.PointMass()))
     with pytest.raises(InvalidInput, match="must link by distances"):
         simulate_nodes(scenario(), processes=False)
-    with pytest.raises(UnsupportedLaw, match="FieldOfView has another rule"):
-        fk.start(scenario(control=fk.Continuous(), information=fk.Delayed(0.1)), "delayed")

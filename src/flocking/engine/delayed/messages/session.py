@@ -202,7 +202,6 @@ class MessagesSession(DelayedSession):
 
     def _go_on_with(self, new: Replacement, seconds: float, before: Array) -> None:
         super()._go_on_with(new, seconds, before)
-        self._states.views = self._views
         if self._states.points.leaders is not None:
             self._states.points.leaders.leaders = new.scenario.law.leaders
         # Nothing of the past is read, and a step before the last one could have a gap that no jump explains any more.
