@@ -106,3 +106,17 @@ def test_a_motion_without_stated_errors_refutes_connection_and_does_not_show_it(
         assert str(found.verdict) == "not resolved"
         assert found.note.startswith("the motion as computed is connected after each of")
         assert "whether the exact one does is open: the errors of the run are unknown" in found.note
+
+
+def test_no_error_is_stated_of_what_a_run_is_too_short_for():
+    """Where engines state no errors of the motion none is estimated then either: zero would say that there is none."""
+    law = fk.Law(fk.Fixed.complete(2), [fk.Consensus(0.1)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 1.0]])
+    for world in ({"information": fk.Delayed(0.1, self_delayed=True)}, {"control": fk.Held(0.1)}):
+        found = fk.audit(fk.simulate(fk.Scenario(law, start, 1.0, frames=201, **world), progress=False))
+        agree = found["velocities-agree"]
+        assert str(agree.verdict) == "not yet"
+        assert np.isnan(agree.error)
+    exact = fk.audit(fk.simulate(fk.Scenario(law, start, 1.0, frames=201), progress=False))["velocities-agree"]
+    assert str(exact.verdict) == "not yet"
+    assert 0.0 < exact.error < 1e-6

@@ -124,8 +124,11 @@ def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[
     about the motion as it was computed.
     """
     kept = measured.conserved and measured.holds
-    if not e.motion_unstated or math.isinf(measured.margin) or measured.unsettled or kept:
+    if not e.motion_unstated or math.isinf(measured.margin) or kept:
         return measured
+    if measured.unsettled:
+        # No error decides what the run is too short for: it is not estimated, and none is not zero.
+        return replace(measured, error=math.nan)
     try:
         repetitions = e.repetitions
         again = [conclusion(type(e)(run)) for run in repetitions.runs]
