@@ -136,3 +136,16 @@ def test_a_force_without_stiffness_does_not_vanish_however_small_its_unit(streng
     law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("c*r", c=strength))])
     made = fk.Scenario(law, fk.State([[0.0], [1.0]]), t_end=0.1, frames=101, agents=fk.PointMass(strength))
     assert imbalance(Evidence(fk.simulate(made, progress=False))) == np.inf
+
+
+def test_a_report_has_its_results_and_certificates_have_their_keys():
+    law = fk.Law(fk.Fixed.complete(2), [fk.Consensus(1.0)])
+    scenario = fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]]), 1.0)
+    report, certificates = fk.audit(fk.simulate(scenario, progress=False)), fk.certify(scenario)
+    assert list(report) == list(report.results)
+    assert len(report) == len(report.results) > 0
+    for found, key in ((report, "ledger"), (certificates, "decay_rate")):
+        assert key in found
+        assert all(each in found for each in found)
+        assert "another" not in found
+        assert 0 not in found

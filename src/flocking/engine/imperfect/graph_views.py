@@ -59,7 +59,7 @@ def view_from(view: GraphView, headings: Callable[[str], Array]) -> View | ConeV
 
 
 def turns_with_bodies(view: GraphView | None) -> bool:
-    """Whether agents look along a column of their bodies, which they know at once."""
+    """Whether agents look under a ``view`` along a column of their bodies, which they know at once."""
     return isinstance(view, TurningView) and view.column != VELOCITY
 
 

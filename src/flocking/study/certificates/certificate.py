@@ -161,6 +161,9 @@ class Certificates:
     def __len__(self) -> int:
         return len(self.all)
 
+    def __contains__(self, key: object) -> bool:
+        return any(key is c or key == c.key for c in self.all)
+
     def __getitem__(self, key: str) -> Certificate:
         """The certificate with a key.
 

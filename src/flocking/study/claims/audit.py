@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -33,6 +33,15 @@ class Report:
 
     run: Run
     results: tuple[Result, ...]
+
+    def __iter__(self) -> Iterator[Result]:
+        return iter(self.results)
+
+    def __len__(self) -> int:
+        return len(self.results)
+
+    def __contains__(self, key: object) -> bool:
+        return any(key is r or key == r.claim.key for r in self.results)
 
     def __getitem__(self, key: str) -> Result:
         """Result of the claim with this key; a `KeyError` with the known ones where there is none."""
