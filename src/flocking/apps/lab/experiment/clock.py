@@ -55,6 +55,8 @@ class Frame:
         The last row of each ledger at that moment; None where there is none.
     changed_at, began, versions
         Time of the last change of each, the state right after it, and the number of changes.
+    members
+        What names the agent of each number, of each experiment: numbers may name others after agents were removed.
     failure
         Why the first that failed stopped; empty when none failed.
     shrunk
@@ -70,6 +72,7 @@ class Frame:
     changed_at: tuple[float, ...]
     began: tuple[State, ...]
     versions: tuple[int, ...]
+    members: tuple[tuple[int, ...], ...]
     failure: str
     shrunk: str
 
@@ -238,6 +241,7 @@ class Clock:
             self._generation, every[0].time, tuple(e.state for e in every), tuple(e.scenario for e in every),
             tuple(e.records() for e in every), tuple(e.last_row for e in every),
             tuple(e.changed_at for e in every), tuple(e.began for e in every), tuple(e.version for e in every),
+            tuple(e.members for e in every),
             next((e.failure for e in every if e.failure), ""), next((e.shrunk for e in every if e.shrunk), ""),
         )  # fmt: skip
 

@@ -6,18 +6,19 @@ import copy
 import math
 from collections.abc import Callable
 
-from flocking.apps.lab.experiment.events import Event, EventLog, outcome
+from flocking.apps.lab.experiment.events import Event, EventLog, Outcome, outcome
 from flocking.engine.driver.registry import check_name, chosen_engine, engine_named
 from flocking.engine.driver.waits import stage
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import SwitchRow
 from flocking.errors import InvalidInput, SimulationError
+from flocking.formula.safe_digits import given_text
 from flocking.model.law import Scenario
 from flocking.model.state import State
 from flocking.model.world.information import Delayed
 
-Moment = tuple[Callable[[], Session], Scenario, int, float]
-"""Restores a session; the scenario that factors multiply then, the number of events before, and the time."""
+Moment = tuple[Callable[[], Session], Scenario, int, float, tuple[int, ...]]
+"""Restores a session; the scenario that factors multiply then, the number of events before, the time and the agents."""
 
 MOST_MOMENTS = 32
 """Moments that are kept to begin from again; when there are more, every second of the older ones goes."""
@@ -70,6 +71,8 @@ class Experiment:
         """Rises with every event that changes the scenario."""
         self.complete = True
         """Whether the log holds all events."""
+        self.members = tuple(range(self.original.start.n))
+        """What names the agent of each number: its number at the start, negative of an agent that was added."""
         self._moments: list[Moment] = []
         self._begin = self._moment()
 
@@ -87,6 +90,11 @@ class Experiment:
     def state(self) -> State:
         """State of the session."""
         return self.session.state
+
+    @property
+    def regrouped(self) -> bool:
+        """Whether agents were removed or added since the start, so that numbers may name others."""
+        return self.members != tuple(range(self.original.start.n))
 
     @property
     def untouched(self) -> bool:
@@ -128,6 +136,20 @@ class Experiment:
             self._forget()
         self.log.end = self.time
 
+    def outcome_of(self, event: Event) -> Outcome:
+        """The effect that an event would have now; nothing is changed.
+
+        Raises
+        ------
+        InvalidInput
+            When the event is not possible.
+        """
+        if self.failure:
+            raise InvalidInput(
+                "lab", "event", "needs a run that has not failed", event.get("kind"), "Go back or restart."
+            )
+        return outcome(event, self.scenario, self.base, self.state)
+
     def apply(self, event: Event) -> None:
         """Apply an event now, and log it.
 
@@ -136,12 +158,8 @@ class Experiment:
         InvalidInput
             When the event is not possible; the experiment is then unchanged.
         """
-        if self.failure:
-            raise InvalidInput(
-                "lab", "event", "needs a run that has not failed", event.get("kind"), "Go back or restart."
-            )
+        found = self.outcome_of(event)
         present, state, exact_time = self.scenario, self.state, self.session.time_is_exact
-        found = outcome(event, present, self.base, state)
         now = found.scenario
         late = isinstance(present.information, Delayed) and now.information is not present.information
         if found.new_session or late or now.energy is not present.energy or now.agents is not present.agents:
@@ -158,6 +176,7 @@ class Experiment:
             if found.scenario.information is not present.information:
                 self.session.replace_information(found.scenario.information)
         self.base = found.base
+        self.members = _members_after(event, self.members, -1 - self.version)
         self.changed_at, self.began = self.time, self.state
         self.version += 1
         self.complete = self.complete and exact_time and len(self.log.entries) < MOST_EVENTS
@@ -178,11 +197,11 @@ class Experiment:
                 self._moments = self._moments[-2:]
 
     def _moment(self) -> Moment:
-        return self.session.moment(), self.base, len(self.log.entries), self.time
+        return self.session.moment(), self.base, len(self.log.entries), self.time, self.members
 
     def go_back(self) -> None:
         """Return to the older saved moment, or the start; later events are removed from the log."""
-        back, self.base, events, time = self._moments[-2:][0] if self._moments else self._begin
+        back, self.base, events, time, self.members = self._moments[-2:][0] if self._moments else self._begin
         self._moments = self._moments[:-1] if len(self._moments) > 1 else self._moments
         self.session = back()
         self._forget_after(time)
@@ -219,13 +238,13 @@ class Experiment:
         """
         start = self._begin[3]
         if not start <= to <= self.time:
-            raise InvalidInput("lab", "time", f"must lie between {start:.6g} and {self.time:.6g}", to)
+            raise InvalidInput("lab", "time", f"must lie between {given_text(start)} and {given_text(self.time)}", to)
         if not self.complete:
             raise InvalidInput("lab", "time", "can be chosen only where the log holds all events", to)
         moments = [m for m in (self._begin, *self._moments) if m[3] <= to]
-        back, base, events, _ = moments[-1]
+        back, base, events, _, members = moments[-1]
         found = copy.copy(self)
-        found.session, found.base, found.failure = back(), base, ""
+        found.session, found.base, found.members, found.failure = back(), base, members, ""
         found.log = EventLog(self.original, self.engine, self.log.entries[:events], found.session.time)
         found._moments = moments[1:]
         found._forget_after(found.session.time)
@@ -253,6 +272,14 @@ class Experiment:
         for rows in self.records():
             if len(rows) > 2 * MOST_ROWS:
                 del rows[:-MOST_ROWS]
+
+
+def _members_after(event: Event, members: tuple[int, ...], added: int) -> tuple[int, ...]:
+    """What names the agent of each number after an event that was done, which may have ``added`` one."""
+    if event["kind"] == "kill":
+        gone = set(map(int, event["agents"]))
+        return tuple(who for number, who in enumerate(members) if number not in gone)
+    return (*members, added) if event["kind"] == "add" else members
 
 
 def opened(scenario: Scenario, engine: str) -> tuple[Session, str]:
@@ -297,6 +324,6 @@ def _advance_to(experiment: Experiment, to: float, proceed: Callable[[], bool]) 
     """Advance an experiment in pieces, between which it can be cancelled."""
     while not experiment.reached(to):
         if not proceed():
-            raise InvalidInput("lab", "replay", "was cancelled", f"t = {experiment.time:.6g}")
-        stage(f"replaying a log, t = {experiment.time:.6g} of {to:.6g}")
+            raise InvalidInput("lab", "replay", "was cancelled", f"t = {given_text(experiment.time)}")
+        stage(f"replaying a log, t = {given_text(experiment.time)} of {given_text(to)}")
         experiment.advance(to, REPLAY_SECONDS)

@@ -17,7 +17,7 @@ from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.apps.lab.experiment.settings import sections
 from flocking.apps.lab.live.hub import Hub, Message, Tab
 from flocking.apps.lab.live.measuring import Measuring
-from flocking.apps.lab.live.messages import scenario_message, stored_message, values_message
+from flocking.apps.lab.live.messages import REGROUPED, scenario_message, stored_message, values_message
 from flocking.apps.lab.live.openings import Openings
 from flocking.apps.lab.live.past import Past
 from flocking.apps.lab.panels.catalogue import catalogue
@@ -74,6 +74,8 @@ class Lab:
         self._loads = 0
         self._openings = Openings(scenario, self.folder)
         self.name = self._openings.first_name
+        self.seed: int | None = None
+        """The seed that it was opened with; that of a scenario may be another than those of its draws."""
         experiment = self._openings.first()
         self.last_error = ""
         """Message of the last refused request."""
@@ -94,11 +96,6 @@ class Lab:
     def experiment(self) -> Experiment:
         """The first experiment."""
         return self.clock.experiments[0]
-
-    @property
-    def seed(self) -> int | None:
-        """Seed of the first experiment as it was opened."""
-        return self.experiment.original.seed
 
     def count_request(self) -> None:
         """Count a request that opens or saves a file, or begins a run.
@@ -231,6 +228,9 @@ class Lab:
         # The number in which two experiments differ is changed in the first alone.
         targets = both[:1] if self.compared and tuple(event.get("path", ())) == self.compared else both
         try:
+            # What one of them refuses is done to none.
+            for each in targets[1:]:
+                each.outcome_of(event)
             for each in targets:
                 each.apply(event)
         finally:
@@ -257,7 +257,7 @@ class Lab:
         self._tell_opening(name)
         try:
             found = self._openings.opened(name, seed, lambda: number == self._loads and not self.clock.closed)
-            self.name = name
+            self.name, self.seed = name, seed
             self._install([found], challenge=name.removeprefix(CHALLENGE) if name.startswith(CHALLENGE) else "")
         finally:
             self._tell_opening("")
@@ -314,9 +314,9 @@ class Lab:
 
     @staticmethod
     def restarted(experiment: Experiment) -> Experiment:
-        """The experiment from its start with the present settings; its own where the group changed."""
+        """The experiment from its start with the present settings; as it was opened where the group changed."""
         now, first = experiment.scenario, experiment.original
-        if now.start.n == first.start.n:
+        if not experiment.regrouped:
             first = first.with_(law=now.law, agents=now.agents, energy=now.energy, information=now.information)
         return Experiment(first, experiment.engine)
 
@@ -325,9 +325,12 @@ class Lab:
         self.count_request()
 
         def act() -> None:
+            changed = any(each.regrouped for each in self.clock.experiments)
             self.clock.experiments = [self.restarted(each) for each in self.clock.experiments]
             self.measuring.reset()
             self.tell_law()
+            if changed:
+                self.hub.tell(REGROUPED)
 
         self.clock.post(act, "restart")
 
@@ -391,10 +394,12 @@ class Lab:
             When the second cannot have that number.
         """
         self.count_request()
-        left = self.restarted(self.experiment)
+        changed, left = self.experiment.regrouped, self.restarted(self.experiment)
         right = Experiment(left.original, left.engine)
         right.apply({"kind": "set", "path": list(path), "value": value})
         self._install([left, right], tuple(path))
+        if changed:
+            self.hub.tell(REGROUPED)
 
     def close_run(self) -> None:
         """Go back from a stored run to the live one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from flocking.apps.lab.experiment.challenges import Score, challenge_of, judged
 from flocking.apps.lab.experiment.clock import Clock, Frame
@@ -73,6 +73,8 @@ class Measuring:
         self._judged: tuple[float, tuple[int, ...]] | None = None
         """Time and numbers of changes of the moment that was judged last."""
         self._judged_version = 0
+        self._judged_members: tuple[int, ...] = ()
+        """What named the agent of each number in the motion that was judged."""
         self._former = 0
         """Number of the last frame of a run that another took the place of."""
         self._lock = threading.Lock()
@@ -203,6 +205,7 @@ class Measuring:
             if frame.number <= self._former:
                 return
             self.verdicts, self._judged_version, self.since = found, frame.versions[0], float(run.t[0])
+            self._judged_members = frame.members[0]
             before = self.timeline.judged
             for verdict in found:
                 since = float(run.t[0]) if before is None else until
@@ -246,7 +249,9 @@ class Measuring:
         with self._lock:
             record = self.timeline.content(events)
             shown = [v for v in self.verdicts if v.word != "not applicable"]
-            claims = [_claim(v, self.timeline.strips[v.claim.key].largest) for v in shown]
+            now = {who: number for number, who in enumerate(clock.frame.members[0])}
+            numbered = {number: now[who] for number, who in enumerate(self._judged_members) if who in now}
+            claims = [_claim(v, self.timeline.strips[v.claim.key].largest, numbered) for v in shown]
             numbers = [{k: _finite(v) for k, v in each.items()} for each in self.numbers]
         return {
             "kind": "record", "now": experiment.time, "end": float(experiment.scenario.t_end), "record": record,
@@ -263,14 +268,15 @@ class Measuring:
         }  # fmt: skip
 
 
-def _claim(verdict: ShownVerdict, largest: float) -> dict[str, object]:
+def _claim(verdict: ShownVerdict, largest: float, numbered: Mapping[int, int]) -> dict[str, object]:
+    """A verdict as JSON data; its agents have their present numbers, and those that were removed are left out."""
     claim, witness = verdict.claim, verdict.witness
     return {
         "key": claim.key, "source": claim.source, "sentence": set_text(claim.statement), "word": verdict.word,
         "style": verdict.style, "lamp": verdict.lamp, "note": verdict.note, "reason": claim.reason,
         "margin": _finite(verdict.margin), "largest": _finite(largest),
         "time": None if witness is None else _finite(witness.time),
-        "agents": [] if witness is None else [int(i) for i in witness.agents],
+        "agents": [] if witness is None else [numbered[i] for i in map(int, witness.agents) if i in numbered],
         "guarantee": "" if verdict.guarantee is None else verdict.guarantee.statement,
     }  # fmt: skip
 
@@ -293,12 +299,26 @@ def _numbers(frame: Frame, k: int) -> dict[str, float]:
     state, scenario, last = frame.states[k], frame.scenarios[k], frame.last[k]
     found = dict.fromkeys(LEDGER, math.nan)
     if last is not None:
-        # The run may have gone on since: rows are added meanwhile.
-        since = next((row for row in list(frame.rows[k][0]) if row[0] >= frame.changed_at[k]), last)
-        found = ledger(since if since[0] <= last[0] else last, last)
+        found = ledger(_row_after_change(list(frame.rows[k][0]), frame.changed_at[k], last), last)
     energy = _energy(state, scenario, last)
     bodies = scenario.agents
     return measured(state, energy, scenario.space, velocities=bodies.order > 1, masses=bodies.masses) | found
+
+
+def _row_after_change(rows: list[tuple[float, ...]], changed_at: float, last: tuple[float, ...]) -> tuple[float, ...]:
+    """The row from which on the ledger counts: of several at the time of a change the one after it.
+
+    The run may have gone on since the last row of a frame: rows are added meanwhile.
+    """
+    known = next((k for k in range(len(rows) - 1, -1, -1) if rows[k] is last), -1)
+    found = last
+    for row in reversed(rows[: known + 1]):
+        if row[0] < changed_at:
+            break
+        found = row
+        if row[0] == changed_at:
+            break
+    return found
 
 
 def _energy(state: State, scenario: Scenario, last: tuple[float, ...] | None) -> float:

@@ -41,6 +41,10 @@ OF_THE_LIVE_RUN = frozenset(
 )
 """Kinds of orders that would change the live run unseen while a stored one is shown."""
 
+OF_WHAT_IS_SEEN = frozenset({"kick", "place", "shift", "kill", "add", "cut", "obstacle", "remove", "move"})
+"""Kinds of changes at places, or of agents and obstacles, that are chosen in the scene: in a recorded moment there are
+others, which have other numbers."""
+
 
 class Orders:
     """Carries out the orders of pages.
@@ -77,6 +81,9 @@ class Orders:
             if kind in OF_THE_LIVE_RUN and self._page.past.stored is not None:
                 hint = "Go back to the live run first, under files."
                 raise InvalidInput("lab", str(kind), "is for the live run alone", "a stored run is shown", hint)
+            if tab.looking is not None and _changed(order) in OF_WHAT_IS_SEEN:
+                hint = "Go to the present first, or branch from there."
+                raise InvalidInput("lab", _changed(order), "is done to the present", "a recorded moment is shown", hint)
             answer = act(self._page, tab, order)
         except (FlockingError, OSError) as error:
             self._page.refuse(tab, str(error), {**about, "about": kind, "path": order.get("path")})
@@ -87,6 +94,12 @@ class Orders:
         else:
             if answer is not None or order.get("id") is not None:
                 tab.tell({"kind": "answer", **about, **(answer or {})})
+
+
+def _changed(order: Order) -> str:
+    """Kind of the change that an order requests: that of its event, where it has one."""
+    event = order.get("event")
+    return str(event.get("kind") if order["kind"] == "event" and isinstance(event, dict) else order["kind"])
 
 
 def _play(page: Lab, _: Tab, __: Order) -> None:

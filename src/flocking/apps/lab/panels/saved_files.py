@@ -21,6 +21,10 @@ FILMS = (".mp4", ".gif")
 PNG = b"\x89PNG\r\n\x1a\n"
 """First bytes of a picture."""
 
+REBUILT = "Obstacles or leaders were changed meanwhile: they are drawn as they were at the end."
+BEGUN_ANEW = "It begins where agents were removed or added, or another run began."
+"""Notes about films that do not show all as it was, or not all that was recorded."""
+
 
 class SavedFiles:
     """Writes files of an experiment; their names never come from a page.
@@ -170,8 +174,9 @@ class SavedFiles:
         film, self._film = self._film, None
         if film is None:
             raise InvalidInput("lab", "film", "must be recorded first", "none")
-        moved = "Obstacles were changed meanwhile: they are drawn as they were at the end." if film.rebuilt else ""
-        return self._written(film.write(self._path(""), look), note=moved)
+        written = film.write(self._path(""), look)
+        notes = [words for words, applies in ((REBUILT, film.rebuilt), (BEGUN_ANEW, film.begun_anew)) if applies]
+        return self._written(written, note=" ".join(notes))
 
     def _written(self, *paths: Path, note: str = "") -> str:
         self.saved += paths

@@ -52,6 +52,11 @@ def _obstacles(scenario: Scenario) -> list[Obstacle]:
     return [x for term in scenario.law.terms if isinstance(term, ObstacleTerm) for x in term.obstacles]
 
 
+def _drawn(scenario: Scenario) -> list[int]:
+    """What identifies obstacles and leaders of a scenario: all pictures of a film show them as they are at its end."""
+    return [id(x) for x in (*_obstacles(scenario), *scenario.law.leaders)]
+
+
 def _options(scenario: Scenario, look: Look) -> NetOptions:
     color = look.color if look.color in ("speed", "heading", "flock") else PLAIN
     return {"links": look.links, "color": color, "obstacles": _obstacles(scenario)}
@@ -86,7 +91,9 @@ class Film:
         self._states: list[State] = []
         self._every, self._skip = 1, 0
         self.rebuilt = False
-        """Whether obstacles were changed while it was recorded."""
+        """Whether obstacles or leaders were changed while it was recorded."""
+        self.begun_anew = False
+        """Whether what was recorded first is of another group or run, and not in it."""
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._collect, name="flocking-lab-film", daemon=True)
         self._take(clock.frame)
@@ -103,12 +110,13 @@ class Film:
 
     def _take(self, frame: Frame) -> None:
         state, scenario = frame.states[0], frame.scenarios[0]
-        if self._states and [id(x) for x in _obstacles(scenario)] != [id(x) for x in _obstacles(self.scenario)]:
-            self.rebuilt = True
+        changed = self._states and _drawn(scenario) != _drawn(self.scenario)
         self.scenario = scenario
-        if self._states and (state.t <= self._states[-1].t or state.q.shape != self._states[-1].q.shape):
-            if state.q.shape != self._states[-1].q.shape or state.t < self._states[-1].t:
-                self._states = [state]
+        if self._states and (state.q.shape != self._states[-1].q.shape or state.t < self._states[-1].t):
+            self._states, self.rebuilt, self.begun_anew = [state], False, True
+            return
+        self.rebuilt = self.rebuilt or bool(changed)
+        if self._states and state.t == self._states[-1].t:
             return
         self._skip += 1
         if self._skip >= self._every:

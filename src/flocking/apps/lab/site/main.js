@@ -93,7 +93,8 @@ link.on("record", (message) => {
 link.on("stored", (message) => {
   dialogs.stored = true;
   at("title").textContent = `stored run ${message.name}${message.status === "finished" ? "" : `, ${message.status}`}`;
-  for (const name of ["question", "paper", "size"]) at(name).textContent = "";
+  at("question").textContent = message.note;
+  for (const name of ["paper", "size"]) at(name).textContent = "";
   law.beside(true);
   timeline.showStored(message);
 });
@@ -109,6 +110,7 @@ link.on("opening", ({ name }) => {
   say();
   opening = setInterval(say, 500);
 });
+link.on("told", ({ message }) => show("message", message));
 link.on("refused", (message) => show("message", `Not possible: ${message.message}`, true, !link.connected));
 
 let hiding = null;

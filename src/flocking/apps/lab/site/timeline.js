@@ -191,7 +191,8 @@ export class Timeline {
     } else {
       // A history that has dropped its first switches begins later than the intervention.
       const late = !r.former && r.since > r.changed ? "; what came before it since the last intervention counts where a claim failed in it" : "";
-      rows.unshift(`<p class="empty" style="padding:2px 0">Judged by the motion from t = ${this.when(r.since)} to t = ${this.when(r.record.judged)}, ${r.former ? "before the last intervention; what follows it is judged as time goes on" : "since the last intervention"}${late}.</p>${this.legend()}`);
+      const which = r.numbers.length > 1 ? " of the first run" : "";
+      rows.unshift(`<p class="empty" style="padding:2px 0">Judged by the motion${which} from t = ${this.when(r.since)} to t = ${this.when(r.record.judged)}, ${r.former ? "before the last intervention; what follows it is judged as time goes on" : "since the last intervention"}${late}.</p>${this.legend()}`);
     }
     const html = rows.join("");
     if (html === this.shownStrips) return;
