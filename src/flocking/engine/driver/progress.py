@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from flocking.engine.driver.waits import Wait
+from flocking.formula.safe_digits import time_text
 from flocking.model.law import Scenario
 
 STOPS = 100
@@ -67,10 +68,14 @@ class Progress(Wait):
             return f"{self.title}: the first steps, {now - self._begin:.0f} s so far"
         (t, rate, note), (begin, first) = self._reached, self._at_first
         left = f"about {(now - begin) * (self._end - t) / (t - first):.0f} s left" if t > first else ""
-        share = f"t = {t:g} of {self._end:g} ({100 * (t - self._start) / (self._end - self._start):.0f} %)"
+        here, end = (time_text(x, self._start, self._end, DIGITS) for x in (t, self._end))
+        share = f"t = {here} of {end} ({100 * (t - self._start) / (self._end - self._start):.0f} %)"
         words = (share, f"{rate:.3g} agent-steps/s", note, left)
         return f"{self.title}: {', '.join(filter(None, words))}"
 
+
+DIGITS = 6
+"""Digits of times, as pictures and tables of runs have them; a convention."""
 
 CLOCK_SECONDS = 1e-9
 """Seconds that no clock resolves, so that no speed is divided by zero."""

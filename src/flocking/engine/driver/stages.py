@@ -10,6 +10,7 @@ from flocking.engine.driver.simulate import fine_option
 from flocking.engine.protocol.world import check_world
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
+from flocking.formula.safe_digits import given_text
 from flocking.model.law import Law, Scenario
 
 
@@ -44,7 +45,7 @@ def in_stages(
     """
     first = scenario.t_end - scenario.start.t
     if not first > 0 or not len(ends) or ends[0] < scenario.t_end or any(b <= a for a, b in pairwise(ends)):
-        rule = f"must be ascending times from the end of a run of positive duration, {scenario.t_end:g}"
+        rule = f"must be ascending times from the end of a run of positive duration, {given_text(scenario.t_end)}"
         raise InvalidInput("in_stages", "ends", rule, list(ends))
     found = engine_named(chosen_engine(scenario, engine, plant))
     check_world(found.name, scenario, found.worlds, leader_messages=found.leader_messages)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from flocking.formula.markup.cells import folded
+from flocking.formula.safe_digits import time_text
 from flocking.model.typesetting.law_formulas import law_latex
-from flocking.model.typesetting.law_html import formula_html, law_html, scenario_html, start_words
+from flocking.model.typesetting.law_html import SIX, formula_html, law_html, scenario_html, start_words
 from flocking.model.typesetting.stated import StatedLaw, StatedScenario
 
 LONGEST = 160
@@ -30,7 +31,8 @@ def scenario_line(scenario: StatedScenario) -> str:
     """A scenario in one line, without arrays."""
     imperfections = scenario.imperfections
     name, start = f"{scenario.name!r}, " if scenario.name else "", scenario.start
-    size = f"{start.n} agents in {start.dimension} dimensions, t = {start.t:g} to {scenario.t_end:g}"
+    begin, end = (time_text(t, start.t, scenario.t_end, SIX) for t in (start.t, scenario.t_end))
+    size = f"{start.n} agents in {start.dimension} dimensions, t = {begin} to {end}"
     return f"<Scenario {name}{size}, {law_line(scenario.law)}{f', {imperfections}' if imperfections else ''}>"
 
 

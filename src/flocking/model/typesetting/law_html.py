@@ -11,6 +11,7 @@ from flocking.errors import InvalidInput
 from flocking.formula.derivatives import derivative
 from flocking.formula.markup.mathml import to_mathml
 from flocking.formula.markup.text_formulas import number_latex, set_text
+from flocking.formula.safe_digits import time_text
 from flocking.model.parts.registration import description_of
 from flocking.model.potentials.potential import Potential
 from flocking.model.typesetting.documentation import meanings_of, summary_of
@@ -21,6 +22,9 @@ from flocking.model.typesetting.symbols import parameter_latex
 
 LISTED_BESIDE = frozenset({"potential", "over"})
 """Fields that are shown elsewhere."""
+
+SIX = 6
+"""Digits of times, as pictures and tables of runs have them; a convention."""
 
 
 def formula_html(latex: str) -> str:
@@ -144,18 +148,22 @@ def parts_html(law: StatedLaw, dimension: int) -> str:
 def start_words(scenario: StatedScenario) -> str:
     """How a scenario begins, in a sentence."""
     q, p = scenario.start.q, scenario.start.p
-    box = " × ".join(f"[{low:.4g}, {high:.4g}]" for low, high in zip(q.min(axis=0), q.max(axis=0), strict=True))
+    # Far from the origin, or late, numbers need more digits to differ.
+    ends = zip(q.min(axis=0), q.max(axis=0), strict=True)
+    box = " × ".join(f"[{time_text(low, low, high)}, {time_text(high, low, high)}]" for low, high in ends)
+    first, last = scenario.start.t, scenario.t_end
+    begin, end = (time_text(t, first, last, SIX) for t in (first, last))
     speeds = np.linalg.norm(p, axis=1)
     slowest, fastest = f"{speeds.min():.4g}", f"{speeds.max():.4g}"
     moving = "at rest" if not speeds.any() else f"speeds {slowest} to {fastest}"
     if speeds.any() and slowest == fastest:
         moving = f"{'speed' if len(q) == 1 else 'speeds'} {fastest}"
+    if scenario.agents.order == 1:
+        moving = "without velocities of their own"
     agents = "1 agent" if len(q) == 1 else f"{len(q)} agents"
     dimensions = "1 dimension" if q.shape[1] == 1 else f"{q.shape[1]} dimensions"
     seed = "" if scenario.seed is None else f" Seed {scenario.seed}."
-    return (
-        f"{agents} in {dimensions}, within {box}, {moving}, from t = {scenario.start.t:g} to {scenario.t_end:g}.{seed}"
-    )
+    return f"{agents} in {dimensions}, within {box}, {moving}, from t = {begin} to {end}.{seed}"
 
 
 def scenario_html(scenario: StatedScenario) -> str:

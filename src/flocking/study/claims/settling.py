@@ -208,9 +208,9 @@ def _old_knowledge(e: Evidence) -> str:
     if agent < 0:
         return f"agents know others {e.t[-1] - since:.3g} late, longer than the last two tenths of the run"
     if sender == ITS_FORCE:
-        return f"at the end no force acts that agent {agent} computed after {since:.3g}, before the last two tenths"
+        return f"at the end no force acts that agent {agent} computed after {e.when(since)}, before the last two tenths"
     whom = "leaders" if sender == LEADERS else f"agent {sender}"
-    return f"agent {agent} last acted on what it knew of {whom} at {since:.3g}, before the last two tenths"
+    return f"agent {agent} last acted on what it knew of {whom} at {e.when(since)}, before the last two tenths"
 
 
 def held_for_long(e: Evidence) -> str:
