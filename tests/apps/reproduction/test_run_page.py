@@ -11,6 +11,7 @@ import flocking as fk
 from flocking.apps.reproduction.run_page import write_run_page
 from flocking.model.typesetting.law_formulas import law_latex
 from flocking.model.typesetting.law_html import formula_html
+from flocking.study.claims.audit import Report
 from tests.apps.reproduction.test_report import read
 
 
@@ -49,7 +50,6 @@ def test_a_users_run_gets_a_page_with_law_claims_pictures_and_provenance(stored,
 def test_a_claim_that_the_run_leaves_open_is_not_framed_and_a_wrong_one_is(stored, tmp_path, monkeypatch):
     from dataclasses import replace
 
-    from flocking.study.claims.audit import Report
     from flocking.study.claims.claim import Verdict
 
     # Pictures and certificates take long and are looked at above.
@@ -103,3 +103,20 @@ def test_a_run_without_frames_gets_a_page_that_says_so(tmp_path, capsys):
     assert "Certificates</h4>" in text
     assert "<td class='count' data-name='switches'>not recorded</td>" in text
     capsys.readouterr()
+
+
+@pytest.mark.parametrize("name", ["../../outside", "a/b", "x" * 180])
+def test_pictures_of_a_run_stay_in_their_folder_and_reach_its_page_whatever_its_name_is(stored, tmp_path, name):
+    from flocking.apps.reproduction.claim_pictures import draw_pictures
+
+    run = fk.read_run(stored)
+    named = fk.simulate(run.scenario.with_(name=name, t_end=0.1, frames=3), progress=False)
+    inner = tmp_path / "one" / "two"
+    inner.mkdir(parents=True)
+    (made,) = draw_pictures(named, ("net",), inner)
+    assert made.parent == inner
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [made]
+    closest = tuple(result for result in fk.audit(named).results if result.claim.key == "all-apart")
+    text, _ = read(write_run_page(Report(named, closest), tmp_path / "page.html"))
+    assert text.count("<figure>") == 1
+    assert "No picture could be drawn" not in text

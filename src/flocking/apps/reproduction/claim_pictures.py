@@ -26,6 +26,9 @@ CAPTIONS: dict[str, str] = {
 }
 """Caption of each picture, by the subject of claims."""
 
+LONGEST_STEM = 60
+"""Characters of a scenario's name in the name of a file: file systems take 255 bytes, up to 4 a character."""
+
 
 def picture_of(claim: Claim, numbers: Iterable[str] = ()) -> str:
     """Name of the picture beside a claim: ``figure-N`` where its source names one, else a key of `CAPTIONS`.
@@ -67,6 +70,20 @@ def draw_picture(name: str, run: Run) -> Figure:
     return plot(run, "energy" if name == "ledger" else name)
 
 
+def picture_stem(scenario: str, picture: str) -> str:
+    """Name of the file of a picture without its ending; the scenario's own may be any text, such as a path.
+
+    Parameters
+    ----------
+    scenario
+        Name of the scenario.
+    picture
+        A key of `CAPTIONS`.
+    """
+    words = re.sub(r"[^\w.-]+", "-", scenario)[:LONGEST_STEM]
+    return f"{words}-{picture}"
+
+
 def draw_pictures(run: Run, names: Iterable[str], folder: Path) -> list[Path]:
     """Draw several, as SVG files named after the scenario and the picture; return the files.
 
@@ -80,5 +97,5 @@ def draw_pictures(run: Run, names: Iterable[str], folder: Path) -> list[Path]:
     return [
         file
         for name in names
-        for file in save(draw_picture(name, run), folder / f"{run.scenario.name}-{name}", ("svg",))
+        for file in save(draw_picture(name, run), folder / picture_stem(run.scenario.name, name), ("svg",))
     ]

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
 
-from flocking.apps.reproduction.claim_pictures import CAPTIONS, picture_of
+from flocking.apps.reproduction.claim_pictures import CAPTIONS, picture_of, picture_stem
 from flocking.apps.reproduction.report_page import card, embedded
 from flocking.apps.reproduction.results import rate_of
 from flocking.apps.tables import short
@@ -106,7 +106,7 @@ def _picture(name: str, picture: str, pictures: Path | None, figures: Mapping[st
         return card(embedded(file, "image/svg+xml"), f"Fig. {number}. {caption}")
     if pictures is None:
         return "<div></div>"
-    file = pictures / f"{name}-{picture}.svg"
+    file = pictures / f"{picture_stem(name, picture)}.svg"
     return card(embedded(file, "image/svg+xml"), f"{CAPTIONS[picture]}{seed}") if file.exists() else "<div></div>"
 
 

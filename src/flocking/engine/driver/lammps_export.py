@@ -12,7 +12,8 @@ from flocking.engine.lammps.deck import make_deck
 from flocking.engine.lammps.images import LOOK_EVERY, MOST_IMAGES, images_of, periods_of
 from flocking.engine.lammps.steps import chosen_step
 from flocking.engine.storage.atomic_files import put, storage_errors
-from flocking.errors import InvalidInput, StorageError
+from flocking.errors import InvalidInput, StorageError, escaped
+from flocking.formula.safe_digits import given_text
 from flocking.model.checks import number
 from flocking.model.law import Scenario
 
@@ -67,7 +68,8 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
     ]
     packages = "LEPTON and DPD-BASIC" if deck.order == 2 else "LEPTON, DPD-BASIC and BROWNIAN"
     lines = [
-        f"# {scenario.name or 'flock'}: {scenario.start.n} agents until t = {scenario.t_end:g}, written by flocking.",
+        f"# {escaped(scenario.name) or 'flock'}: {scenario.start.n} agents until t = {given_text(scenario.t_end)}, "
+        "written by flocking.",
         "# Run it by: mpiexec -n 64 lmp -in in.flocking. Frames go to frames.lammpstrj.",
         f"# LAMMPS of July 2025 or newer with the packages {packages}. Equation numbers refer to the papers.",
         "# Units of length, time and mass are those of the scenario.", "",

@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
 
 from flocking.engine.driver.notebook_line import line_of_notebook
+from flocking.errors import escaped
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -54,7 +55,8 @@ class Wait:
     def __init__(
         self, title: str, total: float | None = None, *, done: float = 0, unit: str = "", shown: bool = True
     ) -> None:
-        self.title, self.total, self.done, self.unit = title, total, done, unit
+        # Names of scenarios may come from untrusted files, and lines go to terminals.
+        self.title, self.total, self.done, self.unit = escaped(title), total, done, unit
         self.note = ""
         self.shown = shown
         self._estimated = self.counting = total is not None

@@ -15,7 +15,7 @@ from flocking.engine.lammps.images import images_of, periods_of
 from flocking.engine.lammps.library import FIRST_ORDER, LONGEST
 from flocking.engine.lammps.neighbours import radius_of
 from flocking.engine.lammps.pairs import PairPart, pair_commands, pair_part, table_text
-from flocking.errors import InvalidInput
+from flocking.errors import InvalidInput, escaped
 from flocking.model.checks import number
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -159,7 +159,7 @@ class Deck:
         low, high = (
             np.where(self._periods > 0, side, open_side) for side, open_side in ((0.0, low), (self._periods, high))
         )
-        lines = [f"{self.scenario.name or 'flock'}: {n} agents", "", f"{n} atoms", "1 atom types", ""]
+        lines = [f"{escaped(self.scenario.name) or 'flock'}: {n} agents", "", f"{n} atoms", "1 atom types", ""]
         lines += [f"{low[k]:.17g} {high[k]:.17g} {AXES[k]}lo {AXES[k]}hi" for k in range(m)]
         lines += [f"{-THICKNESS!r} {THICKNESS!r} zlo zhi"] if m == 2 else []
         mass = 1.0 if np.ndim(self.scenario.agents.masses) else float(self.scenario.agents.masses)
