@@ -478,3 +478,11 @@ def committed(folder: Path) -> int:
         return len(fk.read_run(folder).t)
     except fk.FlockingError:
         return 0
+
+
+def test_without_a_command_all_commands_are_listed(capsys):
+    assert cli.main([]) == 0
+    said = capsys.readouterr()
+    assert "Usage: flocking COMMAND" in said.out
+    assert "Judge claims about a saved run" in said.out
+    assert said.err == ""

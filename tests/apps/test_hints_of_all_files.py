@@ -27,7 +27,9 @@ PYTHON_ALONE = {
     "model/serial.py": "parts of one's own",
     "papers/description.py": "figures of papers, drawn in Python",
     "papers/shi_2009/system.py": "sqrt(b/a) is mathematics",
-    "show": "plots of objects that commands make themselves",
+    "show/declaration.py": "figures of papers, drawn in Python",
+    "show/plot.py": "plots of objects that commands make themselves",
+    "show/sweep_pictures.py": "pictures of tables that commands make themselves",
     "study/claims": "audits of objects that commands make themselves",
     "study/message_logs/logged_world.py": "replay, which commands give a run",
 }

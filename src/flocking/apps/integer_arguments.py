@@ -29,7 +29,7 @@ def check_integers(command: Callable[..., object], words: Sequence[str]) -> None
         for name, parameter in signature(command).parameters.items()
         if str(parameter.annotation) in ("int", "int | None")
     }
-    following = [*words[1:], ""]
+    following = [*words, ""][1:]
     for word, after in zip(words, following, strict=True):
         if word == "--":
             return

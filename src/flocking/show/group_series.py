@@ -246,7 +246,7 @@ def _observed(kind: str, run: Run) -> Records:
     if run.observables is None or not len(run.observables):
         raise InvalidInput(
             kind, "run", "must keep the links of its frames, or observe them", f"a run of {run.n} agents without links",
-            "Large groups keep none: ask the engine to observe, as simulate(..., engine='tiles', observe=True).",
+            "Large groups keep none: simulate it with engine='tiles' and observe=True (--observe).",
         )  # fmt: skip
     return run.observables
 
