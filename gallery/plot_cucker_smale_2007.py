@@ -40,6 +40,7 @@ speed = abs(runs[1].p[-1, 0, 0] - runs[1].p[-1, 1, 0])
 print(f"distance at t = 30: {distance:.6f}, predicted limit tan 1.2 = {math.tan(1.2):.6f}")
 print(f"relative speed at t = 20000: {speed:.6f}, predicted limit 1.7 - pi/2 = {1.7 - math.pi / 2:.6f}")
 dichotomy = article.figure("B", *runs)
+dichotomy.savefig("plot_cucker_smale_2007_dichotomy.png", dpi=150)
 
 # %%
 # What is known late: for two agents with constant weights, lambda = 1, all velocities known tau late, the difference
@@ -50,3 +51,4 @@ late = [
     for name in ("monotone", "reaction", "unstable")
 ]
 delays = article.figure("C", *late)
+delays.savefig("plot_cucker_smale_2007_delays.png", dpi=150)

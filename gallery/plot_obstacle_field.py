@@ -4,8 +4,8 @@ A hundred thousand agents pass sixty obstacles
 
 Protocol (58) of Olfati-Saber and Murray, whose alpha-, beta- and gamma-agents carry a hundred agents past six
 obstacles, with 100,000 of them before a field of sixty. What is bright is crowded: agents pile up before the obstacles,
-squeeze through the gaps, leave wakes behind, and become one body again: the pressure of the crowd closes the wakes
-within, while the edges, where nothing pushes, stay frayed.
+squeeze through the gaps and leave wakes behind. The pressure of the crowd closes the wakes within, so that 96 of 100
+agents are one flock at the end; the edges, where nothing pushes, stay frayed, and pieces of them apart.
 
 The picture shows what was kept of a run at full size, which comes with the library. This makes it anew, with a progress
 bar; ``flocking run obstacle-field --engine tiles`` runs the same scenario without pictures:

@@ -29,6 +29,7 @@ picture.savefig("plot_reynolds_1987.png", dpi=150)
 # What is observed of them over time, and of ten seeds at the end with the 95 % interval of their mean.
 
 observed = article.figure(2, *runs)
+observed.savefig("plot_reynolds_1987_observed.png", dpi=150)
 
 # %%
 # What follows from the definition is judged of each run, update by update; there is no theorem.

@@ -7,9 +7,10 @@ start in nor the gain that makes them follow. All regions here have one area. A 
 give the printed density; a compact square falls into pieces at the obstacles and does not rejoin.
 
 Three runs at each point, 27 in all: a run takes seconds. Three are too few for an interval of the mean, so the dots
-show every run. With the smallest gain the motion at the obstacles is so sensitive that the error of a run leaves links
-open at its end: its density is not known, and the table says which agents are in doubt. The picture shows results that
-come with the library. ``flocking sweep olfati-saber-density`` makes them anew.
+show every run whose density is known. With the smallest gain the motion at the obstacles is so sensitive that in eight
+of nine runs the error leaves links open at the end: their densities are not known, and the column ``message`` says
+which agents are in doubt. The picture shows results that come with the library. ``flocking sweep
+olfati-saber-density`` makes them anew.
 """
 
 from flocking.papers.studies.shipped import study

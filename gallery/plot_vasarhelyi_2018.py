@@ -31,6 +31,7 @@ picture.savefig("plot_vasarhelyi_2018.png", dpi=150)
 # flock arises.
 
 parameters = article.figure(2, runs[0], runs[2])
+parameters.savefig("plot_vasarhelyi_2018_parameters.png", dpi=150)
 found = {name: article.order_parameters(run) for name, run in zip(names, runs, strict=True)}
 late = {name: float(np.nanmean(each.correlation[60:])) for name, each in found.items()}
 means = {key: float(np.nanmean(getattr(found[names[0]], key)[60:])) for key in ("speed", "overrun")}
@@ -40,6 +41,7 @@ print({name: round(value, 2) for name, value in late.items()})
 # Means over ten seeds with their 95 % intervals, which are stored with the library.
 
 intervals = article.figure(3, runs[0])
+intervals.savefig("plot_vasarhelyi_2018_intervals.png", dpi=150)
 
 # %%
 # The braking curve D(x; a, p) and its inverse are closed forms: constant deceleration, then an exponential approach.

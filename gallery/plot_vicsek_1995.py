@@ -33,6 +33,7 @@ print(verdicts)
 
 small = fk.simulate(article.scenario(figure=2), progress=False)
 transition = article.figure(2, small)
+transition.savefig("plot_vicsek_1995_transition.png", dpi=150)
 
 # %%
 # At full noise, eta = 2 pi, headings are independent, and N v_a^2 has the mean 1.

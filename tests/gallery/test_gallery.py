@@ -155,6 +155,8 @@ def olfati_saber_2006(made):
 def obstacle_field(made):
     facts = made["facts"]
     assert max(facts["inside"]) == 0
+    # As the page and the README say.
+    assert round(100 * facts["largest"][-1]) == 96
     assert facts["audit"]["ledger"][0] == "holds"
     densities = [a for a in made["picture"].axes if a.images]
     assert [a.get_title() for a in densities] == [f"$t = {t:g}$" for t in facts["views"]]
@@ -213,15 +215,22 @@ def test_every_script_is_held_to_what_it_shows():
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in sorted(SCRIPTS)])
 def test_script_runs_and_draws(name, tmp_path, monkeypatch, capsys):
+    from matplotlib.figure import Figure
     from matplotlib.image import imread
 
     monkeypatch.chdir(tmp_path)
     made = runpy.run_path(str(SCRIPTS[name]), run_name="__main__")
-    assert [path.name for path in tmp_path.iterdir()] == [f"plot_{name}.png"]
-    picture = imread(tmp_path / f"plot_{name}.png")[..., :3]
-    assert min(picture.shape[:2]) > 200
-    ground = (picture < 0.1).all(axis=-1) if name in ON_BLACK else (picture >= 0.9).all(axis=-1)
-    assert 0.005 < 1.0 - ground.mean() < (0.97 if name in ON_BLACK else 0.6)
+    # Pages show what is saved: a figure that is drawn and not saved would be spoken of and not seen.
+    drawn = {id(value) for value in made.values() if isinstance(value, Figure)}
+    written = sorted(path.name for path in tmp_path.iterdir())
+    assert f"plot_{name}.png" in written
+    assert len(written) == len(drawn)
+    for file in written:
+        assert file.startswith(f"plot_{name}")
+        picture = imread(tmp_path / file)[..., :3]
+        assert min(picture.shape[:2]) > 200
+        ground = (picture < 0.1).all(axis=-1) if name in ON_BLACK else (picture >= 0.9).all(axis=-1)
+        assert 0.005 < 1.0 - ground.mean() < (0.97 if name in ON_BLACK else 0.6)
     assert capsys.readouterr().out.strip()
     assert made["picture"].axes
     SHOWS[name](made)

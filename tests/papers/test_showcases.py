@@ -275,3 +275,15 @@ def test_a_smaller_run_is_made_and_kept(tmp_path):
     assert summary.facts["audit"]["ledger"][0] == "holds"
     sooner = one.summary_of(dataclasses.replace(run, t=run.t[:2], q=run.q[:2], p=run.p[:2]), fk.audit(run))
     assert not sooner.drawable
+
+
+def test_titles_of_a_single_row_of_densities_are_not_cut_off():
+    """It is the first picture of the README."""
+    times = (48.0, 168.0, 320.0)
+    figure = FIELD.strip(showcase(FIELD.name).stored("tiles"), times)
+    figure.draw_without_rendering()
+    panels = figure.axes[: len(times)]
+    assert [axes.get_title() for axes in panels] == [f"$t = {t:g}$" for t in times]
+    for axes in panels:
+        title, name = axes.title.get_window_extent(), axes.xaxis.label.get_window_extent()
+        assert 0.0 < name.y0 < title.y1 < figure.bbox.y1

@@ -62,6 +62,26 @@ def test_runs_without_a_value_are_counted_above_the_means():
     )
 
 
+def test_a_note_above_the_means_is_not_cut_off():
+    """One value, two, ... of each point: as many reasons why there is no interval."""
+    some = {"some": lambda run: float(run.scenario.seed) if run.scenario.seed < made["limit"] else math.nan}
+    made = {"limit": 0}
+
+    def limited(seed, x):
+        made["limit"] = x
+        return make(seed=seed)
+
+    figure = sweep({"x": [1, 2, 3, 4, 5]}, some, seeds=range(6), made=limited).plot("x", "some")
+    figure.draw_without_rendering()
+    (note,) = [text for text in figure.axes[0].texts if text.get_gid() == "no interval"]
+    reasons = [f"{count} value{'s' * (count > 1)}, 8 needed" for count in range(1, 6)]
+    assert all(reason in note.get_text() for reason in reasons)
+    assert "15 of 30 runs without a value" in note.get_text()
+    around, inside = figure.bbox, note.get_window_extent()
+    assert around.x0 <= inside.x0 < inside.x1 <= around.x1
+    assert around.y0 <= inside.y0 < inside.y1 <= around.y1
+
+
 def test_runs_of_one_scenario_are_told():
     def made(seed, x):
         return make(seed=0)

@@ -26,6 +26,10 @@ LINES, DOTS = ("-", "--", ":", "-."), "o^sD"
 MOST_TICKS = 8
 """Largest number of values of an axis with a tick each; more labels would overlap."""
 
+NOTE, NOTE_POINTS = 60, 8
+"""Letters in a line of a note above axes, and the height of a line in points: letters of six points fit the width of
+axes on half a page."""
+
 
 def _need_grid(table: SweepTable, *names: str) -> None:
     for name in names:
@@ -57,7 +61,7 @@ def _note_missing(axes: Axes, table: SweepTable, found: xarray.Dataset, measure:
     """Write above the axes why some means of a measure have no interval, and of how many runs they are not."""
     methods = [str(method) for method in np.asarray(found[f"{measure}_interval"]).ravel()]
     reasons = sorted({method.removeprefix("none: ") for method in methods if method.startswith("none: ")})
-    words = ["no 95 % interval: " + "; ".join(reasons)] if reasons else []
+    words = [f"no 95 % interval: {reasons[0]}", *reasons[1:]] if reasons else []
     counted, made = (int(found[name].sum()) for name in (f"{measure}_count", "different"))
     if counted < made:
         # A share is then no mean of the others, see `SweepTable.summary`.
@@ -67,9 +71,22 @@ def _note_missing(axes: Axes, table: SweepTable, found: xarray.Dataset, measure:
     if (runs := int(found["runs"].sum())) > made:
         words.append(f"{runs} runs, {made} different")
     if words:
-        text = "; ".join(words)
-        axes.text(1.0, 1.01, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=6, gid="no interval")
-        axes.set_title(axes.get_title(), pad=14)
+        lines = _joined(words)
+        axes.text(1.0, 1.01, "\n".join(lines), transform=axes.transAxes, ha="right", va="bottom", fontsize=6,
+                  gid="no interval")  # fmt: skip
+        axes.set_title(axes.get_title(), pad=6 + NOTE_POINTS * len(lines))
+
+
+def _joined(words: list[str]) -> list[str]:
+    """Parts of a note in lines that fit above axes."""
+    lines = [words[0]]
+    for word in words[1:]:
+        lines[-1] += ";"
+        if len(lines[-1]) + 1 + len(word) <= NOTE:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines
 
 
 def _look(number: int) -> tuple[str, int]:

@@ -29,6 +29,8 @@ LATTICE = 2.0 / (np.sqrt(3.0) * DISTANCE**2)
 SCALE_LABEL = r"density, in lattices of spacing $d_\alpha$"
 COLUMN = 3.6
 """Width of a panel."""
+ONE_ROW = 1.04
+"""Height of a row that stands alone, by that of others, which share what is left over: with less its titles are cut."""
 LATE = 0.9
 """Fraction of the median speed below which an agent at the end counts as late: it is still passing an obstacle."""
 SAMPLE = 200
@@ -128,7 +130,8 @@ class ObstacleViews:
 
     def strip(self, summary: StoredSummary, times: Sequence[float]) -> Figure:
         """Densities of a ``summary`` at some of its times, side by side."""
-        return self._sheet([self._panel(summary, t, f"$t = {t:g}$") for t in times], len(times), letters=False)
+        panels = [self._panel(summary, t, f"$t = {t:g}$") for t in times]
+        return self._sheet(panels, len(times), letters=False, higher=ONE_ROW)
 
     def beside(self, summary: Mapping[str, StoredSummary]) -> Figure:
         """The same times of runs of several engines, one row each.
@@ -167,11 +170,13 @@ class ObstacleViews:
     def _corner(self, t: float) -> Array:
         return np.array(self.centres[t]) - np.array(self.size) / 2
 
-    def _sheet(self, panels: list[Callable[[Axes], Axes]], columns: int, *, letters: bool = True) -> Figure:
+    def _sheet(
+        self, panels: list[Callable[[Axes], Axes]], columns: int, *, letters: bool = True, higher: float = 1.0
+    ) -> Figure:
         from flocking.show.density import SPAN, scale
         from flocking.show.sheet import sheet
 
-        made = sheet(panels, columns=columns, width=COLUMN * columns, ratio=self.ratio, letters=letters)
+        made = sheet(panels, columns=columns, width=COLUMN * columns, ratio=higher * self.ratio, letters=letters)
         axes = made.axes[: len(panels)]
         scale(made, axes[0].images[0], axes, *SPAN, label=SCALE_LABEL)
         return made
