@@ -235,6 +235,9 @@ BAD = [
     (["reproduce", "--seeds", "5.5"], "--seeds must be an integer"),
     (["sweep", "zhou-bound", "--most-runs", "0"], "most_runs must be at least 1"),
     (["plot", "zhou-2015", "--out", "x.jpg"], "must end in .svg, .png or .pdf"),
+    (["run", "zhou-2015", "--engine", "tiles", "--memory", "-1"], "--memory must be greater than 0; got -1.0"),
+    (["lab", "--port", "99999"], "port must be from 1 to 65535; got 99999"),
+    (["lab", "--port", "0"], "port must be at least 1; got 0"),
 ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -89,6 +90,12 @@ def test_unlinked_agents_are_held_against_the_radius_of_new_links() -> None:
         seen = evidence(law=zhou_law(), closest_unlinked=Closest(distance, 1.0, (0, 1)), error_of=lambda found: 0.0)
         assert zhou.unlinked_apart(seen).holds is holds
         assert zhou.unlinked_apart(seen).note.startswith(f"closest unlinked pair {distance:.7g}"[:29])
+    # Pairs come as near as the distance at which links appear, but for rounding: what holds is not read to fail.
+    seen = evidence(law=zhou_law(), closest_unlinked=Closest(3.9 - 4e-13, 1.0, (0, 1)), error_of=lambda found: 0.0)
+    found = zhou.unlinked_apart(seen)
+    closest, threshold = (float(x) for x in re.findall(r"\d+\.?\d*", found.note))
+    assert found.holds
+    assert closest >= threshold
 
 
 def led(q: np.ndarray, p: np.ndarray, law: fk.Law) -> SimpleNamespace:

@@ -77,7 +77,10 @@ def run(
     from flocking.engine.driver.registry import check_name, chosen_engine, engine_named, options_of
     from flocking.engine.driver.simulate import simulate
     from flocking.errors import InvalidInput
+    from flocking.model.checks import number
 
+    if memory is not None:
+        number("run", "--memory", memory, above=0.0)
     found = find_scenario(scenario, seed, most_agents)
     chosen = engine_named(chosen_engine(found, check_name("run", engine)))
     given: dict[str, Any] = {

@@ -14,6 +14,7 @@ from flocking.apps.lab.access.web_server import HOST, WebServer
 from flocking.engine import interruption
 from flocking.engine.driver.notebook_line import in_notebook
 from flocking.errors import InvalidInput
+from flocking.model.checks import integer
 from flocking.model.law import Scenario
 
 if TYPE_CHECKING:
@@ -23,6 +24,9 @@ PORT = 8080
 """First port that is tried: the usual one of local web servers."""
 TRIES = 50
 """Number of ports that are tried: as many labs can run on one machine."""
+
+LARGEST_PORT = 65535
+"""The largest number of a port, which has 16 bits."""
 
 LOOK = 0.5
 """Seconds between two checks for a signal."""
@@ -116,14 +120,16 @@ def opened(port: int | None) -> WebServer:
     Raises
     ------
     InvalidInput
-        When websockets is not installed, or the port is taken.
+        When websockets is not installed, or the port is taken or none.
     """
+    if port is not None and integer("lab", "port", port, least=1) > LARGEST_PORT:
+        raise InvalidInput("lab", "port", f"must be from 1 to {LARGEST_PORT}", port)
     if find_spec("websockets") is None:
         raise InvalidInput(
             "lab", "websockets", "must be installed", "no module named websockets",
             "Install it: pip install 'flocking[lab]'.",
         )  # fmt: skip
-    for candidate in [port] if port else range(PORT, PORT + TRIES):
+    for candidate in range(PORT, PORT + TRIES) if port is None else [port]:
         if not _is_free(candidate):
             continue
         server = WebServer(candidate, AccessCheck(), page_files())

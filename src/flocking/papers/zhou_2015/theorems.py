@@ -19,6 +19,9 @@ from flocking.study.claims.settling import limit_of, limit_of_series, of_configu
 from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence
 
+ROUNDING = 1e-9
+"""Share of r - eps by which an unlinked pair may be nearer: where links appear is located to a tolerance."""
+
 SAME_PRICE = 1e-6
 """Relative difference of what new links add from their price: a switch is located to a tolerance, where the potential
 is steep."""
@@ -87,11 +90,12 @@ def distances_bounded(e: Evidence) -> Measure:
 
 @about(Subject.CLOSEST, lasting=True)
 def unlinked_apart(e: Evidence) -> Measure:
-    """Closest unlinked pair against r - eps, below which every pair is linked."""
+    """Closest unlinked pair against r - eps but for rounding, below which every pair is linked."""
     least = float(np.min(np.asarray(e.law.graph.appear_radius)))
     found = e.closest_unlinked
-    closest, threshold = compared_texts(found.distance, least, 6)
-    return above(found.distance, least * (1 - 1e-9), f"closest unlinked pair {closest}, threshold {threshold}")
+    bound = least * (1 - ROUNDING)
+    closest, threshold = compared_texts(found.distance, bound, 6)
+    return above(found.distance, bound, f"closest unlinked pair {closest}, threshold {threshold}")
 
 
 def agents_coincide(e: Evidence) -> Measure:
