@@ -104,6 +104,7 @@ def test_charts_are_those_of_the_run_after_play_compare_and_reset(page, tab):
     first, second = page.clock.experiments
     tab.wait(lambda: first.time == second.time, "both stand at one time")
     assert not np.array_equal(first.state.p, second.state.p)
+    tab.reads("Judged by the motion of the first run from t = 0")
     # The view has room for both: each half of the scene shows agents.
     tab.caught_up()
     width, height = tab.ask("() => { const s = lab.scene.size(); return [s.width, s.height]; }")
