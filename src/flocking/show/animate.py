@@ -20,7 +20,7 @@ from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.show.film import Film, Pictures
 from flocking.show.frames import leader_track, time_of
 from flocking.show.plane import NetOptions, net
-from flocking.show.style import figure, in_style, themed
+from flocking.show.style import figure, in_style, named_file, themed
 
 if TYPE_CHECKING:
     from matplotlib.animation import PillowWriter
@@ -120,6 +120,10 @@ def animate(
     else:
         count = max(1, round(pictures))
         frames = np.rint(np.linspace(0, len(run.t) - 1, count)).astype(np.intp)
+    known = set(NetOptions.__annotations__)
+    for name in sorted(set(options) - known):
+        rule = f"must be an option of films or nets ({', '.join(sorted(known))})"
+        raise InvalidInput("animate", name, rule, dict(options)[name])
     target = film_path(path)
     if target.suffix == ".gif" and fps * SHORTEST > HUNDREDTHS:
         raise InvalidInput(
@@ -184,7 +188,7 @@ def film_path(path: str | Path) -> Path:
     InvalidInput
         If the suffix is unknown, or ffmpeg is needed and missing.
     """
-    path = Path(path)
+    path = named_file("animate", path)
     if path.suffix == "":
         path = path.with_suffix(".mp4" if ffmpeg() else ".gif")
     if path.suffix not in SUFFIXES:

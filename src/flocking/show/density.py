@@ -10,11 +10,19 @@ import numpy as np
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.formula.safe_digits import given_text
-from flocking.model.checks import number
+from flocking.model.checks import array, number
 from flocking.model.space import OPEN
 from flocking.model.state import State
-from flocking.show.frames import changed_later, frame_at, own_obstacles, time_of
-from flocking.show.plane import Outlined, draw_notes
+from flocking.show.frames import (
+    Outlined,
+    changed_later,
+    checked_outlines,
+    checked_window,
+    frame_at,
+    own_obstacles,
+    time_of,
+)
+from flocking.show.plane import draw_notes
 from flocking.show.style import COLUMN, axes_or_new, in_style
 from flocking.study.density_maps import DensityMap, density_map
 
@@ -107,7 +115,7 @@ def density(
     unit = number("density", "unit", unit, above=0.0)
     made, stated, name = _mapped(what, time, frame, limits, cell, blur)
     level = _typical(made) if reference is None else number("density", "reference", reference, above=0.0)
-    low, high = number("density", "span", span[0], above=0.0), number("density", "span", span[1], above=span[0])
+    low, high = _checked_span(span)
     axes = axes_or_new(axes, width=COLUMN, height=COLUMN)
     (left, down), (right, up) = made.low / unit, made.high / unit
     axes.set_facecolor(GROUND)
@@ -116,7 +124,7 @@ def density(
         extent=(left, right, down, up), interpolation="bilinear", gid="density", zorder=0.2,
     )  # fmt: skip
     if obstacles is not None:
-        outlines = [o.outline(OUTLINE_POINTS) for o in obstacles]
+        outlines = [o.outline(OUTLINE_POINTS) for o in checked_outlines("density", obstacles)]
     else:
         found = own_obstacles(what) if isinstance(what, Run) else []
         outlines = [o.outline(OUTLINE_POINTS, stated.t) for o in found]
@@ -198,13 +206,20 @@ def _mapped(
         margin = np.where(repeats, 0.0, MARGIN * float(sides.max()) or 1.0)
         low, high = low - margin, low + sides + margin
     else:
-        low, high = map(np.asarray, limits)
-    size = float((high - low).max()) / CELLS if cell is None else cell
+        low, high = checked_window("density", limits, 2)
+    size = float((high - low).max()) / CELLS if cell is None else number("density", "cell", cell, above=0.0)
     # A few agents per spot: a smaller blur shows single agents, a larger one hides narrow structures.
     area = float(np.prod(np.maximum(sides, LEAST_EXTENT)))
-    width = max(size, float(np.sqrt(area / state.n))) if blur is None else blur
+    width = max(size, float(np.sqrt(area / state.n))) if blur is None else number("density", "blur", blur, least=0.0)
     made = density_map(state.q, low=low, high=high, cell=size, blur=width, space=space)
     return made, state, f"$t = {time_of(what, state.t)}$"
+
+
+def _checked_span(span: object) -> tuple[float, float]:
+    found = array("density", "span", span, ndim=1)
+    if found.shape != (2,):
+        raise InvalidInput("density", "span", "must be the lowest and the highest density", span)
+    return number("density", "span", found[0], above=0.0), number("density", "span", found[1], above=float(found[0]))
 
 
 def _typical(made: DensityMap) -> float:

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Protocol, cast
+
 import numpy as np
 
 from flocking.engine.runs.message_log import changed_times
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.formula.safe_digits import EXACT_DIGITS, given_text, nearest_text, time_text
-from flocking.model.checks import Array, number
+from flocking.model.checks import Array, array, number
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 from flocking.model.space import OPEN
 from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
+
+
+class Outlined(Protocol):
+    """An object with an outline, such as an obstacle."""
+
+    def outline(self, count: int) -> Array:
+        """Points of the outline, shape (count, 2)."""
+
 
 SAME_TIME = 1e-9
 """Difference of a requested time from the ends of a run that counts as none, relative to the later of them."""
@@ -181,6 +192,45 @@ def leader_track(leader: Leader, times: Array) -> tuple[Array, Array]:
 def dimension_name(axis: int) -> str:
     """Name of an axis: x, y, z, then x_4 and so on."""
     return "xyz"[axis] if axis < 3 else f"x_{{{axis + 1}}}"
+
+
+def checked_window(owner: str, limits: object, axes: int) -> tuple[Array, Array]:
+    """Lowest and highest corner of a picture, shape (m,) each.
+
+    Parameters
+    ----------
+    limits
+        The two corners as they were given.
+    axes
+        Number of axes of the picture.
+
+    Raises
+    ------
+    InvalidInput
+        When they are none, or the first is not below the second.
+    """
+    found = array(owner, "limits", limits, ndim=2)
+    if found.shape != (2, axes) or not (found[0] < found[1]).all():
+        rule = f"must be the lowest and the highest corner, {axes} numbers each, the first below the second"
+        raise InvalidInput(owner, "limits", rule, found.tolist())
+    return found[0], found[1]
+
+
+def checked_outlines(owner: str, obstacles: object) -> list[Outlined]:
+    """Check that what is drawn as obstacles has outlines, and return it.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no sequence of such objects.
+    """
+    found = list(obstacles) if isinstance(obstacles, Iterable) else [obstacles]
+    if not isinstance(obstacles, Iterable) or not all(callable(getattr(each, "outline", None)) for each in found):
+        raise InvalidInput(
+            owner, "obstacles", "must be a sequence of objects with a method outline(count)", obstacles,
+            "Obstacles such as fk.Ball have one.",
+        )  # fmt: skip
+    return cast("list[Outlined]", found)
 
 
 def checked_axis(run: Run, axis: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,10 +77,11 @@ def _checked_pair(run: Run, pair: tuple[int, int] | None) -> tuple[int, int]:
     if pair is None:
         found = run.closest_linked if np.isfinite(run.closest_linked.distance) else run.closest
         pair = found.pair if np.isfinite(found.distance) else (0, 1)
-    i, j = (int(k) for k in pair)
-    if i == j or not (0 <= i < run.n and 0 <= j < run.n):
+    given = list(pair) if isinstance(pair, Iterable) else [pair]
+    whole = all(isinstance(k, int | np.integer) and not isinstance(k, bool) for k in given)
+    if not whole or len(set(given)) != 2 or len(given) != 2 or not all(0 <= k < run.n for k in given):
         raise InvalidInput("phase", "pair", f"must be two different agents of 0..{run.n - 1}", pair)
-    return i, j
+    return int(given[0]), int(given[1])
 
 
 def _well(axes: Axes, potential: Potential, low: float, high: float, radius: float) -> None:

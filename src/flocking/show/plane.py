@@ -4,20 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack, cast
+from typing import TYPE_CHECKING, TypedDict, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Array, Links, Reals
+from flocking.arrays import Links, Reals
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.model.checks import number
+from flocking.model.checks import integer, number
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 from flocking.show.agent_colors import DotLook, LineLook, net_colors
-from flocking.show.frames import changed_later, frame_at, leaders_at, need_velocities, own_obstacles, time_of
+from flocking.show.frames import (
+    Outlined,
+    changed_later,
+    checked_outlines,
+    checked_window,
+    frame_at,
+    leaders_at,
+    need_velocities,
+    own_obstacles,
+    time_of,
+)
 from flocking.show.motion import motion_of, thinned_path
 from flocking.show.style import COLUMN, GREEN, OUTLINE_POINTS, PURPLE, VERMILION, axes_or_new, in_style, quivers, theme
 
@@ -47,13 +57,6 @@ REST_SHARE = 0.04
 
 MANY_LINES = 500
 """Segments from which they are drawn as one path; below, drawing them one by one takes a few milliseconds."""
-
-
-class Outlined(Protocol):
-    """An object with an outline, such as an obstacle."""
-
-    def outline(self, count: int) -> Array:
-        """Points of the outline, shape (count, 2)."""
 
 
 class NetOptions(TypedDict, total=False):
@@ -133,6 +136,11 @@ def net(
     InvalidInput
         If the frame does not exist, the space has more than three dimensions, or axes do not fit.
     """
+    budget = integer("net", "budget", budget, least=0)
+    if fastest is not None:
+        fastest = number("net", "fastest", fastest, least=0.0)
+    if not isinstance(leader, bool | Leader):
+        raise InvalidInput("net", "leader", "must be True, False or a leader", leader)
     state, past, top_speed = _choose(what, time, frame)
     m = state.dimension
     if m > 3:
@@ -149,7 +157,7 @@ def net(
 
     # A path that leaves the box would be drawn across the box.
     paths = _lift(past) if trails and len(past) > 1 and lives.is_open else None
-    given = obstacles if obstacles is not None else ()
+    given = checked_outlines("net", obstacles) if obstacles is not None else []
     outlines = [] if space else [np.asarray(o.outline(OUTLINE_POINTS), dtype=np.float64) for o in given]
     found = own_obstacles(what) if obstacles is None else []
     own = [o.outline(OUTLINE_POINTS, state.t) for o in found] if m == 2 else []
@@ -357,7 +365,7 @@ def _frame_axes(axes: Axes, points: Sequence[Reals], limits: tuple[Sequence[floa
     low: Reals
     high: Reals
     if limits is not None:
-        low, high = (np.asarray(corner, dtype=np.float64) for corner in limits)
+        low, high = checked_window("net", limits, 3 if axes.name == "3d" else 2)
     else:
         every = np.concatenate(points)
         low, high = every.min(axis=0), every.max(axis=0)

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache, wraps
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
@@ -235,6 +236,19 @@ def figure_of(axes: Axes) -> Figure:
     return made if isinstance(made, Figure) else made.figure
 
 
+def named_file(owner: str, path: object) -> Path:
+    """The file of a path that was given.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no path, or names no file.
+    """
+    if not isinstance(path, str | PathLike) or not Path(path).name:
+        raise InvalidInput(owner, "path", "must name a file", path)
+    return Path(path)
+
+
 def check_writable(owner: str, path: Path) -> None:
     """Check that a file can be written, before anything is drawn.
 
@@ -294,7 +308,7 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
         "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     }
     formats = (formats,) if isinstance(formats, str) else tuple(formats)
-    base = Path(path)
+    base = named_file("save", path)
     if base.suffix.lstrip(".") in FORMATS:
         # Asked for by its name, a file is that one alone.
         formats, base = (base.suffix.lstrip("."),), base.with_suffix("")
