@@ -78,8 +78,8 @@ def _checked_pair(run: Run, pair: tuple[int, int] | None) -> tuple[int, int]:
         found = run.closest_linked if np.isfinite(run.closest_linked.distance) else run.closest
         pair = found.pair if np.isfinite(found.distance) else (0, 1)
     given = list(pair) if isinstance(pair, Iterable) else [pair]
-    whole = all(isinstance(k, int | np.integer) and not isinstance(k, bool) for k in given)
-    if not whole or len(set(given)) != 2 or len(given) != 2 or not all(0 <= k < run.n for k in given):
+    numbers = all(isinstance(k, int | np.integer) and not isinstance(k, bool) for k in given)
+    if not numbers or len(set(given)) != 2 or len(given) != 2 or not all(0 <= k < run.n for k in given):
         raise InvalidInput("phase", "pair", f"must be two different agents of 0..{run.n - 1}", pair)
     return int(given[0]), int(given[1])
 
