@@ -112,6 +112,9 @@ OF_OBJECTS = {
     "Use fk.simulate(scenario) or fk.read_run(folder).",
     "Use fk.simulate(scenario).",
     "run.until(time) shortens all of them.",
+    "must be a sequence of objects with a method outline(count)",
+    "Obstacles such as fk.Ball have one.",
+    "must be True, False or a leader",
 }
 """Hints about objects of the wrong type where files have texts and tables, whose faults the reader names itself."""
 
