@@ -15,7 +15,7 @@ from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.adaptive_steps.state_vectors import place_of
 from flocking.engine.delayed.breaking_points import BreakingPoints, OneDelayPoints
 from flocking.engine.delayed.history import History, position_series
-from flocking.engine.delayed.known_links import known_switches, known_view_switches, with_cones
+from flocking.engine.delayed.known_links import allowed_rows, known_switches, known_view_switches, with_cones
 from flocking.engine.delayed.met_obstacles import PiecewisePaths
 from flocking.engine.delayed.state_jumps import EVERYTHING, StateJumps, Windows
 from flocking.engine.imperfect.graph_views import GraphView, view_from
@@ -287,8 +287,7 @@ class OneDelay(Delays):
             velocities = late_pieces(self.history, segment, self.largest, *self._window(), velocities=True)
         for since, span, known in late_pieces(self.history, segment, self.largest, *self._window()):
             own, now = known if self._self_delayed else shifted(positions, since), base + segment.t0 + since
-            rows = known_switches(space, own, known, span, now, links, by_distance)
-            rows = rows if allowed is None else rows[allowed[tuple(rows[:, [3, 1, 2]].astype(np.int64).T)]]
+            rows = allowed_rows(known_switches(space, own, known, span, now, links, by_distance), allowed)
             *_, past = next(velocities, (None,))
             looks = partial(self._looks, segment, since, past)
             seen = [

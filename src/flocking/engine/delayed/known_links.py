@@ -143,6 +143,11 @@ def with_cones(rules: LinkRules, views: Mapping[int, GraphView]) -> tuple[LinkRu
     return found, allowed
 
 
+def allowed_rows(rows: Array, allowed: Links | None) -> Array:
+    """The ``rows`` (time, i, j, graph) of pairs that are ``allowed`` to be linked, by what `with_cones` gives."""
+    return rows if allowed is None else rows[allowed[tuple(rows[:, [3, 1, 2]].astype(np.int64).T)]]
+
+
 @native_apart
 def find_known_view_switches(
     paths: Paths, span: float, links: Links, turning: bool, headings: Array, cosines: Array, radii: Array, size: float,

@@ -14,7 +14,7 @@ from flocking.engine.adaptive_steps.state_vectors import place_of
 from flocking.engine.delayed.breaking_points import PairPoints
 from flocking.engine.delayed.delays import Delays, column_series, late_pieces
 from flocking.engine.delayed.history import BINOMIALS, History, position_series
-from flocking.engine.delayed.known_links import with_cones
+from flocking.engine.delayed.known_links import allowed_rows, with_cones
 from flocking.engine.delayed.met_obstacles import PiecewisePaths
 from flocking.engine.delayed.pair_past import Looks, Past, Pieces, fill_states, find_first_switches
 from flocking.engine.delayed.state_jumps import StateJumps
@@ -146,8 +146,7 @@ class PairDelays(Delays):
             return all_rows(rows_in, 4)
 
         by_distance, allowed = with_cones(rules, self.views)
-        rows = rows_of(conversion(DEGREE), links, by_distance, BY_DISTANCE)
-        rows = rows if allowed is None else rows[allowed[tuple(rows[:, [3, 1, 2]].astype(np.int64).T)]]
+        rows = allowed_rows(rows_of(conversion(DEGREE), links, by_distance, BY_DISTANCE), allowed)
         for graph, view in self.views.items():
             if isinstance(view, ConeView):
                 continue

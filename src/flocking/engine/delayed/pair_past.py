@@ -154,6 +154,25 @@ def fill_states(
                 found[e, k], found[e, m + k] = q, p
 
 
+def shifted_term(series: Array, binomials: Array, piece: int, agent: int, by: float, term: int, axis: int) -> float:
+    """A Taylor coefficient about a later time of a piece; for native functions.
+
+    Parameters
+    ----------
+    series, binomials
+        See `Pieces`.
+    piece, agent, by
+        The numbers of the piece and of the agent, and how much later than its beginning.
+    term, axis
+        Which coefficient.
+    """
+    value, degree = 0.0, series.shape[1] - 1
+    for b in range(degree - term + 1):
+        power = degree - b
+        value = value * by + binomials[power, term] * series[piece, power, agent, axis]
+    return value
+
+
 def shift_path(pieces: Pieces, piece: int, agent: int, by: float, S: Array, place: int) -> None:
     """Put Taylor coefficients of an agent about a later time of a piece into ``S[:, place]``; for native functions.
 
@@ -168,14 +187,9 @@ def shift_path(pieces: Pieces, piece: int, agent: int, by: float, S: Array, plac
     place
         Where, 0 or 1.
     """
-    degree = S.shape[0] - 1
     for k in range(S.shape[2]):
-        for a in range(degree + 1):
-            value = 0.0
-            for b in range(degree - a + 1):
-                power = degree - b
-                value = value * by + pieces.binomials[power, a] * pieces.series[piece, power, agent, k]
-            S[a, place, k] = value
+        for a in range(S.shape[0]):
+            S[a, place, k] = shifted_term(pieces.series, pieces.binomials, piece, agent, by, a, k)
 
 
 class Moment(NamedTuple):
@@ -211,11 +225,7 @@ def add_view_switches(
         by = now.t - pieces.begins[pieces.begins.shape[0] - 1]
     for k in range(m):
         for a in range(terms):
-            value = 0.0
-            for b in range(terms - a):
-                power = terms - 1 - b
-                value = value * by + pieces.binomials[power, a] * looks.series[piece, power, look.s, k]
-            H[a, k] = value
+            H[a, k] = shifted_term(looks.series, pieces.binomials, piece, look.s, by, a, k)
     if terms > 1:
         return add_turning_changes(paths, two, look, near, H, row, 0)
     return add_view_changes(paths, two, look, near, H[0], row, 0)

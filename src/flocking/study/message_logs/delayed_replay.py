@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flocking.arrays import Array, Links
+from flocking.arrays import Array, Indices, Links
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.runs.message_log import DELAYED, MessageLog
 from flocking.engine.runs.run import Run
@@ -125,7 +125,9 @@ class DelayedReplay:
             yield from self._unlike(seconds, number, over > error, distance)
         self.undecided += int(open_.sum())
 
-    def _inside(self, number: int, links: Links, known: Between, looks: tuple[Array, Array]) -> tuple[Array, Array]:
+    def _inside(
+        self, number: int, links: Links, known: Between, looks: tuple[Array, Array], agents: Indices | None = None
+    ) -> tuple[Array, Array]:  # fmt: skip
         """How far inside of where they are linked pairs are, negative outside, and the error of that, shape (N, N).
 
         Parameters
@@ -134,6 +136,8 @@ class DelayedReplay:
             The number of a graph, and links under it so far, shape (N, N).
         known, looks
             What agents know, and what `_looks` gives.
+        agents
+            Whose rows are asked for, all when absent; others have no meaning.
         """
         graph, (appear, leave) = self.graphs[number], self._radii[number]
         distance, error = self._distances(known)
@@ -144,7 +148,10 @@ class DelayedReplay:
         offset = self.scenario.space.displacement(known.q - known.q[own, own][:, None])
         inside, radii = np.full((self.n, self.n), np.inf), np.zeros((self.n, self.n))
         doubt = np.zeros((self.n, self.n))
-        for i, j in zip(*np.nonzero(~np.eye(self.n, dtype=bool)), strict=True):
+        pairs = ~np.eye(self.n, dtype=bool)
+        if agents is not None:
+            pairs &= np.isin(own, agents)[:, None]
+        for i, j in zip(*np.nonzero(pairs), strict=True):
             pair, d, ahead = (int(i), int(j)), offset[i, j], looks[0][i]
             inside[i, j], radii[i, j] = margin_of(graph, headings, pair, bool(links[i, j]), d, ahead)
             doubt[i, j] = doubt_of(graph, d, ahead, float(looks[1][i]))
@@ -210,7 +217,7 @@ class DelayedReplay:
             was, now, links = before[number], self.links[number][agent], self.links[number].copy()
             links[agent] = was
             looks = self._looks(graph, known, 0 if seconds == 0.0 else None)
-            inside, error = (x[agent] for x in self._inside(number, links, known, looks))
+            inside, error = (x[agent] for x in self._inside(number, links, known, looks, np.array([agent])))
             # At the start links follow from what is known; later they switch where it passes a border.
             wrong = (np.abs(inside) > error + moved) & ((now != (inside > 0.0)) if first else (was != now))
             wrong[agent] = False

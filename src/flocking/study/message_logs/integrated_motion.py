@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     import sympy
 
 GROWN = 4.0
-"""By how much errors of steps may grow beyond their sum from one frame to the next. The spin of an aircraft, whose
-attitude follows at a rate of some 20, differed by 1.5 times what that sum allows in a frame of a hundredth."""
+"""By how much errors of steps may grow beyond their sum from one frame to the next. The spin of an aircraft
+differed by 1.5 times what that sum allows in one frame."""
 
 RELATIVE, ABSOLUTE = 1e-12, 1e-13
 """Tolerances of the second integration, a thousandth of that of a usual run or less; SciPy warns below 2e-14."""

@@ -22,7 +22,8 @@ leaves room for its change."""
 
 
 FORCE_SHARE = 2.0
-"""Largest error of the acceleration of a cubic over a jump of it between its two frames, as above."""
+"""The same over a jump of the acceleration between the two frames: at most 1, beside a jump at one of them. Twice that
+leaves room for another one."""
 
 
 class Between(NamedTuple):
