@@ -76,6 +76,9 @@ class Measure:
         Whether it is about the motion as it was computed, of whose errors nothing is known.
     conserved
         Whether it is of a quantity that every motion under the law keeps: that it was kept needs no error.
+    absent
+        Whether the margin is infinite as the motion shows nothing of what is measured, such as a linked pair: another
+        motion within the error may.
     """
 
     margin: float
@@ -87,11 +90,12 @@ class Measure:
     decided: float = math.inf
     as_computed: bool = False
     conserved: bool = False
+    absent: bool = False
 
     @property
     def holds(self) -> bool | None:
         """True or false, or None when the margin is within the error or not a number."""
-        if math.isnan(self.margin) or math.isnan(self.error) or abs(self.margin) < self.error:
+        if math.isnan(self.margin) or not math.isfinite(self.error) or abs(self.margin) < self.error:
             return None
         return self.margin > 0
 
@@ -124,7 +128,8 @@ def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[
     about the motion as it was computed.
     """
     kept = measured.conserved and measured.holds
-    if not e.motion_unstated or math.isinf(measured.margin) or kept:
+    structural = math.isinf(measured.margin) and not measured.absent
+    if not e.motion_unstated or structural or kept:
         return measured
     if measured.unsettled:
         # No error decides what the run is too short for: it is not estimated, and none is not zero.
@@ -140,7 +145,9 @@ def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[
         return replace(measured, error=math.nan, note=f"{measured.note}; the error of the motion is not estimated{why}")
     if any(one.unsettled for one in again):
         return replace(measured, error=math.nan, note=f"{measured.note}; more accurate runs leave it unsettled")
-    error = measured.error + repetitions.error(measured.margin, [one.margin for one in again])
+    margins = [one.margin for one in again]
+    same = math.isinf(measured.margin) and all(margin == measured.margin for margin in margins)
+    error = measured.error + (0.0 if same else repetitions.error(measured.margin, margins))
     return replace(measured, error=error, note=f"{measured.note}; {repetitions.note}")
 
 

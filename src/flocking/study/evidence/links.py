@@ -16,6 +16,7 @@ from flocking.model.world.control import Held
 from flocking.model.world.information import Delayed, Messages
 from flocking.model.world.times import NANOSECOND, Instants
 from flocking.study.evidence.basis import MOST_DENSE, NotMeasurable, NotResolvable, RunEvidence
+from flocking.study.evidence.rounded_starts import connected_by_distances
 from flocking.study.evidence.view_sides import beside_view
 
 FASTER = 1.25
@@ -329,8 +330,17 @@ class LinkEvidence(RunEvidence):
 
     @property
     def connected_at_start(self) -> bool:
-        """Whether the graph is connected at the start."""
+        """Whether the graph is connected at the start.
+
+        Raises
+        ------
+        NotResolvable
+            When the run's engine rounds the start, and its distances do not decide it, see `connected_by_distances`.
+        """
         if (seen := self._observed_flocks) is not None:
+            scenario = self.run.scenario
+            if self._start_is_rounded(float(seen["time"][0])) and self.law.graph.moves and scenario.start.links is None:
+                return connected_by_distances(self.law.graph, scenario.start, scenario.space)
             return bool(seen["flocks"][0] == 1)
         return bool(is_connected(self.start_links))
 
@@ -338,9 +348,14 @@ class LinkEvidence(RunEvidence):
     def start_links(self) -> Links:
         """Links at the first frame, shape (N, N): by the given start, also where engines round it; see `links_at`."""
         links, scenario = self.links_at(0), self.run.scenario
-        if self.run.q.dtype == np.float64 or self.sampled or self.replaced or self.t[0] != scenario.start.t:
+        if not self._start_is_rounded(float(self.t[0])):
             return links
         return links_of_graphs(self.law.graphs[:1], scenario.space, scenario.start, scenario.agents.headings)[0]
+
+    def _start_is_rounded(self, first: float) -> bool:
+        """Whether the given start is what a run shows at the ``first`` time, but for the rounding of its engine."""
+        rounds = self.run.q.dtype != np.float64 and not self.sampled
+        return rounds and not self.replaced and first == self.run.scenario.start.t
 
     @property
     def looks(self) -> int:

@@ -29,7 +29,11 @@ def linked_apart(e: Evidence) -> Measure:
     if together:
         return _at_one_point(e, *together[0])
     c = e.closest_linked
-    return _apart(e, c) if np.isfinite(c.distance) else Measure(np.inf, 0.0, "no linked pair")
+    if np.isfinite(c.distance):
+        return _apart(e, c)
+    # Links that never change need no motion to be known.
+    moves = e.law.graph.moves
+    return Measure(np.inf, e.error_of(c) if moves else 0.0, "no linked pair", absent=moves)
 
 
 @about(Subject.CLOSEST, _closest, lasting=True)

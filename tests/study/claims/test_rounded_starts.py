@@ -1,0 +1,108 @@
+"""Verdicts on motions that show no link where rounding alone may hide one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.study.claims.claim import Measure, Verdict
+from flocking.study.claims.conclusions.links import stays_connected
+from flocking.study.claims.general_claims import GENERAL
+from flocking.study.evidence import Evidence, NotResolvable
+from flocking.study.evidence.rounded_starts import connected_by_distances
+
+MANY = 2500
+"""Agents of whom no engine stores link matrices at frames."""
+
+
+def row(spacing, n=MANY):
+    """Agents at rest in a row."""
+    q = np.stack([spacing * np.arange(n), np.zeros(n)], axis=1)
+    return fk.State(q, np.zeros_like(q))
+
+
+def observed(graph, start, **more):
+    made = fk.Scenario(fk.Law(graph, [fk.Consensus(1.0)]), start, t_end=0.1, frames=2, **more)
+    return fk.simulate(made, engine="tiles", step=0.05, precision="float32", observe=True, progress=False)
+
+
+def judged(run, key):
+    return fk.audit(run, [claim for claim in GENERAL if claim.key == key])[key]
+
+
+def test_many_agents_start_connected_although_rounded_ones_do_not():
+    run = observed(fk.Proximity(1.0), row(1.0 - 1e-9))
+    assert run.links.shape[1] == 0
+    assert run.observables["flocks"][0] > 1
+    assert Evidence(run).connected_at_start
+    assert judged(run, "connected").verdict == Verdict.NOT_RESOLVED
+    # Without the hypothesis, too: the rounding alone has the group apart.
+    assert stays_connected(Evidence(run)).holds is None
+    assert judged(run, "linked-apart").verdict == Verdict.NOT_RESOLVED
+
+
+def test_many_agents_start_apart_although_rounded_ones_do_not():
+    run = observed(fk.Proximity(1.0), row(1.0 + 1e-9))
+    assert not Evidence(run).connected_at_start
+    found = judged(run, "connected")
+    assert (found.verdict, found.note) == (Verdict.HYPOTHESIS_NOT_MET, "starts disconnected")
+
+
+@pytest.mark.parametrize(
+    ("graph", "spacing", "space", "connected"),
+    [
+        (fk.Proximity(1.0), 0.9, fk.Open(), True),
+        (fk.Proximity(1.0), 1.1, fk.Open(), False),
+        (fk.Hysteresis(1.0, 0.4), 0.8, fk.Open(), True),
+        (fk.Hysteresis(1.0, 0.4), 1.2, fk.Open(), False),
+        (fk.PerAgentRadii(np.where(np.arange(40) % 2, 0.2, 1.0)), 0.9, fk.Open(), True),
+        (fk.PerAgentRadii(np.where(np.arange(40) % 4, 0.2, 1.0)), 0.9, fk.Open(), False),
+        (fk.FieldOfView(1.0, 1.0), 1.1, fk.Open(), False),
+        # Joined in the middle alone, across the border of the box.
+        (fk.Proximity(1.0), 0.9, fk.Periodic(np.array([36.5, 10.0])), True),
+    ],
+)
+def test_distances_alone_tell_whether_agents_are_joined(graph, spacing, space, connected):
+    start = row(spacing, 40)
+    if isinstance(space, fk.Periodic):
+        # The middle pair is 5 apart, the outer ones join around the box.
+        q = start.q.copy()
+        q[20:, 0] += 0.5
+        start = replace(start, q=q)
+    assert connected_by_distances(graph, start, space) is connected
+    if not graph.sees_headings:
+        links = graph.links_in(space, start.q)
+        reached = np.linalg.matrix_power((links | links.T | np.eye(40, dtype=bool)).astype(float), 40)
+        assert bool((reached > 0).all()) is connected
+
+
+@pytest.mark.parametrize(
+    ("graph", "spacing"), [(fk.FieldOfView(1.0, 1.0), 0.9), (fk.Proximity(1.0), 1.0), (fk.Complete(), 1.0)]
+)
+def test_starts_that_distances_leave_open_are_named(graph, spacing):
+    with pytest.raises(NotResolvable, match="rounds the start of 40 agents"):
+        connected_by_distances(graph, row(spacing, 40), fk.Open())
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_a_pair_that_no_repetition_links_either_is_none(precision):
+    made = fk.Scenario(fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)]), row(1.5, 4), t_end=1.0, frames=5)
+    run = fk.simulate(made, engine="tiles", step=0.05, precision=precision, progress=False)
+    found = judged(run, "linked-apart")
+    assert (found.verdict, found.margin, found.error) == (Verdict.HOLDS, np.inf, 0.0)
+    assert found.note == "no linked pair; error estimated from 2 repetitions, the last with 0.25 of the step"
+
+
+def test_agents_whose_links_never_change_need_no_motion():
+    made = fk.Scenario(fk.Law(fk.Fixed(4, []), [fk.Consensus(1.0)]), row(1.5, 4), t_end=1.0, frames=5)
+    run = fk.simulate(made, engine="tiles", step=0.05, progress=False)
+    found = judged(run, "linked-apart")
+    assert (found.verdict, found.note) == (Verdict.HOLDS, "no linked pair")
+
+
+def test_an_infinite_margin_with_an_infinite_error_decides_nothing():
+    assert Measure(np.inf, np.inf).holds is None
+    assert Measure(np.inf, 0.0).holds is True
