@@ -153,8 +153,11 @@ def integrated(scenario: fk.Scenario) -> tuple[Array, Links, list[tuple[float, i
         t, y = float(solved.t[-1]), solved.y[:, -1]
         if solved.status == 0:
             return y.reshape(3, n, 2), links, found
+        # Of several events at one time SciPy gives the first alone; the others may be past already, by rounding.
+        q, _, heading = y.reshape(3, n, 2)
+        past = (seen(scenario, q, heading) >= 0) != links
         for pair, times in zip(pairs, solved.t_events, strict=True):
-            if len(times):
+            if len(times) or past[pair]:
                 links[pair] = ~links[pair]
                 found.append((t, *pair))
 

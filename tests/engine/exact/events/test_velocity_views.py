@@ -89,8 +89,10 @@ def integrated(scenario: fk.Scenario, half_angle: float) -> tuple[Array, Links, 
         t, y = float(solved.t[-1]), solved.y[:, -1]
         if solved.status == 0:
             return y.reshape(2, n, 2), links, np.array(times)
+        # Of several events at one time SciPy gives the first alone; the others may be past already, by rounding.
+        past = (seen(half_angle, *y.reshape(2, n, 2)) >= 0) != links
         for pair, found in zip(pairs, solved.t_events, strict=True):
-            if len(found):
+            if len(found) or past[pair]:
                 links[pair] = ~links[pair]
                 times.append(t)
 
