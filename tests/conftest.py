@@ -65,4 +65,4 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     put_longest_first(items)
     missing = mark_slow_cases(items)
     if missing and not any("::" in argument for argument in config.args):
-        raise pytest.UsageError(f"tests/slow_cases.txt names tests that are not there: {sorted(missing)}")
+        raise pytest.UsageError(f"slow_cases.txt or sampled_cases.txt names tests that are missing: {sorted(missing)}")

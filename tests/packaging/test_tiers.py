@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.slow_cases import LONGEST, put_longest_first
+from tests.slow_cases import LONGEST, NAMED, SAMPLED, mark_slow_cases, put_longest_first
 
 ROOT = Path(__file__).resolve().parents[2]
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["pytest"]["ini_options"]
@@ -58,6 +58,40 @@ def test_the_longest_test_begins_first_and_all_others_keep_their_order() -> None
     items: list[Any] = [SimpleNamespace(nodeid=name) for name in ("b", "a", LONGEST, "c")]
     put_longest_first(items)
     assert [item.nodeid for item in items] == [LONGEST, "b", "a", "c"]
+
+
+class Case:
+    """A collected case of a test, with the markers it has."""
+
+    def __init__(self, nodeid: str, *marks: str) -> None:
+        self.nodeid, self.marks = nodeid, set(marks)
+
+    def get_closest_marker(self, name: str) -> bool:
+        return name in self.marks
+
+    def add_marker(self, mark: pytest.MarkDecorator) -> None:
+        self.marks.add(mark.name)
+
+
+def test_of_sampled_tests_every_kth_case_stays_in_the_default_tier() -> None:
+    name = next(name for name, k in SAMPLED.items() if k == 3 and not any(one.startswith(name) for one in NAMED))
+    items: list[Any] = [
+        Case(f"{name}[slow]", "slow"),
+        *(Case(f"{name}[{k}]") for k in range(7)),
+        Case("tests/a.py::test_b"),
+    ]
+    missing = mark_slow_cases(items)
+    stays = [item.nodeid for item in items if not item.marks]
+    assert stays == [f"{name}[0]", f"{name}[3]", f"{name}[6]", "tests/a.py::test_b"]
+    # Further tests of the file that the lists name were not collected.
+    file = name.partition("::")[0]
+    assert missing == {one for one in NAMED | set(SAMPLED) if one.startswith(f"{file}::")} - {name}
+
+
+def test_sampled_tests_are_sorted_and_have_cases_left() -> None:
+    assert list(SAMPLED) == sorted(SAMPLED)
+    assert all(2 <= k <= 7 for k in SAMPLED.values())
+    assert not set(SAMPLED) & NAMED
 
 
 DEFAULT = re.search(r"-m '([^']+)'", SETTINGS["addopts"])[1]  # type: ignore[index]
