@@ -24,6 +24,7 @@ extensions = [
     "plain_docstrings",
     "mathml",
     "accessible_pages",
+    "list_of_pages",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "myst_parser",
