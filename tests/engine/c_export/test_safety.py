@@ -205,6 +205,19 @@ def test_an_agent_that_is_pulled_into_an_obstacle_comes_as_near_as_the_clearance
     assert clearance <= least <= clearance + 0.05
 
 
+@pytest.mark.parametrize(("nearer", "gives_way"), [(1e-10, 0), (1e-8, 1), (1e-6, 1)])
+def test_a_plane_is_relaxed_by_more_than_rounding_alone(nearer, gives_way, tmp_path):
+    """Two agents at rest, nearer by a share of what is guarded: half of it is beyond the plane between them."""
+    scenario = filtered_scenario("stopping", 2)
+    compiled, filtering = CompiledLaw(tmp_path, scenario), engine_filter(scenario)
+    guarded = scenario.control.guarded_distance
+    q, p = np.array([[0.0, 0.0], [guarded * (1.0 - nearer), 0.0]]), np.zeros((2, 2))
+    memory = compiled.begin(0)
+    called(compiled, memory, 0, q, p, [1], 0)
+    assert memory.relaxed == gives_way
+    assert of_engine(filtering, 0, q, p, [1], np.array([1.0, 0.0]))[1] == gives_way
+
+
 def test_what_is_forgotten_takes_its_line_with_it(tmp_path):
     """A neighbour that expired begins with the line to where it is, in C as in the engine."""
     information = fk.Messages(0.1, expires=0.5)
