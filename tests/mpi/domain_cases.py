@@ -274,6 +274,15 @@ CASES = {
         fk.Law(fk.FieldOfView(8.4, 1.9), [fk.Gradient(structural(7.0)), fk.Consensus(0.5)]), _lattice(2, 5.6),
         {"agents": fk.PointMass(headings=np.random.default_rng(9).uniform(-np.pi, np.pi, N))},
     ),
+    "cones of each agent": lambda: (
+        fk.Law(
+            fk.Cone(np.random.default_rng(10).uniform(5.0, 9.0, N), np.linspace(0.5, 3.0, N), "wrapped"),
+            [fk.Gradient(structural(7.0)), fk.Consensus(0.5)],
+        ), _lattice(2, 5.6), {"agents": fk.PointMass(headings=np.random.default_rng(9).uniform(-9.0, 9.0, N))},
+    ),
+    "streams of several headings": lambda: _bodied(
+        fk.PointMass(headings=np.linspace(-9.0, 9.0, 2 * N)), _crossing(fk.Cone(8.4, 1.0, "wrapped"))
+    ),
     "streams that look along their velocities": lambda: _crossing(fk.FieldOfView(8.4, 1.2, "p")),
     "unicycles that look ahead": lambda: _looking_ahead(_crossing(fk.FieldOfView(8.4, 1.2, "heading"))),
     "two graphs, one fixed": _two_graphs,

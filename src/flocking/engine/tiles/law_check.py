@@ -18,7 +18,7 @@ from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.errors import LawNotObeyed
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.graphs.views import VELOCITY, FieldOfView
+from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
 from flocking.model.law import Scenario
 
 TILES, MOST_TILES = 4, 64
@@ -228,6 +228,9 @@ class LawCheck:
         if kind.view:
             beyond = self._beyond_view(particles, graph, i, d, r, p)
             inside, outside = inside & (beyond < -slack), outside | (beyond > slack)
+        if isinstance(graph, Cone):
+            similar = self._similar(particles, graph, i, j)
+            inside, outside = inside & similar, outside | ~similar
         return inside, outside
 
     def _refuse_link(
@@ -372,7 +375,14 @@ class LawCheck:
             beyond = self._beyond_view(particles, graph, places[k], d, r, p)
             certain &= np.abs(beyond) > slack
             linked = bit if remembered else linked & np.where(np.abs(beyond) > slack, beyond < 0.0, bit)
+        if isinstance(graph, Cone):
+            linked = linked & self._similar(particles, graph, places[k], j)
         return k[linked], j[linked], certain[linked] | remembered
+
+    def _similar(self, particles: ParticleArrays, graph: Cone, i: Indices, j: Indices) -> Mask:
+        """Which pairs of indices have similar headings."""
+        headings = graph.checked_headings(self.scenario.agents.headings, particles.everyone)
+        return graph.similar(headings, particles.ids[i], particles.ids[j])
 
     def _beyond_view(
         self, particles: ParticleArrays, graph: Graph, places: Indices, d: Array, r: Array, p: Reals

@@ -116,13 +116,13 @@ class SmoothCone(HeadingGraph, OneRadius):
     def allowed(self, headings: Array | None) -> Links:
         """Pairs whose headings differ by less than phi_0, shape (N, N)."""
         n = 0 if headings is None else len(headings)
-        result = heading_gaps(self._headings(headings, max(n, 1)), self.measure) < self.opening
+        result = heading_gaps(self.checked_headings(headings, max(n, 1)), self.measure) < self.opening
         np.fill_diagonal(result, False)
         return np.asarray(result)
 
     def start_links(self, q: Array, headings: Array | None = None) -> Links:
         """Links of positions ``q`` and ``headings``."""
-        return np.asarray((pair_distances(q) < self.radius) & self.allowed(self._headings(headings, len(q))))
+        return np.asarray((pair_distances(q) < self.radius) & self.allowed(self.checked_headings(headings, len(q))))
 
     def weight(self, r: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> sympy.Expr:
         """The bump of r/R, times the factor of the headings."""

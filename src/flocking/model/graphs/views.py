@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from flocking.arrays import Indices, Mask, Numbers32
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, check_each, one_of, scalar_or_each
 from flocking.model.graphs.connectivity import Links
@@ -63,7 +64,14 @@ class HeadingGraph(Graph):
         """
         return self.start_links(q, None)
 
-    def _headings(self, headings: Array | None, n: int) -> Array:
+    def checked_headings(self, headings: Array | None, n: int) -> Array:
+        """The ``headings`` of ``n`` agents.
+
+        Raises
+        ------
+        InvalidInput
+            If there are none, or those of another number of agents.
+        """
         if headings is None or len(headings) != n:
             given = "none" if headings is None else f"{len(headings)} headings"
             raise InvalidInput(
@@ -93,23 +101,61 @@ def heading_gaps(headings: Array, measure: str) -> Array:
     InvalidInput
         If rotation matrices are measured as angles, or a matrix is not a rotation.
     """
-    if headings.ndim == 1:
-        gap = headings[None, :] - headings[:, None]
-        if measure == "rotation":
-            return np.asarray(1.0 - np.cos(gap))
-        if measure == "wrapped":
-            gap = np.arctan2(np.sin(gap), np.cos(gap))
-        return np.asarray(np.abs(gap))
+    if headings.ndim > 1:
+        check_rotations(headings, measure)
+        return _gaps_of_traces(np.einsum("jab,iab->ij", headings, headings), headings.shape[1])
+    return _gaps_of_angles(headings[None, :] - headings[:, None], measure)
+
+
+def pair_gaps(first: Array, second: Array, measure: str) -> Array:
+    """Differences of headings of pairs, shape (K,), as `heading_gaps` measures them.
+
+    Parameters
+    ----------
+    first, second
+        Headings of the sensing agents and of the others: angles, shape (K,), or rotation matrices, shape (K, d, d).
+    measure
+        As `heading_gaps` takes it.
+    """
+    if first.ndim > 1:
+        return _gaps_of_traces(np.einsum("kab,kab->k", second, first), first.shape[1])
+    return _gaps_of_angles(second - first, measure)
+
+
+def _gaps_of_angles(gap: Array, measure: str) -> Array:
+    if measure == "rotation":
+        return np.asarray(1.0 - np.cos(gap))
+    if measure == "wrapped":
+        gap = np.arctan2(np.sin(gap), np.cos(gap))
+    return np.asarray(np.abs(gap))
+
+
+def _gaps_of_traces(traces: Array, size: int) -> Array:
+    # Rounding leaves no gap below zero or beyond the largest, so that an opening of that size is the whole circle.
+    return np.asarray(np.clip(0.5 * (size - traces), 0.0, 2.0 * (size // 2)))
+
+
+def check_rotations(headings: Array, measure: str) -> None:
+    """Check that matrices are rotations and compared as such.
+
+    Parameters
+    ----------
+    headings
+        The matrices, shape (N, d, d).
+    measure
+        As `heading_gaps` takes it.
+
+    Raises
+    ------
+    InvalidInput
+        When they are not.
+    """
     if measure != "rotation":
         raise InvalidInput("Cone", "measure", "must be 'rotation' for rotation matrices", measure)
-    size = headings.shape[1]
     product = np.einsum("nij,nik->njk", headings, headings)
-    orthogonal = np.allclose(product, np.eye(size), rtol=0.0, atol=ORTHOGONAL)
+    orthogonal = np.allclose(product, np.eye(headings.shape[1]), rtol=0.0, atol=ORTHOGONAL)
     if not orthogonal or not np.allclose(np.linalg.det(headings), 1.0):
         raise InvalidInput("Agents", "headings", "must be rotation matrices", f"shape {headings.shape}")
-    # Rounding leaves no gap below zero or beyond the largest, so that an opening of that size is the whole circle.
-    gap = 0.5 * (size - np.einsum("jab,iab->ij", headings, headings))
-    return np.asarray(np.clip(gap, 0.0, 2.0 * (size // 2)))
 
 
 @register_part("cone")
@@ -163,16 +209,29 @@ class Cone(HeadingGraph, OneRadius):
     def allowed(self, headings: Array | None) -> Links:
         """Pairs whose headings differ by no more than the opening, shape (N, N)."""
         n = 0 if headings is None else len(headings)
-        gaps = heading_gaps(self._headings(headings, max(n, 1)), self.measure)
+        gaps = heading_gaps(self.checked_headings(headings, max(n, 1)), self.measure)
         result = gaps <= np.reshape(np.asarray(self.opening), (-1, 1))
         np.fill_diagonal(result, False)
         return np.asarray(result)
+
+    def similar(self, headings: Array, i: Indices | Numbers32, j: Indices | Numbers32) -> Mask:
+        """Of which pairs the headings differ by no more than the opening of the first agent, shape (K,).
+
+        Parameters
+        ----------
+        headings
+            Headings of all agents, shape (N,) or (N, d, d).
+        i, j
+            The agents of each pair.
+        """
+        opening = np.broadcast_to(np.asarray(self.opening, dtype=np.float64), len(headings))
+        return np.asarray(pair_gaps(headings[i], headings[j], self.measure) <= opening[i])
 
     def start_links(self, q: Array, headings: Array | None = None) -> Links:
         """Links of positions ``q`` and ``headings``."""
         distance = pair_distances(q)
         near = distance <= np.reshape(np.asarray(self.radius), (-1, 1))
-        return np.asarray(near & self.allowed(self._headings(headings, len(q))))
+        return np.asarray(near & self.allowed(self.checked_headings(headings, len(q))))
 
     def check_count(self, n: int) -> None:
         """Check that per-agent values have ``n`` entries.
@@ -270,7 +329,7 @@ class FieldOfView(HeadingGraph, OneRadius):
         InvalidInput
             If there are no headings.
         """
-        checked = self._headings(headings, n if headings is None else max(len(headings), 1))
+        checked = self.checked_headings(headings, n if headings is None else max(len(headings), 1))
         if checked.ndim == 1:
             return np.stack([np.cos(checked), np.sin(checked)], axis=1)
         return np.ascontiguousarray(checked if checked.ndim == 2 else checked[:, :, 0])
@@ -281,7 +340,7 @@ class FieldOfView(HeadingGraph, OneRadius):
 
     def start_links(self, q: Array, headings: Array | None = None) -> Links:
         """Links of positions ``q`` and ``headings``; coincident agents see each other."""
-        direction = self.directions(self._headings(headings, len(q)))
+        direction = self.directions(self.checked_headings(headings, len(q)))
         if direction.shape != q.shape:
             raise InvalidInput(
                 "FieldOfView", "headings", f"must be directions in {q.shape[1]} dimensions", direction.shape[1],

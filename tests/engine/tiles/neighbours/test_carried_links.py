@@ -7,7 +7,7 @@ import pytest
 
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.neighbours.cell_list import Sorter
-from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH, ListBuilder, TileLists
+from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH, ListBuilder, Listed, TileLists
 
 
 def pairs_of(lists: TileLists, ids, n):
@@ -45,7 +45,7 @@ class Group:
         # Pads stand where the last agent stands.
         target[self.n :], self.agents, self.ids = target[self.n - 1], target, ids
         self.lists, lost = self.builder.build(
-            self.agents, reach, np.zeros(1) + reach, self.sorter.grid, self.sorter.start, self.lists,
+            self.agents, Listed(reach, np.zeros(1) + reach), self.sorter.grid, self.sorter.start, self.lists,
             self.sorter.order, place, None, True,
         )  # fmt: skip
         return None if lost is None else (int(self.ids[lost[0]]), int(self.ids[lost[1]]))

@@ -7,7 +7,7 @@ from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.neighbours.cell_list import Sorter
 from flocking.engine.tiles.neighbours.cell_search import ROOM
 from flocking.engine.tiles.neighbours.nearest_image import box_of
-from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder
+from flocking.engine.tiles.neighbours.neighbour_lists import ListBuilder, Listed
 from flocking.engine.tiles.simd import packing
 from flocking.engine.tiles.simd.packing import pack
 from flocking.engine.tiles.simd.vectors import load
@@ -89,7 +89,7 @@ def listed(q, dtype, space, each, threads=1):
     reaches = np.full(1, REACH) if each is None else np.resize(each, size)
     builder = ListBuilder(n, 1e9, workers, box_of(space, m, dtype))
     lists, _ = builder.build(
-        agents, REACH, reaches.astype(dtype), sorter.grid, sorter.start, None, sorter.order, sorter.key_buffer,
+        agents, Listed(REACH, reaches.astype(dtype)), sorter.grid, sorter.start, None, sorter.order, sorter.key_buffer,
         begin=None, remember=False,
     )  # fmt: skip
     return agents[:n, :m].astype(np.float64), reaches, lists

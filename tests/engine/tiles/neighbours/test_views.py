@@ -199,23 +199,6 @@ def test_another_law_takes_other_views():
     assert (state.links == law.graph.start_links(state.q, made.agents.headings)).all()
 
 
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"graph": fk.Cone(1.5, 0.5)}, "the graph Cone"),
-        ({"graph": fk.Cone(1.5, 0.5), "control": fk.Held(0.1)}, "the graph Cone"),
-    ],
-)  # fmt: skip
-def test_other_views_are_refused_by_name(changes, reason):
-    graph = changes.get("graph", fk.FieldOfView(1.5, 1.1))
-    rng = np.random.default_rng(2)
-    agents = fk.PointMass(headings=_headings(5, 2))
-    start = fk.State(rng.uniform(-2, 2, (5, 2)), np.zeros((5, 2)))
-    more = {"control": changes["control"]} if "control" in changes else {}
-    with pytest.raises(UnsupportedLaw, match=reason):
-        fk.start(fk.Scenario(fk.Law(graph, TERMS), start, t_end=1.0, agents=agents, **more), engine="tiles")
-
-
 def test_links_of_a_start_that_contradict_the_views_are_refused():
     made = _scenario(fk.FieldOfView(1.5, 1.1))
     links = made.law.graph.start_links(made.start.q, made.agents.headings)

@@ -293,7 +293,7 @@ class RankParticles(SharedParticles):
         for number, kind in enumerate(self.spec.graphs):
             if kind.fixed:
                 continue
-            cutoff, each_reach, inside = radii.searched(number, skin)
+            listed, inside = radii.searched(number, skin, self.ids, self.workers)
             table = next(left, None) if kind.memory else None
             fresh = kind.memory and (self._no_links_yet or table is None)
             builder, old = self.search.builders[number], self.lists[number]
@@ -303,7 +303,7 @@ class RankParticles(SharedParticles):
                     old.rows, np.zeros(builder.tiles, np.int64), np.zeros(builder.tiles, np.int32)
                 )  # fmt: skip
             self.lists[number], _ = builder.build(
-                self.agents, cutoff, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
+                self.agents, listed, self._grid, self._start, None, NOBODY, NOBODY,
                 begin=inside if fresh else None, remember=kind.memory, beside=self._beside,
             )  # fmt: skip
             lists = self.lists[number]

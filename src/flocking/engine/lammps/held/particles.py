@@ -179,11 +179,11 @@ class HeldRankParticles(RankParticles, HeldParticles):
         radii, left = self.radii, iter(tables)
         self.known = [None] * len(self.known)
         for number in self._known_with_memory:
-            cutoff, each_reach, inside = radii.searched(number, beyond)
+            listed, inside = radii.searched(number, beyond, self.ids, self.workers)
             table = next(left, None)
             fresh = self._nothing_known_yet or table is None
             lists, _ = self.known_builders[number].build(
-                self.agents, cutoff, each_reach, self._grid, self._start, None, NOBODY, NOBODY,
+                self.agents, listed, self._grid, self._start, None, NOBODY, NOBODY,
                 begin=inside if fresh else None, remember=True, beside=self._beside,
             )  # fmt: skip
             self.known[number] = lists

@@ -175,10 +175,10 @@ class HeldParticles(FacingParticles):
         before, self.known = self.known, [None] * len(self.known)
         for number in self._known_with_memory:
             old = before[number]
-            cutoff, each_reach, inside = radii.searched(number, beyond)
+            listed, inside = radii.searched(number, beyond, self.ids, self.workers)
             # The sort leaves the new place of each agent in its buffer.
             self.known[number], _ = self.known_builders[number].build(
-                self.agents, cutoff, each_reach, sorter.grid, sorter.start, old, sorter.order,
+                self.agents, listed, sorter.grid, sorter.start, old, sorter.order,
                 sorter.key_buffer, begin=inside if old is None else None, remember=True,
             )  # fmt: skip
         if self._first_known_links is not None:

@@ -13,7 +13,7 @@ from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Graph
-from flocking.model.graphs.views import VELOCITY, FieldOfView
+from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 from flocking.model.space import Open, Periodic
@@ -192,7 +192,8 @@ def refused_graph(graph: Graph) -> str:
         # Lists of links that never change are made of the pairs of `Fixed`, or of everybody.
         known = isinstance(graph, Fixed | Complete) and type(graph).initial in (Fixed.initial, Complete.initial)
         return "" if known else f"{name}, whose links never change and are not a list of pairs"
-    if isinstance(graph, FieldOfView) and type(graph).start_links is FieldOfView.start_links:
+    kept = next((kind for kind in (FieldOfView, Cone) if isinstance(graph, kind)), None)
+    if kept is not None and type(graph).start_links is kept.start_links:
         return ""
     if not graph.follows_radii:
         return name

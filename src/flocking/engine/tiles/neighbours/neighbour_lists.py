@@ -6,6 +6,7 @@ number, which contributes nothing. For a graph with memory the top bit of an ent
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -154,6 +155,23 @@ def _carry_links(  # type: ignore[no-untyped-def]
                         lost[1] = np.int64(sought[lane])
 
 
+class Listed(NamedTuple):
+    """Which pairs are listed.
+
+    Parameters
+    ----------
+    reach, each
+        All that are closer than ``reach``, or than the sensing agent's entry of ``each``, which has length 1 where
+        ``reach`` holds for all, else 16 tiles.
+    keep
+        Takes pairs that are never linked, whatever their distance, out of the lists.
+    """
+
+    reach: float
+    each: Reals
+    keep: Callable[[TileLists], None] | None = None
+
+
 class TooManyNeighboursError(Exception):
     """The lists would exceed their memory limit.
 
@@ -191,17 +209,17 @@ class ListBuilder:
         self.spare: TileLists | None = None
 
     def build(
-        self, agents: Reals, reach: float, each_reach: Reals, grid: Grid, start: Numbers32, old: TileLists | None,
+        self, agents: Reals, listed: Listed, grid: Grid, start: Numbers32, old: TileLists | None,
         order: Numbers32, place: Numbers32, begin: FirstLinks | None, remember: bool, beside: Numbers32 = NOBODY,
     ) -> tuple[TileLists, tuple[int, int] | None]:  # fmt: skip
-        """Build the lists of all pairs closer than ``reach``, or than the sensing agent's entry of ``each_reach``.
+        """Build the lists of all pairs within a reach.
 
         Parameters
         ----------
         agents
             Positions and velocities in sorted order, shape (16 tiles, 2m).
-        reach, each_reach
-            Distances; ``each_reach`` has length 1 if ``reach`` applies to all, else 16 tiles.
+        listed
+            Which pairs are listed.
         grid, start
             The cells of the sort.
         old, order, place
@@ -225,7 +243,9 @@ class ListBuilder:
         """
         if not remember and old is not None:
             self.spare = old
-        lists = self._searched(agents, reach, each_reach, grid, start, beside)
+        lists = self._searched(agents, listed, grid, start, beside)
+        if listed.keep is not None:
+            listed.keep(lists)
         lost = np.full(2, -1, np.int64)
         here = (lists.rows, lists.first, lists.count)
         if begin is not None:
@@ -236,15 +256,13 @@ class ListBuilder:
             self.spare = old
         return lists, (int(lost[0]), int(lost[1])) if lost[0] >= 0 else None
 
-    def _searched(
-        self, agents: Reals, reach: float, each_reach: Reals, grid: Grid, start: Numbers32, beside: Numbers32
-    ) -> TileLists:
+    def _searched(self, agents: Reals, listed: Listed, grid: Grid, start: Numbers32, beside: Numbers32) -> TileLists:
         """Lists without links, with sufficient capacity."""
         dtype = agents.dtype.type
-        limits = np.asarray(each_reach, dtype=dtype) ** 2
+        limits = np.asarray(listed.each, dtype=dtype) ** 2
         places = np.array(grid.origin), np.array(grid.inverse), np.array(grid.shape)
         cells = Cells(agents, self.n, *places, start, self.box, beside, self.tiles * WIDTH)
-        distances = Reach(dtype(reach) ** 2, limits)
+        distances = Reach(dtype(listed.reach) ** 2, limits)
         numbers = np.empty((self.chunks, WIDTH), np.uint32)
         while True:
             total = int(self.capacity.sum())

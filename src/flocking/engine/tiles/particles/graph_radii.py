@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from flocking.arrays import Indices, Mask, Numbers, Numbers32, Reals
+from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.kernels.spec import HEADINGS, PRECISIONS, KernelSpec
 from flocking.engine.tiles.measures import cutoffs_of, sensed_offsets
-from flocking.engine.tiles.neighbours.neighbour_lists import NO_VIEWS, FirstLinks
+from flocking.engine.tiles.neighbours.neighbour_lists import NO_VIEWS, FirstLinks, Listed
+from flocking.engine.tiles.neighbours.similar_headings import Openings
 from flocking.model.graphs.distance_graphs import Fixed, Graph
-from flocking.model.graphs.views import VELOCITY, FieldOfView
+from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
 
 
 class GraphRadii:
@@ -47,6 +51,8 @@ class GraphRadii:
         """For each graph the squares of the cosines of half angles, with their signs, and then the headings unless they
         are those of velocities: a row for each number, shape (m + 1, size) or (1, size); those of columns as `turn`
         or `face` left them. `NO_VIEWS` where agents see all around."""
+        headings = spec.layout.bodies.headings
+        self._openings = [Openings(g, headings, everyone) if isinstance(g, Cone) else None for g in graphs]
         self.edges: list[tuple[Numbers, Numbers32] | None] = list(edges or [])
         """Links of fixed graphs, see `flocking.engine.tiles.measures.sensed_offsets`; None for other graphs, and for
         `Complete`, which needs no list of pairs."""
@@ -67,7 +73,7 @@ class GraphRadii:
                 continue
             leave, enter = np.asarray(graph.break_radius), np.asarray(graph.appear_radius)
             square = dtype(np.max(leave)) ** 2
-            closed = bool(getattr(graph, "closed", False))
+            closed = bool(getattr(graph, "closed", False)) or isinstance(graph, Cone)
             if closed:
                 square = np.nextafter(square, dtype(np.inf))
             self.limits[number][:] = (square, dtype(np.max(enter)) ** 2, 0.5 * float(np.max(leave)))
@@ -154,8 +160,8 @@ class GraphRadii:
             near &= ahead * np.abs(ahead) >= least * square * (1 if headings else (along**2).sum(axis=0))
         return np.asarray(near)
 
-    def searched(self, number: int, beyond: float) -> tuple[float, Reals, FirstLinks]:
-        """How far the neighbours of a graph are searched, and which of them are linked, as lists are built.
+    def searched(self, number: int, beyond: float, ids: Numbers32, workers: Workers) -> tuple[Listed, FirstLinks]:
+        """Which neighbours of a graph are listed, and which of them are linked, as lists are built.
 
         Parameters
         ----------
@@ -163,17 +169,17 @@ class GraphRadii:
             The graph.
         beyond
             By how much lists reach further than links.
-
-        Returns
-        -------
-        tuple
-            The largest distance; that of each agent, shape (size,), or shape (1,) if it is common; and which pairs are
-            linked.
+        ids
+            Number of the agent at each index, copies of agents of other processes included.
+        workers
+            Threads to use.
         """
+        openings = self._openings[number]
+        keep = None if openings is None else partial(openings.keep, n=self._n, ids=ids, workers=workers)
         each, cutoff, views = self.each[number], self.cutoffs[number] + beyond, self.views[number]
         if self._spec.graphs[number].uneven:
-            return cutoff, np.sqrt(each) + self._dtype(beyond), FirstLinks(each, views)
-        return cutoff, each, FirstLinks(self.limits[number][:1], views)
+            return Listed(cutoff, np.sqrt(each) + self._dtype(beyond), keep), FirstLinks(each, views)
+        return Listed(cutoff, each, keep), FirstLinks(self.limits[number][:1], views)
 
     def reorder(self, order: Numbers32) -> None:
         """Sort the radii and views of each agent.

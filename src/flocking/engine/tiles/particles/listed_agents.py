@@ -203,9 +203,9 @@ class ListedAgents(AgentArrays):
             if kind.fixed:
                 continue
             old = self.lists[number]
-            cutoff, each_reach, inside = radii.searched(number, beyond)
+            listed, inside = radii.searched(number, beyond, self.ids, self.workers)
             self.lists[number], lost = self.search.builders[number].build(
-                self.agents, cutoff, each_reach, sorter.grid, sorter.start, old, order,
+                self.agents, listed, sorter.grid, sorter.start, old, order,
                 old_place, begin=inside if kind.memory and old is None else None, remember=kind.memory,
             )  # fmt: skip
             if lost is not None and kind.barrier:
