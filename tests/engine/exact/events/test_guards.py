@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from flocking.engine.adaptive_steps.segment import Segment, bound_excursions
 from flocking.engine.exact.crossings.guards import crossings, deepest_dip, find_closest, squared_distance
-from flocking.engine.exact.crossings.nearby_pairs import all_pairs
+from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs, all_pairs
 from flocking.engine.kernels.bernstein import NEVER, first_above, first_all_above, smallest_value
 
 
@@ -243,3 +243,20 @@ def test_a_search_of_what_is_no_number_ends() -> None:
         assert x == 0.0
     assert first_above(np.full(8, np.nan)) < 1.0
     assert first_all_above(np.full((2, 8), np.nan)) == NEVER
+
+
+@pytest.mark.parametrize("m", [1, 2, 3])
+@pytest.mark.parametrize("bounds", [(np.inf, np.inf), (4.0, 0.5), (0.5, 4.0), (0.3, 0.3)])
+def test_rows_of_pairs_are_looked_at_as_listed_pairs_are(m: int, bounds: tuple[float, float]) -> None:
+    """Whole rows are passed over by vectors, with links in one direction, in both, and none."""
+    n, rng = 37, np.random.default_rng(7)
+    for _ in range(40):
+        B, linked = random_segment(rng, n, m, 0.1), rng.random((n, n)) < 0.3
+        far, rows, listed = reach(B), np.empty((2, 4)), np.empty((2, 4))
+        find_closest(B, far, linked, all_pairs(n), *bounds, rows)
+        once = [np.arange(i + 1, n) for i in range(n)]
+        starts = np.cumsum([0, *map(len, once)])
+        find_closest(
+            B, far, linked, NearbyPairs(starts, np.concatenate(once), far, np.full(3, np.inf)), *bounds, listed
+        )
+        assert rows.tobytes() == listed.tobytes()

@@ -189,8 +189,14 @@ def find_closest(
         found[row, 1], found[row, 2], found[row, 3] = NEVER, -1.0, -1.0
     square, reach = np.empty(15), np.sqrt(max(found[0, 0], found[1, 0]))
     # Linked pairs are all in the list.
-    every_pair = best_free > nearby.bounds[BASE]
+    every_pair = best_free > nearby.bounds[BASE] or nearby.starts[n] == n * (n - 1)
+    axes, squares = np.empty((B.shape[2], n)), np.empty(n)
     for i in range(n):
+        for k in range(B.shape[2]):
+            axes[k, i] = B[0, i, k]
+    for i in range(n):
+        if every_pair and _closer_in_row(axes, far, linked, i, np.sqrt(found[0, 0]), reach, squares) == 0:
+            continue
         first, last = (i + 1, n) if every_pair else (nearby.starts[i], nearby.starts[i + 1])
         for e in range(first, last):
             j = e if every_pair else nearby.partners[e]
@@ -209,6 +215,35 @@ def find_closest(
             if x <= 1.0:
                 found[row, 0], found[row, 1], found[row, 2], found[row, 3] = max(value, 0.0), x, i, j
                 reach = np.sqrt(max(found[0, 0], found[1, 0]))
+
+
+def _closer_in_row(
+    axes: Array, far: Array, linked: Links, i: int, linked_reach: float, reach: float, squares: Array
+) -> int:
+    """How many pairs (i, j) with j > i may come closer than the closest so far; its loops run over vectors.
+
+    Parameters
+    ----------
+    axes
+        Positions at the start of the segment, shape (m, N).
+    far, linked
+        As for `find_closest`.
+    linked_reach, reach
+        The distance for pairs linked as (i, j); that for others, as large as any: some may be linked as (j, i).
+    squares
+        Room for N numbers.
+    """
+    n = far.shape[0]
+    for j in range(i + 1, n):
+        squares[j] = 0.0
+    for k in range(axes.shape[0]):
+        for j in range(i + 1, n):
+            squares[j] += (axes[k, j] - axes[k, i]) ** 2
+    count = 0
+    for j in range(i + 1, n):
+        level = linked_reach if linked[i, j] else reach
+        count += 0 if squares[j] > (level + far[i] + far[j]) ** 2 else 1
+    return count
 
 
 def deepest_dip(B: Array, far: Array, senders: Indices, sensed: Indices) -> float:
