@@ -133,14 +133,24 @@ class State:
             If all agents lie closer together than 1e-140, but not in one point: squares of their distances are 0. If
             agents are farther apart than 1e150: squares of their distances are no numbers.
         """
-        with np.errstate(over="ignore"):
-            extent = float(np.abs(self.q - self.q[0]).max())
+        extent = self._extent
         if extent > WIDEST:
             rule = f"must have places that differ by at most {WIDEST:g}"
             raise InvalidInput(owner, name, rule, extent, "Choose another unit of length.")
         if 0.0 < extent < NARROWEST:
             rule = f"must have places that differ by more than {NARROWEST:g}, or not at all"
             raise InvalidInput(owner, name, rule, extent, "Choose another unit of length.")
+
+    @cached_property
+    def _extent(self) -> float:
+        with np.errstate(over="ignore"):
+            return float(np.abs(self.q - self.q[0]).max())
+
+    @cached_property
+    def sizes(self) -> tuple[float, float]:
+        """Largest distance of a coordinate from its mean over the group, and largest component of a velocity."""
+        spread = float(np.abs(self.q - self.q.mean(axis=0)).max(initial=0.0))
+        return spread, float(np.abs(self.p).max(initial=0.0))
 
     def _checked_columns(self) -> dict[str, Array]:
         if not isinstance(self.columns, Mapping):

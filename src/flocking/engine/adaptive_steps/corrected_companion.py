@@ -50,7 +50,7 @@ def correct(
     h, fastest, last, stored = span / pieces, 0.0, nodes.shape[0] - 1, 0
     e, norms = np.empty(size), np.empty(nodes.shape[0])
     room, left, slopes = np.empty((1, size)), np.empty((coefficients.shape[0], size)), np.empty((4, size))
-    z, none = np.empty(size), np.empty(size)
+    z, none, place = np.empty(size), np.empty(size), -1.0
     for c in range(size):
         e[c] = start[c]
         nodes[0, c] = start[c]
@@ -60,9 +60,10 @@ def correct(
             at = t if k == 0 else t + 0.5 * h if k < 3 else min(t + h, end)
             ahead = 0.0 if k == 0 else 0.5 * h if k < 3 else h
             x = (at - begin) / span
-            # The second and the third slope are at one place.
-            if k != 2:
+            # Two slopes in a row may be at one place.
+            if x != place:
                 fill_part(coefficients, x, left)
+                place = x
             for c in range(size):
                 z[c] = left[left.shape[0] - 1, c] + (e[c] + ahead * slopes[max(k - 1, 0), c] if k > 0 else e[c])
             stages(law, places, weights, 0, 1, -1, at + base, z, 0.0, room, none)

@@ -99,17 +99,27 @@ def split_motion(coefficients: Array, B: Array, P: Array, far: Array) -> float:
         Results: the positions, the velocities and the bounds.
     """
     count, n, m = B.shape[0], B.shape[1], B.shape[2]
-    size = 0.0
     for a in range(count):
         for i in range(n):
             for k in range(m):
                 B[a, i, k] = coefficients[a, i * m + k]
-                size = max(size, abs(B[a, i, k]))
         for i in range(P.shape[1]):
             for k in range(m):
                 P[a, i, k] = coefficients[a, (n + i) * m + k]
     bound_excursions(B, far)
-    return size
+    return largest_entry(coefficients, 0, n * m)
+
+
+def largest_entry(rows: Array, first: int, last: int) -> float:
+    """Largest absolute value in the columns ``first`` to ``last - 1`` of ``rows``, but NaN; for native functions."""
+    columns, found = np.zeros(last - first), 0.0
+    # Column by column, so that the loop runs over vectors.
+    for a in range(rows.shape[0]):
+        for c in range(last - first):
+            columns[c] = max(columns[c], abs(rows[a, first + c]))
+    for c in range(last - first):
+        found = max(found, columns[c])
+    return found
 
 
 def bound_excursions(B: Array, far: Array) -> None:

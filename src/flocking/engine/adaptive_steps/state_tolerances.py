@@ -38,14 +38,9 @@ def natural_sizes(state: State, duration: float) -> tuple[float, float]:
     duration
         Length of the run.
     """
-    spread, speed = _largest(state)
+    spread, speed = state.sizes
     length = max(spread, speed * duration)
     return length, max(speed, length / duration if duration > 0.0 else 0.0)
-
-
-def _largest(state: State) -> tuple[float, float]:
-    spread = float(np.abs(state.q - state.q.mean(axis=0)).max(initial=0.0))
-    return spread, float(np.abs(state.p).max(initial=0.0))
 
 
 def state_tolerances(state: State, order: int, tolerance: float, duration: float) -> Array:
@@ -62,5 +57,5 @@ def state_tolerances(state: State, order: int, tolerance: float, duration: float
     duration
         Length of the run.
     """
-    sizes = [counted(*each) for each in zip(_largest(state), natural_sizes(state, duration), strict=True)]
+    sizes = [counted(*each) for each in zip(state.sizes, natural_sizes(state, duration), strict=True)]
     return np.repeat([tolerance * size for size in sizes[:order]], state.q.size)

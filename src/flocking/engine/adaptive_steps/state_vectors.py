@@ -82,7 +82,6 @@ def component_tolerances(state: State, order: int, widths: Mapping[str, int], sc
         agent the natural velocity in the whole time. The units of other columns are not known.
     """
     tolerance, duration = scenario.tolerance, scenario.t_end - scenario.start.t
-    mass = float(np.max(scenario.agents.masses))
     parts = [state_tolerances(state, order, tolerance, duration)]
     speed = natural_sizes(state, duration)[1]
     for name in widths:
@@ -90,6 +89,7 @@ def component_tolerances(state: State, order: int, widths: Mapping[str, int], sc
         size = float(np.abs(values).max(initial=0.0))
         natural = 0.0
         if name == APPLIED and speed < ORDINARY and duration > 0.0:
-            natural = max(size, speed if order == 1 else mass * speed / duration)
+            heaviest = float(np.max(scenario.agents.masses))
+            natural = max(size, speed if order == 1 else heaviest * speed / duration)
         parts.append(np.full(values.size, tolerance * counted(size, natural)))
     return np.concatenate(parts)

@@ -20,7 +20,7 @@ import numpy as np
 from flocking.engine.adaptive_steps.corrected_companion import FEW_PAIRS as FEW_PAIRS
 from flocking.engine.adaptive_steps.corrected_companion import SHORT, correct
 from flocking.engine.adaptive_steps.integration_method import halves, powers, tableau
-from flocking.engine.adaptive_steps.segment import ROUNDING, Segment, powers_at, weights_at
+from flocking.engine.adaptive_steps.segment import ROUNDING, Segment, largest_entry, powers_at, weights_at
 from flocking.engine.exact.crossings.switch_numbers import agent_difference, largest_difference
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.formula.native.functions import native_apart
@@ -266,12 +266,9 @@ def summary(
     n, m, order
         Numbers of agents and axes, and the order of the agents.
     """
-    sizes = np.zeros(2)
+    sizes, most = np.zeros(2), np.zeros(2)
     for part in range(order):
-        for a in range(coefficients.shape[0]):
-            for c in range(part * n * m, (part + 1) * n * m):
-                sizes[part] = max(sizes[part], abs(coefficients[a, c]))
-    most = np.zeros(2)
+        sizes[part] = largest_entry(coefficients, part * n * m, (part + 1) * n * m)
     apart, spread, finite, middle = 0.0, 0.0, True, np.empty(m)
     for k in range(nodes.shape[0]):
         for part in range(order):

@@ -248,8 +248,8 @@ class Dynamics:
         """Find where potentials are infinite."""
         law = self.layout.law
         self.barriers = [law.has_barrier(g) for g in law.graphs]
-        self.singular = law.singular_at_zero()
         self.contacts = [law.singular_at_contact(g) for g in law.graphs]
+        self.singular = any(self.contacts)
 
     def keep_pairs(self) -> None:
         """Keep links and pieces, with the spans of the pieces found by `divide`."""
@@ -374,8 +374,8 @@ class Dynamics:
 
     def integrals(self, states: Array, velocity: Array, begin: Array) -> Array:
         """Result of `fill_ledger` for state vectors (``states``, ``velocity``, ``begin``)."""
-        found, masses = np.empty((len(states), DEPARTED + 1)), self.scenario.agents.masses
-        each = np.array(np.broadcast_to(masses, self.n), dtype=np.float64)
+        found = np.empty((len(states), DEPARTED + 1))
+        each = np.full(self.n, self.scenario.agents.masses, dtype=np.float64)
         moving = self.n * self.m if self.order == 2 else -1
         lab = self.scenario.energy.frame == "lab"
         fill_ledger(states, each, velocity, begin, lab, moving, self.motion_size, self.departs, found)
@@ -400,6 +400,6 @@ class Dynamics:
         tolerance, duration = self.scenario.tolerance, self.scenario.t_end - self.scenario.start.t
         found = component_tolerances(state, self.order, self.columns, self.scenario)
         speed = natural_sizes(state, duration)[1]
-        moving = 0.5 * float(np.sum(self.scenario.agents.masses * np.ones(self.n))) * speed**2
+        moving = 0.5 * float(np.full(self.n, self.scenario.agents.masses).sum()) * speed**2
         ledger = np.full(self.departs + LEDGER, tolerance * counted(abs(energy), max(abs(energy), moving)))
         return np.concatenate([found, ledger, np.full(len(self._places), found[0])])

@@ -165,7 +165,7 @@ def _laws(scenario: Scenario, plant: Law | None) -> list[Law]:
 
 def momentum(scenario: Scenario, p: Array) -> Array:
     """Momentum of agents with velocities ``p`` of shape (N, m), shape (m,)."""
-    return momentum_of(np.array(np.broadcast_to(scenario.agents.masses, len(p)), dtype=np.float64), p)
+    return momentum_of(np.full(len(p), scenario.agents.masses, dtype=np.float64), p)
 
 
 def knows_no_place(law: Law, scenario: Scenario) -> bool:

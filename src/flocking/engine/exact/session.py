@@ -31,7 +31,6 @@ from flocking.engine.exact.snapshot import Snapshot as Snapshot
 from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.exact.step_search import found_step
 from flocking.engine.exact.switch_records import write_rows, write_switch
-from flocking.engine.kernels.ledger_rows import DEPARTED, MORE, WORKED
 from flocking.engine.protocol.session import Packed, Session, Stored, end_of_slice, time_to_reach
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.infinite_starts import infinite_start
@@ -300,10 +299,11 @@ class ExactSession(AdaptiveSession):
     def _trace_rows(self, rows: Array, jumped: Array, states: Array) -> list[LedgerRow]:
         """Rows of the ledger from rows (own time, energy, kinetic energy), jumps of the energy and state vectors."""
         found = self._dynamics.integrals(states, self._origin.velocity, self._momentum)
-        more = found[:, MORE, None]
-        times, energies = self._origin.time + rows[:, :1], rows[:, 1:] + more
-        table = np.hstack([times, energies, found[:, WORKED:DEPARTED], jumped[:, None], found[:, DEPARTED:]])
-        return [LedgerRow(*row) for row in table.tolist()]
+        base, table = self._origin.time, zip(rows.tolist(), found.tolist(), jumped.tolist(), strict=True)
+        return [
+            LedgerRow(base + own, energy + more, kinetic + more, work, lost, given, jump, departed)
+            for (own, energy, kinetic), (more, work, lost, given, departed), jump in table
+        ]
 
     def _added(self, y: Array) -> tuple[float, float, float]:
         """Differences of kinetic energy, work and supply in the user's coordinates from those in the session's."""

@@ -271,7 +271,10 @@ class Layout:
         """
         single, each, weights = self.numbers(agents, t)
         pairs = np.array([w.of(agents.headings, n) for w in weights]) if weights else np.zeros((0, 1, 1))
-        return self.packed(single), np.array([np.broadcast_to(row, n) for row in each], dtype=np.float64), pairs
+        rows = np.empty((len(each), n))
+        for row, given in zip(rows, each, strict=True):
+            row[:] = given
+        return self.packed(single), rows, pairs
 
     def packed(self, single: list[float]) -> Array:
         """The array P of a kernel: the single numbers, then the rows of `obstacle_rows`."""
@@ -288,6 +291,8 @@ class Layout:
 
 def _kind(value: Value | PerObstacle | Place) -> str:
     """Letter of the slots for a parameter."""
+    if isinstance(value, float):
+        return "P"
     if isinstance(value, Place):
         return "P"
     if isinstance(value, PairWeights):

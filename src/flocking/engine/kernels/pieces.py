@@ -8,6 +8,7 @@ evaluated at the distance clipped near the border (``reach``).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 Shape = Callable[..., Sequence[float]]
 """The formulas of one graph or group of obstacles: functions of distance, ``side``, ``reach`` and their parameters."""
+
+Values = Callable[[float, float, float], list[float]]
+"""Their values; one NaN where there are none."""
 
 MARGIN = 1e-12
 """Relative distance from a border at which conditions are evaluated."""
@@ -101,48 +105,47 @@ def limits(borders: Sequence[float], formulas: Shape, parameters: Sequence[objec
         Their parameters.
     """
 
-    def shape(distance: float, side: float, reach: float) -> Array:
+    def shape(distance: float, side: float, reach: float) -> list[float]:
         try:
-            with np.errstate(all="ignore"):
-                return np.array([float(x) for x in formulas(distance, side, reach, *parameters)])
+            return [float(x) for x in formulas(distance, side, reach, *parameters)]
         except (ValueError, ArithmeticError, TypeError):
-            return np.array([np.nan])
+            return [math.nan]
 
-    edges = [-np.inf, *borders]
-    size = max((abs(float(x)) for x in borders if np.isfinite(x)), default=0.0)
+    edges = [-math.inf, *borders]
+    size = max((abs(float(x)) for x in borders if math.isfinite(x)), default=0.0)
     least = LEAST_SCALE * (size if 0.0 < size < 1.0 else 1.0)
-    return np.array([_limits(low, high, shape, least) for low, high in pairwise(edges)])
+    with np.errstate(all="ignore"):
+        return np.array([_limits(low, high, shape, least) for low, high in pairwise(edges)])
 
 
-def _limits(
-    low: float, high: float, shape: Callable[[float, float, float], Array], least: float
-) -> tuple[float, float, float, float]:
-    inner = low + MARGIN * max(abs(low), NO_LESS) if np.isfinite(low) else -np.inf
-    outer = high - MARGIN * max(abs(high), NO_LESS) if np.isfinite(high) else np.inf
+def _limits(low: float, high: float, shape: Values, least: float) -> tuple[float, float, float, float]:
+    inner = low + MARGIN * max(abs(low), NO_LESS) if math.isfinite(low) else -math.inf
+    outer = high - MARGIN * max(abs(high), NO_LESS) if math.isfinite(high) else math.inf
     if not inner < outer:
         return FREE
-    middle = float(np.clip(0.5 * (inner + outer) if np.isfinite(inner + outer) else 0.0, inner, outer))
+    middle = min(max(0.5 * (inner + outer) if math.isfinite(inner + outer) else 0.0, inner), outer)
     found = []
     for edge, inwards in ((inner, 1.0), (outer, -1.0)):
-        if not np.isfinite(edge):
+        if not math.isfinite(edge):
             found.append((edge, edge))
-        elif _goes_on(edge, inwards, middle if np.isfinite(middle) else edge, shape, least):
-            found.append((edge, -inwards * np.inf))
+        elif _goes_on(edge, inwards, middle if math.isfinite(middle) else edge, shape, least):
+            found.append((edge, -inwards * math.inf))
         else:
-            finite = np.isfinite(shape(edge, edge, edge)).all()
-            found.append((edge, edge) if finite else (-inwards * np.inf, -inwards * np.inf))
+            finite = all(map(math.isfinite, shape(edge, edge, edge)))
+            found.append((edge, edge) if finite else (-inwards * math.inf, -inwards * math.inf))
     return found[0][0], found[1][0], found[0][1], found[1][1]
 
 
-def _goes_on(
-    edge: float, inwards: float, side: float, shape: Callable[[float, float, float], Array], least: float
-) -> bool:
+def _goes_on(edge: float, inwards: float, side: float, shape: Values, least: float) -> bool:
     """Whether the formulas of the piece around ``side`` are continuous beyond its edge."""
     scale = max(abs(edge), least)
-    gaps = []
-    for step in (STEP, STEP / FINER):
+
+    def gaps(step: float) -> list[tuple[float, float]]:
+        """Differences over the edge, and the sizes of what differs; one pair of NaNs where there are no values."""
         before, after = (shape(d, side, d) for d in (edge + inwards * step * scale, edge - inwards * step * scale))
-        gaps.append((np.abs(after - before), np.abs(before) + np.abs(after)))
-    (coarse, size), (fine, _) = gaps
-    with np.errstate(invalid="ignore"):
-        return bool(np.isfinite(coarse).all() and (fine <= HALVED * coarse + AGREED * size).all())
+        return [(abs(b - a), abs(a) + abs(b)) for a, b in zip(before, after, strict=False)]
+
+    return all(
+        math.isfinite(coarse) and fine <= HALVED * coarse + AGREED * size
+        for (coarse, size), (fine, _) in zip(gaps(STEP), gaps(STEP / FINER), strict=False)
+    )
