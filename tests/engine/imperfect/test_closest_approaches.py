@@ -42,3 +42,16 @@ def test_the_error_of_a_closest_approach_covers_rounding_and_is_of_its_size(away
     assert abs(free.distance - exact) <= free.error + 4e-16 * exact
     assert 4.0 * np.finfo(float).eps * (away + 3.0) <= free.error <= 1e-12 * (away + 3.0)
     assert math.isnan(as_closest(paths, found, 5.0, rounding_alone=False)[1].error)
+
+
+@pytest.mark.parametrize("m", [1, 2, 3])
+@pytest.mark.parametrize("span", [0.01, 0.5])
+def test_rows_of_far_pairs_are_passed_over_in_open_space(m, span):
+    """A box so large that nobody has an image in reach is looked at pair by pair, with links in one direction too."""
+    n, rng = 37, np.random.default_rng(5)
+    for _ in range(40):
+        S, linked = 3.0 * rng.normal(size=(4, n, m)), rng.random((n, n)) < 0.3
+        so_far = np.array([[rng.choice([0.01, 1.0, np.inf]), 0.0, -1.0, -1.0] for _ in range(2)])
+        spaces = fk.Open(), fk.Periodic([1e9] * m)
+        rows, pairs = (closest_pairs(paths_in(space, S, 0.0), span, linked, 0.0, so_far) for space in spaces)
+        assert rows.tobytes() == pairs.tobytes()

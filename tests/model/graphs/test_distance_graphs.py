@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import flocking as fk
 from flocking.errors import InvalidInput
 from flocking.model.graphs import connectivity
-from flocking.model.graphs.connectivity import components, is_connected
+from flocking.model.graphs.connectivity import components, is_connected, linked_pairs
 from flocking.model.graphs.distance_graphs import pair_distances
 
 
@@ -155,3 +155,12 @@ def test_random_connected_graphs_repeat_and_connect():
 def test_bad_input_is_explained(make, words):
     with pytest.raises(InvalidInput, match=words):
         make()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (6, 6), (6, 2), (2, 6), (6, 0)])
+def test_linked_pairs_come_row_by_row(shape: tuple[int, int]) -> None:
+    links = np.random.default_rng(1).random(shape) < 0.4
+    for given_links in (links, np.asfortranarray(links), ~links):
+        for found, expected in zip(linked_pairs(given_links), np.nonzero(given_links), strict=True):
+            assert found.tolist() == expected.tolist()
+            assert found.dtype == expected.dtype

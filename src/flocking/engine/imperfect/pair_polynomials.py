@@ -16,7 +16,7 @@ import numpy as np
 
 from flocking.arrays import Array, Links, Numbers
 from flocking.engine.kernels.bernstein import smallest_value
-from flocking.engine.kernels.displacements import nearest_difference
+from flocking.engine.kernels.displacements import closer_in_row, nearest_difference
 from flocking.engine.runs.run import Closest
 from flocking.errors import SimulationError
 from flocking.formula.native.functions import native_apart
@@ -106,6 +106,24 @@ def reach_within(paths: Paths, i: int, j: int, span: float) -> float:
         scale *= span
         reach += np.sqrt(total) * scale
     return reach
+
+
+def excursion(paths: Paths, i: int, span: float) -> float:
+    """How far at most agent ``i`` moves within ``span``.
+
+    Parameters
+    ----------
+    paths
+        How agents move.
+    """
+    far, scale = 0.0, 1.0
+    for a in range(1, paths.S.shape[0]):
+        total = 0.0
+        for k in range(paths.S.shape[2]):
+            total += paths.S[a, i, k] ** 2
+        scale *= span
+        far += np.sqrt(total) * scale
+    return far
 
 
 def count_images(paths: Paths, within: float, counts: Numbers) -> int:
@@ -212,8 +230,19 @@ def find_closest(paths: Paths, span: float, linked: Links, closest: Array) -> in
     """
     n, m = paths.S.shape[1], paths.S.shape[2]
     square, nearest, offset = np.empty(2 * paths.S.shape[0] - 1), np.empty(m), np.empty(m)
-    counts = np.empty(m, np.int64)
+    counts, is_open = np.empty(m, np.int64), True
+    axes, far, squares = np.empty((m, n)), np.empty(n), np.empty(n)
+    for k in range(m):
+        is_open = is_open and paths.lengths[k] == np.inf
     for i in range(n):
+        far[i] = excursion(paths, i, span) * (1.0 + ROUNDING)
+        for k in range(m):
+            axes[k, i] = paths.S[0, i, k]
+    for i in range(n):
+        most = np.sqrt(closest[0, 0]) * (1.0 + ROUNDING)
+        either = max(most, np.sqrt(closest[1, 0]) * (1.0 + ROUNDING))
+        if is_open and closer_in_row(axes, far, linked, i, most, either, squares) == 0:
+            continue
         for j in range(i + 1, n):
             kind = 0 if linked[i, j] or linked[j, i] else 1
             distance, reach = nearest_offset(paths, i, j, nearest), reach_within(paths, i, j, span)

@@ -15,6 +15,7 @@ from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import NotFinite
+from flocking.model.graphs.connectivity import linked_pairs
 from flocking.model.law import Law, Scenario
 from flocking.model.terms.poles_under_errors import FLOOR
 
@@ -98,7 +99,7 @@ class TrueLaw:
         met
             Agents within range of obstacles, and the obstacles, of every group of obstacles.
         """
-        return free_pairs([*((i, j) for i, j in map(np.nonzero, links)), *met])
+        return free_pairs([*map(linked_pairs, links), *met])
 
     def energy(self, t: float, q: Array, p: Array, pairs: Pairs, linked: int) -> tuple[float, float]:
         """Energy and kinetic energy of the true state.

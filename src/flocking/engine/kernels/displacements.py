@@ -1,10 +1,15 @@
-"""The vector from an agent to another, as lines of generated code: the one place where kernels subtract positions."""
+"""The vector from an agent to another, as lines of generated code: the one place where kernels subtract positions.
+
+Rows of pairs that are too far apart are passed over whole.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
+
+from flocking.arrays import Array, Links
 
 if TYPE_CHECKING:
     import sympy
@@ -39,6 +44,37 @@ def displacement_lines(
 def nearest_difference(difference: float, length: float) -> float:
     """A ``difference`` of coordinates to the nearest image along an axis of a ``length``, for native functions."""
     return difference - length * math.copysign(math.floor(math.fabs(difference) / length + 0.5), difference)
+
+
+def closer_in_row(
+    axes: Array, far: Array, linked: Links, i: int, linked_reach: float, reach: float, squares: Array
+) -> int:
+    """How many pairs (i, j) with j > i may come closer than some distances, by loops over vectors; for native code.
+
+    Parameters
+    ----------
+    axes
+        Positions now, shape (m, N).
+    far
+        Bound on the displacement of each agent, shape (N,).
+    linked
+        Links, shape (N, N).
+    linked_reach, reach
+        The distance for pairs linked as (i, j); that for others, as large as any: some may be linked as (j, i).
+    squares
+        Room for N numbers.
+    """
+    n = far.shape[0]
+    for j in range(i + 1, n):
+        squares[j] = 0.0
+    for k in range(axes.shape[0]):
+        for j in range(i + 1, n):
+            squares[j] += (axes[k, j] - axes[k, i]) ** 2
+    count = 0
+    for j in range(i + 1, n):
+        level = linked_reach if linked[i, j] else reach
+        count += 0 if squares[j] > (level + far[i] + far[j]) ** 2 else 1
+    return count
 
 
 def period_lines(k: int, period: str) -> list[str]:

@@ -15,6 +15,7 @@ from flocking.arrays import Indices, Links
 from flocking.engine.kernels.displacements import displacement_lines
 from flocking.engine.kernels.pieces import held
 from flocking.engine.kernels.source_text import free_names, indented, nonzero
+from flocking.model.graphs.connectivity import linked_pairs
 
 if TYPE_CHECKING:
     from flocking.engine.kernels.expressions import LawFormulas
@@ -38,11 +39,11 @@ def upper_first(links: Links, directed: bool) -> tuple[Indices, Indices]:
     links
         The link matrix, shape (N, N); symmetric unless ``directed``.
     """
+    i, j = linked_pairs(links)
     if directed:
-        i, j = np.nonzero(links)
         return i, j
-    upper, lower = np.nonzero(np.triu(links)), np.nonzero(np.tril(links))
-    return np.concatenate([upper[0], lower[0]]), np.concatenate([upper[1], lower[1]])
+    upper = i < j
+    return np.concatenate([i[upper], i[~upper]]), np.concatenate([j[upper], j[~upper]])
 
 
 def mutual_loop(number: int, formulas: LawFormulas, requested: Mapping[str, str], order: int) -> str | None:

@@ -24,6 +24,7 @@ from flocking.model.checks import Array, array, listed
 from flocking.model.checks import number as checked_number
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages, graph_functional
+from flocking.model.graphs.connectivity import linked_pairs
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.seen_headings import links_of_graphs
 from flocking.model.law import Law, Scenario
@@ -139,7 +140,7 @@ def _evaluated(
     force_sum, linked = np.zeros(n), np.zeros(n)
     frame = frame_velocity(energy, state, A[0])
     storage = dissipation = supply = 0.0
-    pairs = [np.nonzero(links) for links in links_of_graphs(law.graphs, space, state, agents.headings)]
+    pairs = [linked_pairs(links) for links in links_of_graphs(law.graphs, space, state, agents.headings)]
     for number, (i, j) in enumerate(pairs):
         functional = _functional(law, number, (i, j), n)
         d = displacements(space, state.q, (i, j))

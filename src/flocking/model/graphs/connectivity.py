@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import Indices
 from flocking.arrays import Links as Links
 
 SMALL = 300
@@ -26,6 +27,20 @@ MOST_CONNECTED = 10_000
 def most_draws(n: int) -> int:
     """How often a graph of ``n`` agents is drawn until it is connected."""
     return max(1, min(MOST_DRAWS, MOST_PAIRS // max(1, n * n)))
+
+
+def linked_pairs(links: Links) -> tuple[Indices, Indices]:
+    """Ordered pairs of a link matrix, row by row: the agents that sense, and those sensed.
+
+    Parameters
+    ----------
+    links
+        The matrix, shape (N, N), or (N, K) of agents and obstacles.
+    """
+    # NumPy looks for what is set in a matrix ten times as long as in a row.
+    places, columns = np.flatnonzero(links), max(links.shape[1], 1)
+    senders = places // columns
+    return senders, places - senders * columns
 
 
 def components(links: Links) -> NDArray[np.intp]:

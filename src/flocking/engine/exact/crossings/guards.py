@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from flocking.arrays import Indices
 from flocking.engine.exact.crossings.nearby_pairs import BASE, NearbyPairs, all_pairs
 from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, first_above, part_from, smallest_value
+from flocking.engine.kernels.displacements import closer_in_row
 from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
@@ -195,7 +196,7 @@ def find_closest(
         for k in range(B.shape[2]):
             axes[k, i] = B[0, i, k]
     for i in range(n):
-        if every_pair and _closer_in_row(axes, far, linked, i, np.sqrt(found[0, 0]), reach, squares) == 0:
+        if every_pair and closer_in_row(axes, far, linked, i, np.sqrt(found[0, 0]), reach, squares) == 0:
             continue
         first, last = (i + 1, n) if every_pair else (nearby.starts[i], nearby.starts[i + 1])
         for e in range(first, last):
@@ -215,35 +216,6 @@ def find_closest(
             if x <= 1.0:
                 found[row, 0], found[row, 1], found[row, 2], found[row, 3] = max(value, 0.0), x, i, j
                 reach = np.sqrt(max(found[0, 0], found[1, 0]))
-
-
-def _closer_in_row(
-    axes: Array, far: Array, linked: Links, i: int, linked_reach: float, reach: float, squares: Array
-) -> int:
-    """How many pairs (i, j) with j > i may come closer than the closest so far; its loops run over vectors.
-
-    Parameters
-    ----------
-    axes
-        Positions at the start of the segment, shape (m, N).
-    far, linked
-        As for `find_closest`.
-    linked_reach, reach
-        The distance for pairs linked as (i, j); that for others, as large as any: some may be linked as (j, i).
-    squares
-        Room for N numbers.
-    """
-    n = far.shape[0]
-    for j in range(i + 1, n):
-        squares[j] = 0.0
-    for k in range(axes.shape[0]):
-        for j in range(i + 1, n):
-            squares[j] += (axes[k, j] - axes[k, i]) ** 2
-    count = 0
-    for j in range(i + 1, n):
-        level = linked_reach if linked[i, j] else reach
-        count += 0 if squares[j] > (level + far[i] + far[j]) ** 2 else 1
-    return count
 
 
 def deepest_dip(B: Array, far: Array, senders: Indices, sensed: Indices) -> float:
