@@ -10,7 +10,7 @@ import ast
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from flocking.errors import FormulaError
 from flocking.formula.growth import excess
@@ -43,6 +43,9 @@ LARGEST_EXPONENT = 64
 """Largest exponent that is a number: it bounds the exact numbers that powers of numbers come to."""
 LARGEST_NESTED_EXPONENT = 256
 """Largest product of the exponents of powers of powers, for the same reason."""
+
+MOST_REMEMBERED = 1024
+"""Formulas of which it is stored whether they have pieces: a law whose numbers change is asked again and again."""
 
 _BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 _COMPARISON = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
@@ -345,6 +348,7 @@ def _names(node: Node) -> Iterator[str]:
             yield str(part[1])
 
 
+@lru_cache(maxsize=MOST_REMEMBERED)
 def has_pieces(tree: Node) -> bool:
     """Whether a formula of this ``tree`` may consist of pieces: by ``where`` or ``abs``, or as a root of a power."""
     return any(_is_pieced(node) for node in _walk(tree))

@@ -223,6 +223,17 @@ def check_each(owner: str, parameter: str, value: object, n: int) -> None:
         raise InvalidInput(owner, parameter, rule, f"{len(entries)} values")
 
 
+def largest(value: float | Array) -> float:
+    """The largest number of all agents, or the one that is the same for all.
+
+    Parameters
+    ----------
+    value
+        Such a number, or one for each agent, shape (N,).
+    """
+    return value if type(value) is float else float(np.max(np.asarray(value)))
+
+
 def axes_of(value: Any) -> int:
     """Number of axes of an array, or -1 for nested sequences that are not an array."""
     try:

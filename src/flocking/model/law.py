@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body
+from flocking.model.checks import largest
 from flocking.model.energy import Energy
 from flocking.model.graphs.coincident_starts import coincident_groups, linked_pair
 from flocking.model.graphs.distance_graphs import Graph
@@ -156,14 +157,13 @@ class Law(LawCell):
 
     def has_barrier(self, graph: Graph) -> bool:
         """Whether a potential over ``graph`` is infinite where its links break."""
-        radius = np.max(np.asarray(graph.break_radius))
+        radius = largest(graph.break_radius)
         if not np.isfinite(radius):
             return False
-        numbers = [k for k, g in enumerate(self.graphs) if g is graph]
         return any(
             not np.isfinite(term.potential(radius))
             for term in self.pair_terms
-            if isinstance(term, Gradient) and self.graph_number(term) in numbers
+            if isinstance(term, Gradient) and self.graphs[self.graph_number(term)] is graph
         )
 
     def singular_at_contact(self, graph: Graph) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body
 from flocking.model.bodies.unicycles import UNIT
+from flocking.model.checks import largest
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.seen_headings import heading_column
 from flocking.model.graphs.views import VELOCITY
@@ -197,7 +198,7 @@ def check_steering_space(space: Space, terms: Iterable[Steering]) -> None:
 
 
 def _check_graph(owner: str, graph: Graph, shortest: float) -> None:
-    name, radius = type(graph).__name__, float(np.max(np.asarray(graph.break_radius)))
+    name, radius = type(graph).__name__, largest(graph.break_radius)
     if not graph.moves or not np.isfinite(radius):
         raise InvalidInput(
             "Scenario", "space", f"must be open for {name}, whose links have no longest length", owner,

@@ -211,5 +211,4 @@ class Segment:
         """The part of the segment on [t0, t]."""
         if t >= self.t1:
             return self
-        part = self.cut((t - self.t0) / (self.t1 - self.t0))
-        return Segment(self.t0, t, part.coefficients)
+        return Segment(self.t0, t, _part(self.coefficients, (t - self.t0) / (self.t1 - self.t0)))

@@ -161,9 +161,10 @@ class Dynamics:
         """Find how far the pieces of the formulas continue beyond `LinkState.borders`, and their narrow features."""
         self._energies.clear()
         self.__dict__.pop("_zones", None)
-        self._zone_sources = links.borders(), links.contacts.groups, self._slots
+        all_borders = links.borders()
+        self._zone_sources = all_borders, links.contacts.groups, self._slots
         rows = [np.array([FREE])]
-        for k, borders in enumerate(links.borders()):
+        for k, borders in enumerate(all_borders):
             graphs = len(links.graphs)
             name = f"shape{k}" if k < graphs else f"shape_obstacles{k - graphs}"
             shape = self._kernels.shape(name)
@@ -356,14 +357,17 @@ class Dynamics:
         given = t + self.base, q, p, self._declared_pairs, slots, self._functionals
         pairs, bodies, kinetic = module.energies(*given)
         found = float(pairs + bodies + kinetic + self.unlinked), float(kinetic)
-        self.know_energy(t, y, found)
+        self._keep_energy(key, found)
         return found
 
     def know_energy(self, t: float, y: Array, found: tuple[float, float]) -> None:
         """Cache energy and kinetic energy (``found``) of a state vector ``y``, see `energy`."""
+        self._keep_energy((t, y.tobytes()), found)
+
+    def _keep_energy(self, key: tuple[float, bytes], found: tuple[float, float]) -> None:
         while len(self._energies) >= KNOWN_ENERGIES:
             del self._energies[next(iter(self._energies))]
-        self._energies[t, y.tobytes()] = found
+        self._energies[key] = found
 
     def split(self, y: Array) -> tuple[Array, Array, Array]:
         """Positions, velocities and integrated quantities of a state vector ``y``; views, if there are velocities."""

@@ -227,15 +227,10 @@ def follow_extremes(
         _approach(motion, linked, nearby, times, errors.pairs, rows)
     if P.shape[1] == 0:
         return
-    shifted = np.empty((P.shape[0], P.shape[1], P.shape[2]))
-    for a in range(P.shape[0]):
-        for i in range(P.shape[1]):
-            for k in range(P.shape[2]):
-                shifted[a, i, k] = P[a, i, k] + references.moving[k]
     found = np.empty((3, 3))
     relative = _least(rows, SPEED + 2, velocity) if references.has_goal else np.inf
     speed, spread = _least(rows, SPEED, velocity), _least(rows, SPEED + 1, 2 * velocity)
-    find_fastest(shifted, references.shares, references.goal, speed, spread, relative, found)
+    find_fastest(P, references.moving, references.shares, references.goal, speed, spread, relative, found)
     for row in range(3 if references.has_goal else 2):
         if found[row, 1] <= 1.0 or errors.lost:
             off = 2 * velocity if row == 1 else velocity

@@ -69,7 +69,12 @@ class Origin:
     @cached_property
     def rests(self) -> bool:
         """Whether it is the origin of the user's coordinates."""
-        return not (self.place.any() or self.velocity.any())
+        return not (self.place.any() or self.moves)
+
+    @cached_property
+    def moves(self) -> bool:
+        """Whether it has a velocity."""
+        return bool(self.velocity.any())
 
     def inwards(self, state: State) -> State:
         """A state in the session's own time and coordinates."""
@@ -114,7 +119,7 @@ class Origin:
         begin
             Momentum relative to the origin when it came into use, shape (m,).
         """
-        if not self.velocity.any():
+        if not self.moves:
             return 0.0, 0.0, 0.0
         now = momentum(scenario, p)
         work = float(self.velocity @ (now - begin))
@@ -156,7 +161,7 @@ def may_have(scenario: Scenario, plant: Law | None, origin: Origin) -> bool:
     """Whether a run may keep an origin that was chosen for another law."""
     laws = _laws(scenario, plant)
     place = not origin.place.any() or all(knows_no_place(law, scenario) for law in laws)
-    return place and (not origin.velocity.any() or all(knows_no_velocity(law, scenario) for law in laws))
+    return place and (not origin.moves or all(knows_no_velocity(law, scenario) for law in laws))
 
 
 def _laws(scenario: Scenario, plant: Law | None) -> list[Law]:

@@ -102,6 +102,10 @@ class Layout:
 
     def leaders(self) -> tuple[Leader, ...]:
         """Leaders of the law, then the energy's if it is another one."""
+        return self._leaders
+
+    @cached_property
+    def _leaders(self) -> tuple[Leader, ...]:
         found = list(self.law.leaders)
         if self.energy.leader is not None and all(self.energy.leader is not x for x in found):
             found.append(self.energy.leader)

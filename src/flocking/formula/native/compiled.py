@@ -58,6 +58,8 @@ def taken_apart(values: Sequence[object], records: Sequence[RecordKind | None]) 
             found.append(value)
         elif not isinstance(value, tuple) or kind.record is not type(value):
             raise TypeError(f"An argument must be a {kind.record.__name__}, not {type(value).__name__}")
+        elif kind.plain:
+            found += value
         else:
             found += taken_apart(value, kind.records)
     return found

@@ -119,6 +119,11 @@ class RecordKind:
         """Kinds of the fields that are records themselves; None for the others."""
         return tuple(kind if isinstance(kind, RecordKind) else None for kind in self.fields)
 
+    @cached_property
+    def plain(self) -> bool:
+        """Whether no field is a record."""
+        return not any(self.records)
+
     def __str__(self) -> str:
         return f"{self.record.__module__}:{self.record.__qualname__}({', '.join(map(str, self.fields))})"
 

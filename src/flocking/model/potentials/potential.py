@@ -171,9 +171,9 @@ class Potential:
             # Python floats would raise an exception where arrays give NaN or infinity.
             values = getattr(module, which)(distances, *map(np.float64, self.parameters.values()))
         found = np.asarray(values, dtype=np.float64) + np.zeros_like(distances)
-        lost = np.isnan(found) & ~np.isnan(distances)
+        lost = np.isnan(found)
         if lost.any() and self._plain is not None:
-            found = np.where(lost, self._plain._evaluate(which, distances), found)
+            found = np.where(lost & ~np.isnan(distances), self._plain._evaluate(which, distances), found)
         return found
 
     @cached_property

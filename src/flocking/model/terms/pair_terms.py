@@ -220,11 +220,11 @@ class Gradient(PairTerm):
 
     def fall(self, graph: Graph) -> Fall | None:
         """The integral of a psi' minus a psi, if the integral is stored; see `stored`."""
+        if self.weighting != "force" or self.stored != "integral":
+            return None
         from flocking.model.graphs.smooth_graphs import Smooth
         from flocking.model.terms.fading_potentials import fall_of
 
-        if self.weighting != "force" or self.stored != "integral":
-            return None
         return fall_of(self.potential, graph) if isinstance(graph, Smooth) and graph.has_own_bump else None
 
     def _psi(self, x: PairSymbols) -> sympy.Expr:

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from flocking.errors import SuspectInput
+from flocking.model.checks import largest
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.potentials.poles import poles
 from flocking.model.potentials.potential import Potential
@@ -66,6 +67,6 @@ def warn_of_poles(unbounded: str) -> None:
 
 def _met(potential: Potential, graph: Graph) -> list[float]:
     """Distances of neighbours under a graph at which a potential has no bound, ascending."""
-    radius = float(np.max(np.asarray(graph.break_radius))) if graph.moves else np.inf
+    radius = largest(graph.break_radius) if graph.moves else np.inf
     contact = [] if np.isfinite(potential.at_contact) else [0.0]
     return contact + [x for x in poles(potential) if x <= radius * BEYOND]

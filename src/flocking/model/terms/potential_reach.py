@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterable
 
-import numpy as np
-
 from flocking.errors import InvalidInput, SuspectInput
+from flocking.model.checks import largest
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.potentials.poles import acts_only_beyond, poles, sides, without_value
 from flocking.model.terms.pair_terms import Gradient, PairTerm
@@ -46,9 +46,9 @@ def check_reach(terms: Iterable[PairTerm], over: Graph) -> None:
         if not isinstance(term, Gradient) or not graph.moves:
             continue
         # A link that appears on this side of a pole never passes it.
-        radius = float(np.max(np.asarray(graph.appear_radius)))
-        widest, potential = max(radius, float(np.max(np.asarray(graph.break_radius)))), term.potential
-        if not np.isfinite(widest):
+        radius = largest(graph.appear_radius)
+        widest, potential = max(radius, largest(graph.break_radius)), term.potential
+        if not math.isfinite(widest):
             continue
         for pole in poles(potential):
             if not pole < radius * INSIDE:

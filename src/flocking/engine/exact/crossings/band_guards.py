@@ -231,7 +231,7 @@ def diameter(B: Array, far: Array, least: float) -> tuple[float, float, int, int
 
 @native
 def find_fastest(
-    P: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float, rows: Array
+    P: Array, moving: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float, rows: Array
 ) -> None:
     """Largest speed, distance of a velocity from the mean one, and speed relative to a goal, on the segment.
 
@@ -239,6 +239,8 @@ def find_fastest(
     ----------
     P
         Bernstein coefficients of the velocities, shape (8, N, m).
+    moving
+        Velocity that these are relative to, shape (m,).
     shares
         Weights of the mean, shape (N,).
     goal
@@ -253,8 +255,8 @@ def find_fastest(
     for a in range(P.shape[0]):
         for k in range(m):
             for i in range(n):
-                extended[a, i, k] = P[a, i, k]
-                extended[a, n + 1, k] += shares[i] * P[a, i, k]
+                extended[a, i, k] = P[a, i, k] + moving[k]
+                extended[a, n + 1, k] += shares[i] * extended[a, i, k]
             extended[a, n + 2, k] = goal[k]
     square = np.empty(15)
     for row in range(3):

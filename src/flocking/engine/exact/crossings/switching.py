@@ -22,7 +22,7 @@ from flocking.engine.exact.crossings.watch_tables import NO_BALLS, BallWatches, 
 from flocking.engine.exact.crossings.watches import Watch, watches_of
 from flocking.engine.kernels.mutual_pairs import upper_first
 from flocking.model.bodies.body import Body
-from flocking.model.checks import Array
+from flocking.model.checks import Array, largest
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.mutual_links import check_mutual
@@ -174,7 +174,7 @@ class LinkState:
         """
         owners = range(len(self.graphs) + len(self.contacts.groups))
         inner = [[float(w.leave[0]) for w in self.watches if w.inner and w.graph == owner] for owner in owners]
-        outer = [float(np.max(np.asarray(graph.break_radius))) for graph in self.graphs]
+        outer = [largest(graph.break_radius) for graph in self.graphs]
         outer += [level.distance for level in self.contacts.levels if level.kind == "obstacle"]
         return [[*kinks, end] for kinks, end in zip(inner, outer, strict=True)]
 

@@ -73,8 +73,7 @@ def watches_of(law: Law, n: int) -> list[Watch]:
     """Every distance to watch for pairs of ``n`` agents under a law."""
     found = []
     for number, graph in enumerate(law.graphs):
-        enter = np.broadcast_to(np.asarray(graph.appear_radius, dtype=np.float64), n).copy()
-        leave = np.broadcast_to(np.asarray(graph.break_radius, dtype=np.float64), n).copy()
+        enter, leave = (np.full(n, radius, dtype=np.float64) for radius in (graph.appear_radius, graph.break_radius))
         if graph.moves:
             found.append(Watch(number, "link", enter, leave))
         kinks = set(graph.kinks())
