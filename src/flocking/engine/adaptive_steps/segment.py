@@ -16,9 +16,6 @@ from flocking.model.checks import Array
 BOUND_ROUNDING = 1e-14
 """Relative margin of the bounds on displacements, more than the rounding of a root of a sum of a few squares."""
 
-AT_A_TIME = 64
-"""Components whose polynomials are divided together."""
-
 ROUNDING = 16 * float(np.finfo(float).eps)
 """Error of a position and a velocity from rounding, relative to the largest of the group."""
 
@@ -40,20 +37,15 @@ def fill_part(coefficients: Array, x: float, left: Array) -> None:
     left
         The result, of the same shape.
     """
-    count, size = coefficients.shape[0], coefficients.shape[1]
-    # Few components at a time, so that the intermediate points stay in the first cache.
-    work = np.empty((count, AT_A_TIME))
-    for first in range(0, size, AT_A_TIME):
-        width = min(AT_A_TIME, size - first)
-        for k in range(count):
-            for c in range(width):
-                work[k, c] = coefficients[k, first + c]
-        for k in range(count):
-            for c in range(width):
-                left[k, first + c] = work[0, c]
-            for a in range(count - 1 - k):
-                for c in range(width):
-                    work[a, c] += x * (work[a + 1, c] - work[a, c])
+    work = np.empty(DEGREE + 1)
+    # How many steps there are is known to the compiler: it writes them out, and takes several components at a time.
+    for c in range(coefficients.shape[1]):
+        for k in range(DEGREE + 1):
+            work[k] = coefficients[k, c]
+        for k in range(DEGREE + 1):
+            left[k, c] = work[0]
+            for a in range(DEGREE - k):
+                work[a] += x * (work[a + 1] - work[a])
 
 
 def weights_at(places: Sequence[float]) -> Array:

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flocking.engine.adaptive_steps.segment import Segment, bound_excursions
+from flocking.engine.exact.crossings.band_guards import find_fastest
 from flocking.engine.exact.crossings.guards import crossings, deepest_dip, find_closest, squared_distance
 from flocking.engine.exact.crossings.nearby_pairs import NearbyPairs, all_pairs
 from flocking.engine.kernels.bernstein import NEVER, first_above, first_all_above, smallest_value
@@ -260,3 +261,25 @@ def test_rows_of_pairs_are_looked_at_as_listed_pairs_are(m: int, bounds: tuple[f
             B, far, linked, NearbyPairs(starts, np.concatenate(once), far, np.full(3, np.inf)), *bounds, listed
         )
         assert rows.tobytes() == listed.tobytes()
+
+
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_the_fastest_is_no_slower_than_every_sample_and_attained(m: int) -> None:
+    """Speeds, those relative to the mean and to a goal; nothing is found where none is above what is known."""
+    n, rng = 12, np.random.default_rng(3)
+    shares, goal, moving = rng.dirichlet(np.ones(n)), rng.normal(size=m), rng.normal(size=m)
+    x = np.linspace(0.0, 1.0, 301)
+    for _ in range(30):
+        P, rows = random_segment(rng, n, m, 1.0), np.empty((3, 3))
+        v = np.array([[value(P[:, i, k] + moving[k], x) for k in range(m)] for i in range(n)])
+        mean = np.tensordot(shares, v, 1)
+        sizes = [np.linalg.norm(v - middle, axis=1) for middle in (0.0 * mean, mean, goal[:, None])]
+        find_fastest(P, moving, shares, goal, 0.0, 0.0, 0.0, rows)
+        for (most, where, which), size in zip(rows, sizes, strict=True):
+            assert size.max() <= most * (1 + 1e-12)
+            assert np.interp(where, x, size[int(which)]) == pytest.approx(most, rel=1e-3)
+        known = rows[:, 0].copy()
+        find_fastest(P, moving, shares, goal, *(1.0 + 1e-9) * known, rows)
+        assert (rows[:, 1] == NEVER).all()
+        find_fastest(P, moving, shares, goal, *(1.0 - 1e-9) * known, rows)
+        assert rows[:, 0] == pytest.approx(known, rel=1e-12)

@@ -250,21 +250,52 @@ def find_fastest(
     rows
         Takes a row for each: value, where in [0, 1] or `NEVER`, and whose; shape (3, 3).
     """
-    n, m = P.shape[1], P.shape[2]
-    extended = np.zeros((P.shape[0], n + 3, m))
-    for a in range(P.shape[0]):
+    count, n, m = P.shape[0], P.shape[1], P.shape[2]
+    axes, middles, pair = np.empty((count, m, n)), np.zeros((3, count, m)), np.empty((count, 2, m))
+    for a in range(count):
         for k in range(m):
             for i in range(n):
-                extended[a, i, k] = P[a, i, k] + moving[k]
-                extended[a, n + 1, k] += shares[i] * extended[a, i, k]
-            extended[a, n + 2, k] = goal[k]
-    square = np.empty(15)
+                axes[a, k, i] = P[a, i, k] + moving[k]
+                middles[1, a, k] += shares[i] * axes[a, k, i]
+            middles[2, a, k] = goal[k]
+    square, hulls, squares = np.empty(15), np.empty(n), np.empty(n)
     for row in range(3):
         least = speed if row == 0 else spread if row == 1 else relative
         best, where, which = max(least, -1.0) * abs(least), NEVER, -1
         if least < np.inf:
+            _fill_hulls(axes, middles[row], hulls, squares)
             for i in range(n):
-                value, x = _farthest(extended, n + row, i, square, best)
+                if hulls[i] <= best:
+                    continue
+                for a in range(count):
+                    for k in range(m):
+                        pair[a, 0, k], pair[a, 1, k] = middles[row, a, k], axes[a, k, i]
+                value, x = _farthest(pair, 0, 1, square, best)
                 if x <= 1.0:
                     best, where, which = value, x, i
         rows[row, 0], rows[row, 1], rows[row, 2] = np.sqrt(max(best, 0.0)), where, which
+
+
+def _fill_hulls(axes: Array, middle: Array, hulls: Array, squares: Array) -> None:
+    """Bounds on the squared distances of points from another one on the segment, by loops over vectors.
+
+    Parameters
+    ----------
+    axes
+        Bernstein coefficients of the points, shape (8, m, N).
+    middle
+        Those of the other point, shape (8, m).
+    hulls, squares
+        Takes the bounds, and room for as many numbers, shape (N,).
+    """
+    n = hulls.shape[0]
+    for i in range(n):
+        hulls[i] = 0.0
+    for a in range(axes.shape[0]):
+        for i in range(n):
+            squares[i] = 0.0
+        for k in range(axes.shape[1]):
+            for i in range(n):
+                squares[i] += (axes[a, k, i] - middle[a, k]) ** 2
+        for i in range(n):
+            hulls[i] = max(hulls[i], squares[i])
