@@ -319,8 +319,9 @@ class Consensus(PairTerm):
     @property
     def symmetries(self) -> frozenset[str]:
         """All; momentum only if the coefficient is the same for (i, j) and (j, i)."""
-        uneven = np.ndim(self.gain) > 0 or self.functional or not (self.weights is None or self.weights.symmetric)
-        fixed = np.ndim(self.gain) > 0 or self.weights is not None
+        each = isinstance(self.gain, np.ndarray)
+        uneven = each or self.functional or not (self.weights is None or self.weights.symmetric)
+        fixed = each or self.weights is not None
         return SYMMETRIES - ({"momentum"} if uneven else set()) - ({"relabelling"} if fixed else set())
 
     def drag(self, x: PairSymbols) -> sympy.Expr:
