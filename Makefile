@@ -125,11 +125,14 @@ $(CLUSTER_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[cluster]'
 	@touch $@
 
+# Debian's Chromium, installed where no browser of its kind is there.
+CHROMIUM = command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null || \
+	{ apt-get update -qq && apt-get install -y -qq chromium; } || \
+	{ echo "make $@ needs Chromium: install it and run this again."; exit 1; }
+
 # The live lab and films in a real browser: Debian's Chromium, installed where it is missing. Screenshots go to out/lab.
 test-browser: $(BROWSER_READY)
-	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null || \
-		{ apt-get update -qq && apt-get install -y -qq chromium; } || \
-		{ echo "make test-browser needs Chromium: install it and run this again."; exit 1; }
+	@$(CHROMIUM)
 	$(BIN)/python -m pytest -m "(browser or server) and not repeated" -p no:xdist tests/apps/lab tests/apps/reproduction tests/show $(PYTEST_ARGS)
 
 $(BROWSER_READY): $(READY)
@@ -175,6 +178,7 @@ docs: $(DOCS_READY)
 # Every page of it in Chromium, wide and as on a phone, light and dark: accessible, no picture missing, nothing cut off. Of the
 # pages of the library by name a sample.
 docs-check: docs $(BROWSER_READY)
+	@$(CHROMIUM)
 	DOCS_OUT=$(DOCS_OUT) $(BIN)/python -m pytest -m built_docs -p no:xdist tests/docs $(PYTEST_ARGS)
 
 $(DOCS_READY): $(READY) docs/requirements.txt
