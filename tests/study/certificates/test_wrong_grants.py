@@ -77,3 +77,35 @@ def test_damping_drives_agents_inside_of_a_circle():
     # The planes of a safety filter would be those of a ball.
     with pytest.raises(fk.InvalidInput, match="obstacles"):
         fk.SafetyFilter(0.1, distance=0.5, acceleration=4.0, form="stopping", obstacles=[Arena([0.0, 0.0], 2.0)])
+
+
+@pytest.mark.parametrize("psi", [fk.Potential("r**2/2").cut(2.0), fk.Potential("where(r >= 2, 7, r**2/2)")])
+@pytest.mark.parametrize("graph", [fk.Proximity(2.0), fk.Proximity(2.0, closed=True), fk.Hysteresis(2.0, 0.0)])
+def test_a_piece_that_begins_at_the_radius_is_not_the_energy_there(psi, graph):
+    """Links appear with r^2/2 = 2 whatever the formula is at the radius: |v| comes to sqrt(2.04)."""
+    law = fk.Law(graph, [fk.Gradient(psi)])
+    start = fk.State([[0.0, 0.0], [3.0, 0.0]], [[0.2, 0.0], [-0.2, 0.0]])
+    scenario = fk.Scenario(law, start, t_end=6.0, frames=61)
+    found = fk.certify(scenario)
+    assert found["largest_energy"].safe_bound == pytest.approx(2.04, rel=1e-9)
+    assert found["largest_speed"].safe_bound == pytest.approx(np.sqrt(2.04), rel=1e-9)
+    fastest = np.abs(fk.simulate(scenario, progress=False).p).max()
+    assert 1.2 < fastest <= found["largest_speed"].safe_bound
+
+
+@pytest.mark.parametrize("velocity", ["where(t <= 1, 0, 5)", "where(t > 1, 5, 0)", "where(t < 4, 5, 0)"])
+def test_a_leader_may_jump_at_the_start_or_at_the_end(velocity):
+    """Its velocity at that one moment is not the one behind which agents are, or were."""
+    law = fk.Law(fk.Complete(), [POLE, fk.Track(fk.Path([velocity, "0"]), 1.0, 1.0, 1.0)])
+    scenario = fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]], t=1.0), t_end=4.0, frames=31)
+    found = fk.certify(scenario)
+    for key in ("largest_energy", "largest_speed", "mean_leader_error", "mean_leader_error_at_end"):
+        assert not found[key].granted
+        assert "continuous at" in found[key].reason
+    run = fk.simulate(scenario, progress=False)
+    errors = np.abs(run.p.mean(axis=1) - [law.leaders[0].velocity_at(float(t)) for t in run.t])
+    assert max(errors[1, 0] - errors[0, 0], errors[-1, 0] - errors[-2, 0]) > 4.0
+    # A piece whose value at the end is that of the motion is none that jumps.
+    steady = fk.Path([velocity.replace("<=", "<").replace("> 1", ">= 1").replace("< 4", "< 5"), "0"])
+    law = fk.Law(fk.Complete(), [POLE, fk.Track(steady, 1.0, 1.0, 1.0)])
+    assert fk.certify(scenario.with_(law=law))["mean_leader_error_at_end"].granted

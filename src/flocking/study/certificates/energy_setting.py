@@ -27,7 +27,7 @@ from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
 from flocking.study.certificates.certificate import Hypothesis, ideal_world, until_failed
 from flocking.study.certificates.pair_energy import PairEnergy, energy_of, integrated_energy_of
-from flocking.study.certificates.pieces import KNOWN_GRAPHS, jump, leader_at, leader_jump, unknown_weight
+from flocking.study.certificates.pieces import KNOWN_GRAPHS, inside, jump, leader_at, leader_jump, unknown_weight
 
 LARGEST_GROUP = 500
 """Agents up to which all pairs are looked at: 125,000 intervals, some seconds."""
@@ -258,10 +258,11 @@ class EnergySetting:
         import sympy
 
         r = sympy.Symbol("r", positive=True)
+        end = float(np.asarray(self.graph.break_radius)) if self.graph.moves else np.inf
         value: sympy.Expr = sympy.Integer(0)
         for term in self.gradients:
-            value += term.potential.expression(r)
-        end = float(np.asarray(self.graph.break_radius)) if self.graph.moves else np.inf
+            of_all = term.potential.expression(r)
+            value += inside(of_all, r, end) if np.isfinite(end) else of_all
         if isinstance(self.graph, Smooth):
             numbers = {name: sympy.Rational(x) for name, x in self.graph.parameters.items()}
             weight = self.graph.weight(r, lambda name: numbers[name])

@@ -66,7 +66,9 @@ def unknown_weight(term: PairTerm, graph: Graph) -> Graph | None:
     return None if has_known_weight(over) else over
 
 
-def jump(expression: sympy.Expr, r: sympy.Symbol, first: float = 0.0, last: float = np.inf) -> str:
+def jump(
+    expression: sympy.Expr, r: sympy.Symbol, first: float = 0.0, last: float = np.inf, *, with_ends: bool = False
+) -> str:
     """Where a formula may jump, in a few words; empty where it is continuous between two numbers.
 
     Pieces may begin and end at numbers that are compared with r; their values there must be equal, exactly. No
@@ -80,7 +82,9 @@ def jump(expression: sympy.Expr, r: sympy.Symbol, first: float = 0.0, last: floa
     r
         Its variable.
     first, last
-        The numbers; neither is itself looked at.
+        The numbers.
+    with_ends
+        Whether the values at the numbers themselves are looked at: a piece that begins at one of them may leave it out.
     """
     import sympy
 
@@ -94,11 +98,7 @@ def jump(expression: sympy.Expr, r: sympy.Symbol, first: float = 0.0, last: floa
                 if place is None:
                     return f"the condition {relation} does not compare r with a number"
                 places.add(place)
-    ordered = sorted((p for p in places if first < float(p) < last), key=lambda p: float(p))
-    inner = [(a + b) / 2 for a, b in pairwise(ordered)]
-    middles = [_before(ordered[0], first), *inner, _after(ordered[-1], last)] if ordered else []
-    parts = pairwise([_at(expression, r, middle) for middle in middles])
-    for place, (before, after) in zip(ordered, parts, strict=True):
+    for place, before, after in _meetings(expression, r, places, (first, last), with_ends):
         difference = before.subs(r, place) - after.subs(r, place)
         if difference != 0 and sympy.simplify(difference) != 0:
             return f"it is not known to be continuous at {float(place):.6g}"
@@ -109,8 +109,50 @@ def jump(expression: sympy.Expr, r: sympy.Symbol, first: float = 0.0, last: floa
     return ""
 
 
+def _meetings(
+    expression: sympy.Expr, r: sympy.Symbol, places: set[sympy.Expr], ends: tuple[float, float], with_ends: bool
+) -> list[tuple[sympy.Expr, sympy.Expr, sympy.Expr]]:
+    """Places at which pieces meet, with the formula below and above each; at the ends it is that of the end itself."""
+    if not places:
+        return []
+    inside = sorted((p for p in places if ends[0] < float(p) < ends[1]), key=lambda p: float(p))
+    branches = [_at(expression, r, _between(low, high)) for low, high in pairwise([ends[0], *inside, ends[1]])]
+    found = list(zip(inside, branches, branches[1:], strict=False))
+    if with_ends:
+        found += [(p, _at(expression, r, p), branches[0]) for p in places if float(p) == ends[0]]
+        found += [(p, branches[-1], _at(expression, r, p)) for p in places if float(p) == ends[1]]
+    return found
+
+
+def inside(expression: sympy.Expr, r: sympy.Symbol, last: float) -> sympy.Expr:
+    """The formula that holds between zero and a number: without pieces that begin at that number or beyond.
+
+    A pair that is linked has the energy of its formula below the radius, whatever that is at the radius itself.
+
+    Parameters
+    ----------
+    expression
+        The formula; all its numbers are known.
+    r
+        Its variable.
+    last
+        The number.
+    """
+    import sympy
+
+    found = {}
+    for relation in expression.atoms(sympy.core.relational.Relational):
+        place = _place(relation, r)
+        if place is not None and float(place) >= last:
+            # It has one truth value on that side.
+            found[relation] = relation.subs(r, sympy.Rational(last) / 2)
+    return expression.xreplace(found)
+
+
 def leader_jump(leader: Leader, first: float, last: float) -> str:
-    """Where the velocity of a leader may jump between two times, as `jump`: its acceleration does not show it.
+    """Where the velocity of a leader may jump between two times or at one of them: its acceleration does not show it.
+
+    What it is at the start itself, and no longer after it, would count as its velocity there. See `jump`.
 
     Parameters
     ----------
@@ -124,7 +166,8 @@ def leader_jump(leader: Leader, first: float, last: float) -> str:
     t = sympy.Symbol("t", real=True)
     numbers = {name: sympy.Rational(value) for name, value in leader.parameters.items()}
     velocity = leader.velocity(t, lambda name: numbers[name])
-    return next((text for v in velocity if (text := jump(sympy.sympify(v), t, first, last))), "")
+    found = (jump(sympy.sympify(v), t, first, last, with_ends=True) for v in velocity)
+    return next((text for text in found if text), "")
 
 
 def leader_at(leader: Leader, time: float) -> tuple[Interval, Interval]:
@@ -155,18 +198,16 @@ def leader_at(leader: Leader, time: float) -> tuple[Interval, Interval]:
     return found[0], found[1]
 
 
-def _before(place: sympy.Expr, first: float) -> sympy.Expr:
-    """A number between an end and a place above it."""
+def _between(low: sympy.Expr | float, high: sympy.Expr | float) -> sympy.Expr:
+    """A number between two, of which one may be infinite."""
     import sympy
 
-    return place - 1 if np.isinf(first) else (sympy.Rational(first) + place) / 2
-
-
-def _after(place: sympy.Expr, last: float) -> sympy.Expr:
-    """A number between a place and an end above it."""
-    import sympy
-
-    return place + 1 if np.isinf(last) else (sympy.Rational(last) + place) / 2
+    below, above = (
+        sympy.Rational(x) if isinstance(x, float) and np.isfinite(x) else sympy.sympify(x) for x in (low, high)
+    )
+    if below.is_infinite or above.is_infinite:
+        return above - 1 if below.is_infinite else below + 1
+    return (below + above) / 2
 
 
 def _denominators(expression: sympy.Expr) -> list[sympy.Expr]:
@@ -235,7 +276,7 @@ def _place(relation: sympy.Basic, r: sympy.Symbol) -> sympy.Expr | None:
 
 
 def _at(expression: sympy.Expr, r: sympy.Symbol, place: sympy.Expr) -> sympy.Expr:
-    """The formula without pieces that holds about a place at which none begins or ends."""
+    """The formula without pieces that holds at a place; about it, too, where none begins or ends there."""
     import sympy
 
     def chosen(*branches: sympy.Tuple) -> sympy.Expr:
