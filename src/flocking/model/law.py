@@ -33,7 +33,7 @@ from flocking.model.terms.balances import check_body_term, check_pair_term
 from flocking.model.terms.body_terms import BodyTerm, Compensate
 from flocking.model.terms.pair_terms import Gradient, PairTerm, Term
 from flocking.model.terms.poles_under_errors import warn_of_poles
-from flocking.model.terms.potential_reach import check_reach
+from flocking.model.terms.potential_reach import check_reach, is_barrier
 from flocking.model.terms.steering import Steering
 from flocking.model.typesetting.cells import LawCell, ScenarioCell
 from flocking.model.world.control import CONTINUOUS, Control
@@ -161,7 +161,7 @@ class Law(LawCell):
         if not np.isfinite(radius):
             return False
         return any(
-            not np.isfinite(term.potential(radius))
+            is_barrier(term.potential, float(radius))
             for term in self.pair_terms
             if isinstance(term, Gradient) and self.graphs[self.graph_number(term)] is graph
         )

@@ -25,6 +25,7 @@ from flocking.model.potentials.bumps import Bump, bump_named
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.body_terms import Track
 from flocking.model.terms.pair_terms import Consensus, Gradient, Term
+from flocking.model.terms.potential_reach import inner_edge
 from flocking.model.terms.schedules import Schedule
 from flocking.study.certificates.pieces import leader_jump
 from flocking.study.potentials.potential_check import Definition, check_potential
@@ -274,7 +275,7 @@ def _energy(scenario: Scenario, stated: Energy) -> str:
     if not stated.unlinked:
         return "" if not energy.unlinked else "the theorem is about an energy of linked pairs alone"
     gradient = next(t for t in law.pair_terms if isinstance(t, Gradient))
-    at_radius = float(gradient.potential(_reach(law)))
+    at_radius = float(gradient.potential(inner_edge(gradient.potential.kinks(), _reach(law))))
     if abs(energy.unlinked - at_radius) <= SAME * abs(at_radius):
         return ""
     right, given = compared_texts(at_radius, energy.unlinked, 6)

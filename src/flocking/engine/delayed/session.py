@@ -199,6 +199,7 @@ class DelayedSession(DelayedSteps):
                     self.energy, "Two neighbours are where the potential is infinite.",
                 )  # fmt: skip
             self.jumped += self.energy - energy
+        self.ledger_ends = min(self.ledger_ends, self._law.ledger_end(self._base + seconds))
         self._record_row(seconds)
 
     def _renew_links(self, new: Replacement, seconds: float, y: Array, moved: Links) -> None:

@@ -90,8 +90,7 @@ class ImperfectSession(Session):
         self._views: dict[int, GraphView] = views_of(graphs, scenario.agents.headings, start.q)
         self.crossings: list[tuple[float, int, int, int]] = []
         self.closest = np.array([[np.inf, np.nan, -1.0, -1.0]] * 2)
-        self.accounted = 0.0
-        self.sums, self.errors = np.zeros(4), np.zeros(4)
+        self.accounted, self.sums, self.errors = 0.0, np.zeros(4), np.zeros(4)
         self.jumped, self.largest_power, self.ledger_ends = 0.0, 0.0, math.inf
         self._schedule = sorted({s for x in scenario.law.body_terms for s in x.switch_times(start.t, math.inf)})
         self.gains_changed = 0
@@ -105,6 +104,7 @@ class ImperfectSession(Session):
             When the energy is infinite there.
         """
         self.relink()
+        self.ledger_ends = self._law.ledger_end(self._base)
         self.energy, self.kinetic = self._energy(0.0)
         if not np.isfinite(self.energy):
             raise infinite_start(self.scenario, self.scenario.start, self.energy)

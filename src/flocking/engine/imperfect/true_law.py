@@ -14,10 +14,13 @@ from flocking.engine.imperfect.powers import LawInForce
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots, free_pairs
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.pieces import FREE, limits
 from flocking.errors import NotFinite
 from flocking.model.graphs.connectivity import linked_pairs
 from flocking.model.law import Law, Scenario
+from flocking.model.terms.pair_terms import Gradient
 from flocking.model.terms.poles_under_errors import FLOOR
+from flocking.model.terms.potential_reach import inner_edge, jumps_below
 
 
 def check_forces(force: Array, time: float, agents: Indices, scenario: Scenario) -> None:
@@ -58,7 +61,7 @@ class TrueLaw:
         self.kernels = LawKernels(compiled_kernels(self.layout, self.m), self.order)
         self.take_parameters(scenario.start.t)
         self.functionals = np.ones((len(self.law.graphs), self.n))
-        self.barriers = [self.law.has_barrier(graph) for graph in self.law.graphs]
+        self._judge_radii()
         self.rates = np.empty(3)
         self._masses = np.broadcast_to(np.asarray(scenario.agents.masses, dtype=np.float64), self.n)
 
@@ -75,8 +78,40 @@ class TrueLaw:
             return None
         found = copy(self)
         found.scenario, found.law, found.layout = scenario, scenario.law, layout
-        found.barriers = [found.law.has_barrier(graph) for graph in found.law.graphs]
+        found._judge_radii()
         return found
+
+    def _judge_radii(self) -> None:
+        """Find where links break at an infinite energy, and where pieces of formulas meet at a radius.
+
+        A pair is linked below its radius and has the energy of there, wherever rounding places it as its link switches.
+        """
+        graphs = self.law.graphs
+        self.barriers = [self.law.has_barrier(graph) for graph in graphs]
+        spans, self.rows = [FREE], np.zeros((len(graphs), self.n), dtype=np.int32)
+        for number, graph in enumerate(graphs):
+            borders = [x for t in self.law.pair_terms if self.law.graph_number(t) == number for x in t.kinks()]
+            radii = np.broadcast_to(np.asarray(graph.break_radius, dtype=np.float64), self.n)
+            for radius in np.unique(radii[np.isfinite(radii)]).tolist() if borders else ():
+                edge = inner_edge(borders, radius)
+                shape = self.kernels.shape(f"shape{number}")
+                if edge == radius or shape is None:
+                    continue
+                inside = sorted({x for x in borders if x < edge})
+                numbers = self.layout.values(self.scenario.agents, self.n, self.scenario.start.t)
+                last = limits([*inside, radius], shape, numbers)[-1]
+                self.rows[number, radii == radius] = len(spans)
+                spans.append((-np.inf, last[1], -np.inf, last[3]))
+        self.spans = np.array(spans)
+
+    def ledger_end(self, time: float) -> float:
+        """When a ledger of a law that is in force from a ``time`` on ends: at once where a potential jumps, or never.
+
+        Pairs that come across a jump are not located here, so that what they lose or gain by it is not counted.
+        """
+        terms = [(t, self.law.graphs[self.law.graph_number(t)]) for t in self.law.pair_terms if isinstance(t, Gradient)]
+        jumps = any(jumps_below(t.potential, float(np.max(g.break_radius))) is not None for t, g in terms)
+        return time if jumps else np.inf
 
     def take_parameters(self, t: float) -> None:
         """Take the gains that are in force from the scenario's time ``t`` on."""
@@ -99,7 +134,11 @@ class TrueLaw:
         met
             Agents within range of obstacles, and the obstacles, of every group of obstacles.
         """
-        return free_pairs([*map(linked_pairs, links), *met])
+        found = free_pairs([*map(linked_pairs, links), *met])
+        of_graphs = found.offsets[: len(links) + 1]
+        graph = np.repeat(np.arange(len(links)), np.diff(of_graphs))
+        found.pieces[: of_graphs[-1]] = self.rows[graph, found.senders[: of_graphs[-1]]]
+        return found._replace(spans=self.spans)
 
     def energy(self, t: float, q: Array, p: Array, pairs: Pairs, linked: int) -> tuple[float, float]:
         """Energy and kinetic energy of the true state.

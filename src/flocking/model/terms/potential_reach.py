@@ -1,4 +1,4 @@
-"""Check of potentials against the radii of their graphs, before a simulation."""
+"""Potentials against the radii of their graphs: checks before a simulation, and what pairs store at the radius."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import math
 import warnings
 from collections.abc import Iterable
 
+import numpy as np
+
 from flocking.errors import InvalidInput, SuspectInput
 from flocking.model.checks import largest
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.potentials.poles import acts_only_beyond, poles, sides, without_value
+from flocking.model.potentials.potential import Potential
 from flocking.model.terms.pair_terms import Gradient, PairTerm
 
 CALLER = 6
@@ -17,6 +20,82 @@ CALLER = 6
 
 INSIDE = 1.0 - 1e-9
 """Largest ratio of a pole to the radius for which it is inside; the radii of the papers' potentials are their poles."""
+
+AT_RADIUS = 1e-12
+"""Relative distance from a radius within which a border of pieces is at it. As far below it the formula of linked pairs
+is looked at then, which changes what they store by as small a share of slope times radius."""
+
+BESIDE = 1e-9
+"""Relative distance on both sides of a border at which values are compared: they differ by twice it times the slope if
+the pieces meet, and twice that counts as meeting."""
+
+
+def inner_edge(borders: Iterable[float], radius: float) -> float:
+    """The radius, or a distance just below it where pieces of a formula meet at the radius.
+
+    Pairs are linked below the radius. The value of a piece that begins there is the energy of none of them, though
+    rounding may place one beyond.
+
+    Parameters
+    ----------
+    borders
+        Distances at which pieces of the formula meet.
+    radius
+        Radius at which links break.
+    """
+    at = any(abs(border - radius) <= AT_RADIUS * radius for border in borders)
+    return radius * (1.0 - AT_RADIUS) if at else radius
+
+
+def meets_pieces(borders: Iterable[float], graph: Graph) -> bool:
+    """Whether pieces of a formula meet at a radius at which links of a graph break; see `inner_edge`.
+
+    Parameters
+    ----------
+    borders
+        Distances at which pieces of the formula meet.
+    graph
+        The graph.
+    """
+    distances = list(borders)
+    radii = np.ravel(np.asarray(graph.break_radius)) if distances else np.zeros(0)
+    return any(inner_edge(distances, float(r)) < r for r in radii if np.isfinite(r))
+
+
+def jumps_below(potential: Potential, radius: float) -> float | None:
+    """A distance below a radius at which the values of two pieces differ; None if there is none.
+
+    Parameters
+    ----------
+    potential
+        The potential.
+    radius
+        Radius at which links break.
+    """
+    for border in potential.kinks():
+        if border >= inner_edge((border,), radius):
+            break
+        sides = border * np.array([1.0 - BESIDE, 1.0 + BESIDE])
+        (before, after), slopes = potential(sides), np.abs(potential.slope(sides))
+        smooth = 4.0 * BESIDE * border * slopes.max() + AT_RADIUS * (abs(before) + abs(after))
+        if abs(after - before) > smooth:
+            return float(border)
+    return None
+
+
+def is_barrier(potential: Potential, radius: float) -> bool:
+    """Whether a potential is infinite at a radius, seen from below.
+
+    Parameters
+    ----------
+    potential
+        The potential.
+    radius
+        Radius at which links break.
+    """
+    if inner_edge(potential.kinks(), radius) == radius:
+        return not np.isfinite(potential(radius))
+    return any(abs(pole - radius) <= AT_RADIUS * radius for pole in poles(potential))
 
 
 def check_reach(terms: Iterable[PairTerm], over: Graph) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from flocking.arrays import Array, Links, Mask, Numbers
 from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.engine.imperfect.powers import LawInForce, Rule
@@ -212,6 +215,8 @@ class Truth(NamedTuple):
     rules, known_rules, barriers
         When links switch, when those that agents know do, and under which graphs the energy has a barrier, shape
         (graphs,).
+    rows
+        Row of the limits of pieces of each graph and sensing agent, shape (graphs, N).
     lengths, table
         As in `flocking.engine.imperfect.pair_polynomials.Paths`.
     links, crossings, closest
@@ -228,6 +233,7 @@ class Truth(NamedTuple):
     rules: LinkRules
     known_rules: LinkRules
     barriers: Mask
+    rows: NDArray[np.int32]
     lengths: Array
     table: Array
     links: Links

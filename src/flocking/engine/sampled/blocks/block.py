@@ -217,9 +217,10 @@ class EventBlocks:
         if truth.crossings:
             crossings[: len(truth.crossings)] = truth.crossings
         lengths = np.array(scenario.space.lengths or (np.inf,) * m, dtype=np.float64)
+        pairs = self._pairs(len(truth.links))._replace(spans=law.spans)
         return Truth(
-            law.in_force(self._pairs(len(truth.links))), law.energies_address, float(scenario.energy.unlinked),
-            settings.rules, settings.known_rules, np.array(law.barriers, dtype=bool), lengths,
+            law.in_force(pairs), law.energies_address, float(scenario.energy.unlinked), settings.rules,
+            settings.known_rules, np.array(law.barriers, dtype=bool), law.rows, lengths,
             conversion(memory.motion.degree), truth.links, crossings, truth.closest.copy(),
             np.array([truth.sums, truth.errors]), progress, counts,
         )  # fmt: skip

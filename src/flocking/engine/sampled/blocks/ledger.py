@@ -169,7 +169,7 @@ def relink(truth: Truth) -> None:
         for i in range(links.shape[1]):
             for j in range(links.shape[2]):
                 if links[g, i, j]:
-                    pairs.senders[e], pairs.sensed[e] = i, j
+                    pairs.senders[e], pairs.sensed[e], pairs.pieces[e] = i, j, truth.rows[g, i]
                     e += 1
         if g == 0:
             truth.counts[LINKED] = e

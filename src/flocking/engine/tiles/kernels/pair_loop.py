@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
     from flocking.engine.kernels.expressions import PairFormulas
 
+JUST_BELOW = 1.0 - 4e-6
+"""Share of the squared break radius below which pieces are chosen: sixteen units of rounding of single precision."""
+
 
 def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False) -> list[str]:
     """Loop over the neighbours of one tile under one graph.
@@ -36,6 +39,8 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
     requested = {"along": pair.along, "drag": pair.drag}
     if spec.ledger:
         requested |= {"storage": pair.storage, "dissipation": pair.dissipation, "supply": pair.supply}
+        if kind.edge:
+            requested["storage"] = _chosen_by_side(pair.storage)
     if flow:
         requested = {"supply": pair.flow}
     requested = {name: value for name, value in requested.items() if value != 0}
@@ -49,6 +54,7 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
     lane += _mark_lines(w, number)
     lane += ["apart = linked & (square > T(0.0))", f"safe = select(square > T(0.0), square, safe{number})"]
     lane += ["inverse_r = inverse_root(safe)", "r = safe * inverse_r"]
+    lane += _side_lines(kind, number) if kind.edge and not flow else []
     lane += [] if flow else ["near = select(linked & (square < near), square, near)"]
     if kind.barrier and not flow:
         lane += ["broken = select(was & ~inside, T(1.0), broken)"]
@@ -158,6 +164,24 @@ def _link_lines(kind: GraphKind, number: int, *, by_agent: bool) -> list[str]:
         f"linked = select(hold, was, {near} & (was | {enter}))",
         f"store(rows{number}, at, {f'select(hold, entry, {flagged})' if by_agent else flagged})",
     ]
+
+
+def _chosen_by_side(storage: sympy.Expr) -> sympy.Expr:
+    """What a pair stores, with its pieces chosen by ``side`` instead of the distance."""
+    import sympy
+
+    side = sympy.Symbol("side", positive=True)
+    found = {x: x.xreplace({distance(): side}) for x in storage.atoms(sympy.core.relational.Relational)}
+    return storage.xreplace(found)
+
+
+def _side_lines(kind: GraphKind, number: int) -> list[str]:
+    """Set ``side``, the distance or what is just below the break radius: a link that broke had the energy of there."""
+    leave = f"load(each{number}, base)" if kind.uneven else f"leave{number}"
+    return [
+        f"edge = {leave} * T({JUST_BELOW})", "below = select(safe < edge, safe, edge)",
+        "side = below * inverse_root(below)",
+    ]  # fmt: skip
 
 
 def _mark_lines(w: Writer, number: int) -> list[str]:

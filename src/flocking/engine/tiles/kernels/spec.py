@@ -17,6 +17,7 @@ from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 from flocking.model.space import Open, Periodic
+from flocking.model.terms.potential_reach import meets_pieces
 from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
 from flocking.model.world.safety_filters import SafetyFilter
@@ -55,6 +56,8 @@ class GraphKind:
     view
         Along what agents look who see others within an angle of it only: `HEADINGS`, ``"p"`` for their velocities, or
         the column of their bodies; empty for the others.
+    edge
+        Whether pieces of what linked pairs store meet at the break radius.
     """
 
     fixed: bool
@@ -62,6 +65,7 @@ class GraphKind:
     uneven: bool
     barrier: bool
     view: str = ""
+    edge: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,18 +257,24 @@ def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
         Whether energies are summed.
     """
     law = scenario.law
-    found = tuple(_kind(graph, law.has_barrier(graph) and graph.moves, ledger) for graph in law.graphs)
+    borders: list[list[float]] = [[] for _ in law.graphs]
+    for term in law.pair_terms:
+        borders[law.graph_number(term)] += term.kinks()
+    found = tuple(
+        _kind(graph, law.has_barrier(graph) and graph.moves, ledger, edge=ledger and meets_pieces(places, graph))
+        for graph, places in zip(law.graphs, borders, strict=True)
+    )
     if scenario.control.ideal:
         return found
     # Kernels have no columns of bodies there: their directions are passed as constant headings are.
     return tuple(replace(kind, view=HEADINGS) if kind.view not in ("", VELOCITY) else kind for kind in found)
 
 
-def _kind(graph: Graph, barrier: bool, ledger: bool) -> GraphKind:
+def _kind(graph: Graph, barrier: bool, ledger: bool, *, edge: bool) -> GraphKind:
     uneven = np.ndim(graph.break_radius) > 0
     remembers = graph.moves and (ledger or barrier or bool(np.any(graph.appear_radius != graph.break_radius)))
     view = (graph.heading_column or HEADINGS) if isinstance(graph, FieldOfView) else ""
-    return GraphKind(not graph.moves, remembers, uneven, barrier, view)
+    return GraphKind(not graph.moves, remembers, uneven, barrier, view, edge)
 
 
 def only_numbers_differ(spec: KernelSpec, other: KernelSpec) -> bool:
