@@ -362,20 +362,20 @@ class SampledSession(ImperfectSession):
         seconds = self.time - self._base
         q, p = self.motion_at(seconds)
         ranges, goes_on = ObstacleRanges(law, q, self.time), self._base + seconds <= self.ledger_ends
-        energy, _ = new.energy(self.time, q, p, new.pairs(self.links, ranges.pairs), self._linked)
+        pairs = new.pairs(self.links, ranges.pairs)  # links of agents are those of before: the graphs are
+        energy, _ = new.energy(self.time, q, p, pairs, self._linked)
         if goes_on and not np.isfinite(energy):
             raise no_energy(energy)
         self._account(seconds)
         self._record_row(seconds)
         ends, before = self.obstacle_ranges.ends, self.energy
-        self._sampled_law, self.obstacle_ranges = new, ranges
+        self._sampled_law, self.obstacle_ranges, self._pairs = new, ranges, pairs
         self.scenario = scenario
         if self._leader_news is not None:
             self._leader_news.replace(law.leaders, int(self.knowledge.taken[0]))
         self._schedule = sorted({s for term in law.body_terms for s in term.switch_times(self._base, math.inf)})
         self.gains_changed = sum(self._since_start(t) <= seconds for t in self._schedule)
         self.ledger_ends = min(self.ledger_ends, new.ledger_end(self.time))
-        self.relink()  # links of agents are those of before: the graphs are
         self.obstacle_ranges.ends = ends
         self.obstacle_ranges.watch(self._base, seconds, self.motion.shifted(seconds), np.arange(self.n))
         self.energy, self.kinetic = self._energy(seconds)
