@@ -68,3 +68,39 @@ def test_only_sudden_changes_end_steps() -> None:
     assert times("abs(t - 2)", "where(t < 7, 1, 2)") == pytest.approx((2.0, 7.0), rel=1e-14)
     assert sudden_times(fk.Velocity([1.0, 0.0]), 0.0, 1.0) == sudden_times(fk.Sink([1.0, 0.0]), 0.0, 1.0) == ()
     assert min(abs(t - 4.0) for t in times("exp(-((t - 4)/0.01)**2)", "0*t")) < 0.01
+
+
+@pytest.mark.parametrize("velocity", ["where(t < s, 0, 3)", "where(t <= s, 0, 3)", "where(t > s, 3, 0)"])
+def test_jumps_of_a_velocity_are_jumps_of_the_energy_in_its_frame(velocity):
+    """An agent of velocity p behind a leader whose velocity jumps from 0 to 3, dp/dt = v - p: ((p - 3)^2 - p^2)/2.
+
+    At whatever time of the run, its first and last one included, and whether it is before the jump or after it there.
+    """
+    length = 2.0
+    for begin in (0.0, 1.5, -3.3, 1e5):
+        for share in (0.0, 0.35, 1.0):
+            at, end = begin + share * length, begin + length
+            leader = fk.Path([velocity, "0"], start_time=begin, s=at)
+            law = fk.Law(fk.Fixed(1, []), [fk.Track(leader, velocity_gain=1.0)])
+            start = fk.State([[0.0, 0.0]], [[1.0, 0.0]], begin)
+            scenario = fk.Scenario(law, start, end, frames=5, energy=fk.Energy(frame="leader", leader=leader))
+            run = fk.simulate(scenario, engine="exact", progress=False)
+            # A jump after the end, or one that has come to pass at the start, is none of the run.
+            first, last = (float(leader.velocity_at(t)[0]) for t in (begin, end))
+            p = exp(-share * length)
+            expected = ((p - 3.0) ** 2 - p**2) / 2.0 if first != last else 0.0
+            assert run.trace["jumped"][-1] == pytest.approx(expected, abs=1e-7)
+            assert np.abs(run.residual).max() < 1e-7
+            assert run.trace["time"][-1] == run.t[-1] == end
+            assert fk.audit(run)["ledger"].verdict == "holds"
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.5])
+def test_gains_that_change_at_the_very_end_are_in_its_energy(begin):
+    """The last frame is held against the ledger: 4/2 |q|^2 is stored of an agent at rest that was held by nothing."""
+    track = fk.Track(fk.Sink([0.0, 0.0]), fk.Schedule([begin + 2.0], [0.0, 4.0]), 0.0)
+    scenario = fk.Scenario(fk.Law(fk.Fixed(1, []), [track]), fk.State([[1.0, 0.0]], t=begin), begin + 2.0, frames=3)
+    run = fk.simulate(scenario, engine="exact", progress=False)
+    assert run.trace["jumped"][-1] == run.trace["energy"][-1] == pytest.approx(2.0)
+    assert run.trace["time"][-1] == run.t[-1] == begin + 2.0
+    assert fk.audit(run)["ledger"].verdict == "holds"

@@ -68,10 +68,9 @@ class ExactSession(AdaptiveSession):
         check_world(self.engine, scenario)
         self.scenario, self.plant, self.options = scenario, plant, options or ExactOptions()
         start = scenario.start
-        self.time = start.t
+        self.time, self.steps, self.jumped = start.t, 0, 0.0
         self._origin = origin_of(scenario, plant, start, start.t)
         self.records = ExactRecorder(scenario, fine=self.options.fine)
-        self.steps, self.jumped = 0, 0.0
         self._prepare(start.n, start.dimension)
         self._tail = np.zeros(self._dynamics.departs + LEDGER)
         own = self._origin.inwards(start)
@@ -145,6 +144,8 @@ class ExactSession(AdaptiveSession):
             while self._segment.t1 < own:
                 interruption.check()
                 self._leave_segment()
+                if self._segment.t1 == own == end:
+                    break
                 block = self._take_block(own, stop)
                 if block is None or block.segment is None:
                     self._take_step(None if block is None else block.tried)
@@ -237,17 +238,17 @@ class ExactSession(AdaptiveSession):
             self._record_trace()
             self._centres.look(self.steps, lambda: (self.state, self.accelerations()))
         error = self._switch() if self._pending else None
-        after = float(np.nextafter(t, np.inf))
-        if after == self._jumps.following(t):
+        if jumps := (after := float(np.nextafter(t, np.inf))) == self._jumps.following(t):
             t = after
             self._dynamics.repack(t)
-            before = self.energy
-            self.energy, self.kinetic = self._dynamics.energy(t, y)
+            before, (self.energy, self.kinetic) = self.energy, self._dynamics.energy(t, y)
             self.jumped += self.energy - before
             self._stepper.restart(t, y)
         if self._dynamics.follow_limits(t, y) or (self._dynamics.held.limits and self._stepper.memory.t != t):
             self._stepper.restart(t, np.array(y))
         self._segment = Segment.resting(t, y)
+        if jumps and self._jumps.bound(t) == np.inf:  # Nothing comes later that would record it.
+            self._record_trace()
         if error is not None:
             raise error
 
@@ -271,8 +272,7 @@ class ExactSession(AdaptiveSession):
             return SimulationError(str(reason), time=self.time)
         watches = [self._links.watches[c.watch] for c in crossings]
         if any(watch.rise or not watch.inner for watch in watches):
-            before = self.energy
-            self.energy, self.kinetic = self._dynamics.energy(t, y)
+            before, (self.energy, self.kinetic) = self.energy, self._dynamics.energy(t, y)
             if not np.isfinite(self.energy) or any(
                 self._links.meets_barrier(c, self._dynamics.barriers) for c in crossings
             ):

@@ -31,6 +31,13 @@ SHORT = 1 / 16
 """Pieces no longer than this share of the longest one are short: steps that resolve the rest may jump over them. Where
 all pieces are alike, as of a sine, every step meets what it has to resolve."""
 
+ROUNDED = 1e-14
+"""Rounding of a computed time of a condition, as a share of the times: forty units, with room for roots."""
+
+JUMPS = 1e-9
+"""Largest change of a velocity within that rounding, as a share of it, that counts as none: without a jump it would
+change by all of itself in a hundred thousandth of the time."""
+
 MOST_KNOWN = 1000
 """Most leaders whose times are cached; a thousand are more than one process follows at a time."""
 
@@ -42,10 +49,11 @@ MOST, HALVINGS = 256, 30
 
 
 def sudden_times(leader: Leader, start: float, end: float) -> tuple[float, ...]:
-    """Times in (start, end) at which steps have to end, so that none jumps over what the leader's velocity does.
+    """Times in (start, end] at which steps have to end, so that none jumps over what the leader's velocity does.
 
-    They are the times at which a condition of ``where`` or the sign in an ``abs`` of its formula changes, and the ends
-    of pieces of time that are short because a pulse falls into them. Pulses are found where a bound by interval
+    They are the times at which a condition of ``where`` or the sign in an ``abs`` of its formula changes, the first one
+    after it where the velocity jumps there, and the ends of pieces of time that are short because a pulse falls into
+    them. Pulses are found where a bound by interval
     arithmetic exceeds the speeds at some places, however short they are; pulses of less than a quarter of the
     largest speed only where these places show them.
 
@@ -68,12 +76,32 @@ def sudden_times(leader: Leader, start: float, end: float) -> tuple[float, ...]:
 
 
 def _found(leader: Leader, start: float, end: float) -> tuple[float, ...]:
-    breaks = _breaks(leader, start, end)
+    wide = ROUNDED * max(abs(start), abs(end), end - start)
+    around = _breaks(leader, start - wide, end + wide)
+    breaks = [x for x in around if start < x < end]
     edges = np.array([start, *breaks, end])
     pieces = _pieces(leader, edges[:-1], edges[1:])
     lengths = pieces[:, 1] - pieces[:, 0]
     short = pieces[lengths <= SHORT * lengths.max()] if len(pieces) else pieces
-    return tuple(sorted({*breaks, *(float(x) for x in short.ravel() if start < x < end)}))
+    first = {x for x in (_first_after(leader, x, wide) for x in around) if start < x <= end}
+    return tuple(sorted({*first, *(float(x) for x in short.ravel() if start < x < end and x not in breaks)}))
+
+
+def _first_after(leader: Leader, near: float, wide: float) -> float:
+    """The first number at which a velocity that jumps ``near`` a time has jumped; that time where it does not.
+
+    Whether the time itself is before the jump or after it depends on the condition, ``t < s`` or ``t <= s``.
+    """
+    low, high = near - wide, near + wide
+    before, after = leader.velocity_at(low), leader.velocity_at(high)
+    if not np.abs(after - before).max() > JUMPS * (np.abs(before) + np.abs(after)).max():
+        return near
+    while np.nextafter(low, np.inf) < high:
+        middle = 0.5 * (low + high)
+        now = leader.velocity_at(middle)
+        jumped = np.abs(now - after).max() < np.abs(now - before).max()
+        low, high = (low, middle) if jumped else (middle, high)
+    return float(high)
 
 
 def _breaks(leader: Leader, start: float, end: float) -> list[float]:
