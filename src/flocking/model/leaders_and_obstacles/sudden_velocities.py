@@ -128,7 +128,7 @@ def _pieces(leader: Leader, a: Array, b: Array) -> Array:
         # Just inside, for the ends may belong to another piece of the formula.
         inner = np.clip(np.concatenate([places, between]), INSIDE, 1.0 - INSIDE)
         times = a[:, None] + (b - a)[:, None] * inner
-        v = np.array([leader.velocity_at(float(t)) for t in times.ravel()]).reshape(*times.shape, -1)
+        v = leader.velocities_at(times.ravel()).reshape(*times.shape, -1)
         speed = np.sqrt((v**2).sum(axis=2)).max(axis=1)
         scale = max(scale, float(speed[np.isfinite(speed)].max(initial=0.0)))
         off = np.sqrt(((v[:, NODES:] - weights @ v[:, :NODES]) ** 2).sum(axis=2)).max(axis=1)
