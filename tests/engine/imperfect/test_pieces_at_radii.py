@@ -7,6 +7,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.driver.simulate import start
+from flocking.errors import UnsupportedLaw
 from flocking.model.terms.potential_reach import inner_edge, is_barrier, jumps_below
 
 SPRING = fk.Potential("r**2/2")
@@ -79,6 +80,36 @@ def test_what_pairs_lose_at_jumps_is_not_left_to_the_residual(world):
     meeting = run_of(fk.Potential("where(r < 1, r**2/2, 1/2)"), fk.Complete(), world, "passing")
     assert "ledger ends" not in meeting.provenance
     assert np.abs(meeting.residual).max() < 1e-4
+
+
+@pytest.mark.parametrize("world", ["tiles", "held tiles"])
+def test_tiles_have_no_ledger_of_jumps_and_give_no_shorter_step_for_it(world):
+    """They run such laws without a ledger: the residual does not depend on the step."""
+    jumping = fk.Potential("where(r < 1, r**2/2, r**2/2 + 5)")
+    with pytest.raises(UnsupportedLaw, match=r"jumps at a distance of 1, .* or ledger=False"):
+        run_of(jumping, fk.Proximity(3.0), world, "passing")
+    _, parts = WORLDS[world]
+    law = fk.Law(fk.Proximity(3.0), [fk.Gradient(jumping), fk.Consensus(0.3)])
+    made = fk.Scenario(law, STARTS["passing"], t_end=3.0, frames=16, **parts)
+    found = fk.simulate(made, engine="tiles", step=0.002, ledger=False, progress=False)
+    plain = run_of(SPRING, fk.Proximity(3.0), world, "passing")
+    assert np.abs(found.q - plain.q).max() < 1e-9
+
+
+def test_tiles_refuse_such_a_law_later_too_and_go_on():
+    laws = [
+        fk.Law(fk.Proximity(3.0), [fk.Gradient(psi), fk.Consensus(0.3)])
+        for psi in (SPRING, fk.Potential("where(r < 1, r**2/2, r**2/2 + 5)"))
+    ]
+    session, other = (
+        start(fk.Scenario(laws[0], STARTS["passing"], t_end=3.0, frames=16), engine="tiles") for _ in range(2)
+    )
+    session.advance(0.5)
+    with pytest.raises(UnsupportedLaw, match="jumps at a distance of 1"):
+        session.replace(law=laws[1])
+    for each in (session, other):
+        each.advance(3.0)
+    assert (session.run().q == other.run().q).all()
 
 
 @pytest.mark.parametrize("world", ["held", "delayed"])

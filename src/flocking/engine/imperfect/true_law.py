@@ -18,9 +18,8 @@ from flocking.engine.kernels.pieces import FREE, limits
 from flocking.errors import NotFinite
 from flocking.model.graphs.connectivity import linked_pairs
 from flocking.model.law import Law, Scenario
-from flocking.model.terms.pair_terms import Gradient
 from flocking.model.terms.poles_under_errors import FLOOR
-from flocking.model.terms.potential_reach import inner_edge, jumps_below
+from flocking.model.terms.potential_reach import energy_jump, inner_edge
 
 
 def check_forces(force: Array, time: float, agents: Indices, scenario: Scenario) -> None:
@@ -109,9 +108,9 @@ class TrueLaw:
 
         Pairs that come across a jump are not located here, so that what they lose or gain by it is not counted.
         """
-        terms = [(t, self.law.graphs[self.law.graph_number(t)]) for t in self.law.pair_terms if isinstance(t, Gradient)]
-        jumps = any(jumps_below(t.potential, float(np.max(g.break_radius))) is not None for t, g in terms)
-        return time if jumps else np.inf
+        graphs, number = self.law.graphs, self.law.graph_number
+        jump = energy_jump((term, graphs[number(term)]) for term in self.law.pair_terms)
+        return np.inf if jump is None else time
 
     def take_parameters(self, t: float) -> None:
         """Take the gains that are in force from the scenario's time ``t`` on."""

@@ -83,6 +83,24 @@ def jumps_below(potential: Potential, radius: float) -> float | None:
     return None
 
 
+def energy_jump(terms: Iterable[tuple[PairTerm, Graph]]) -> float | None:
+    """A distance within the reach of its graph at which a potential of some terms jumps; None if there is none.
+
+    What pairs lose or gain there is known to engines that locate when they cross it, and to no other.
+
+    Parameters
+    ----------
+    terms
+        The terms, each with its graph.
+    """
+    for term, graph in terms:
+        if isinstance(term, Gradient):
+            place = jumps_below(term.potential, float(np.max(graph.break_radius)))
+            if place is not None:
+                return place
+    return None
+
+
 def is_barrier(potential: Potential, radius: float) -> bool:
     """Whether a potential is infinite at a radius, seen from below.
 

@@ -17,7 +17,7 @@ from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 from flocking.model.space import Open, Periodic
-from flocking.model.terms.potential_reach import meets_pieces
+from flocking.model.terms.potential_reach import energy_jump, meets_pieces
 from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
 from flocking.model.world.safety_filters import SafetyFilter
@@ -255,8 +255,19 @@ def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
     ----------
     ledger
         Whether energies are summed.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When a potential jumps within the reach of its graph, and energies are summed.
     """
     law = scenario.law
+    jump = energy_jump((term, law.graphs[law.graph_number(term)]) for term in law.pair_terms) if ledger else None
+    if jump is not None:
+        raise UnsupportedLaw(
+            f"The tiled engine has no ledger for a potential that jumps at a distance of {jump:.6g}, below the radius: "
+            "no step is short enough for it. Use engine='exact', which locates when pairs cross it, or ledger=False."
+        )
     borders: list[list[float]] = [[] for _ in law.graphs]
     for term in law.pair_terms:
         borders[law.graph_number(term)] += term.kinks()
