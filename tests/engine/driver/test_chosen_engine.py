@@ -25,7 +25,7 @@ def scenario(n: int = 4, law: fk.Law = LAW, **parts: object) -> fk.Scenario:
     [
         (scenario(), "exact"),
         (scenario(3000), "tiles"),
-        (scenario(3000, fk.Law(fk.Cone(2.0, 2.0), [fk.Consensus(1.0)])), "exact"),
+        (scenario(3000, fk.Law(fk.SmoothCone(2.0, 0.3, 2.0), [fk.Consensus(1.0)])), "exact"),
         (scenario(3000, fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)])), "tiles"),
         (scenario(control=fk.Held(0.1)), "sampled"),
         (scenario(control=fk.Held(0.1), information=fk.Messages(0.1)), "sampled"),
@@ -66,7 +66,10 @@ def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: st
             scenario(3001, fk.Law(fk.Complete(), [fk.Consensus(1.0)]), control=fk.Held(0.1), agents=fk.Impulsive()),
             "another one for more than 3000 agents of Complete",
         ),
-        (scenario(20001, fk.Law(fk.Cone(2.0, 2.0), [fk.Consensus(1.0)])), "must be 'tiles' for more than 20000"),
+        (
+            scenario(20001, fk.Law(fk.SmoothCone(2.0, 0.3, 2.0), [fk.Consensus(1.0)])),
+            "must be 'tiles' for more than 20000",
+        ),
         (
             scenario(20001, fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)])),
             "FieldOfView: headings must be given for each of the 20001 agents",

@@ -104,3 +104,27 @@ def test_gains_that_change_at_the_very_end_are_in_its_energy(begin):
     assert run.trace["jumped"][-1] == run.trace["energy"][-1] == pytest.approx(2.0)
     assert run.trace["time"][-1] == run.t[-1] == begin + 2.0
     assert fk.audit(run)["ledger"].verdict == "holds"
+
+
+@pytest.mark.parametrize(("velocity", "when"), [("where(t <= s, 0, 3)", 1.0), ("where(t < s, 0, 3)", 1.0 - 2.0**-53)])
+@pytest.mark.parametrize("what", ["law", "state", "nothing"])
+def test_a_session_is_changed_just_before_a_jump(velocity, when, what):
+    """The first moment after it is the next number: the jump counts once, under the law in force."""
+    leader = fk.Path([velocity, "0"], start_time=0.0, s=1.0)
+    law, other = (fk.Law(fk.Fixed(1, []), [fk.Track(leader, velocity_gain=k)]) for k in (1.0, 1.5))
+    made = fk.Scenario(
+        law, fk.State([[0.0, 0.0]], [[1.0, 0.0]]), 2.0, frames=5, energy=fk.Energy(frame="leader", leader=leader)
+    )
+    session = fk.start(made, engine="exact")
+    session.advance(when)
+    if what == "law":
+        session.replace(law=other)
+    if what == "state":
+        session.replace(state=fk.State([[0.5, 0.0]], [[1.0, 0.0]], when))
+    session.advance(2.0)
+    p = exp(-1.0)
+    # A state that is given adds what it has more of energy than the one before, under a leader at speed 3 by then.
+    given = ((1.0 - 3.0) ** 2 - (p - 3.0) ** 2) / 2.0 if what == "state" else 0.0
+    run = session.run()
+    assert run.trace["jumped"][-1] == pytest.approx(((p - 3.0) ** 2 - p**2) / 2.0 + given, abs=1e-7)
+    assert np.abs(run.residual).max() < 1e-7

@@ -7,6 +7,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.driver.simulate import start
+from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.errors import UnsupportedLaw
 from flocking.model.terms.potential_reach import inner_edge, is_barrier, jumps_below
 
@@ -154,3 +155,54 @@ def test_papers_take_the_energy_at_the_radius_from_below(close):
     rest = [t for t in scenario.law.terms if not isinstance(t, fk.Gradient)]
     law = fk.Law(scenario.law.graph, [fk.Gradient(close(psi, scenario.law.graph.radius)), *rest])
     assert fk.papers.tanner_2003_dynamic.PAPER.assumes(scenario.with_(law=law)) == ""
+
+
+ENDS = {
+    "spheres in contact": "where(r < 1, (1 - r)**2.5, 0)", "a bump": "where(r < 1, exp(-1/(1 - r)), 0)",
+    "a parabola": "where(r < 1, (1 - r)**2, 0)", "a well": "where(r < 1, 5 + (1 - r)**2.5, 0)",
+}  # fmt: skip
+"""Formulas that have no value beyond the radius, or other ones than zero; the last one ends with a jump."""
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("name", ENDS)
+def test_formulas_that_do_not_go_on_beyond_the_radius_have_ledgers_in_tiles(name, precision):
+    law = fk.Law(fk.Proximity(1.0), [fk.Gradient(fk.Potential(ENDS[name])), fk.Consensus(0.3)])
+    begin = fk.State([[0.0, 0.0], [0.8, 0.0], [0.3, 0.6]], [[-0.5, 0.0], [0.5, 0.0], [0.0, 0.5]])
+    for control in ({}, {"control": fk.Held(0.02)}):
+        made = fk.Scenario(law, begin, t_end=2.0, frames=5, **control)
+        found = fk.simulate(made, engine="tiles", step=0.005, precision=precision, progress=False)
+        exact = fk.simulate(made, engine="sampled" if control else "exact", progress=False)
+        assert len(exact.switches) >= 2
+        assert np.abs(found.residual).max() < 0.02
+        assert found.trace["jumped"][-1] == pytest.approx(
+            exact.trace["jumped"][-1], abs=1e-3 if name == "a well" else 1e-6
+        )
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_agents_at_one_point_have_the_energy_of_the_innermost_piece(precision):
+    psi = fk.Potential("where(r < 0.2, 0.04, where(r < 1, r**2, 0))")
+    law = fk.Law(fk.Proximity(1.0), [fk.Gradient(psi), fk.Consensus(1.0)])
+    begin = fk.State([[0.0, 0.0], [0.0, 0.0], [0.5, 0.0]], [[0.1, 0.0], [0.1, 0.0], [0.0, 0.0]])
+    run = fk.simulate(
+        fk.Scenario(law, begin, t_end=0.5, frames=2), engine="tiles", step=0.005, precision=precision, progress=False
+    )
+    kinetic = float(run.trace["kinetic"][0])
+    assert run.trace["energy"][0] - kinetic == pytest.approx(0.04 + 2 * 0.25, abs=1e-6)
+    assert np.abs(run.residual).max() < 0.01
+
+
+@pytest.mark.parametrize("world", ["held", "delayed"])
+def test_sessions_that_went_on_with_such_a_ledger_have_none_from_there(world, monkeypatch):
+    """As earlier versions did."""
+    engine, parts = WORLDS[world]
+    law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("where(r < 1, r**2/2, r**2/2 + 5)")), fk.Consensus(0.3)])
+    with monkeypatch.context() as earlier:
+        earlier.setattr(TrueLaw, "ledger_end", lambda self, time: np.inf)
+        session = start(fk.Scenario(law, STARTS["passing"], t_end=3.0, frames=16, **parts), engine=engine)
+        session.advance(0.2)
+        moment = session.moment()
+    again = moment()
+    again.advance(3.0)
+    assert again.run().provenance["ledger ends"] == pytest.approx(0.2)

@@ -79,6 +79,15 @@ def test_distances_alone_tell_whether_agents_are_joined(graph, spacing, space, c
         assert bool((reached > 0).all()) is connected
 
 
+@pytest.mark.parametrize(("turn", "connected"), [(0.9, True), (1.1, False)])
+def test_headings_of_cones_are_compared(turn, connected):
+    start, headings = row(0.9, 40), turn * np.arange(40.0)
+    assert connected_by_distances(fk.Cone(1.0, 1.0), start, fk.Open(), headings) is connected
+    wide = fk.Cone(1.0, np.where(np.arange(40) % 2, 0.5, 1.0))
+    # One agent of each pair compares with a wide opening.
+    assert connected_by_distances(wide, start, fk.Open(), headings) is connected
+
+
 @pytest.mark.parametrize(
     ("graph", "spacing"), [(fk.FieldOfView(1.0, 1.0), 0.9), (fk.Proximity(1.0), 1.0), (fk.Complete(), 1.0)]
 )

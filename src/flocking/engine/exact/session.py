@@ -365,9 +365,9 @@ class ExactSession(AdaptiveSession):
         InvalidInput
             When law and state disagree, or the new energy is not finite; the session is then unchanged.
         """
-        if (own := self._own_now) == self._segment.t1:
-            self._leave_segment()
-        under_way, dynamics = (own, self._segment, self._links, self._origin), self._dynamics
+        if self._own_now == self._segment.t1:
+            self._leave_segment()  # past a jump that comes next, if there is one
+        under_way, dynamics = ((own := self._own_now), self._segment, self._links, self._origin), self._dynamics
         numbers = law if state is None and self.plant is None else None
         new = renumbered(self.scenario, numbers, self.time, *under_way, dynamics)
         new = new or replacement(self.scenario, self.plant, law, state, self.state, *under_way, dynamics)

@@ -375,9 +375,9 @@ class ImperfectSession(Session):
         self.links, self.crossings, self.closest = memory.links, memory.crossings, memory.closest
         self.sums, self.errors = memory.sums, memory.errors
         self._recall_gains(memory.numbers)
-        for name in NUMBERS:
-            if name not in ("steps", "gains_changed"):
-                setattr(self, name, float(memory.numbers[name]))
+        for name in set(NUMBERS) - {"steps", "gains_changed"}:
+            setattr(self, name, float(memory.numbers[name]))
+        self.ledger_ends = min(self.ledger_ends, self._law.ledger_end(self.time))  # earlier versions went on
         self.steps = int(memory.numbers["steps"])
         self.relink()
         self.records = Recorder(stored.scenario, with_log=self.keeps_log)

@@ -47,23 +47,37 @@ def inner_edge(borders: Iterable[float], radius: float) -> float:
     return radius * (1.0 - AT_RADIUS) if at else radius
 
 
-def meets_pieces(borders: Iterable[float], graph: Graph) -> bool:
-    """Whether pieces of a formula meet at a radius at which links of a graph break; see `inner_edge`.
+def jumps_at_radius(terms: Iterable[PairTerm], graph: Graph) -> bool:
+    """Whether a potential of some terms jumps at a radius at which links of their graph break.
 
     Parameters
     ----------
-    borders
-        Distances at which pieces of the formula meet.
+    terms
+        The terms over the graph.
     graph
         The graph.
     """
-    distances = list(borders)
-    radii = np.ravel(np.asarray(graph.break_radius)) if distances else np.zeros(0)
-    return any(inner_edge(distances, float(r)) < r for r in radii if np.isfinite(r))
+    potentials = [term.potential for term in terms if isinstance(term, Gradient)]
+    radii = np.unique(np.asarray(graph.break_radius, dtype=np.float64)) if potentials else np.zeros(0)
+    return any(
+        inner_edge(potential.kinks(), radius) < radius and _jumps(potential, radius)
+        for potential in potentials
+        for radius in radii[np.isfinite(radii)].tolist()
+    )
+
+
+def _jumps(potential: Potential, border: float) -> bool:
+    """Whether values on both sides of a border differ by more than the slopes there explain."""
+    sides = border * np.array([1.0 - BESIDE, 1.0 + BESIDE])
+    (before, after), slopes = potential(sides), np.abs(potential.slope(sides))
+    smooth = 4.0 * BESIDE * border * slopes.max() + AT_RADIUS * (abs(before) + abs(after))
+    return bool(abs(after - before) > smooth)
 
 
 def jumps_below(potential: Potential, radius: float) -> float | None:
     """A distance below a radius at which the values of two pieces differ; None if there is none.
+
+    A jump that is smaller than what the slopes there make of four billionths of the distance is not found.
 
     Parameters
     ----------
@@ -75,10 +89,7 @@ def jumps_below(potential: Potential, radius: float) -> float | None:
     for border in potential.kinks():
         if border >= inner_edge((border,), radius):
             break
-        sides = border * np.array([1.0 - BESIDE, 1.0 + BESIDE])
-        (before, after), slopes = potential(sides), np.abs(potential.slope(sides))
-        smooth = 4.0 * BESIDE * border * slopes.max() + AT_RADIUS * (abs(before) + abs(after))
-        if abs(after - before) > smooth:
+        if _jumps(potential, border):
             return float(border)
     return None
 

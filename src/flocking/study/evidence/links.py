@@ -328,7 +328,7 @@ class LinkEvidence(RunEvidence):
         bare = not len(run.t) or run.links.shape[1:] != (run.n, run.n)
         return seen if bare and seen is not None and len(seen) else None
 
-    @property
+    @cached_property
     def connected_at_start(self) -> bool:
         """Whether the graph is connected at the start.
 
@@ -340,7 +340,8 @@ class LinkEvidence(RunEvidence):
         if (seen := self._observed_flocks) is not None:
             scenario = self.run.scenario
             if self._start_is_rounded(float(seen["time"][0])) and self.law.graph.moves and scenario.start.links is None:
-                return connected_by_distances(self.law.graph, scenario.start, scenario.space)
+                headings = scenario.agents.headings
+                return connected_by_distances(self.law.graph, scenario.start, scenario.space, headings)
             return bool(seen["flocks"][0] == 1)
         return bool(is_connected(self.start_links))
 

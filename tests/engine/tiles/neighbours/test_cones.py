@@ -1,5 +1,7 @@
 """Cones in the tiled engine: neighbours are agents within a radius whose constant headings are similar."""
 
+from dataclasses import dataclass
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -215,6 +217,20 @@ def test_headings_of_large_groups_that_cannot_be_compared_are_refused(headings, 
             ),
             engine="tiles",
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Halves(fk.Cone):
+    """A cone of a user: agents of even numbers and those of odd ones are not linked."""
+
+    def allowed(self, headings):
+        number = np.arange(len(headings)) % 2
+        return super().allowed(headings) & (number[:, None] == number[None, :])
+
+
+def test_cones_of_users_that_link_others_are_refused_by_name():
+    with pytest.raises(UnsupportedLaw, match="the graph Halves"):
+        fk.start(scenario(Halves(1.6, 1.2), n=20), engine="tiles")
 
 
 def test_smooth_cones_are_refused_by_name():

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from flocking.engine.kernels.expressions import PairFormulas
 
 JUST_BELOW = 1.0 - 4e-6
-"""Share of the squared break radius below which pieces are chosen: sixteen units of rounding of single precision."""
+"""Share of the squared break radius below which pieces are chosen: 34 spacings of single precision below the square."""
 
 
 def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False) -> list[str]:
@@ -39,8 +39,6 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
     requested = {"along": pair.along, "drag": pair.drag}
     if spec.ledger:
         requested |= {"storage": pair.storage, "dissipation": pair.dissipation, "supply": pair.supply}
-        if kind.edge:
-            requested["storage"] = _chosen_by_side(pair.storage)
     if flow:
         requested = {"supply": pair.flow}
     requested = {name: value for name, value in requested.items() if value != 0}
@@ -60,12 +58,17 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
         lane += ["broken = select(was & ~inside, T(1.0), broken)"]
     lane += _relative_motion_lines(w, names, flow=flow)
     results = dict(requested)
+    by_side = kind.edge and "storage" in results
+    if by_side:
+        results |= _stored_by_side(pair.storage)
     if "along" in results:
         # Dividing inside the expression lets common factors of r cancel.
         results["along"] = results["along"] / distance()
     met = _at_contact(requested)
     results |= {f"met_{name}": value for name, value in met.items()}
     lane += w.statements(results, f"g{number}_", {"r": "inverse_r"})
+    # Where the formula does not go on beyond the radius it has the value of there.
+    lane += ["storage = select(storage - storage < T(1.0), storage, storage_at_side)"] * by_side
     lane += [f"{name} = select(square > T(0.0), {name}, met_{name})" for name in met]
     lane += _sum_lines(w, number, requested, counts_links=not flow)
     first = [] if w.heard is None else w.heard.rows_lines(number, [*_entry_lines(w, number), "other = j != i"])
@@ -166,13 +169,13 @@ def _link_lines(kind: GraphKind, number: int, *, by_agent: bool) -> list[str]:
     ]
 
 
-def _chosen_by_side(storage: sympy.Expr) -> sympy.Expr:
-    """What a pair stores, with its pieces chosen by ``side`` instead of the distance."""
+def _stored_by_side(storage: sympy.Expr) -> dict[str, sympy.Expr]:
+    """What a pair stores: with its pieces chosen by ``side`` instead of the distance, and at that distance itself."""
     import sympy
 
     side = sympy.Symbol("side", positive=True)
     found = {x: x.xreplace({distance(): side}) for x in storage.atoms(sympy.core.relational.Relational)}
-    return storage.xreplace(found)
+    return {"storage": storage.xreplace(found), "storage_at_side": storage.xreplace({distance(): side})}
 
 
 def _side_lines(kind: GraphKind, number: int) -> list[str]:

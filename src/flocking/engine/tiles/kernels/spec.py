@@ -17,7 +17,8 @@ from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 from flocking.model.space import Open, Periodic
-from flocking.model.terms.potential_reach import energy_jump, meets_pieces
+from flocking.model.terms.pair_terms import PairTerm
+from flocking.model.terms.potential_reach import energy_jump, jumps_at_radius
 from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
 from flocking.model.world.safety_filters import SafetyFilter
@@ -57,7 +58,7 @@ class GraphKind:
         Along what agents look who see others within an angle of it only: `HEADINGS`, ``"p"`` for their velocities, or
         the column of their bodies; empty for the others.
     edge
-        Whether pieces of what linked pairs store meet at the break radius.
+        Whether what linked pairs store jumps at the break radius.
     """
 
     fixed: bool
@@ -196,8 +197,8 @@ def refused_graph(graph: Graph) -> str:
         # Lists of links that never change are made of the pairs of `Fixed`, or of everybody.
         known = isinstance(graph, Fixed | Complete) and type(graph).initial in (Fixed.initial, Complete.initial)
         return "" if known else f"{name}, whose links never change and are not a list of pairs"
-    kept = next((kind for kind in (FieldOfView, Cone) if isinstance(graph, kind)), None)
-    if kept is not None and type(graph).start_links is kept.start_links:
+    # A class of a user may link others than these.
+    if type(graph) is Cone or (isinstance(graph, FieldOfView) and type(graph).start_links is FieldOfView.start_links):
         return ""
     if not graph.follows_radii:
         return name
@@ -265,15 +266,15 @@ def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
     jump = energy_jump((term, law.graphs[law.graph_number(term)]) for term in law.pair_terms) if ledger else None
     if jump is not None:
         raise UnsupportedLaw(
-            f"The tiled engine has no ledger for a potential that jumps at a distance of {jump:.6g}, below the radius: "
-            "no step is short enough for it. Use engine='exact', which locates when pairs cross it, or ledger=False."
+            f"The tiled engine has no ledger for a potential that jumps at a distance of {jump:.6g}, where pairs are "
+            "linked: no step is short enough. Use engine='exact', which locates when pairs cross it, or ledger=False."
         )
-    borders: list[list[float]] = [[] for _ in law.graphs]
+    of_graphs: list[list[PairTerm]] = [[] for _ in law.graphs]
     for term in law.pair_terms:
-        borders[law.graph_number(term)] += term.kinks()
+        of_graphs[law.graph_number(term)].append(term)
     found = tuple(
-        _kind(graph, law.has_barrier(graph) and graph.moves, ledger, edge=ledger and meets_pieces(places, graph))
-        for graph, places in zip(law.graphs, borders, strict=True)
+        _kind(graph, law.has_barrier(graph) and graph.moves, ledger, edge=ledger and jumps_at_radius(terms, graph))
+        for graph, terms in zip(law.graphs, of_graphs, strict=True)
     )
     if scenario.control.ideal:
         return found

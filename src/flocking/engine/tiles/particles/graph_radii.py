@@ -197,7 +197,7 @@ class GraphRadii:
                 views[:, : self._n] = views[:, order]
 
     def certain_reaches(self) -> list[float]:
-        """Distance within which every agent lists another, for each moving graph."""
+        """Distance within which every agent lists another, for each moving graph, before a cone takes some out."""
         return [
             float(np.sqrt(self.each[k][: self._n].min(initial=np.inf))) if kind.uneven else self.cutoffs[k]
             for k, kind in enumerate(self._spec.graphs)
