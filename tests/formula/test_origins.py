@@ -42,7 +42,7 @@ def everything_of_the_library():
     leader = fk.Path(["sin(t)", "cos(2*t)"])
     ball, wall = fk.Ball([5.0, 0], 1.0), fk.Wall([0.0, -3], [0, 1])
     corner = fk.ConvexPolygon([[0.0, 5], [1, 5], [1, 6]], 0.1)
-    psi = fk.Potential("where(r < a, 1/r + 5*exp(-r), abs(r - 1))", a=0.31)
+    psi = fk.Potential("where(r < a, 1/r + 5*exp(-r), abs(r - 1) - abs(a - 1) + 1/a + 5*exp(-a))", a=0.31)
     smooth = fk.Smooth(2.0, 0.31)
     terms = [fk.Gradient(psi), fk.Consensus(1.0, weights=fk.HashedWeights(0.5, 1.0, 3)), fk.Track(leader, 1.0, 1.0)]
     law = fk.Law(smooth, [*terms, fk.Avoid([ball, wall], leader, range=0.9)])
