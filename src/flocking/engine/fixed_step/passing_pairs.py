@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from flocking.arrays import Array
 from flocking.engine.fixed_step.step_checks import STRIDE, check_stride
 from flocking.model.law import Law
+from flocking.model.position_tree import tree_of
 from flocking.model.space import OPEN, Space
 from flocking.model.terms.pair_terms import Gradient
 
@@ -64,12 +65,8 @@ def check_passing(
     fast = np.flatnonzero(length > 0.5 * STRIDE * reach)
     if not len(fast):
         return
-    from scipy.spatial import cKDTree
-
-    middle = q + 0.5 * moved
-    sides = [length if np.isfinite(length) else 0.0 for length in space.lengths]
-    middle = space.wrapped(middle)
-    tree = cKDTree(middle, boxsize=sides or None)  # type: ignore[arg-type]  # its stub lacks the box
+    middle = space.wrapped(q + 0.5 * moved)
+    tree = tree_of(middle, space)
     for i in fast[np.argsort(-length[fast], kind="stable")]:
         # Pairs with a faster agent have already been checked.
         others = np.array(tree.query_ball_point(middle[i], reach + length[i]), dtype=np.int64)

@@ -11,11 +11,12 @@ from flocking.engine.fixed_step.declared_law import Declared, Group, Statement, 
 from flocking.engine.fixed_step.energy_rounding import energy_rounding
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.lammps.deck import Deck
-from flocking.engine.lammps.neighbours import near_pairs, sampled_pairs, tree_of
+from flocking.engine.lammps.neighbours import near_pairs, sampled_pairs
 from flocking.engine.reference.control import frame_velocity
 from flocking.engine.tiles.particles.displacement import ROUNDINGS
 from flocking.errors import LawNotObeyed, UnsupportedLaw
 from flocking.model.law import Scenario
+from flocking.model.position_tree import tree_of
 from flocking.model.state import State
 
 FORCE_ERROR = 1e-9

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from flocking.arrays import Array, Indices, Positions, Velocities
 from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.law import Law
+from flocking.model.position_tree import IMAGE_ROUNDING, tree_of
 from flocking.model.space import OPEN, Space
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
-
-IMAGE_ROUNDING = 1e-9
-"""Relative room of a search among images, whose coordinates are rounded; displacements then decide."""
 
 
 def radius_of(graph: Graph) -> float:
@@ -29,22 +22,6 @@ def radius_of(graph: Graph) -> float:
     """
     radius = float(graph.break_radius)
     return float(np.nextafter(radius, np.inf)) if getattr(graph, "closed", False) else radius
-
-
-def tree_of(q: Array, space: Space = OPEN) -> cKDTree:
-    """A tree of positions, which on axes that repeat are those of the images in the box.
-
-    Parameters
-    ----------
-    q
-        Positions, shape (N, m).
-    space
-        Their space.
-    """
-    from scipy.spatial import cKDTree
-
-    sides = [length if np.isfinite(length) else 0.0 for length in space.lengths]
-    return cKDTree(space.wrapped(q), boxsize=sides or None)  # type: ignore[arg-type]  # its stub lacks the box
 
 
 def near_pairs(q: Array, radius: float, space: Space = OPEN) -> tuple[Indices, Indices]:

@@ -7,12 +7,10 @@ import numpy as np
 from flocking.arrays import Array, Indices, Mask
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.views import Cone
+from flocking.model.position_tree import IMAGE_ROUNDING, tree_of
 from flocking.model.space import Space
 from flocking.model.state import State
 from flocking.study.evidence.basis import NotResolvable
-
-BEYOND = 1e-9
-"""Relative room of the search among images, whose coordinates are rounded; displacements then decide."""
 
 
 def connected_by_distances(graph: Graph, start: State, space: Space, headings: Array | None = None) -> bool:
@@ -39,14 +37,12 @@ def connected_by_distances(graph: Graph, start: State, space: Space, headings: A
     surely, possibly = leaves if graph.follows_radii else np.minimum(enters, leaves), np.maximum(enters, leaves)
     if np.isfinite(possibly).all():
         i, j, r = _near(start.q, float(possibly.max()), space)
-        # An agent that senses another joins both to one flock, whichever of them senses.
-        sure, possible = ((r < reach[i]) | (r < reach[j]) for reach in (surely, np.nextafter(possibly, np.inf)))
+        known = not graph.sees_headings
+        allowed: tuple[Mask, Mask] = np.ones(len(r), dtype=bool), np.ones(len(r), dtype=bool)
         if isinstance(graph, Cone) and headings is not None:
-            similar = graph.similar(headings, i, j), graph.similar(headings, j, i)
-            sure = _sensed(r, surely, (i, j), similar)
-            possible = _sensed(r, np.nextafter(possibly, np.inf), (i, j), similar)
-        elif graph.sees_headings:
-            sure = np.zeros(len(r), dtype=bool)
+            known, allowed = True, (graph.similar(headings, i, j), graph.similar(headings, j, i))
+        possible = _sensed(r, np.nextafter(possibly, np.inf), (i, j), allowed)
+        sure = possible & known & _sensed(r, surely, (i, j), allowed)
         if _joined(n, i[sure], j[sure]):
             return True
         if not _joined(n, i[possible], j[possible]):
@@ -59,18 +55,14 @@ def connected_by_distances(graph: Graph, start: State, space: Space, headings: A
 
 def _near(q: Array, radius: float, space: Space) -> tuple[Indices, Indices, Array]:
     """Pairs i < j of agents within a radius and a little beyond, and their distances."""
-    from scipy.spatial import cKDTree
-
-    sides = [length if np.isfinite(length) else 0.0 for length in space.lengths]
-    tree = cKDTree(space.wrapped(q), boxsize=sides or None)  # type: ignore[arg-type]  # its stub lacks the box
-    found = tree.query_pairs(radius * (1.0 + BEYOND), output_type="ndarray")
+    found = tree_of(q, space).query_pairs(radius * (1.0 + IMAGE_ROUNDING), output_type="ndarray")
     i, j = found[:, 0], found[:, 1]
     return i, j, np.linalg.norm(space.displacement(q[i] - q[j]), axis=1)
 
 
-def _sensed(r: Array, reach: Array, pairs: tuple[Indices, Indices], similar: tuple[Mask, Mask]) -> Mask:
-    """Pairs of which one senses the other: within its reach, and of similar heading to its own."""
-    return np.asarray(((r < reach[pairs[0]]) & similar[0]) | ((r < reach[pairs[1]]) & similar[1]))
+def _sensed(r: Array, reach: Array, pairs: tuple[Indices, Indices], allowed: tuple[Mask, Mask]) -> Mask:
+    """Pairs of which one senses the other, which joins both to one flock: within its reach, if headings allow it."""
+    return np.asarray(((r < reach[pairs[0]]) & allowed[0]) | ((r < reach[pairs[1]]) & allowed[1]))
 
 
 def _joined(n: int, i: Indices, j: Indices) -> bool:
