@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
+
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.law import Law
 
 
@@ -33,7 +36,15 @@ def check_plant(owner: str, declared: Law, plant: Law) -> None:
     if len(plant.graphs) != len(declared.graphs):
         raise InvalidInput(owner, "plant", "must have the graphs of the declared law", len(plant.graphs), fix)
     for ours, theirs in zip(declared.graphs, plant.graphs, strict=True):
-        same = type(ours) is type(theirs) and ours.structure == theirs.structure
-        radii = ((ours.break_radius, theirs.break_radius), (ours.appear_radius, theirs.appear_radius))
-        if not same or not all(np.array_equal(a, b) for a, b in radii):
+        if not _same_links(ours, theirs):
             raise InvalidInput(owner, "plant", "must have the graphs of the declared law", theirs, fix)
+
+
+def _same_links(ours: Graph, theirs: Graph) -> bool:
+    """Whether two graphs link the same agents: they differ in numbers of formulas at most, such as a smooth onset."""
+    if type(ours) is not type(theirs) or ours.structure != theirs.structure:
+        return False
+    names = ["break_radius", "appear_radius"]
+    if is_dataclass(ours):
+        names += [field.name for field in fields(ours) if field.name not in ours.parameters]
+    return all(np.array_equal(getattr(ours, name), getattr(theirs, name)) for name in names)
