@@ -283,6 +283,15 @@ CASES = {
     "streams of several headings": lambda: _bodied(
         fk.PointMass(headings=np.linspace(-9.0, 9.0, 2 * N)), _crossing(fk.Cone(8.4, 1.0, "wrapped"))
     ),
+    "smooth cones": lambda: (
+        fk.Law(
+            fk.SmoothCone(8.4, 0.4, 2.0, measure="wrapped"),
+            [fk.Gradient(structural(7.0)), fk.Consensus(0.5, weighted=True)],
+        ), _lattice(2, 5.6), {"agents": fk.PointMass(headings=np.random.default_rng(9).uniform(-9.0, 9.0, N))},
+    ),
+    "streams of several headings whose links fade": lambda: _bodied(
+        fk.PointMass(headings=np.linspace(-9.0, 9.0, 2 * N)), _crossing(fk.SmoothCone(8.4, 0.3, 1.5))
+    ),
     "streams that look along their velocities": lambda: _crossing(fk.FieldOfView(8.4, 1.2, "p")),
     "unicycles that look ahead": lambda: _looking_ahead(_crossing(fk.FieldOfView(8.4, 1.2, "heading"))),
     "two graphs, one fixed": _two_graphs,

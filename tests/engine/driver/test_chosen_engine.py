@@ -25,7 +25,8 @@ def scenario(n: int = 4, law: fk.Law = LAW, **parts: object) -> fk.Scenario:
     [
         (scenario(), "exact"),
         (scenario(3000), "tiles"),
-        (scenario(3000, fk.Law(fk.SmoothCone(2.0, 0.3, 2.0), [fk.Consensus(1.0)])), "exact"),
+        (scenario(3000, fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0, functional=True)])), "exact"),
+        (scenario(3000, fk.Law(fk.SmoothCone(2.0, 0.3, 2.0), [fk.Consensus(1.0)])), "tiles"),
         (scenario(3000, fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)])), "tiles"),
         (scenario(control=fk.Held(0.1)), "sampled"),
         (scenario(control=fk.Held(0.1), information=fk.Messages(0.1)), "sampled"),
@@ -67,7 +68,7 @@ def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: st
             "another one for more than 3000 agents of Complete",
         ),
         (
-            scenario(20001, fk.Law(fk.SmoothCone(2.0, 0.3, 2.0), [fk.Consensus(1.0)])),
+            scenario(20001, fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0, functional=True)])),
             "must be 'tiles' for more than 20000",
         ),
         (

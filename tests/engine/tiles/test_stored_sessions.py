@@ -71,6 +71,11 @@ def scenario(kind: str, n: int = 500) -> fk.Scenario:
         law = fk.Law(fk.FieldOfView(1.2, 2.0), [fk.Gradient(structural()), fk.Consensus(1.0)])
         agents = fk.PointMass(headings=np.random.default_rng(1).uniform(-np.pi, np.pi, n))
         return fk.Scenario(law, begin, t_end=0.5, frames=11, agents=agents, name=kind)
+    elif kind == "smooth cone":
+        cone = fk.SmoothCone(1.2, 0.3, 1.5, measure="wrapped")
+        law = fk.Law(cone, [fk.Gradient(structural()), fk.Consensus(1.0, weighted=True)])
+        agents = fk.PointMass(headings=np.random.default_rng(1).uniform(-np.pi, np.pi, n))
+        return fk.Scenario(law, begin, t_end=0.5, frames=11, agents=agents, name=kind)
     elif kind == "two graphs":
         ring = fk.Fixed(n, tuple((k, (k + 1) % n) for k in range(n)))
         weights = fk.HashedWeights(0.5, 1.5, seed=3)
@@ -114,6 +119,7 @@ OPTIONS: dict[str, Any] = {"engine": "tiles", "step": 0.004, "observe": True, "p
 KINDS = (
     ("proximity", "verlet"), ("proximity", "rk4"), ("hysteresis", "verlet"), ("hysteresis", "rk4"),
     ("scheduled", "damped"), ("obstacles", "verlet"), ("uneven", "verlet"), ("views", "verlet"),
+    ("smooth cone", "verlet"),
     ("two graphs", "verlet"), ("one graph complete", "rk4"), ("single integrators", "rk4"),
     ("single integrators", "euler"),
 )  # fmt: skip

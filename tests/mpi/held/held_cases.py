@@ -152,6 +152,10 @@ CASES = BODIES | {
         _law(fk.Cone(8.4, 1.0, "wrapped")), information=_lossy(fk.Bernoulli(0.3), noise=fk.WhiteNoise(0.02, 0.05)),
         bodies=fk.PointMass(headings=np.linspace(-9.0, 9.0, N)),
     ),
+    "messages lost, smooth cones": lambda: _made(
+        _law(fk.SmoothCone(8.4, 0.3, 1.5)), information=_lossy(fk.Bernoulli(0.3), noise=fk.WhiteNoise(0.02, 0.05)),
+        bodies=fk.PointMass(headings=np.linspace(-9.0, 9.0, N)),
+    ),
     "messages lost, views along velocities": lambda: _made(
         _law(fk.FieldOfView(8.4, 1.3, "p")), information=_lossy(fk.Bernoulli(0.3), self_known="measured")
     ),

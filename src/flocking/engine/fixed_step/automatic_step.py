@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.arrays import AnyArray, Array, Indices
-from flocking.engine.fixed_step.declared_law import weights_of
 from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import STRIDE
 from flocking.engine.protocol.body_chains import chain_of
@@ -140,7 +139,7 @@ def resolving_step(
             if isinstance(term, Gradient):
                 stiff += _stiffness(term, pairs.distance, across)
             elif across or _is_unweighted(term):
-                drag = drag + np.bincount(pairs.agent, _coefficients(term, pairs), minlength=n) / masses
+                drag = drag + np.bincount(pairs.agent, _coefficients(term, pairs, scenario), minlength=n) / masses
         fastest = max(fastest, float((2.0 * np.bincount(pairs.agent, stiff, minlength=n) / masses).max()))
     springs = np.zeros(n)
     for body in scenario.law.body_terms:
@@ -194,13 +193,15 @@ def _is_unweighted(term: Term) -> bool:
     return isinstance(term, Consensus) and not term.weighted and not term.functional
 
 
-def _coefficients(term: Term, pairs: SampledPairs) -> Array:
+def _coefficients(term: Term, pairs: SampledPairs, scenario: Scenario) -> Array:
     """Coefficients of the velocities of pairs, from gains and pair weights; those of graphs count as 1."""
     values = term.parameters
     gain = _largest_of_each(values.get("gain", 1.0))
     found = np.broadcast_to(gain[pairs.agent] if gain.ndim else gain, len(pairs.agent))
     weights = values.get("weights")
-    return found * weights_of(weights, pairs.agent, pairs.other) if isinstance(weights, PairWeights) else found
+    if not isinstance(weights, PairWeights):
+        return found
+    return found * weights.of_pairs(pairs.agent, pairs.other, scenario.agents.headings, scenario.start.n)
 
 
 def _largest(value: object) -> float:

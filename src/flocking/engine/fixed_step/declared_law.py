@@ -18,7 +18,7 @@ from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.control import obstacles_met
 from flocking.model.checks import Array
 from flocking.model.graph_functional import averages
-from flocking.model.graphs.weights import HashedWeights, PairWeights, pair_uniform
+from flocking.model.graphs.weights import PairWeights
 from flocking.model.law import Scenario
 
 LinkedPairs = tuple[NDArray[np.integer], NDArray[np.integer], Mask]
@@ -124,6 +124,17 @@ class Declared:
         found = self._layout.numbers(self.scenario.agents, since)
         return self._layout.packed(found.single), found.each, found.pairs
 
+    def _pair_weights(
+        self, weights: list[PairWeights], i: NDArray[np.integer], j: NDArray[np.integer]
+    ) -> dict[str, Array]:
+        """Weights of pairs of agents, by slot."""
+        scenario = self.scenario
+        found = (
+            w.of_pairs(i.astype(np.intp), j.astype(np.intp), scenario.agents.headings, scenario.start.n)
+            for w in weights
+        )
+        return {f"W{x}": each for x, each in enumerate(found)}
+
     def state(self, group: Group, judged: Indices, pairs: Sequence[LinkedPairs]) -> Statement:
         """Evaluate the law for the agents at the indices ``judged``, shape (S,).
 
@@ -160,7 +171,7 @@ class Declared:
             # In the formulas of the flow, controls take the place of velocities.
             given = _pair_values(d, np.asarray(group.p[j], dtype=np.float64) - u[k], u[k])
             given |= {f"A{x}": row[k] for x, row in enumerate(A)}
-            given |= {f"W{x}": weights_of(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
+            given |= self._pair_weights(weights, who[k], group.ids[j])
             found, off = self._both(f"pair_flow{number}", P, given, len(k))
             self._blurred((f"pair_flow{number}", P, given, len(k)), found, off, blur)
             still = {**given, "radial": 0.0 * given["radial"], "push": 0.0 * given["push"]}
@@ -207,7 +218,7 @@ class Declared:
             v = np.asarray(group.p[j], dtype=np.float64) - p[k]
             given = _pair_values(d, v, p[k] - group.frame)
             given |= {f"A{x}": row[k] for x, row in enumerate(A)}
-            given |= {f"W{x}": weights_of(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
+            given |= self._pair_weights(weights, who[k], group.ids[j])
             if averages(self.scenario.law, number):
                 given["functional"] = np.asarray(1.0 / (1.0 + np.bincount(k, minlength=count)), dtype=np.float64)[k]
             found, off = self._both(f"pair{number}", P, given, len(k))
@@ -392,19 +403,4 @@ def means_of(q: AnyArray, p: AnyArray, masses: Array, sums: Callable[[Array], Ar
     return found
 
 
-def weights_of(weights: PairWeights, i: NDArray[np.integer], j: NDArray[np.integer]) -> Array:
-    """Weights of pairs of agents, shape (K,).
-
-    Parameters
-    ----------
-    weights
-        Weights of all pairs.
-    i, j
-        Numbers of the sensing and of the sensed agents, shape (K,).
-    """
-    if isinstance(weights, HashedWeights):
-        return weights.low + (weights.high - weights.low) * pair_uniform(weights.seed, i, j)
-    return np.asarray(getattr(weights, "values")[i, j])  # noqa: B009  of a matrix, which weights have
-
-
-__all__ = ["POWERS", "SAFETY", "Declared", "Group", "Statement", "weights_of"]
+__all__ = ["POWERS", "SAFETY", "Declared", "Group", "Statement"]

@@ -11,6 +11,7 @@ from flocking.errors import UnsupportedLaw
 from flocking.model.graphs.contradicting_links import contradicting_links
 from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from flocking.model.graphs.seen_headings import links_at_state
+from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.views import Cone, FieldOfView
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -46,7 +47,7 @@ def check_given_links(engine: str, scenario: Scenario, state: State | None = Non
     elif graph.follows_radii:
         distance = pair_distances(given.q, scenario.space)
         wrong = np.argwhere(contradicting_links(graph, given.links, distance, PASSED))
-    elif isinstance(graph, FieldOfView | Cone):
+    elif isinstance(graph, FieldOfView | Cone | SmoothCone):
         least, most = (_links_of(graph, scenario, given, 1.0 + share) for share in (-PASSED, PASSED))
         wrong = np.argwhere((least & ~given.links) | (given.links & ~most))
     else:
@@ -59,10 +60,13 @@ def check_given_links(engine: str, scenario: Scenario, state: State | None = Non
         )
 
 
-def _links_of(graph: FieldOfView | Cone, scenario: Scenario, state: State, factor: float) -> Links:
+def _links_of(graph: FieldOfView | Cone | SmoothCone, scenario: Scenario, state: State, factor: float) -> Links:
     """Links where radii and half angles are larger by a factor; the opening of a cone is the same at all times."""
+    if isinstance(graph, SmoothCone):
+        wider: Graph = replace(graph, radius=factor * graph.radius)
+        return links_at_state(wider, scenario.space, state, scenario.agents.headings)
     if isinstance(graph, Cone):
-        wider: Graph = replace(graph, radius=factor * np.asarray(graph.radius))
+        wider = replace(graph, radius=factor * np.asarray(graph.radius))
         return links_at_state(wider, scenario.space, state, scenario.agents.headings)
     angles = np.minimum(factor * np.asarray(graph.half_angle), np.pi)
     wider = FieldOfView(factor * np.asarray(graph.radius), angles, graph.heading_column)

@@ -14,6 +14,7 @@ from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
+from flocking.model.graphs.smooth_cones import HeadingWeights
 from flocking.model.graphs.weights import HashedWeights, PairWeights
 from flocking.model.law import Law
 from flocking.model.leaders_and_obstacles.leaders import Leader
@@ -28,6 +29,8 @@ SPACE = "space"
 """Owner of the lengths of space."""
 BODIES = "bodies"
 """Owner of the parameters of the agents' bodies."""
+FACTORS = "factors"
+"""Start of the names of arrays of factors of headings, before the number of the graph."""
 
 
 @dataclass(frozen=True)
@@ -214,9 +217,19 @@ class Layout:
         return (*self.law.graphs, *self.law.terms, self.energy, self.bodies)
 
     def weight_kinds(self) -> tuple[str, ...]:
-        """Kind of each pair weight of a tiled kernel: ``"hash"`` or ``"matrix"``."""
-        weights = (value for _, owned in self.owners() for value in owned.values() if isinstance(value, PairWeights))
-        return tuple("hash" if isinstance(value, HashedWeights) else "matrix" for value in weights)
+        """Kind of each pair weight of a tiled kernel.
+
+        ``"hash"`` or ``"matrix"``, or the name of the array of factors of headings beside the lists of a graph.
+        """
+        weights = (
+            (o, value) for o, owned in self.owners() for value in owned.values() if isinstance(value, PairWeights)
+        )
+        return tuple(
+            "hash" if isinstance(value, HashedWeights)
+            else owner.replace("graph", FACTORS) if isinstance(value, HeadingWeights)
+            else "matrix"
+            for owner, value in weights
+        )  # fmt: skip
 
     def leader_number(self, leader: Leader | None) -> int | None:
         """Position of a leader in `leaders`."""

@@ -18,6 +18,7 @@ from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.errors import LawNotObeyed
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
 from flocking.model.law import Scenario
 
@@ -228,7 +229,7 @@ class LawCheck:
         if kind.view:
             beyond = self._beyond_view(particles, graph, i, d, r, p)
             inside, outside = inside & (beyond < -slack), outside | (beyond > slack)
-        if isinstance(graph, Cone):
+        if isinstance(graph, Cone | SmoothCone):
             similar = self._similar(particles, graph, i, j)
             inside, outside = inside & similar, outside | ~similar
         return inside, outside
@@ -375,11 +376,11 @@ class LawCheck:
             beyond = self._beyond_view(particles, graph, places[k], d, r, p)
             certain &= np.abs(beyond) > slack
             linked = bit if remembered else linked & np.where(np.abs(beyond) > slack, beyond < 0.0, bit)
-        if isinstance(graph, Cone):
+        if isinstance(graph, Cone | SmoothCone):
             linked = linked & self._similar(particles, graph, places[k], j)
         return k[linked], j[linked], certain[linked] | remembered
 
-    def _similar(self, particles: ParticleArrays, graph: Cone, i: Indices, j: Indices) -> Mask:
+    def _similar(self, particles: ParticleArrays, graph: Cone | SmoothCone, i: Indices, j: Indices) -> Mask:
         """Which pairs of indices have similar headings."""
         headings = graph.checked_headings(self.scenario.agents.headings, particles.everyone)
         return graph.similar(headings, particles.ids[i], particles.ids[j])

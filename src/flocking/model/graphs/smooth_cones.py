@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from flocking.arrays import Indices, Mask, Numbers32
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number, one_of
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import OneRadius, pair_distances
-from flocking.model.graphs.views import MEASURES, HeadingGraph, heading_gaps
+from flocking.model.graphs.views import MEASURES, HeadingGraph, heading_gaps, pair_gaps
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
@@ -64,6 +65,19 @@ class HeadingWeights(PairWeights):
         if headings is None:
             raise InvalidInput("SmoothCone", "headings", "must be given", None, "Give agents=Agents(headings=...).")
         return self.bump(heading_gaps(np.asarray(headings), self.measure) / self.opening, self.onset)
+
+    def of_pairs(self, i: Indices | Numbers32, j: Indices | Numbers32, headings: Array | None, n: int) -> Array:
+        """The factors of some pairs of agents with given headings, shape (K,).
+
+        Raises
+        ------
+        InvalidInput
+            If there are no headings.
+        """
+        if headings is None:
+            return self.of(None, n)
+        own = np.asarray(headings)
+        return self.bump(pair_gaps(own[i], own[j], self.measure) / self.opening, self.onset)
 
 
 @register_part("smooth_cone")
@@ -119,6 +133,18 @@ class SmoothCone(HeadingGraph, OneRadius):
         result = heading_gaps(self.checked_headings(headings, max(n, 1)), self.measure) < self.opening
         np.fill_diagonal(result, False)
         return np.asarray(result)
+
+    def similar(self, headings: Array, i: Indices | Numbers32, j: Indices | Numbers32) -> Mask:
+        """Of which pairs the headings differ by less than phi_0, shape (K,).
+
+        Parameters
+        ----------
+        headings
+            Headings of all agents, shape (N,) or (N, d, d).
+        i, j
+            The agents of each pair.
+        """
+        return np.asarray(pair_gaps(headings[i], headings[j], self.measure) < self.opening)
 
     def start_links(self, q: Array, headings: Array | None = None) -> Links:
         """Links of positions ``q`` and ``headings``."""

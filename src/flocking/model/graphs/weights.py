@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from flocking.arrays import Indices, Numbers32
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, number
 from flocking.model.parts import values
@@ -36,6 +37,18 @@ class PairWeights(ABC):
     def of(self, headings: Array | None, n: int) -> Array:
         """All weights of agents with ``headings``, shape (n, n)."""
         return self.matrix(n)
+
+    def of_pairs(self, i: Indices | Numbers32, j: Indices | Numbers32, headings: Array | None, n: int) -> Array:
+        """Weights of some pairs of ``n`` agents, shape (K,).
+
+        Parameters
+        ----------
+        i, j
+            Numbers of the sensing and of the sensed agents, shape (K,).
+        headings
+            Headings of all agents, as in `Agents`.
+        """
+        return np.asarray(self.of(headings, n)[i, j])
 
 
 @register_part()
@@ -143,9 +156,13 @@ class HashedWeights(PairWeights):
     def matrix(self, n: int) -> Array:
         """All weights, shape (n, n), with a zero diagonal."""
         i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
-        values = self.low + (self.high - self.low) * pair_uniform(self.seed, i, j)
+        values = self.of_pairs(i, j, None, n)
         np.fill_diagonal(values, 0.0)
-        return np.asarray(values)
+        return values
+
+    def of_pairs(self, i: Indices | Numbers32, j: Indices | Numbers32, headings: Array | None, n: int) -> Array:
+        """Weights of some pairs, shape of ``i``."""
+        return np.asarray(self.low + (self.high - self.low) * pair_uniform(self.seed, i, j))
 
 
 GOLDEN, MIXERS = np.uint64(0x9E3779B97F4A7C15), (np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB))

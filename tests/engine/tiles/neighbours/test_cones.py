@@ -233,13 +233,6 @@ def test_cones_of_users_that_link_others_are_refused_by_name():
         fk.start(scenario(Halves(1.6, 1.2), n=20), engine="tiles")
 
 
-def test_smooth_cones_are_refused_by_name():
-    made = scenario(fk.SmoothCone(1.5, 0.3, 1.0), n=5)
-    law = fk.Law(made.law.graph, [fk.Consensus(1.0, weighted=True)])
-    with pytest.raises(UnsupportedLaw, match="SmoothCone"):
-        fk.start(made.with_(law=law), engine="tiles")
-
-
 def test_links_of_a_start_that_contradict_the_cone_are_refused():
     made = scenario(CONES["wrapped"](40))
     links = made.law.graph.start_links(made.start.q, made.agents.headings)

@@ -44,7 +44,7 @@ def control_spec(spec: KernelSpec, graphs: tuple[Graph, ...]) -> KernelSpec:
     """
     kinds = tuple(
         GraphKind(kind.fixed, not kind.fixed and bool(np.any(graph.appear_radius != graph.break_radius)), kind.uneven,
-                  barrier=False, view=kind.view)
+                  barrier=False, view=kind.view, fades=kind.fades)
         for kind, graph in zip(spec.graphs, graphs, strict=True)
     )  # fmt: skip
     return replace(spec, graphs=kinds, damped=False, ledger=False)

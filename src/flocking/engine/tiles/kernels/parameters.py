@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Array
 from flocking.engine.tiles.kernels.spec import KernelSpec
+from flocking.model.graphs.smooth_cones import HeadingWeights
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 
@@ -25,9 +26,9 @@ def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> KernelNumb
     Returns
     -------
     tuple
-        Single numbers (parameters, mass and damping where they are common, ranges of hashed weights or widths of
-        matrices); values per agent, first masses and damping, each one number or shape (N,); hash seeds; matrices of
-        pair weights.
+        Single numbers (parameters, mass and damping where they are common, and two of each pair weight: the range of
+        hashed ones, the width of a matrix); values per agent, first masses and damping, each one number or shape (N,);
+        hash seeds; matrices of pair weights.
     """
     n = scenario.start.n
     numbers, rows, pairs = spec.layout.numbers(scenario.agents, t)
@@ -43,6 +44,8 @@ def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> KernelNumb
         elif isinstance(weights, MatrixWeights):
             numbers += [float(n), 0.0]
             matrices[k] = weights.values.ravel()
+        elif isinstance(weights, HeadingWeights):
+            numbers += [0.0, 0.0]
         else:
             raise TypeError(f"tiles takes no {type(weights).__name__}")
     return np.array(numbers, dtype=np.float64), rows, seeds, matrices

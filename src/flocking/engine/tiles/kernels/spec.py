@@ -13,6 +13,7 @@ from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Graph
+from flocking.model.graphs.smooth_cones import HeadingWeights, SmoothCone
 from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
@@ -59,6 +60,8 @@ class GraphKind:
         the column of their bodies; empty for the others.
     edge
         Whether what linked pairs store jumps at the break radius.
+    fades
+        Whether links have factors of headings, which are listed beside the neighbours.
     """
 
     fixed: bool
@@ -67,6 +70,7 @@ class GraphKind:
     barrier: bool
     view: str = ""
     edge: bool = False
+    fades: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +88,7 @@ class KernelSpec:
     graphs
         Properties of each graph of the law.
     weights
-        Kind of each pair weight: ``"hash"`` or ``"matrix"``.
+        Kind of each pair weight, see `Layout.weight_kinds`.
     mass_each, damping_each
         Whether masses and damping differ between agents.
     damped
@@ -178,9 +182,10 @@ def check_supported(scenario: Scenario) -> None:
     for leader in Layout(law, scenario.energy).leaders():
         if not leader.closed_form:
             raise refuse(f"the leader {type(leader).__name__}, whose position has no closed form")
-    for _, owned in Layout(law, scenario.energy).owners():
+    for owner, owned in Layout(law, scenario.energy).owners():
         for name, value in owned.items():
-            if hasattr(value, "matrix") and not isinstance(value, HashedWeights | MatrixWeights):
+            listed = isinstance(value, HeadingWeights) and owner.startswith("graph")
+            if hasattr(value, "matrix") and not (listed or isinstance(value, HashedWeights | MatrixWeights)):
                 raise refuse(f"the pair weights {type(value).__name__} of {name}")
 
 
@@ -198,7 +203,9 @@ def refused_graph(graph: Graph) -> str:
         known = isinstance(graph, Fixed | Complete) and type(graph).initial in (Fixed.initial, Complete.initial)
         return "" if known else f"{name}, whose links never change and are not a list of pairs"
     # A class of a user may link others than these.
-    if type(graph) is Cone or (isinstance(graph, FieldOfView) and type(graph).start_links is FieldOfView.start_links):
+    if type(graph) in (Cone, SmoothCone):
+        return ""
+    if isinstance(graph, FieldOfView) and type(graph).start_links is FieldOfView.start_links:
         return ""
     if not graph.follows_radii:
         return name
@@ -286,7 +293,7 @@ def _kind(graph: Graph, barrier: bool, ledger: bool, *, edge: bool) -> GraphKind
     uneven = np.ndim(graph.break_radius) > 0
     remembers = graph.moves and (ledger or barrier or bool(np.any(graph.appear_radius != graph.break_radius)))
     view = (graph.heading_column or HEADINGS) if isinstance(graph, FieldOfView) else ""
-    return GraphKind(not graph.moves, remembers, uneven, barrier, view, edge)
+    return GraphKind(not graph.moves, remembers, uneven, barrier, view, edge, isinstance(graph, SmoothCone))
 
 
 def only_numbers_differ(spec: KernelSpec, other: KernelSpec) -> bool:

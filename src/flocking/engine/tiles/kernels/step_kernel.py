@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from flocking.engine.kernels.displacements import period_lines
+from flocking.engine.kernels.layout import FACTORS
 from flocking.engine.kernels.source_text import free_names, indented
 from flocking.engine.tiles.kernels.body_motion import body_motion, further_names
 from flocking.engine.tiles.kernels.pair_loop import pair_loop
@@ -90,17 +91,15 @@ def _arguments(spec: KernelSpec) -> list[str]:
 
 
 def graph_arguments(spec: KernelSpec) -> list[str]:
-    """Names of `GRAPH_ARGUMENTS` of each graph, and where agents have fields of view of these; one graph after another.
+    """Names of `GRAPH_ARGUMENTS` of each graph, of fields of view, and of factors of headings; graph after graph.
 
     Parameters
     ----------
     spec
         Specification of the kernel.
     """
-    found = []
-    for number, kind in enumerate(spec.graphs):
-        found += [f"{name}{number}" for name in (*GRAPH_ARGUMENTS, *["views"] * bool(kind.view))]
-    return found
+    each = [(*GRAPH_ARGUMENTS, *["views"] * bool(kind.view), *[FACTORS] * kind.fades) for kind in spec.graphs]
+    return [f"{name}{number}" for number, names in enumerate(each) for name in names]
 
 
 def obstacle_arguments(spec: KernelSpec) -> list[str]:

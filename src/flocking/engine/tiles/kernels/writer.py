@@ -80,6 +80,8 @@ class Writer:
         if self.spec.weights[number] == "hash":
             uniform = f"pair_uniform(seeds[{number}], {mine}, {theirs})"
             return f"{name} = narrow(seed_low{number} + seed_width{number} * {uniform}, T(0.0))"
+        if self.spec.weights[number] != "matrix":
+            return f"{name} = load({self.spec.weights[number]}, at)"
         return f"{name} = narrow(gather(matrices[{number}], widen({mine}) * width{number} + widen({theirs})), T(0.0))"
 
     def frame(self) -> list[str]:

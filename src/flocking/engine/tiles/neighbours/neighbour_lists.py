@@ -29,6 +29,8 @@ ALMOST_FULL = 16
 """A chunk is almost full if less than this part of its rows is free, half of the eighth that it got in excess."""
 WIDTH = 16
 """Agents in a tile."""
+ENTRY = 4
+"""Memory of an entry of a list in bytes."""
 LINKED = np.uint32(1 << 31)
 """Bit of an entry that is set if the pair is linked."""
 NUMBER = np.uint32((1 << 31) - 1)
@@ -165,11 +167,14 @@ class Listed(NamedTuple):
         ``reach`` holds for all, else 16 tiles.
     keep
         Takes pairs that are never linked, whatever their distance, out of the lists.
+    entry_size
+        Memory of an entry in bytes, with what is stored beside it.
     """
 
     reach: float
     each: Reals
     keep: Callable[[TileLists], None] | None = None
+    entry_size: int = ENTRY
 
 
 class TooManyNeighboursError(Exception):
@@ -266,8 +271,8 @@ class ListBuilder:
         numbers = np.empty((self.chunks, WIDTH), np.uint32)
         while True:
             total = int(self.capacity.sum())
-            if total * WIDTH * 4.0 > self.memory_limit:
-                raise TooManyNeighboursError(total * WIDTH * 4.0)
+            if (needed := float(total * WIDTH * listed.entry_size)) > self.memory_limit:
+                raise TooManyNeighboursError(needed)
             lists = self._reuse(total)
             stretch = np.cumsum(self.capacity) - self.capacity
             need = np.zeros(self.chunks, np.int64)
@@ -283,7 +288,8 @@ class ListBuilder:
     def _reuse(self, total: int) -> TileLists:
         spare, self.spare = self.spare, None
         if spare is not None and len(spare.rows) >= total and len(spare.rows) <= 2 * total + SPARE_ROWS:
-            return spare
+            # A new object: what was found for the old lists does not hold for these.
+            return TileLists(spare.rows, spare.first, spare.count)
         return TileLists(
             aligned((max(total, 1), WIDTH), np.uint32), np.zeros(self.tiles, np.int64), np.zeros(self.tiles, np.int32)
         )

@@ -13,6 +13,7 @@ from flocking.arrays import Array, Numbers32
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH, TileLists
 from flocking.formula.native.functions import native
+from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.views import Cone, check_rotations
 
 BAND = 1e-6
@@ -40,7 +41,7 @@ class Openings:
         When there are no headings of all agents, or none that can be compared so.
     """
 
-    def __init__(self, cone: Cone, headings: Array | None, n: int) -> None:
+    def __init__(self, cone: Cone | SmoothCone, headings: Array | None, n: int) -> None:
         self._cone, self._headings = cone, cone.checked_headings(headings, n)
         opening = np.broadcast_to(np.asarray(cone.opening, dtype=np.float64), n)
         turns = self._headings.ndim == 1

@@ -10,9 +10,11 @@ from flocking.arrays import Indices, Mask, Numbers, Numbers32, Reals
 from flocking.engine.fixed_step.threads import Workers
 from flocking.engine.tiles.kernels.spec import HEADINGS, PRECISIONS, KernelSpec
 from flocking.engine.tiles.measures import cutoffs_of, sensed_offsets
-from flocking.engine.tiles.neighbours.neighbour_lists import NO_VIEWS, FirstLinks, Listed
+from flocking.engine.tiles.neighbours.listed_factors import ListedFactors
+from flocking.engine.tiles.neighbours.neighbour_lists import ENTRY, NO_VIEWS, FirstLinks, Listed, TileLists
 from flocking.engine.tiles.neighbours.similar_headings import Openings
 from flocking.model.graphs.distance_graphs import Fixed, Graph
+from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
 
 
@@ -52,7 +54,13 @@ class GraphRadii:
         are those of velocities: a row for each number, shape (m + 1, size) or (1, size); those of columns as `turn`
         or `face` left them. `NO_VIEWS` where agents see all around."""
         headings = spec.layout.bodies.headings
-        self._openings = [Openings(g, headings, everyone) if isinstance(g, Cone) else None for g in graphs]
+        cones = [g if isinstance(g, Cone | SmoothCone) else None for g in graphs]
+        self._openings = [None if cone is None else Openings(cone, headings, everyone) for cone in cones]
+        self._factors = {
+            number: ListedFactors(g, headings, everyone, self._dtype)
+            for number, g in enumerate(graphs)
+            if isinstance(g, SmoothCone)
+        }
         self.edges: list[tuple[Numbers, Numbers32] | None] = list(edges or [])
         """Links of fixed graphs, see `flocking.engine.tiles.measures.sensed_offsets`; None for other graphs, and for
         `Complete`, which needs no list of pairs."""
@@ -177,9 +185,26 @@ class GraphRadii:
         openings = self._openings[number]
         keep = None if openings is None else partial(openings.keep, n=self._n, ids=ids, workers=workers)
         each, cutoff, views = self.each[number], self.cutoffs[number] + beyond, self.views[number]
+        size = ENTRY + (np.dtype(self._dtype).itemsize if number in self._factors else 0)
         if self._spec.graphs[number].uneven:
-            return Listed(cutoff, np.sqrt(each) + self._dtype(beyond), keep), FirstLinks(each, views)
-        return Listed(cutoff, each, keep), FirstLinks(self.limits[number][:1], views)
+            return Listed(cutoff, np.sqrt(each) + self._dtype(beyond), keep, size), FirstLinks(each, views)
+        return Listed(cutoff, each, keep, size), FirstLinks(self.limits[number][:1], views)
+
+    def factors_of(self, number: int, lists: TileLists, ids: Numbers32, workers: Workers) -> Reals:
+        """Factors of the headings of the pairs in lists under a smooth cone.
+
+        Parameters
+        ----------
+        number
+            The graph.
+        lists
+            Its lists, for all agents or for what agents know.
+        ids
+            Number of the agent at each index, copies of agents of other processes included.
+        workers
+            Threads to use.
+        """
+        return self._factors[number].of(lists, self._n, ids, workers)
 
     def reorder(self, order: Numbers32) -> None:
         """Sort the radii and views of each agent.

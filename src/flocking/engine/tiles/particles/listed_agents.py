@@ -146,7 +146,8 @@ class ListedAgents(AgentArrays):
         return np.sqrt(square)
 
     def graph_arguments(self, lists: Sequence[TileLists | None]) -> list[object]:
-        """What kernels take of each graph: its list, its squared radii, per agent and common, and its views.
+        """What kernels take of each graph: its list, its squared radii, per agent and common, and its views
+        and factors of headings.
 
         Parameters
         ----------
@@ -159,6 +160,8 @@ class ListedAgents(AgentArrays):
             found += [each.rows.reshape(-1), each.first, each.count]
             found += [self.radii.each[number], self.radii.limits[number]]
             found += [self.radii.views[number]] * bool(self.spec.graphs[number].view)
+            if self.spec.graphs[number].fades:
+                found.append(self.radii.factors_of(number, each, self.ids, self.workers))
         return found
 
     def turn_views(self) -> None:
