@@ -105,6 +105,18 @@ def test_a_pair_that_no_repetition_links_either_is_none(precision):
     assert found.note == "no linked pair; error estimated from 2 repetitions, the last with 0.25 of the step"
 
 
+@pytest.mark.parametrize(("beyond", "verdict"), [(1e-6, Verdict.NOT_RESOLVED), (0.1, Verdict.HOLDS)])
+def test_a_pair_nearer_to_the_radius_than_the_error_leaves_open_whether_there_is_none(beyond, verdict):
+    """Two agents on an ellipse around the origin, x'' = -x, pass each other at the distance 1 + beyond."""
+    apart = 0.5 * (1.0 + beyond)
+    law = fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0), fk.Track(fk.Sink([0.0, 0.0]), 1.0, 0.0)])
+    start = fk.State([[1.0, 0.0], [-1.0, 0.0]], [[0.0, apart], [0.0, -apart]])
+    run = fk.simulate(fk.Scenario(law, start, t_end=np.pi, frames=41), engine="tiles", step=0.05, progress=False)
+    found = judged(run, "linked-apart")
+    assert not run.links.any()
+    assert found.verdict is verdict, found
+
+
 def test_agents_whose_links_never_change_need_no_motion():
     made = fk.Scenario(fk.Law(fk.Fixed(4, []), [fk.Consensus(1.0)]), row(1.5, 4), t_end=1.0, frames=5)
     run = fk.simulate(made, engine="tiles", step=0.05, progress=False)

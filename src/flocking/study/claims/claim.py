@@ -77,8 +77,8 @@ class Measure:
     conserved
         Whether it is of a quantity that every motion under the law keeps: that it was kept needs no error.
     absent
-        Whether the margin is infinite as the motion shows nothing of what is measured, such as a linked pair: another
-        motion within the error may.
+        Where the margin is infinite as the motion shows nothing of what is measured, such as a linked pair: by how much
+        it misses showing it, in the unit of positions. Another motion within the error may show it. None elsewhere.
     """
 
     margin: float
@@ -90,7 +90,7 @@ class Measure:
     decided: float = math.inf
     as_computed: bool = False
     conserved: bool = False
-    absent: bool = False
+    absent: float | None = None
 
     @property
     def holds(self) -> bool | None:
@@ -128,7 +128,7 @@ def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[
     about the motion as it was computed.
     """
     kept = measured.conserved and measured.holds
-    structural = math.isinf(measured.margin) and not measured.absent
+    structural = math.isinf(measured.margin) and measured.absent is None
     if not e.motion_unstated or structural or kept:
         return measured
     if measured.unsettled:
@@ -146,9 +146,15 @@ def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[
     if any(one.unsettled for one in again):
         return replace(measured, error=math.nan, note=f"{measured.note}; more accurate runs leave it unsettled")
     margins = [one.margin for one in again]
-    same = math.isinf(measured.margin) and all(margin == measured.margin for margin in margins)
-    error = measured.error + (0.0 if same else repetitions.error(measured.margin, margins))
-    return replace(measured, error=error, note=f"{measured.note}; {repetitions.note}")
+    note = f"{measured.note}; {repetitions.note}"
+    if measured.absent is None or any(margin != measured.margin for margin in margins):
+        return replace(measured, error=measured.error + repetitions.error(measured.margin, margins), note=note)
+    if math.isinf(measured.absent):
+        return replace(measured, note=note)
+    off = repetitions.error(measured.absent, [math.nan if one.absent is None else one.absent for one in again])
+    if measured.absent > off:
+        return replace(measured, note=note)
+    return replace(measured, error=math.nan, note=f"{note}; by {measured.absent:.1e} alone, with an error of {off:.1e}")
 
 
 def granted(_: Evidence) -> Measure:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
 
 from flocking.engine.runs.run import Closest
+from flocking.model.observables import closest_pair
+from flocking.model.state import State
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable, stated
 from flocking.study.evidence.doubts import DoubtEvidence
 from flocking.study.evidence.motion import MotionEvidence
@@ -68,6 +71,20 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
             raise NotMeasurable(f"the engine {self.fidelity.engine} records distances of linked agents only")
         reach = float(np.min(np.asarray(self.law.graph.appear_radius)))
         return min(self.closest_linked, Closest(reach), key=lambda c: c.distance)
+
+    def beyond_radius(self, frames: Iterable[int]) -> float:
+        """By how much the closest agents at some frames are further apart than any distance at which links appear.
+
+        Negative where headings or the past alone keep a pair apart; infinite for one agent.
+
+        Parameters
+        ----------
+        frames
+            Numbers of the frames.
+        """
+        space, reach = self.run.scenario.space, float(np.max(np.asarray(self.law.graph.appear_radius)))
+        found = (closest_pair(State(self.q[k], self.q[k]), space)[0] for k in frames)
+        return min(found, default=np.inf) - reach
 
     @property
     def _records_all_pairs(self) -> bool:

@@ -32,8 +32,9 @@ def linked_apart(e: Evidence) -> Measure:
     if np.isfinite(c.distance):
         return _apart(e, c)
     # Links that never change need no motion to be known.
-    moves = e.law.graph.moves
-    return Measure(np.inf, e.error_of(c) if moves else 0.0, "no linked pair", absent=moves)
+    if not e.law.graph.moves:
+        return Measure(np.inf, 0.0, "no linked pair")
+    return Measure(np.inf, e.error_of(c), "no linked pair", absent=e.beyond_radius(range(len(e.t))))
 
 
 @about(Subject.CLOSEST, _closest, lasting=True)

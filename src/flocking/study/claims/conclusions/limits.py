@@ -181,7 +181,8 @@ def imbalance(e: Evidence) -> float:
 def forces_vanish(e: Evidence) -> Measure:
     """Whether the potential forces of every agent cancel at the end."""
     if len(e.equilibrium.r) == 0:
-        return Measure(np.inf, 0.0, "no links", configuration_unsettled(e), everywhere=False, absent=e.law.graph.moves)
+        absent = e.beyond_radius([len(e.t) - 1]) if e.law.graph.moves else None
+        return Measure(np.inf, 0.0, "no links", configuration_unsettled(e), everywhere=False, absent=absent)
     scale = _force_scale(e)
     return limit_of(
         e, STATIONARY, lambda k: _imbalance_at(e, k, scale),
