@@ -126,7 +126,7 @@ def processor_seconds_of_files(reports: Iterable[Any]) -> Counter[str]:
     """Processor time of the tests of each file; processes that outlive a test, as idle workers do, are not in it."""
     seconds: Counter[str] = Counter()
     for report in reports:
-        seconds[report.nodeid.partition("::")[0]] += dict(report.user_properties).get(PROCESSOR, 0.0)
+        seconds[report.nodeid.partition("::")[0]] += dict(getattr(report, "user_properties", ())).get(PROCESSOR, 0.0)
     return seconds
 
 
@@ -142,7 +142,7 @@ def _show_counts(terminalreporter: Any, reports: Iterable[Any]) -> None:
     total: Counter[str] = Counter()
     for report in reports:
         if report.when == "teardown":
-            total.update(dict(report.user_properties).get("counted", {}))
+            total.update(dict(getattr(report, "user_properties", ())).get("counted", {}))
     if not total:
         return
     places = {kind: place for place, kind in enumerate(ORDER)}

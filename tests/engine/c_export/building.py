@@ -31,8 +31,8 @@ def shared_object(folder, sources):
     return ctypes.CDLL(str(folder / "law.so"))
 
 
-def structures(n, m, slots, graphs, real, form=None):
-    """The structures of the header, with those of a form of the safety filter."""
+def structures(n, m, slots, graphs, real, form=None, *, looks=False):
+    """The structures of the header, with those of a form of the safety filter, and of views along velocities."""
     normals = [("normals", (real * m) * slots)] if form == "sampled" else []
     said = [("filtered", ctypes.c_uint8), ("relaxed", ctypes.c_uint8)] if form else []
 
@@ -43,7 +43,8 @@ def structures(n, m, slots, graphs, real, form=None):
     class Memory(ctypes.Structure):
         _fields_ = [("known", Message * slots), *normals, ("time", ctypes.c_int64),
                     ("links", (ctypes.c_uint32 * words(slots)) * graphs), ("used", ctypes.c_uint32 * words(slots)),
-                    ("lost", ctypes.c_uint32), ("q", real * m), ("order", ctypes.c_uint16 * slots),
+                    ("lost", ctypes.c_uint32), ("q", real * m), *[("p", real * m)] * looks,
+                    ("order", ctypes.c_uint16 * slots),
                     ("count", ctypes.c_uint16), ("agent", ctypes.c_uint16), ("begun", ctypes.c_uint8),
                     ("saturated", ctypes.c_uint8), *said]  # fmt: skip
 
@@ -58,7 +59,7 @@ def form_of(scenario):
 class CompiledLaw:
     """An exported law on this machine; `change` says which texts of its source are replaced by which."""
 
-    def __init__(self, folder, scenario, *, float32=False, neighbours=None, limit=None, change=()):
+    def __init__(self, folder, scenario, *, float32=False, neighbours=None, limit=None, change=(), looks=False):
         self.files = c_files(scenario, float32=float32, neighbours=neighbours, limit=limit)
         for old, new in change:
             assert old in self.files["law.c"]
@@ -69,7 +70,7 @@ class CompiledLaw:
         self.kind = np.float32 if float32 else np.float64
         self.slots = max(self.n - 1, 1) if neighbours is None else neighbours
         self.Message, self.Memory = structures(self.n, self.m, self.slots, len(scenario.law.graphs), self.real,
-                                                 form_of(scenario))  # fmt: skip
+                                                 form_of(scenario), looks=looks)  # fmt: skip
         self.vector = self.real * self.m
 
     def begin(self, agent):
@@ -82,8 +83,9 @@ class CompiledLaw:
         now = ctypes.c_int64(stamp if now is None else now)
         return self.library.law_receive(ctypes.byref(memory), now, ctypes.byref(message))
 
-    def start(self, memory, q, now=0):
-        return self.library.law_start(ctypes.byref(memory), ctypes.c_int64(now), self.vector(*q))
+    def start(self, memory, q, now=0, p=None):
+        moving = () if p is None else (self.vector(*p),)
+        return self.library.law_start(ctypes.byref(memory), ctypes.c_int64(now), self.vector(*q), *moving)
 
     def control(self, memory, q, p, now=0):
         u = self.vector()

@@ -47,6 +47,10 @@ class Watching(Ahead):
     follows_radii, sees_headings = True, True
 
 
+class Wider(FieldOfView):
+    """A field of view of somebody else, who may see others."""
+
+
 SINE = fk.Path(["sin(t**2)", "0"])
 
 
@@ -59,7 +63,11 @@ def heard(law, **parts):
     [
         (lambda: scenario(law_of(fk.Track(fk.Sink([0, 0]), 1.0, 1.0, shared=True))), "cannot compute the"),
         (lambda: scenario(law_of(fk.Gradient(fk.Potential("tanh(r)")))), "cannot write math.tanh"),
-        (lambda: scenario(law_of(fk.Consensus(), graph=FieldOfView(2.0, 1.0)), agents=looking()), "by two distances"),
+        (
+            lambda: scenario(law_of(fk.Consensus(), graph=FieldOfView(2.0, 1.0, "heading")), agents=fk.Unicycle(0.1)),
+            "does not know the heading of bodies",
+        ),
+        (lambda: scenario(law_of(fk.Consensus(), graph=Wider(2.0, 1.0)), agents=looking()), "Wider has another rule"),
         (lambda: scenario(law_of(fk.Consensus()), agents=Drifting(), control=fk.Held(0.1)), "no rule by which"),
         (lambda: scenario(law_of(fk.Consensus(), graph=Ahead())), "by two distances; Ahead has"),
         (lambda: scenario(law_of(fk.Consensus(), graph=Watching()), agents=looking()), "Watching has another"),

@@ -14,8 +14,9 @@ from flocking.engine.nodes.requests import packed, row_of, sample_of, unpacked
 from flocking.engine.nodes.session import NodeSession
 from flocking.engine.storage.stored_runs import write_run
 from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
-from tests.engine.nodes.worlds import AROUND, CLOSE, LAW, SLOW, same, scenario
+from tests.engine.nodes.worlds import AROUND, CLOSE, LAW, LED, SLOW, same, scenario
 
+HEADED = fk.Agents(headings=np.linspace(-2.5, 2.5, 5))
 WORLDS = {
     "instant": {"information": fk.Instant()},
     "held samples": {},
@@ -24,6 +25,15 @@ WORLDS = {
     "obstacles, own state measured": {"law": AROUND, "noise": fk.WhiteNoise(0.01, 0.02), "self_known": "measured"},
     "lagged": {"agents": fk.Lagged(fk.Agents(), 0.2), "predict": True},
     "order 1": {"law": SLOW, "predict": True, "agents": fk.SingleIntegrator()},
+    "fields of view": {"law": fk.Law(fk.FieldOfView(3.0, 1.2), LED.terms), "agents": HEADED},
+    "views along velocities": {
+        "law": fk.Law(fk.FieldOfView(3.0, np.linspace(0.5, 3.0, 5), "p"), LED.terms),
+        "predict": True,
+        "noise": fk.WhiteNoise(0.01, 0.02),
+        "self_known": "measured",
+    },
+    "cones": {"law": fk.Law(fk.Cone(3.0, 1.8, "wrapped"), LED.terms), "agents": HEADED, "predict": True},
+    "smooth cones": {"law": fk.Law(fk.SmoothCone(3.0, 0.3, 2.5), LED.terms), "agents": HEADED},
     "noise": {"predict": True, "noise": fk.WhiteNoise(0.01, 0.02), "self_known": "measured", "resolution": 0.001},
 }
 
@@ -90,8 +100,14 @@ def test_agents_filter_their_forces_as_the_engine_does(form):
 
 @pytest.mark.nodes
 @pytest.mark.compiler
-@pytest.mark.parametrize("world", ["obstacles", "order 1", "sampled", "stopping"])
-def test_exported_agents_with_obstacles_of_order_1_and_behind_filters(world):
+@pytest.mark.parametrize(
+    "world",
+    [
+        "obstacles", "order 1", "sampled", "stopping", "fields of view", "views along velocities", "cones",
+        "smooth cones",
+    ],
+)  # fmt: skip
+def test_exported_agents_with_obstacles_of_order_1_views_and_behind_filters(world):
     """Within 1e-9 of the engine, an observation: forces differ by roundings, which two seconds amplify."""
     found = scenario(t_end=2.0, **WORLDS.get(world, {"law": CLOSE, "predict": True}))
     if world in FILTERS:
@@ -100,6 +116,7 @@ def test_exported_agents_with_obstacles_of_order_1_and_behind_filters(world):
     expected, run = fk.simulate(found, progress=False), local(found, code="c")
     assert np.abs(run.q - expected.q).max() <= 1e-9
     assert [row[1:5] for row in run.switches.tolist()] == [row[1:5] for row in expected.switches.tolist()]
+    assert (run.links == expected.links).all()
     if world in FILTERS:
         assert run.provenance["forces changed by the safety filter"] > 10
 

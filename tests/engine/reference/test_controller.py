@@ -9,11 +9,19 @@ from hypothesis import strategies as st
 
 import flocking as fk
 from flocking.errors import InvalidInput
+from flocking.model.graphs.seen_headings import links_at_state
 from tests.contracts.strategies import STRUCTURES, case_of
 
 PSI = fk.Potential("1/r + 1/(R - r)", R=4.0)
 LAW = fk.Law(fk.Hysteresis(4.0, 0.5), [fk.Gradient(PSI), fk.Consensus(0.7)])
 TRIO = fk.Fixed.complete(3)
+
+
+class Beside(fk.FieldOfView):
+    """A field of view of a user, who may see others."""
+
+
+OTHERS = Beside(2.0, 1.0)
 CALM = {"own_p": [0.0, 0.0], "p": [[0.0, 0.0]]}
 
 
@@ -268,7 +276,12 @@ def test_poles_within_the_reach_of_links_are_watched():
         (lambda: fk.Controller(LAW, dimension=10**9), "dimension must be at most 64"),
         (lambda: fk.Controller(LAW, limit=0.0), "limit"), (lambda: fk.Controller(LAW, expires=-1.0), "expires"),
         (lambda: fk.Controller(LAW, mass=0.0), "mass"), (lambda: fk.Controller(LAW, space=2), "space"),
-        (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus()])), "must link by distances"),
+        (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus()])), "headings must be given"),
+        (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0, "heading"), [fk.Consensus()])), "must look along"),
+        (lambda: fk.Controller(fk.Law(fk.Cone(2.0, 1.0), [fk.Consensus()]), agents=3, headings=[0.0]), "headings must"),
+        (lambda: fk.Controller(fk.Law(OTHERS, [fk.Consensus()])), "must link by distances or fields of view"),
+        (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus()]), agents=2, headings=[0.0, 1.0],
+                               dimension=3), "must be directions in 3 dimensions"),
         (lambda: fk.Controller(fk.Law(fk.Proximity(1.0), [fk.Consensus([1.0, 2.0])])), "agents must be 2"),
         (lambda: fk.Controller(fk.Law(fk.Proximity(1.0), [fk.Track(fk.Sink([0.0, 0.0]), shared=True)])), "distributed"),
     ],
@@ -276,6 +289,49 @@ def test_poles_within_the_reach_of_links_are_watched():
 def test_wrong_controllers_are_refused(make, said):
     with pytest.raises(InvalidInput, match=said):
         make()
+
+
+@pytest.mark.parametrize("relative", [False, True])
+@pytest.mark.parametrize(
+    "graph",
+    [
+        fk.FieldOfView(3.0, 1.1), fk.FieldOfView(np.linspace(2.0, 4.0, 9), np.linspace(0.4, np.pi, 9)),
+        fk.FieldOfView(3.0, 1.3, "p"), fk.Cone(np.linspace(2.0, 4.0, 9), np.linspace(0.5, 2.5, 9), "wrapped"),
+        fk.SmoothCone(3.0, 0.3, 2.0, measure="wrapped"),
+    ],
+    ids=["view", "views of each", "along velocities", "cones of each", "smooth cone"],
+)  # fmt: skip
+def test_whom_an_agent_sees_follows_headings_and_velocities(graph, relative):
+    """Forces and links are those of the whole group, which `links_at_state` and `fk.evaluate` give, call by call."""
+    rng, headings = np.random.default_rng(4), np.linspace(-4.0, 4.0, 9)
+    terms = [fk.Gradient(fk.Potential("(r - 2)**2/2")), fk.Consensus(0.5, weighted=True)]
+    law, agents = fk.Law(graph, terms), fk.Agents(headings=headings)
+    given = {"agents": 9, "headings": headings, "relative": relative}
+    controllers, changed, before = [fk.Controller(law, i, **given) for i in range(9)], 0, None
+    for k in range(20):
+        q, p = rng.uniform(0.0, 7.0, (9, 2)), rng.normal(size=(9, 2))
+        p[k % 9] = 0.0
+        links = links_at_state(graph, fk.Open(), fk.State(q, p), headings)
+        expected = fk.evaluate(law, fk.State(q, p, links=links), agents=agents).u
+        for i, controller in enumerate(controllers):
+            others = [j for j in range(9) if j != i]
+            own = q[i] * relative, p[i] * relative
+            found = controller(0.1 * k, q[i], p[i], ids=others, q=q[others] - own[0], p=p[others] - own[1])
+            assert (controller.links[0] == links[i]).all()
+            assert found == pytest.approx(expected[i], abs=1e-11)
+        changed += 0 if before is None else int((links != before).sum())
+        before = links
+    assert changed > 50
+    assert 0 < before.sum() < 40
+
+
+@pytest.mark.parametrize("graph", [fk.FieldOfView(2.0, 1e-9), fk.FieldOfView(2.0, 1e-9, "p"), fk.Cone(2.0, 0.5)])
+def test_agents_at_the_border_itself_are_neighbours(graph):
+    """Straight ahead within a view whose cosine is 1, at the radius itself, with the opening as the gap of headings."""
+    controller = fk.Controller(fk.Law(graph, [fk.Consensus()]), agents=2, headings=[0.0, 0.5])
+    known = {"ids": [1], "q": [[2.0, 0.0]], "p": [[1.0, 0.0]]}
+    assert controller(0.0, [0.0, 0.0], [3.0, 0.0], **known) == pytest.approx([-2.0, 0.0])
+    assert controller.links.tolist() == [[False, True]]
 
 
 def test_a_call_takes_a_small_part_of_the_general_function():

@@ -64,7 +64,16 @@ def entry_source(law: ExportedLaw, name: str, c: CSource, lengths: Sequence[str]
     filtered = [f"if (code == {X}OK)", "{", f"    code = {x}filter(memory, q, p, &seen, u);", "}"] if flags else []
     expired = [f"{x}expire(memory, now);"] if law.expires is not None else []
     early = f"(now < memory->time) || (now < -INT64_C({LATEST})) || (now > INT64_C({LATEST}))"
-    acted = block([*(f"memory->q[{k}] = q[{k}];" for k in range(m)), "memory->begun = 1u;", "memory->time = now;"], 1)
+    kept = [f"memory->q[{k}] = q[{k}];" for k in range(m)]
+    kept += [f"memory->p[{k}] = p[{k}];" for k in range(m) if law.looks_along_velocity]
+    acted = block([*kept, "memory->begun = 1u;", "memory->time = now;"], 1)
+    seen_by = begun_by = moving = ""
+    finite = f"{x}finite(q[k]) == 0u"
+    if law.looks:
+        seen_by, begun_by = ", seen.offset[slot]", ", offset"
+    if law.looks_along_velocity:
+        seen_by, begun_by, moving = seen_by + ", p", begun_by + ", p", f", const {real} p[{X}DIMENSION]"
+        finite = f"({finite}) || ({x}finite(p[k]) == 0u)"
     return f"""\
 /* Where a neighbour is now by what is known, relative to the agent; gives its distance. */
 static {real} {x}offset_of(const {x}message *message, int64_t now, const {real} q[{X}DIMENSION],
@@ -116,7 +125,7 @@ int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
             for (g = 0u; g < {X}GRAPHS; g++)
             {{
                 const uint32_t old = {x}bit(memory->links[g], slot);
-                if ({x}linked(memory, g, old, message->sender, seen.distance[slot]) != 0u)
+                if ({x}linked(memory, g, old, message->sender, seen.distance[slot]{seen_by}) != 0u)
                 {{
                     seen.next[g][slot / 32u] |= (uint32_t)1u << (slot % 32u);
                 }}
@@ -144,14 +153,14 @@ int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
     return code;
 }}
 
-int32_t {x}start({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION])
+int32_t {x}start({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION]{moving})
 {{
     {real} offset[{X}DIMENSION];
     uint32_t g;
     uint32_t k;
     for (k = 0u; k < {X}DIMENSION; k++)
     {{
-        if ({x}finite(q[k]) == 0u)
+        if ({finite})
         {{
             return {X}NOT_FINITE;
         }}
@@ -182,7 +191,7 @@ int32_t {x}start({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION])
         const {real} distance = {x}offset_of(message, now, q, offset);
         for (g = 0u; g < {X}GRAPHS; g++)
         {{
-            if ({x}linked(memory, g, 0u, message->sender, distance) != 0u)
+            if ({x}linked(memory, g, 0u, message->sender, distance{begun_by}) != 0u)
             {{
                 memory->links[g][slot / 32u] |= (uint32_t)1u << (slot % 32u);
             }}

@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.c_export.steering_source import check_steering_terms
+from flocking.engine.c_export.view_source import ExportedView, exported_view, is_exported_view
 from flocking.engine.kernels.expressions import LawFormulas, law_formulas
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.finite_forces import bounding_poles
@@ -18,6 +19,8 @@ from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.checks import integer, number
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
+from flocking.model.graphs.seen_headings import heading_column, links_at_state
+from flocking.model.graphs.views import VELOCITY, Cone
 from flocking.model.law import Law, Scenario
 from flocking.model.state import Agents
 from flocking.model.terms.avoidance import ObstacleTerm
@@ -58,6 +61,8 @@ class ExportedGraph:
         Distances of the poles between which neighbours must be; 0 and infinite where there are none.
     averages
         Whether terms average over an agent and its neighbours.
+    view
+        Which agents within the radius are in view; None where all are.
     """
 
     radii: Array
@@ -65,6 +70,7 @@ class ExportedGraph:
     fixed: Links | None
     poles: tuple[float, float]
     averages: bool
+    view: ExportedView | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +136,16 @@ class ExportedLaw:
         """Number of axes."""
         return self.scenario.start.dimension
 
+    @property
+    def looks(self) -> bool:
+        """Whether links depend on where others are, and not on how far away alone."""
+        return any(graph.view is not None and graph.view.cosines is not None for graph in self.graphs)
+
+    @property
+    def looks_along_velocity(self) -> bool:
+        """Whether links depend on the velocity of the agent that looks."""
+        return any(graph.view is not None and graph.view.along_velocity for graph in self.graphs)
+
 
 def _check(scenario: Scenario) -> None:
     law: Law | None = scenario.law
@@ -144,7 +160,12 @@ def _check(scenario: Scenario) -> None:
         raise UnsupportedLaw("export_c writes leaders as functions of time: it does not receive their messages.")
     check_steering_terms(law.steering_terms)
     given, start = scenario.start.links, scenario.start
-    if given is not None and law.graph.moves and (given != law.graph.links_in(scenario.space, start.q)).any():
+    headings = scenario.agents.headings
+    if (
+        given is not None
+        and law.graph.moves
+        and np.any(given != links_at_state(law.graph, scenario.space, start, headings))
+    ):
         raise UnsupportedLaw(
             "export_c links agents at the start by the distances of their graph; this start has other links. "
             "Leave its links out."
@@ -155,7 +176,12 @@ def _check(scenario: Scenario) -> None:
             f"Use {', '.join(kind.__name__ for kind in WITH_RULES)}."
         )
     for graph in law.graphs:
-        if graph.sees_headings or (graph.moves and not graph.follows_radii):
+        if heading_column(graph) not in ("", VELOCITY):
+            raise UnsupportedLaw(
+                f"export_c does not know the {heading_column(graph)} of bodies, along which {type(graph).__name__} "
+                "looks. Look along constant headings or velocities."
+            )
+        if not is_exported_view(graph) and (graph.sees_headings or (graph.moves and not graph.follows_radii)):
             raise UnsupportedLaw(
                 f"export_c follows links by two distances; {type(graph).__name__} has another rule. "
                 "Use a graph such as Hysteresis."
@@ -205,7 +231,8 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
     formulas = law_formulas(layout, m, integrals=False)
     start = scenario.start.t
     times = sorted({s for term in law.body_terms for s in term.switch_times(start, np.inf)})
-    bodies = Agents(scenario.agents.masses, scenario.agents.damping)
+    headings = scenario.agents.headings
+    bodies = Agents(scenario.agents.masses, scenario.agents.damping, headings=headings)
     values = [layout.values(bodies, n, t) for t in (start, *times)]
     W = values[0][2] if any(slot[0] == "W" for slot in layout.slots.values()) else np.zeros((0, n, n))
     rows, (scalars, _) = layout.obstacle_rows(), layout.counts
@@ -221,8 +248,9 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
         radii = [np.broadcast_to(np.asarray(x, float), n) for x in (graph.appear_radius, graph.break_radius)]
         fixed = None if graph.moves else links[k]
         poles = bounding_poles(law, k)
-        closed = bool(getattr(graph, "closed", False))
-        graphs.append(ExportedGraph(np.stack(radii, axis=1), closed, fixed, poles, averages(law, k)))
+        closed = bool(getattr(graph, "closed", False)) or isinstance(graph, Cone)
+        view = exported_view(graph, headings, n)
+        graphs.append(ExportedGraph(np.stack(radii, axis=1), closed, fixed, poles, averages(law, k), view))
     control = scenario.control if isinstance(scenario.control, SafetyFilter) else None
     if control is not None and limit is not None:
         raise InvalidInput(

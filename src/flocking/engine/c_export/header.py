@@ -56,6 +56,10 @@ def header(law: ExportedLaw, name: str, *, single: bool) -> str:
         if law.filter is not None
         else ""
     )
+    looked = moving = ""
+    if law.looks_along_velocity:
+        looked = f"    {x}real p[{X}DIMENSION]; /* its velocity then, along which it looked */\n"
+        moving = f", const {x}real p[{X}DIMENSION]"
     codes = "\n".join(
         f"    {X}{code} = {k}{',' if k + 1 < len(STATUS) else ''} /* {meaning} */"
         for k, (code, meaning) in enumerate(STATUS)
@@ -99,6 +103,7 @@ typedef struct
     uint32_t used[{X}WORDS];
     uint32_t lost; /* messages and states without a slot that the law saw from q */
     {x}real q[{X}DIMENSION]; /* where the agent acted last */
+{looked}\
     uint16_t order[{X}NEIGHBOURS]; /* slots in use, by sender */
     uint16_t count;
     uint16_t agent;
@@ -118,7 +123,7 @@ int32_t {x}receive({x}memory *memory, int64_t now, const {x}message *message);
 int32_t {x}forget({x}memory *memory, uint16_t sender);
 
 /* Link with those that are known now by the rule of a start; without this call the first one of {x}control does. */
-int32_t {x}start({x}memory *memory, int64_t now, const {x}real q[{X}DIMENSION]);
+int32_t {x}start({x}memory *memory, int64_t now, const {x}real q[{X}DIMENSION]{moving});
 
 /* The force of the law now, in nanoseconds from the start. q and p are the agent's own. Where the code is not {X}OK
    the force is zero and the links stay as they were. */

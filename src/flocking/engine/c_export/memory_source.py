@@ -6,6 +6,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.c_export.exported_law import ExportedGraph, ExportedLaw
+from flocking.engine.c_export.view_source import bit_table, view_lines
 from flocking.formula.c_source import CSource
 from flocking.model.world.times import NANOSECOND
 
@@ -95,15 +96,23 @@ def _linked(law: ExportedLaw, c: CSource, x: str, X: str, real: str) -> str:
                 else ["if (memory->begun == 0u)", "{", f"    {first}", "}", "else", "{", f"    {later}", "}"]
             )
         tables += table
+        if graph.view is not None:
+            table, seen = view_lines(graph.view, number, c, x[:-1])
+            tables, lines = tables + table, [*lines, *seen]
         body = "".join(f"        {line}\n" for line in lines)
         cases.append(f"    {'else ' if number else ''}if (g == {number}u)\n    {{\n{body}    }}\n")
     text = "".join(cases)
     reads = (("memory", "memory->"), ("old", "(old "), ("sender", "sender"), ("distance", "distance"))
+    further = ""
+    if law.looks:
+        further = f", const {real} offset[{X}DIMENSION]"
+        further += f",\n    const {real} p[{X}DIMENSION]" * law.looks_along_velocity
     unused = "".join(f"    (void){argument};\n" for argument, used in reads if used not in text)
     return (
-        f"{tables}/* Whether a neighbour is linked now, by its distance and the memory of the graph. */\n"
+        f"{tables}/* Whether a neighbour is linked now, by {'where it is' if law.looks else 'its distance'} and the "
+        "memory of the graph. */\n"
         f"static uint32_t {x}linked(const {x}memory *memory, uint32_t g, uint32_t old, uint16_t sender,\n"
-        f"    {real} distance)\n{{\n"
+        f"    {real} distance{further})\n{{\n"
         f"    uint32_t found = 0u;\n{unused}{text}"
         "    else\n    {\n        /* There is no such graph. */\n    }\n    return found;\n}\n"
     )
@@ -113,12 +122,8 @@ def _fixed(graph: ExportedGraph, number: int, n: int, x: str) -> tuple[str, list
     assert graph.fixed is not None
     if (graph.fixed | np.eye(n, dtype=bool)).all():
         return "", ["found = 1u;"]
-    packed = np.packbits(graph.fixed, axis=1, bitorder="little")
-    rows = ", ".join("{ " + ", ".join(f"{byte}u" for byte in row) + " }" for row in packed.tolist())
-    table = f"static const uint8_t {x}fixed{number}[{n}][{packed.shape[1]}] = {{ {rows} }};\n\n"
-    return table, [
-        f"found = ((uint32_t){x}fixed{number}[memory->agent][sender / 8u] >> (sender % 8u)) & 1u;",
-    ]
+    table, bit = bit_table(graph.fixed, f"{x}fixed{number}")
+    return table, [f"found = {bit};"]
 
 
 def _removal(law: ExportedLaw, x: str, X: str) -> str:

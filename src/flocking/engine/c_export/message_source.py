@@ -29,6 +29,7 @@ def message_source(law: ExportedLaw, name: str, c: CSource) -> str:
         else ""
     )
     fresh, made = "", ""
+    rest = f"        memory->p[k] = ({real})0;\n" if law.looks_along_velocity else ""
     if law.filter is not None:
         fresh = "    memory->filtered = 0u;\n    memory->relaxed = 0u;\n"
         if law.filter.form == SAMPLED:
@@ -73,6 +74,7 @@ int32_t {x}begin({x}memory *memory, uint16_t agent)
     for (k = 0u; k < {X}DIMENSION; k++)
     {{
         memory->q[k] = ({real})0;
+{rest}\
     }}
     memory->agent = agent;
     memory->count = 0u;
@@ -167,6 +169,12 @@ def _rank(law: ExportedLaw, c: CSource, x: str, X: str, real: str) -> str:
     reach = max((t.reach for t in terms), default=0.0)
     sees = f"{X}LARGEST" if law.filter is not None or not reach < float("inf") else c.literal(reach)
     none = c.literal(0.0)
+    array = f"{real} offset[{X}DIMENSION]"
+    inside, zeros = f"        {array};\n", ""
+    offset_given, where = "", ""
+    if law.looks:
+        inside, zeros = "", f"    {array} = {{ {', '.join([none] * law.m)} }};\n"
+        offset_given, where = f", const {array}", ", offset" + ", memory->p" * law.looks_along_velocity
     return f"""\
 /* Take a sender out of the order, and its links with it. */
 static void {x}drop({x}memory *memory, uint16_t place)
@@ -189,13 +197,13 @@ static void {x}drop({x}memory *memory, uint16_t place)
 
 /* Whether an agent would be linked or was, at a distance. */
 static uint32_t {x}matters(const {x}memory *memory, const {x}message *message, const uint32_t old[{X}GRAPHS],
-                        {real} distance)
+                        {real} distance{offset_given})
 {{
     uint32_t found = 0u;
     uint32_t g;
     for (g = 0u; g < {X}GRAPHS; g++)
     {{
-        found |= old[g] | {x}linked(memory, g, old[g], message->sender, distance);
+        found |= old[g] | {x}linked(memory, g, old[g], message->sender, distance{where});
     }}
     return found;
 }}
@@ -204,12 +212,13 @@ static uint32_t {x}matters(const {x}memory *memory, const {x}message *message, c
 static {real} {x}rank(const {x}memory *memory, int64_t now, const {x}message *message, const uint32_t old[{X}GRAPHS])
 {{
     {real} distance = {none};
+{zeros}\
     if (memory->begun != 0u)
     {{
-        {real} offset[{X}DIMENSION];
+{inside}\
         distance = {x}offset_of(message, now, memory->q, offset);
     }}
-    if ({x}matters(memory, message, old, distance) != 0u)
+    if ({x}matters(memory, message, old, distance{", offset" if law.looks else ""}) != 0u)
     {{
         return -{c.literal(1.0)};
     }}

@@ -26,7 +26,8 @@ def export_c(
     Parameters
     ----------
     scenario
-        The scenario; its law must be distributed, and its graphs must link by distances.
+        The scenario; its law must be distributed, and its graphs must link by distances, by constant headings, or along
+        velocities.
     folder
         A new or empty folder; it appears with all its files, or not at all.
     float32

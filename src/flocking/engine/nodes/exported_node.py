@@ -92,7 +92,10 @@ class ExportedNode(Node):
 
     def link(self) -> None:
         """Take up the links of the start."""
-        self._checked(self._law.law_start(self._memory, 0, self.scenario.start.q[self.agent].tolist()), 0)
+        own = [self.scenario.start.q[self.agent].tolist()]
+        if hasattr(self._memory, "p"):  # Agents look along their velocities.
+            own.append(self.scenario.start.p[self.agent].tolist())
+        self._checked(self._law.law_start(self._memory, 0, *own), 0)
 
     def hear(self, sample: Sample, now: int) -> None:
         """Keep a sample, if it is newer."""

@@ -129,8 +129,9 @@ class PythonNode(Node):
             for x in (scenario.agents.masses, scenario.agents.damping)
         )
         self.controller = Controller(
-            scenario.law, agent, agents=n, mass=mass, damping=damping, space=scenario.space, dimension=m
-        )
+            scenario.law, agent, agents=n, mass=mass, damping=damping, space=scenario.space, dimension=m,
+            headings=scenario.agents.headings,
+        )  # fmt: skip
         messages = scenario.information if isinstance(scenario.information, Messages) else None
         self._expires = None if messages is None else messages.expires_in_nanoseconds
         self._predict = messages is not None and messages.predict

@@ -14,6 +14,7 @@ from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import free_pieces
 from flocking.engine.reference.call_arguments import identifiers, link_rows, numbers, refuse_shapes, time_stamps
+from flocking.engine.reference.controller_views import controller_view
 from flocking.engine.reference.finite_forces import bounding_poles
 from flocking.engine.reference.known_neighbours import (
     CLOSED,
@@ -28,6 +29,7 @@ from flocking.model.bodies.vector_lengths import FACTOR
 from flocking.model.checks import Array, integer, number, truth
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
+from flocking.model.graphs.views import Cone
 from flocking.model.graphs.weights import MatrixWeights
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
@@ -55,7 +57,8 @@ class Controller:
     Parameters
     ----------
     law
-        The control law; it must be distributed, its graphs must link by distances, and leaders must have a closed form.
+        The control law; it must be distributed, its graphs must link by distances, by constant headings or along
+        velocities, and leaders must have a closed form.
     agent
         Number of the agent, which selects its own parameters where they are given for each.
     agents
@@ -72,6 +75,8 @@ class Controller:
         Space of the agents.
     dimension
         Number of axes.
+    headings
+        Constant headings of all agents, for cones and fields of view along them, as in `Agents`.
 
     Attributes
     ----------
@@ -99,7 +104,7 @@ class Controller:
     def __init__(
         self, law: Law, agent: int = 0, *, agents: int = MOST_NEIGHBOURS, mass: float = 1.0, damping: float = 0.0,
         limit: float | None = None, expires: float | None = None, relative: bool = False, space: Space = OPEN,
-        dimension: int = 2,
+        dimension: int = 2, headings: ArrayLike | None = None,
     ) -> None:  # fmt: skip
         if not isinstance(law, Law):
             raise InvalidInput("Controller", "law", "must be a Law", law)
@@ -120,7 +125,7 @@ class Controller:
         masses, dampings = np.ones(self.count), np.zeros(self.count)
         masses[self.agent] = number("Controller", "mass", mass, above=0.0)
         dampings[self.agent] = number("Controller", "damping", damping, least=0.0)
-        self._bodies = Agents(masses, dampings)
+        self._bodies = Agents(masses, dampings, headings=None if headings is None else np.asarray(headings))
         self._check_law()
         law.check_count(self.count, self.m)
         check_space(space, law.graphs, law.body_terms, self.m)
@@ -130,7 +135,8 @@ class Controller:
         self._changes = sorted({s for term in law.body_terms for s in term.switch_times(-np.inf, np.inf)})
         rules = []
         for graph in law.graphs:
-            kind = FIXED if not graph.moves else CLOSED if bool(getattr(graph, "closed", False)) else 0.0
+            closed = bool(getattr(graph, "closed", False)) or isinstance(graph, Cone)
+            kind = FIXED if not graph.moves else CLOSED if closed else 0.0
             radii = (
                 np.broadcast_to(np.asarray(x, np.float64), self.count)
                 for x in (graph.appear_radius, graph.break_radius)
@@ -166,9 +172,9 @@ class Controller:
                 "Controller", "law", "must be distributed",
                 f"a law that needs the {', '.join(self.law.beyond_neighbours)}", "No agent measures or receives these.",
             )  # fmt: skip
-        for graph in self.law.graphs:
-            if graph.sees_headings or (graph.moves and not graph.follows_radii):
-                raise InvalidInput("Controller", "law", "must link by distances", type(graph).__name__)
+        about = self.agent, self._bodies.headings, (self.count, self.m)
+        views = [controller_view(graph, *about) for graph in self.law.graphs]
+        self._views = [(g, view) for g, view in enumerate(views) if view is not None]
         check_reach(self.law.pair_terms, self.law.graph)
         if Layout(self.law, Energy(), space=self.space).places:
             raise InvalidInput("Controller", "law", "must have leaders whose position has a closed form", "another")
@@ -271,6 +277,8 @@ class Controller:
         )  # fmt: skip
         if fault:
             self._refuse_known(int(fault), who, measured)
+        if self._views:
+            self._look(who, Q, moving, offsets)
         sensed = self._sensed
         for place, near in enumerate(self._obstacles.met_by_one(Q[:1], t) if self._obstacles.groups else ()):
             total = int(offsets[graphs + place])
@@ -290,6 +298,20 @@ class Controller:
         self._started, self.time = True, float(t)
         self.saturated = self.limit is not None and size > self.limit
         return u * (self.limit / size) if self.saturated and self.limit is not None else u
+
+    def _look(self, who: Indices, Q: Array, moving: Array, offsets: Indices) -> None:
+        """Take back the links of those who are not in view."""
+        first, sensed, graphs = offsets.copy(), self._sensed.copy(), len(self._rules)
+        views, total = dict(self._views), 0
+        for g in range(graphs):
+            rows, offsets[g] = sensed[first[g] : first[g + 1]], total
+            if g in views and len(rows):
+                seen = views[g].holds(who[rows - 1], Q[rows] - Q[0], self._r[rows - 1], moving)
+                self._after[g, who[rows[~seen] - 1]] = False
+                rows = rows[seen]
+            self._sensed[total : total + len(rows)] = rows
+            total += len(rows)
+        offsets[graphs] = total
 
     def _force(self, t: float, Q: Array, V: Array, who: Indices, sensed: Indices, offsets: Indices) -> Array:
         """Force of the law by the compiled kernels."""

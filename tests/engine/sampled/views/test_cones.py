@@ -9,7 +9,6 @@ import pytest
 
 import flocking as fk
 from flocking.engine.archives.data_checks import MalformedError
-from flocking.engine.driver.nodes import simulate_nodes
 from flocking.engine.imperfect.cone_switches import ConeView
 from flocking.engine.protocol.session import Stored
 from flocking.errors import InvalidInput
@@ -225,5 +224,3 @@ def test_checkpoints_with_links_outside_cones_are_refused():
 def test_what_cannot_be_is_refused():
     with pytest.raises(InvalidInput, match="headings must be given"):
         fk.start(scenario(agents=fk.PointMass()))
-    with pytest.raises(InvalidInput, match="must link by distances"):
-        simulate_nodes(scenario(), processes=False)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.driver.nodes import simulate_nodes
 from flocking.engine.imperfect import session as imperfect_session
 from flocking.engine.imperfect.view_switches import View
 from flocking.errors import InvalidInput
@@ -187,5 +186,3 @@ def test_true_links_that_do_not_switch_are_seen(monkeypatch):
 def test_what_cannot_be_is_refused():
     with pytest.raises(InvalidInput, match="headings must be given"):
         fk.start(scenario(agents=fk.PointMass()))
-    with pytest.raises(InvalidInput, match="must link by distances"):
-        simulate_nodes(scenario(), processes=False)

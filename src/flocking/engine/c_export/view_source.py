@@ -1,0 +1,143 @@
+"""Source of which others are in view under a graph: tables of similar headings, and fields of view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.arrays import Array, Links
+from flocking.formula.c_source import CSource
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.smooth_cones import SmoothCone
+from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedView:
+    """Which agents within the radius are in view.
+
+    Parameters
+    ----------
+    similar
+        Who has a heading similar enough to whose, shape (N, N); None for a field of view.
+    cosines
+        Cosines of half angles, shape (N,); None for a cone.
+    directions
+        Constant directions along which agents look, shape (N, m); None where they look along their velocities.
+    """
+
+    similar: Links | None = None
+    cosines: Array | None = None
+    directions: Array | None = None
+
+    @property
+    def along_velocity(self) -> bool:
+        """Whether agents look along their velocities."""
+        return self.cosines is not None and self.directions is None
+
+
+def exported_view(graph: Graph, headings: Array | None, n: int) -> ExportedView | None:
+    """Which agents are in view under a graph; None where headings decide nothing.
+
+    Parameters
+    ----------
+    graph
+        The graph, of which `is_exported_view` is true.
+    headings
+        Constant headings of the agents, as in `Agents`.
+    n
+        Number of agents.
+
+    Raises
+    ------
+    InvalidInput
+        When there are no headings of all agents.
+    """
+    if isinstance(graph, Cone | SmoothCone):
+        return ExportedView(similar=graph.allowed(graph.checked_headings(headings, n)))
+    if isinstance(graph, FieldOfView):
+        directions = None if graph.along_velocity else graph.directions(headings, n)
+        return ExportedView(cosines=graph.cosines(n), directions=directions)
+    return None
+
+
+def is_exported_view(graph: Graph) -> bool:
+    """Whether a graph that reads headings is one of those that are written.
+
+    A class of a user may link others than these do, and the headings of bodies are not known to the exported law.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    """
+    if isinstance(graph, FieldOfView):
+        return type(graph) is FieldOfView and graph.heading_column in ("", VELOCITY)
+    return type(graph) in (Cone, SmoothCone)
+
+
+def bit_table(links: Links, name: str) -> tuple[str, str]:
+    """A table of links as bits, and the source that reads the bit of a sender.
+
+    Parameters
+    ----------
+    links
+        The links, shape (N, N).
+    name
+        Name of the table.
+    """
+    packed = np.packbits(links, axis=1, bitorder="little")
+    rows = ", ".join("{ " + ", ".join(f"{byte}u" for byte in row) + " }" for row in packed.tolist())
+    table = f"static const uint8_t {name}[{len(links)}][{packed.shape[1]}] = {{ {rows} }};\n\n"
+    return table, f"((uint32_t){name}[memory->agent][sender / 8u] >> (sender % 8u)) & 1u"
+
+
+def view_lines(view: ExportedView, number: int, c: CSource, name: str) -> tuple[str, list[str]]:
+    """Tables of one graph, and lines that take ``found`` back where the sender is not in view.
+
+    Parameters
+    ----------
+    view, number
+        Which agents are in view, and the number of the graph.
+    c
+        Writes numbers.
+    name
+        As for `flocking.engine.c_export.header.header`.
+    """
+    x, real = f"{name}_", f"{name}_real"
+    if view.similar is not None:
+        if (view.similar | np.eye(len(view.similar), dtype=bool)).all():
+            return "", []
+        table, bit = bit_table(view.similar, f"{x}similar{number}")
+        return table, [f"found = found & ({bit});"]
+    assert view.cosines is not None
+    table, cosine = "", c.literal(float(view.cosines[0]))
+    if (view.cosines != view.cosines[0]).any():
+        table = _table(view.cosines[:, None], f"{x}cosine{number}", c, real)
+        cosine = f"{x}cosine{number}[memory->agent][0]"
+    zero = c.literal(0.0)
+    if view.directions is not None:
+        table += _table(view.directions, f"{x}heading{number}", c, real)
+        ahead = " + ".join(
+            f"(offset[{k}] * {x}heading{number}[memory->agent][{k}])" for k in range(view.directions.shape[1])
+        )
+        return table, [f"found = ((found != 0u) && (({ahead}) >= ({cosine} * distance))) ? 1u : 0u;"]
+    c.used.add("sqrt")
+    # Velocities are divided by their largest component: squares of small or large ones are no numbers. At rest an agent
+    # looks all around.
+    return table, [
+        f"{real} fastest = {zero};", "uint32_t k;", f"for (k = 0u; k < {x.upper()}DIMENSION; k++)", "{",
+        f"    const {real} size = (p[k] < {zero}) ? (-p[k]) : p[k];",
+        "    fastest = (size > fastest) ? size : fastest;",
+        "}", f"if ((found != 0u) && (fastest > {zero}))", "{", f"    {real} square = {zero};",
+        f"    {real} ahead = {zero};", f"    for (k = 0u; k < {x.upper()}DIMENSION; k++)", "    {",
+        f"        const {real} part = p[k] / fastest;", "        square = square + (part * part);",
+        "        ahead = ahead + (offset[k] * part);", "    }",
+        f"    found = (ahead >= (({cosine} * distance) * {x}sqrt(square))) ? 1u : 0u;", "}",
+    ]  # fmt: skip
+
+
+def _table(values: Array, name: str, c: CSource, real: str) -> str:
+    rows = ", ".join("{ " + ", ".join(c.literal(float(v)) for v in row) + " }" for row in values)
+    return f"static const {real} {name}[{len(values)}][{values.shape[1]}] = {{ {rows} }};\n\n"

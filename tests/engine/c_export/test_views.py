@@ -1,0 +1,143 @@
+"""Exported laws of agents with fields of view and cones, compiled here: whom they see, and what their memory keeps."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import flocking as fk
+from tests.engine.c_export.building import CODES, CompiledLaw, needs_compiler
+
+pytestmark = needs_compiler
+N = 6
+TERMS = [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(0.7)]
+ANGLES = np.linspace(-3.0, 3.4, N)
+HALVES = np.linspace(0.4, 3.0, N)
+NEAR = 1e-4
+"""Agents this close to a border, as a share of the radius or in radians, are not judged: single precision decides."""
+
+
+def scenario_of(graph, m=2, headings=ANGLES):
+    start = fk.State(np.arange(N * m, dtype=float).reshape(N, m), np.zeros((N, m)))
+    return fk.Scenario(fk.Law(graph, TERMS), start, 1.0, agents=fk.Agents(headings=headings))
+
+
+def angle(a, b):
+    """The angle between two vectors; zero where one has no direction."""
+    size = np.linalg.norm(a) * np.linalg.norm(b)
+    return float(np.arccos(np.clip(a @ b / size, -1.0, 1.0))) if size > 0.0 else 0.0
+
+
+def seen_by_hand(kind, agent, q, p, others, m, headings):
+    """Who is seen, by angles, and whether each is far from the border."""
+    found, clear = set(), True
+    for j, (x, _) in others.items():
+        if kind == "cone":
+            gap = abs((headings[j] - headings[agent] + np.pi) % (2.0 * np.pi) - np.pi)
+            here, most = True, 1.4
+        else:
+            along = p if kind == "velocity" else headings[agent][:, 0] if m == 3 else np.array(
+                [np.cos(headings[agent]), np.sin(headings[agent])]
+            )  # fmt: skip
+            gap, most = angle(x - q, along), HALVES[agent]
+            here = True
+        r = float(np.linalg.norm(x - q))
+        clear &= here and abs(r - 2.0) > 2.0 * NEAR and abs(gap - most) > NEAR
+        if r <= 2.0 and gap <= most:
+            found.add(j)
+    return found, clear
+
+
+KINDS = {
+    "heading": lambda: fk.FieldOfView(2.0, HALVES), "velocity": lambda: fk.FieldOfView(2.0, HALVES, "p"),
+    "cone": lambda: fk.Cone(2.0, 1.4, "wrapped"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("float32", [False, True])
+@pytest.mark.parametrize(("kind", "m"), [("heading", 2), ("heading", 3), ("velocity", 2), ("velocity", 3), ("cone", 2)])
+def test_whom_an_agent_sees_is_found_by_angles(kind, m, float32, tmp_path):
+    headings = Rotation.random(N, rng=np.random.default_rng(7)).as_matrix() if m == 3 else ANGLES
+    compiled = CompiledLaw(tmp_path, scenario_of(KINDS[kind](), m, headings), float32=float32, looks=kind == "velocity")
+    rng, sizes, judged = np.random.default_rng(3), set(), 0
+    for k in range(300):
+        agent = int(rng.integers(N))
+        q, p = rng.normal(size=m), rng.normal(size=m) * 10.0 ** rng.integers(-6, 6)
+        p *= k % 10 > 0
+        others = {j: (q + rng.normal(size=m), rng.normal(size=m)) for j in range(N) if j != agent}
+        expected, clear = seen_by_hand(kind, agent, q, p, others, m, headings)
+        code, u, memory = compiled.force(agent, q, p, others)
+        assert code == CODES["OK"]
+        if not clear:
+            continue
+        judged += 1
+        sizes.add(len(expected))
+        assert set(compiled.links(memory)) == expected
+        pairs = [(others[j][0] - q, others[j][1] - p) for j in expected]
+        pull = sum((d - d / np.linalg.norm(d) + 0.7 * v for d, v in pairs), np.zeros(m))
+        size = 1.0 + sum(np.abs(v).max() for _, v in pairs)
+        np.testing.assert_allclose(u, pull, rtol=0.0, atol=(2e-6 if float32 else 1e-14) * 20 * size)
+    assert judged > 200
+    assert {0, 1, 2, 3} <= sizes
+
+
+def test_the_factor_of_headings_is_that_of_the_smooth_cone(tmp_path):
+    graph = fk.SmoothCone(2.0, 0.3, 1.5, "quintic", "wrapped")
+    law = fk.Law(graph, [fk.Consensus(0.7, weighted=True)])
+    made = fk.Scenario(law, fk.State(np.arange(12.0).reshape(N, 2), np.zeros((N, 2))), 1.0,
+                       agents=fk.Agents(headings=ANGLES))  # fmt: skip
+    compiled, rng = CompiledLaw(tmp_path, made), np.random.default_rng(1)
+    for _ in range(50):
+        q, p = rng.uniform(0.0, 3.0, (N, 2)), rng.normal(size=(N, 2))
+        expected = fk.evaluate(law, fk.State(q, p), agents=made.agents).u
+        for i in range(N):
+            code, u, _ = compiled.force(i, q[i], p[i], {j: (q[j], p[j]) for j in range(N) if j != i})
+            assert code == CODES["OK"]
+            np.testing.assert_allclose(u, expected[i], rtol=0.0, atol=1e-13)
+
+
+def test_a_full_memory_keeps_those_who_are_seen(tmp_path):
+    """Two slots: one straight ahead that is farther stays before one behind, and is given up for none behind."""
+    graph = fk.FieldOfView(5.0, 0.6, "p")
+    compiled, rest = CompiledLaw(tmp_path, scenario_of(graph), neighbours=2, looks=True), [0.0, 0.0]
+    memory, moving = compiled.begin(0), [2.0, 0.0]
+    assert compiled.control(memory, rest, moving)[0] == CODES["OK"]
+    for sender, place in ((1, [4.0, 0.0]), (2, [-1.0, 0.0])):
+        assert compiled.receive(memory, sender, place, rest) == CODES["OK"]
+    assert compiled.control(memory, rest, moving, 1)[0] == CODES["OK"]
+    assert compiled.links(memory) == [1]
+    assert compiled.receive(memory, 3, [-2.0, 0.0], rest, now=1) == CODES["FULL"]
+    assert compiled.receive(memory, 4, [4.5, 0.1], rest, now=1) == CODES["ROOM"]
+    assert sorted(memory.known[s].sender for s in memory.order[:2]) == [1, 4]
+    # It turns round: whom it sees now counts, and nothing of before is remembered.
+    assert compiled.control(memory, rest, [-2.0, 0.0], 2)[0] == CODES["OK"]
+    assert compiled.links(memory) == []
+    assert compiled.receive(memory, 3, [-2.0, 0.0], rest, number=1, stamp=2) == CODES["ROOM"]
+
+
+def test_links_of_a_start_are_seen_along_the_velocity(tmp_path):
+    compiled, rest = CompiledLaw(tmp_path, scenario_of(fk.FieldOfView(5.0, 0.6, "p")), looks=True), [0.0, 0.0]
+    memory = compiled.begin(0)
+    compiled.receive(memory, 1, [1.0, 0.0], rest)
+    compiled.receive(memory, 2, [-1.0, 0.0], rest)
+    for moving, expected in (([3.0, 0.0], [1]), ([-3.0, 0.0], [2]), ([0.0, 0.0], [1, 2]), ([0.0, 1e-300], [])):
+        assert compiled.start(memory, rest, p=moving) == CODES["OK"]
+        assert compiled.links(memory) == expected
+    assert compiled.start(memory, rest, p=[np.nan, 0.0]) == CODES["NOT_FINITE"]
+
+
+def test_agents_straight_behind_are_seen_by_those_who_look_all_around(tmp_path):
+    compiled = CompiledLaw(tmp_path, scenario_of(fk.FieldOfView(2.0, np.pi)))
+    rng = np.random.default_rng(2)
+    for _ in range(200):
+        behind = -np.array([np.cos(ANGLES[3]), np.sin(ANGLES[3])]) * rng.uniform(0.1, 1.9)
+        _, _, memory = compiled.force(3, [0.0, 0.0], [0.0, 0.0], {1: (behind, [0.0, 0.0])})
+        assert compiled.links(memory) == [1]
+
+
+@pytest.mark.parametrize("graph", [fk.FieldOfView(2.0, 1e-9), fk.FieldOfView(2.0, 1e-9, "p"), fk.Cone(2.0, 0.5)])
+def test_agents_at_the_border_itself_are_neighbours(graph, tmp_path):
+    """Straight ahead within a view whose cosine is 1, at the radius itself, with the opening as the gap of headings."""
+    made = scenario_of(graph, headings=0.5 * np.arange(N))
+    compiled = CompiledLaw(tmp_path, made, looks=getattr(graph, "heading_column", "") == "p")
+    _, _, memory = compiled.force(0, [0.0, 0.0], [3.0, 0.0], {1: ([2.0, 0.0], [0.0, 0.0]), 2: ([0.0, 2.0], [0.0, 0.0])})
+    assert compiled.links(memory) == [1]
