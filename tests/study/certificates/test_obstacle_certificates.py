@@ -68,6 +68,59 @@ def test_the_approach_of_held_forces_is_that_of_parabolas():
     assert error < 1e-12
 
 
+def test_of_many_that_come_near_the_nearest_one_is_found():
+    """Thirteen agents pass a ball at the time of a sample; one comes nearer, between two samples."""
+    heights = np.append(0.53 + 0.001 * np.arange(13), 0.52)
+    q = np.column_stack([np.append(np.full(13, -4.0), -4.25), heights])
+    run = fk.simulate(
+        fk.Scenario(
+            fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("0*r"))]), fk.State(q, np.tile([1.0, 0.0], (14, 1))),
+            t_end=8.0, frames=3, control=fk.Held(0.5),
+        ), progress=False,
+    )  # fmt: skip
+    least, error = closest_to_obstacles(run, [fk.Ball([0.0, 0.0], 0.5)])
+    assert least == pytest.approx(0.02, abs=1e-12)
+    assert error < 1e-12
+
+
+def filtered(frames: int, seed: int) -> fk.Scenario:
+    """Agents that fly at a ball which a safety filter keeps them from, with a tick every 0.1."""
+    rng = np.random.default_rng(seed)
+    angles = rng.uniform(0, 2 * np.pi, 3) + 2 * np.arange(3)
+    q = 3 * np.column_stack([np.cos(angles), np.sin(angles)])
+    law = fk.Law(fk.Complete(), [fk.Gradient(fk.Potential("r**2/2"))])
+    control = fk.SafetyFilter(
+        0.1, distance=0.3, acceleration=10.0, form="stopping", obstacles=[fk.Ball([0.1, 0.0], 0.4)], clearance=0.2
+    )
+    return fk.Scenario(law, fk.State(q, -0.4 * q), t_end=8.0, frames=frames, control=control)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_filter_keeps_is_not_said_to_be_broken_by_frames_that_are_far_apart(seed):
+    """Its forces change between frames: curves through these cross the ball, the parabolas of the log do not."""
+    ball, observed = filtered(2, seed).control.obstacles[0], []
+    for frames in (2, 3, 9, 21, 101):
+        made = filtered(frames, seed)
+        rows = {r.key: r for r in compare(fk.certify(made), fk.simulate(made, progress=False))}
+        assert rows["obstacle_distance"].kept
+        assert rows["obstacle_distance"].error < 1e-11
+        observed.append(rows["obstacle_distance"].observed)
+    assert np.ptp(observed) < 1e-12
+    dense = fk.simulate(filtered(8001, seed), progress=False)
+    assert ball.distance(dense.q.reshape(-1, 2)).min() == pytest.approx(observed[0], abs=1e-5)
+
+
+def test_the_error_of_an_approach_between_frames_is_not_understated():
+    for seed in range(14, 25):
+        scenario = random_scenario(seed)
+        obstacles = scenario.law.body_terms[0].obstacles
+        dense = fk.simulate(scenario.with_(frames=8001), progress=False).q.reshape(-1, 2)
+        true = min(float(x.distance(dense).min()) for x in obstacles)
+        for frames in (3, 5, 9, 21, 81):
+            least, error = closest_to_obstacles(fk.simulate(scenario.with_(frames=frames), progress=False), obstacles)
+            assert abs(least - true) <= error + 1e-4, (seed, frames)
+
+
 def random_scenario(seed: int) -> fk.Scenario:
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 5))

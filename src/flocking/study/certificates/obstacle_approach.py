@@ -1,105 +1,199 @@
-"""How near agents come to obstacles, between the frames too."""
+"""How near agents come to obstacles at rest, between the frames too."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from flocking.arrays import Array, Indices
+from flocking.arrays import Array
 from flocking.engine.runs.run import Run
 from flocking.model.leaders_and_obstacles.obstacles import Obstacle
+from flocking.model.world.safety_filters import SafetyFilter
+from flocking.model.world.times import NANOSECOND
+from flocking.study.message_logs.recorded_motion import RecordedMotion
 
-PARTS = 8
-"""Parts into which the time between two samples is divided: the closest approach of a cubic curve is then found to a
-few thousandths of the way between them, and further parts follow where it is smallest."""
+ROUNDS = 40
+"""Halvings of a curve at most: the bounds of a part fall by a factor of two to four in each."""
 
-ROUNDS = 6
-"""Rounds of further parts: 8^6 is 2^18, so that the place of a smooth minimum is found to 1e-5 and its value to 1e-10
-of the way between two samples."""
+RESOLVED = 1e-13
+"""Share of the largest coordinate to which the smallest distance is searched for: a hundred times the rounding of
+places on a curve."""
+
+MOST_PARTS = 2**15
+"""Parts of curves that are looked at at once, and of which the nearest go on; what the others hide is in the error."""
+
+
+class _Samples(NamedTuple):
+    """Samples of a motion.
+
+    Parameters
+    ----------
+    t
+        Times, shape (F,).
+    q, p
+        Positions and velocities, shape (F, N, m).
+    off
+        By how much agents may be away from the cubic curves between samples, shape (F - 1, N).
+    """
+
+    t: Array
+    q: Array
+    p: Array
+    off: Array
 
 
 def closest_to_obstacles(run: Run, obstacles: Sequence[Obstacle]) -> tuple[float, float]:
-    """The smallest signed distance of an agent from an obstacle over a run, and the error of the curve that it is on.
+    """The smallest signed distance of an agent from an obstacle at rest over a run, and its error.
 
-    Between two samples an agent is taken to be on the cubic curve through its positions and velocities. Samples are the
-    fine ones of the exact engine, eight in each of its steps, where the run has them (``fine=True``), else the frames:
-    then the curve is the motion itself only where forces are held from frame to frame. The error is a sixteenth of the
-    largest distance of samples from the curves through every other one: errors of cubic curves fall so where samples
-    resolve the motion.
+    Behind a safety filter, where forces are held from tick to tick, motions are the parabolas of the logged forces.
+    Otherwise an agent is taken to be on the cubic curve through its positions and velocities at two samples. Samples
+    are the fine ones of the exact engine, eight in each of its steps, where the run has them (``fine=True``), else the
+    frames. How far it may be from the curve is estimated as in `RecordedMotion`: from how much accelerations of
+    neighbouring curves differ and bend.
 
     Parameters
     ----------
     run
         The run.
     obstacles
-        The obstacles.
+        The obstacles, convex and at rest.
 
     Returns
     -------
     tuple
-        Smallest signed distance, and the error; infinite of fewer than three samples.
+        Smallest signed distance on the curves, and the error: by how much it may be smaller, or larger, in the motion
+        itself. Infinite of fewer than three samples that no log connects.
     """
+    samples = _held(run) or _recorded(run)
+    places = samples.q.reshape(-1, samples.q.shape[2])
+    least = min(float(x.distance(places, float(samples.t[0])).min()) for x in obstacles)
+    if not np.isfinite(samples.off).all() or len(samples.t) < 2:
+        off = np.zeros_like(samples.off)
+        found = [_least(x, samples._replace(off=off)) for x in obstacles]
+        return min([least, *(near for near, _ in found)]), np.inf
+    found = [_least(x, samples) for x in obstacles]
+    near, lowest = min(x for x, _ in found), min(x for _, x in found)
+    return near, near - lowest
+
+
+def _recorded(run: Run) -> _Samples:
+    """The fine samples of a run, or its frames."""
     samples = run.fine if run.fine is not None and len(run.fine.t) else run
     t, q, p = (np.asarray(x, dtype=np.float64) for x in (samples.t, samples.q, samples.p))
     if run.scenario.agents.order == 1:
         p = np.gradient(q, t, axis=0) if len(t) > 1 else np.zeros_like(q)
     if len(t) < 2:
-        return min(float(x.distance(q[0], float(t[0])).min()) for x in obstacles), np.inf
-    return min(_least(x, t, q, p) for x in obstacles), _missed(t, q, p)
+        return _Samples(t, q, p, np.zeros((0, q.shape[1])))
+    start = run.scenario.start
+    motion = RecordedMotion(run, samples=samples)
+    middle = (0.5 * (t[1:] + t[:-1]) - start.t)[:, None]
+    # In the middle between two samples the estimate is largest.
+    return _Samples(t, q, p, motion.at(middle, np.arange(q.shape[1])[None]).off_q)
 
 
-def _least(obstacle: Obstacle, t: Array, q: Array, p: Array) -> float:
-    """The smallest distance on the curves through all samples."""
-    count = q.shape[1]
-    # One interval of one agent for each row; a round looks at those next to the smallest distance that was found.
-    first = np.repeat(np.arange(len(t) - 1), count)
-    agent = np.tile(np.arange(count), len(t) - 1)
-    low, high = np.zeros(len(first)), np.ones(len(first))
-    least = np.inf
+def _held(run: Run) -> _Samples | None:
+    """States at the ticks and the frames of a run behind a safety filter; None where no log holds its forces.
+
+    A filter is for undamped point masses: under a force that is held they are on parabolas. From every frame the motion
+    is computed anew; by how much it misses the next one is its error.
+    """
+    control, start = run.scenario.control, run.scenario.start
+    if not isinstance(control, SafetyFilter) or run.log is None or np.any(control.latencies(start.n)):
+        return None
+    log = run.log
+    ticks: dict[float, list[int]] = {}
+    for row, instant in enumerate(log.ticks[:, 0].tolist()):
+        ticks.setdefault(start.t + instant * NANOSECOND, []).append(row)
+    frames = {float(t): k for k, t in enumerate(run.t)}
+    times = np.array(sorted({start.t, *frames, *(t for t in ticks if t < run.t[-1])}))
+    masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), start.n)[:, None]
+    forces = np.zeros_like(start.q)
+    q, p, now, missed = start.q, start.p, float(start.t), 0.0
+    places, speeds = [], []
+    for t in times.tolist():
+        q, p = q + p * (t - now) + 0.5 * forces / masses * (t - now) ** 2, p + forces / masses * (t - now)
+        if (frame := frames.get(t)) is not None:
+            missed = max(missed, float(np.linalg.norm(q - run.q[frame], axis=1).max(initial=0.0)))
+            q, p = np.asarray(run.q[frame], dtype=np.float64), np.asarray(run.p[frame], dtype=np.float64)
+        rows = ticks.get(t, [])
+        forces[log.ticks[rows, 1]] = log.forces[rows]
+        places.append(q)
+        speeds.append(p)
+        now = t
+    return _Samples(times, np.array(places), np.array(speeds), np.full((len(times) - 1, start.n), missed))
+
+
+def _least(obstacle: Obstacle, samples: _Samples) -> tuple[float, float]:
+    """The smallest distance on the curves through all samples, and a bound from below of that of the motion itself."""
+    t, q, p, off = samples
+    h = np.diff(t)[:, None, None] / 3.0
+    # Each cubic curve lies in the hull of four points.
+    points = np.stack([q[:-1], q[:-1] + p[:-1] * h, q[1:] - p[1:] * h, q[1:]], axis=2).reshape(-1, 4, q.shape[2])
+    tolerance = RESOLVED * max(float(np.abs(points).max(initial=0.0)), np.finfo(np.float64).tiny)
+    ends = obstacle.distance(q.reshape(-1, q.shape[2]), float(t[0])).reshape(len(t), -1)
+    nearest, lowest = float(ends.min()), float(ends.min())
+    if len(off):
+        lowest = min(lowest, float((np.minimum(ends[1:], ends[:-1]) - off).min()))
+    aways = off.ravel()
+    hidden = np.inf
+    for first in range(0, len(points), MOST_PARTS):
+        block = slice(first, first + MOST_PARTS)
+        nearest, lowest, missed = _searched(obstacle, t[0], points[block], aways[block], nearest, lowest, tolerance)
+        hidden = min(hidden, missed)
+    return nearest, min(lowest, hidden)
+
+
+def _searched(
+    obstacle: Obstacle, t: float, points: Array, off: Array, nearest: float, lowest: float, tolerance: float
+) -> tuple[float, float, float]:
+    """The smallest distance on some curves, the smallest less what an agent may be off, and a bound of other parts.
+
+    Parameters
+    ----------
+    t
+        A time; obstacles are at rest.
+    points
+        Control points of the curves, shape (K, 4, m).
+    off
+        By how much agents may be off their curves, shape (K,).
+    nearest, lowest
+        What was found on others.
+    tolerance
+        Parts that hide less are let go.
+    """
+    hidden = np.inf
     for _ in range(ROUNDS):
-        shares = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, PARTS + 1)
-        places, times = _curve(t, q, p, first[:, None], agent[:, None], shares)
-        found = _distances(obstacle, places.reshape(-1, q.shape[2]), times.ravel()).reshape(shares.shape)
-        k = np.argmin(found, axis=1)
-        rows = np.argsort(found.min(axis=1))[:PARTS]
-        least = min(least, float(found.min()))
-        low, high = (np.clip((k + s) / PARTS, 0, 1) * (high - low) + low for s in (-1, 1))
-        first, agent, low, high = first[rows], agent[rows], low[rows], high[rows]
-    return least
+        left, right, middle = _halved(points)
+        found = obstacle.at(middle, t=float(t))
+        nearest = min(nearest, float(found["distance"].min(initial=np.inf)))
+        lowest = min(lowest, float((found["distance"] - off).min(initial=np.inf)))
+        # The distance of a convex body is convex, so that it lies above its tangent planes, and it changes no faster
+        # than the place.
+        away = points - middle[:, None]
+        slope = np.einsum("kim,km->ki", away, found["normal"]).min(axis=1)
+        reach = -np.linalg.norm(away, axis=2).max(axis=1)
+        bound = found["distance"] + np.where(slope > reach, slope, reach)
+        parts = np.flatnonzero((bound < nearest - tolerance) | (bound - off < lowest - tolerance))
+        rest = np.setdiff1d(np.arange(len(bound)), parts)
+        hidden = min(hidden, float((bound - off)[rest].min(initial=np.inf)))
+        if len(parts) > MOST_PARTS // 2:
+            order = parts[np.argsort((bound - off)[parts], kind="stable")]
+            parts, late = order[: MOST_PARTS // 2], order[MOST_PARTS // 2 :]
+            hidden = min(hidden, float((bound - off)[late].min()))
+        if not len(parts):
+            return nearest, lowest, hidden
+        points, off = np.concatenate([left[parts], right[parts]]), np.tile(off[parts], 2)
+        bound = np.tile(bound[parts], 2)
+    return nearest, lowest, min(hidden, float((bound - off).min()))
 
 
-def _distances(obstacle: Obstacle, places: Array, times: Array) -> Array:
-    if obstacle.mover is None:
-        return np.asarray(obstacle.distance(places))
-    found = np.empty(len(places))
-    for time in np.unique(times):
-        at = times == time
-        found[at] = obstacle.distance(places[at], float(time))
-    return found
-
-
-def _curve(t: Array, q: Array, p: Array, first: Indices, agent: Indices, s: Array) -> tuple[Array, Array]:
-    """Places and times on the cubic curves from samples ``first`` to the next ones, at shares ``s`` of the way."""
-    h = (t[first + 1] - t[first])[..., None]
-    x, y, v, w = q[first, agent], q[first + 1, agent], p[first, agent], p[first + 1, agent]
-    share = s[..., None]
-    # Differences to the first place: far from the origin nothing cancels.
-    rise = y - x
-    even = share**2 * (3.0 - 2.0 * share)
-    places = x + rise * even + h * (v * share * (1.0 - share) ** 2 - w * share**2 * (1.0 - share))
-    return places, t[first] + s * h[..., 0]
-
-
-def _missed(t: Array, q: Array, p: Array) -> float:
-    """A sixteenth of the largest distance of samples from the curves through every other one."""
-    if len(t) < 3:
-        return np.inf
-    even = np.arange(0, len(t), 2)
-    first = np.arange(len(even) - 1)[:, None]
-    agent = np.arange(q.shape[1])[None]
-    inner = t[2 * first + 1]
-    shares = (inner - t[even][first]) / (t[even][first + 1] - t[even][first])
-    places, _ = _curve(t[even], q[even], p[even], first, agent, np.broadcast_to(shares, (len(first), q.shape[1])))
-    away = np.linalg.norm(places - q[1 : 2 * len(first) : 2], axis=2)
-    return float(away.max(initial=0.0)) / 16.0
+def _halved(points: Array) -> tuple[Array, Array, Array]:
+    """Control points of the two halves of cubic curves, and the points between them, by de Casteljau's rule."""
+    one = 0.5 * (points[:, 1:] + points[:, :-1])
+    two = 0.5 * (one[:, 1:] + one[:, :-1])
+    middle = 0.5 * (two[:, 1] + two[:, 0])
+    left = np.stack([points[:, 0], one[:, 0], two[:, 0], middle], axis=1)
+    right = np.stack([middle, two[:, 1], one[:, 2], points[:, 3]], axis=1)
+    return left, right, middle

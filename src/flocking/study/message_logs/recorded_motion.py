@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.engine.runs.message_log import MessageLog
-from flocking.engine.runs.run import Run
+from flocking.engine.runs.run import FineSamples, Run
 from flocking.model.world.times import NANOSECOND
 
 JUMP_SHARE = 4.0
@@ -57,13 +57,15 @@ class RecordedMotion:
         The run.
     log
         Its log, if its forces are to count. No neighbour shows a jump just after the start or before the end.
+    samples
+        What stands for the frames, as the fine samples of the run do; the frames when absent.
     """
 
-    def __init__(self, run: Run, log: MessageLog | None = None) -> None:
-        start = run.scenario.start
-        self._t: Array = np.asarray(run.t, dtype=np.float64) - start.t
-        self._q: Array = np.asarray(run.q, dtype=np.float64)
-        self._p: Array = np.asarray(run.p, dtype=np.float64)
+    def __init__(self, run: Run, log: MessageLog | None = None, samples: Run | FineSamples | None = None) -> None:
+        start, known = run.scenario.start, run if samples is None else samples
+        self._t: Array = np.asarray(known.t, dtype=np.float64) - start.t
+        self._q: Array = np.asarray(known.q, dtype=np.float64)
+        self._p: Array = np.asarray(known.p, dtype=np.float64)
         self._slopes = run.scenario.agents.order == 2
         """Whether frames hold the slopes of positions."""
         self._start = start.q, start.p if self._slopes else np.zeros_like(start.p)
