@@ -16,6 +16,7 @@ from pyarrow import parquet
 
 import flocking as fk
 from flocking.engine.runs.compare import first_difference
+from flocking.engine.runs.message_log import MessageLog
 from flocking.engine.runs.run import Closest, Run
 from flocking.engine.storage import atomic_files
 from flocking.engine.storage.export_formats import FORMATS, export_run, observable_table
@@ -289,6 +290,24 @@ def test_every_kind_of_difference(other: Any, what: str, agent: int | None) -> N
         assert found.what == what
         if found.what != "switch":
             assert found.agent == agent
+
+
+def test_differences_of_logs_and_of_times_of_frames_are_where_the_earlier_run_has_them() -> None:
+    """Two agents act at 0 and 1; one run ends its log after 0, and in another the force at 1 is another, too."""
+    ticks = np.array([[0, 0, 1], [0, 1, 0], [10**9, 0, 1], [10**9, 1, 0]])
+    forces, uses = np.arange(8.0).reshape(4, 2), np.array([[0, 1, -2], [0, 1, -2]])
+    whole = dataclasses.replace(finished(), log=MessageLog(ticks, forces, uses))
+    short = dataclasses.replace(finished(), log=MessageLog(ticks[:2], forces[:2], uses[:1]))
+    for found in (first_difference(whole, short), first_difference(short, whole)):
+        assert (found.what, found.time, found.agent) == ("log of messages, ticks", 1.0, 0)
+    pushed = forces.copy()
+    pushed[0] += 1.0
+    other = dataclasses.replace(finished(), log=MessageLog(ticks[:2], pushed[:2], uses[:1]))
+    for found in (first_difference(whole, other), first_difference(other, whole)):
+        assert (found.what, found.time, found.agent) == ("log of messages, forces", 0.0, 0)
+    late = dataclasses.replace(finished(), t=finished().t + np.linspace(0, 0.5, 21))
+    for found in (first_difference(finished(), late), first_difference(late, finished())):
+        assert (found.what, found.time) == ("time of a frame", finished().t[1])
 
 
 def test_the_earliest_difference_wins() -> None:

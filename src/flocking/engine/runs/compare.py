@@ -78,7 +78,8 @@ def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | 
     apart = _apart(one.t[:count], two.t[:count], tolerance)
     if apart.any():
         count = int(np.argmax(apart))
-        yield Difference("time of a frame", float(one.t[count]), float(two.t[count]), float(one.t[count]))
+        first, second = float(one.t[count]), float(two.t[count])
+        yield Difference("time of a frame", first, second, min(first, second))
     for name, field in (("position", "q"), ("velocity", "p")):
         yield _frame_difference(one, getattr(one, field), getattr(two, field), name, count, tolerance)
     if one.columns.keys() == two.columns.keys():
@@ -96,7 +97,7 @@ def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | 
         yield _row_difference(one.observables, two.observables, "observation", tolerance)
     elif one.observables is not two.observables:
         yield Difference("whether observations are kept", one.observables is not None, two.observables is not None)
-    yield _log_difference(one, two, tolerance)
+    yield from _log_differences(one, two, tolerance)
     if tolerance == 0 and _errors(one) != _errors(two):
         yield Difference("estimated errors", _errors(one)[0], _errors(two)[0])
     if len(one.t) != len(two.t):
@@ -116,14 +117,12 @@ def _errors(run: Run) -> tuple[object, bytes]:
     return (None, b"") if found is None else (accuracy_data(found), found.frames.tobytes())
 
 
-def _log_difference(one: Run, two: Run, tolerance: float) -> Difference | None:
+def _log_differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference]:
+    """The first difference of each array of the logs: of acts, of what was used in them, and of their forces."""
     if one.log is None or two.log is None:
-        return (
-            None
-            if one.log is two.log
-            else Difference("whether a log is kept", one.log is not None, two.log is not None)
-        )
-    base = one.scenario.start.t
+        if one.log is not two.log:
+            yield Difference("whether a log is kept", one.log is not None, two.log is not None)
+        return
     for name, digits in (("ticks", 0.0), ("uses", 0.0), ("forces", tolerance)):
         x, y = getattr(one.log, name), getattr(two.log, name)
         count = min(len(x), len(y))
@@ -131,12 +130,18 @@ def _log_difference(one: Run, two: Run, tolerance: float) -> Difference | None:
         if apart.any() or len(x) != len(y):
             row = int(np.argmax(apart)) if apart.any() else count
             first, second = (v[row].tolist() if row < len(v) else None for v in (x, y))
-            act = row if name != "uses" else int(np.searchsorted(one.log.firsts, row, side="right")) - 1
-            instant, agent, _ = (
-                one.log.ticks[min(max(act, 0), len(one.log.ticks) - 1)].tolist() if len(one.log.ticks) else (0, 0, 0)
-            )
-            return Difference(f"log of messages, {name}", first, second, base + instant * NANOSECOND, agent)
-    return None
+            # Where one run has no such row, or a later one, the difference is where the other has it.
+            acts = [_act(run, name, row) for run, v in ((one, x), (two, y)) if row < len(v)]
+            yield Difference(f"log of messages, {name}", first, second, *min(acts))
+
+
+def _act(run: Run, name: str, row: int) -> tuple[float, int]:
+    """Time and agent of the act to which a row of an array of the log belongs."""
+    log = run.log
+    assert log is not None
+    act = int(np.searchsorted(log.firsts, row, side="right")) - 1 if name == "uses" else row
+    instant, agent, _ = log.ticks[act].tolist()
+    return run.scenario.start.t + instant * NANOSECOND, agent
 
 
 def _apart(x: AnyArray, y: AnyArray, tolerance: float) -> Mask:
