@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.apps.commands.run_summary import facts, summary
 from flocking.engine.driver import session_writer as saving
 from flocking.engine.driver.registry import engine_named
 from flocking.engine.protocol.team import Team
+from flocking.engine.runs import provenance
 from flocking.engine.storage.record import read_record
 from flocking.engine.storage.stored_runs import read_run
 from flocking.errors import InvalidInput, SimulationError, StorageError
@@ -75,6 +77,28 @@ def test_an_interrupted_run_of_agents_with_further_columns_goes_on(
     assert np.array_equal(found.q, whole.q)
     assert np.array_equal(found.columns["applied"], whole.columns["applied"])
     assert np.array_equal(read_run(tmp_path / "run").columns["applied"], whole.columns["applied"])
+
+
+def test_a_run_that_goes_on_with_other_versions_names_both(
+    tmp_path: Path, stop_after: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Begun by an earlier NumPy: the whole run is not the work of the present one."""
+    present = provenance.version_of
+    monkeypatch.setattr(provenance, "version_of", lambda name: "1.26.4" if name == "numpy" else present(name))
+    stop_after(8)
+    fk.simulate(scenario(), save=tmp_path / "run", progress=False)
+    assert provenance.earlier_parts(read_run(tmp_path / "run").provenance) == []
+    monkeypatch.undo()
+    monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
+    whole = fk.resume(tmp_path / "run", progress=False)
+    for found in (whole, read_run(tmp_path / "run"), fk.resume(tmp_path / "run", progress=False)):
+        (part,) = provenance.earlier_parts(found.provenance)
+        assert (part["numpy"], part["flocking"]) == ("1.26.4", present("flocking"))
+        assert found.provenance["numpy"] == present("numpy")
+        assert dict(facts(summary(found)))[provenance.EARLIER] == f"numpy 1.26.4; the last by numpy {present('numpy')}"
+    fk.write_run(whole, tmp_path / "copy")
+    assert provenance.earlier_parts(read_run(tmp_path / "copy").provenance) == [part]
+    assert provenance.EARLIER not in finished().provenance
 
 
 def test_an_option_that_the_engine_lacks_is_refused_by_name(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from flocking.arrays import Array
+from flocking.engine.runs.provenance import EARLIER, MADE_BY, earlier_parts
 from flocking.engine.runs.run import FRAMES, OF_VELOCITIES, Run
 from flocking.formula.safe_digits import rounded_down, rounded_up, time_text
 from flocking.model import observables
@@ -131,6 +132,14 @@ def _engine(about: Mapping[str, object]) -> str:
     return ", ".join(words)
 
 
+def _earlier(about: Mapping[str, object]) -> str:
+    """What computed the first parts of a run that went on with something else, in words: the entries that differ."""
+    parts = earlier_parts(about)
+    names = [name for name in MADE_BY if any(name in part and part[name] != about.get(name) for part in parts)]
+    texts = [", ".join(f"{name} {part[name]}" for name in names if name in part) for part in (*parts, about)]
+    return "; ".join(texts[:-1]) + (f"; the last by {texts[-1] or 'another'}" if names else "")
+
+
 def _motion(about: Mapping[str, object]) -> str:
     """How bodies moved between ticks where they have no closed form, in words."""
     if "motion" not in about:
@@ -212,6 +221,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("agents", f"{found['agents']} in {found['dimension']} dimensions"),
         ("engine", _engine(found["provenance"])),
         ("motion", _motion(found["provenance"])),
+        (EARLIER, _earlier(found["provenance"])),
         ("time reached", when(found["time"]) if found["time"] is not None else ""),
         ("frames", str(found["provenance"].get(FRAMES, found["frames"]))),
         ("link switches", switches or found["provenance"].get("switches", "none")),

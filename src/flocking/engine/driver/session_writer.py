@@ -16,6 +16,7 @@ from flocking.engine.protocol.session import Session
 from flocking.engine.runs.columns import joined_columns
 from flocking.engine.runs.frame_parts import FramePart
 from flocking.engine.runs.message_log import joined_logs
+from flocking.engine.runs.provenance import with_earlier
 from flocking.engine.runs.run import FRAMES, Run
 from flocking.engine.storage.atomic_files import checksum
 from flocking.engine.storage.part_writer import sees, write_parts
@@ -149,7 +150,8 @@ class SessionWriter:
             records.forget({name: max(count, counts.get(name, 0)) for name, count in records.stored.items()})
         recent = self._session.run(status)
         if not any(records.stored.values()):
-            return recent
+            before = {} if self._writer is None else self._writer.provenance
+            return replace(recent, provenance=with_earlier(recent.provenance, before))
         last = None if records.stored["time"] * records.frame_bytes <= MOST_RETURNED else 1
         found = _joined(read_last(self._here.folder, self._session.scenario, last), recent)
         if last is not None:
@@ -201,7 +203,7 @@ class SessionWriter:
                 status,
                 closest=closest,
                 accuracy=accuracy,
-                provenance=session.about,
+                provenance=with_earlier(session.about, self._here.provenance),
                 fidelity=session.fidelity,
                 checkpoint=None if packed is None else lambda file: write_checkpoint(session.engine, packed, file),
             )
@@ -243,5 +245,6 @@ def _joined(stored: Run, recent: Run) -> Run:
     columns = {name: np.concatenate([stored.columns[name], recent.columns[name]]) for name in recent.columns}
     return replace(
         recent, links=np.concatenate(links), accuracy=known, columns=columns or stored.columns,
-        log=joined_logs(stored.log, recent.log), **complete,
+        log=joined_logs(stored.log, recent.log), provenance=with_earlier(recent.provenance, stored.provenance),
+        **complete,
     )  # fmt: skip

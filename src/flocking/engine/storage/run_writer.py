@@ -81,7 +81,7 @@ class RunWriter:
             self._closing = opening.pop_all()
         self._counts = dict.fromkeys(GROWING, 0) | dict(self.record["counts"])
         self._sums = dict(self.record["checksums"])
-        self._provenance = read_provenance(folder)
+        self.provenance = read_provenance(folder)
 
     @classmethod
     def create(
@@ -384,8 +384,8 @@ class RunWriter:
                 name = checkpoint_name(number)
                 record["checkpoint"] = {"file": name, "checksum": put(self.folder / name, checkpoint)}
             settle(self._store.touched | {self.folder})
-            self._provenance = dict(provenance or {})
-            write_record(self.folder, record, self._provenance)
+            self.provenance = dict(provenance or {})
+            write_record(self.folder, record, self.provenance)
         self.record = record
         self._store.touched.clear()
         for old in self.folder.glob("checkpoint-*.npz"):
@@ -402,7 +402,7 @@ class RunWriter:
         """
         record = {**self.record, "status": status}
         with storage_errors(self.folder, "mark the run"):
-            write_record(self.folder, record, self._provenance)
+            write_record(self.folder, record, self.provenance)
         self.record = record
 
 
