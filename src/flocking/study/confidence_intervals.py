@@ -16,8 +16,8 @@ UNKNOWN = "unknown as either"
 LEAST_VALUES = {0.8: 4, 0.9: 5, 0.95: 8, 0.98: 15, 0.99: 25, 0.995: 30, 0.998: 40, 0.999: 60}
 """Fewest values for which the interval of a mean misses at most 1.1 times as often as its level states.
 
-Measured with 40,000 to 400,000 draws of each number of values: the worst of normal, uniform, exponential and two-peaked
-values. The tests repeat the measurement.
+Measured with 40,000 to 400,000 draws of each number of values: the worst of normal, uniform and exponential values, and
+such with two equal peaks. The tests repeat the measurement.
 """
 
 
@@ -118,8 +118,9 @@ def mean_interval(values: Array, level: float = 0.95) -> Interval:
 
     It reaches from the lower of the lower ends to the higher of the upper ends of two: Student's, which is exact for
     normal values and cautious for symmetric ones with heavy tails, and Hall's, where the t statistic is transformed by
-    a cubic that takes out the skewness. No method covers every distribution: values whose mean rests on rare, very
-    large ones (log-normal with a logarithmic deviation of 1: 91 % of 8 values, 94 % of 30) are covered less often.
+    a cubic that takes out the skewness. No method covers every distribution: values whose mean rests on few that
+    are far from the others are covered less often (log-normal with a logarithmic deviation of 1: 91 % of 8 values, 94 %
+    of 30; two peaks of which one has a tenth of the values: 58 % of 8, 88 % of 20, 95 % of 30).
 
     P. Hall, "On the removal of skewness by transformation", J. R. Stat. Soc. B 54 (1992) 221, with Student's
     quantiles in place of normal ones.

@@ -13,7 +13,7 @@ DISTRIBUTIONS = {
     "normal": (lambda rng, shape: rng.normal(3.0, 2.0, shape), 3.0),
     "uniform": (lambda rng, shape: rng.random(shape), 0.5),
     "exponential": (lambda rng, shape: rng.exponential(1.0, shape), 1.0),
-    "two-peaked": (lambda rng, shape: rng.choice([-1.0, 1.0], shape) + 0.1 * rng.normal(size=shape), 0.0),
+    "two equal peaks": (lambda rng, shape: rng.choice([-1.0, 1.0], shape) + 0.1 * rng.normal(size=shape), 0.0),
 }
 
 
@@ -98,6 +98,14 @@ def test_the_interval_of_a_mean_covers_from_the_fewest_values_on(name, level):
         missed = 1 - np.mean([x.low <= mean <= x.high for x in found])
         allowed = 1.1 * (1 - level)
         assert missed <= allowed + 4 * np.sqrt(allowed / len(values))
+
+
+@pytest.mark.parametrize(("count", "stated"), [(8, 0.58), (20, 0.88), (30, 0.955)])
+def test_a_mean_that_rests_on_a_tenth_of_the_values_is_covered_as_seldom_as_documented(count, stated):
+    rng = np.random.default_rng(5)
+    values = (rng.random((1500, count)) < 0.1) + 0.01 * rng.normal(size=(1500, count))
+    covered = np.mean([x.low <= 0.1 <= x.high for x in map(mean_interval, values)])
+    assert covered == pytest.approx(stated, abs=4 * np.sqrt(stated * (1 - stated) / len(values)))
 
 
 @pytest.mark.slow
