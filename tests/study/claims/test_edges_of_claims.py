@@ -149,3 +149,16 @@ def test_a_report_has_its_results_and_certificates_have_their_keys():
         assert all(each in found for each in found)
         assert "another" not in found
         assert 0 not in found
+
+
+def test_a_chain_of_one_way_links_is_connected_in_either_direction_as_its_note_states():
+    """Strongly connected it is not. Links both ways need no such words."""
+    start, terms = fk.State([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]), [fk.Consensus(1.0)]
+    for directed, words in ((True, " by links in either direction"), (False, "")):
+        law = fk.Law(fk.Fixed(3, [(0, 1), (1, 2)], directed=directed), terms)
+        found = fk.audit(fk.simulate(fk.Scenario(law, start, 1.0), progress=False))["connected"]
+        assert found.verdict == "holds"
+        assert found.note == f"connected after each of 0 switches{words}"
+    radii = fk.Law(fk.PerAgentRadii([1.5, 0.5, 1.5]), terms)
+    held = fk.simulate(fk.Scenario(radii, start, 1.0, control=fk.Held(0.1)), progress=False)
+    assert "switches by links in either direction" in fk.audit(held)["connected"].note

@@ -193,11 +193,13 @@ def _ledger_closes(e: Evidence) -> bool:
 
 
 MEASURES: dict[str, tuple[str, Measuring]] = {
-    "flocks": ("flocks at the end", lambda e: e.flocks_at_end),
+    "flocks": ("flocks at the end: groups that links in either direction connect", lambda e: e.flocks_at_end),
     "density": ("share of the agents in the largest flock at the end",
                 lambda e: e.certain_at_end(observables.density)),
-    "connected": ("whether the graph is connected throughout", lambda e: e.is_connected_throughout),
-    "connected_at_end": ("whether the graph is connected at the end", lambda e: e.flocks_at_end == 1),
+    "connected": ("whether links, in either direction, connect all agents throughout",
+                  lambda e: e.is_connected_throughout),
+    "connected_at_end": ("whether links, in either direction, connect all agents at the end",
+                         lambda e: e.flocks_at_end == 1),
     "disconnected_at": ("time at which the graph is first apart; a frame where switches are not located",
                         lambda e: _or_nan(e.falls_apart_at)),
     "velocity_spread": ("largest difference from the velocity of the centre of mass at the end",

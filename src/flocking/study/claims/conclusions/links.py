@@ -43,7 +43,10 @@ def _slowest_crossing(e: Evidence) -> Witness:
 
 @about(Subject.CONNECTIVITY, _first_split, lasting=True, with_errors=True)
 def stays_connected(e: Evidence) -> Measure:
-    """Whether the graph is connected after every switch; frames alone can refute it but not show it."""
+    """Whether the graph is connected after every switch; frames alone can refute it but not show it.
+
+    One-way links connect both agents (weakly connected), which the note states.
+    """
     if e.seen_disconnected == np.inf:
         e.first_disconnected  # noqa: B018  raises where it is not known
     if e.switches_known and e.law.graph.moves:
@@ -55,9 +58,14 @@ def stays_connected(e: Evidence) -> Measure:
     elif e.fixed_step and e.law.graph.moves and (e.seen_disconnected > e.run.scenario.start.t or e.connected_at_start):
         return _connected_as_computed(e)
     if e.seen_disconnected == np.inf:
-        return Measure(1.0, 0.0, f"connected after each of {len(e.link_switches)} switches")
+        return Measure(1.0, 0.0, f"connected after each of {len(e.link_switches)} switches{_either_way(e)}")
     decided = certain if e.switches_known and e.law.graph.moves else e.seen_disconnected
     return Measure(-1.0, 0.0, f"fell apart {_when_apart(e, e.seen_disconnected)}", decided=decided)
+
+
+def _either_way(e: Evidence) -> str:
+    """Of one-way links connected is what is so without their directions; strongly connected would be more."""
+    return " by links in either direction" if e.law.graph.directed else ""
 
 
 def _when_apart(e: Evidence, lost: float, ended: str = "") -> str:
@@ -84,7 +92,7 @@ def _connected_as_computed(e: Evidence) -> Measure:
     if apart:
         seen = f"falls apart {_when_apart(e, e.seen_disconnected)}"
     else:
-        seen = f"is connected after each of {len(e.link_switches)} switches"
+        seen = f"is connected after each of {len(e.link_switches)} switches{_either_way(e)}"
     return Measure(-1.0 if apart else 1.0, math.nan, f"the motion as computed {seen}; {_open(e)}")
 
 
@@ -145,7 +153,7 @@ def crossings_transversal(e: Evidence) -> Measure:
 def starts_connected(e: Evidence) -> Measure:
     """Whether the graph is connected at the start."""
     holds = e.connected_at_start
-    note = "starts connected" if holds else "starts disconnected"
+    note = f"starts connected{_either_way(e)}" if holds else "starts disconnected"
     return Measure(1.0 if holds else -1.0, 0.0, note, everywhere=False)
 
 
