@@ -1,5 +1,6 @@
 """The sweep command: what it prints, writes and answers."""
 
+import dataclasses
 import json
 import os
 import signal
@@ -67,6 +68,24 @@ def test_an_interrupt_after_the_last_run_is_one(file, capsys, monkeypatch):
     assert json.loads(shown.out)["status"] == "interrupted"
     assert "interrupted; 4 of 4 runs are stored" in shown.err
     assert main(["sweep", str(file), "--workers", "1"]) == 0
+
+
+def test_means_of_a_part_of_the_runs_say_so(file, capsys, monkeypatch):
+    """Of a sweep that was interrupted runs that take long are rarer among those made."""
+    from flocking.papers.studies import running
+
+    whole = running.run_file
+    told = "means and intervals are of the runs made so far; those that take long are more likely to be missing"
+    assert main(["sweep", str(file), "--workers", "1"]) == 0
+    assert told not in capsys.readouterr().out
+
+    def part(*args, **options):
+        table = whole(*args, **options)
+        return dataclasses.replace(table, rows={k: table.rows[k] for k in (0, 2)}, status="interrupted")
+
+    monkeypatch.setattr(running, "run_file", part)
+    assert main(["sweep", str(file), "--workers", "1"]) == 130
+    assert told in capsys.readouterr().out
 
 
 def test_a_file_that_changed_is_not_mixed_with_its_earlier_results(file, capsys):

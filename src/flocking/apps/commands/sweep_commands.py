@@ -183,6 +183,8 @@ def _print(
             print(f"means of {measure} are of the runs that have a value: {left}")
     if (different := sum(row["different"] for row in rows)) < len(table):
         print(f"{len(table)} runs are {different} different ones: others repeat a scenario, and count once")
+    if not table.complete:
+        print("means and intervals are of the runs made so far; those that take long are more likely to be missing")
     if len(table.versions) > 1:
         named = "; ".join(", ".join(f"{k} {v}" for k, v in made.items()) for made in table.versions)
         print(f"runs were made by several versions: {named}")

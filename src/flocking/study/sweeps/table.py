@@ -267,7 +267,8 @@ class SweepTable:
         Where a truth value is unknown in some runs (nan, or the run failed), which may be those in which it is true,
         there is no mean, and the interval covers the share whatever it is in them. ``runs`` and ``failed`` count the
         runs. Those of a point whose scenarios are equal, as where the seed changes nothing, are one run and count once:
-        ``different`` is their number without repetitions.
+        ``different`` is their number without repetitions. Runs that an interrupted sweep did not make are not
+        counted: those that take long are more likely to be among them, so that the others are no random choice.
 
         Parameters
         ----------
