@@ -128,3 +128,82 @@ def test_a_session_is_changed_just_before_a_jump(velocity, when, what):
     run = session.run()
     assert run.trace["jumped"][-1] == pytest.approx(((p - 3.0) ** 2 - p**2) / 2.0 + given, abs=1e-7)
     assert np.abs(run.residual).max() < 1e-7
+
+
+@pytest.mark.parametrize("velocity", ["where(t < s, 0, 3)", "where(t <= s, 0, 3)"])
+@pytest.mark.parametrize("pause", [(), (2.0,), (2.5, 3.7, 9.0), (1.0, 2.0 + 2.0**-51)])
+def test_sessions_that_go_on_beyond_the_end_see_jumps_there(velocity, pause):
+    """The end of the scenario, 2, and of stretches of time beyond it, 6 and 14, are no special times of a leader."""
+    for jump in (2.0, 2.0 + 2.0**-51, 2.3, 6.0, 14.5):
+        leader = fk.Path([velocity, "0"], s=jump)
+        law = fk.Law(fk.Fixed(1, []), [fk.Track(leader, velocity_gain=1.0)])
+        frame = fk.Energy(frame="leader", leader=leader)
+        scenario = fk.Scenario(law, fk.State([[0.0, 0.0]], [[1.0, 0.0]]), 2.0, frames=3, energy=frame)
+        session = fk.start(scenario, engine="exact")
+        for time in pause:
+            session.advance(time)
+        session.advance(20.0)
+        p = exp(-jump)
+        run = session.run()
+        assert run.trace["jumped"][-1] == pytest.approx(((p - 3.0) ** 2 - p**2) / 2.0, abs=1e-7)
+        assert np.abs(run.residual).max() < 1e-7
+        assert session.state.p[0, 0] == pytest.approx(3.0 + (p - 3.0) * exp(jump - 20.0), abs=1e-8)
+
+
+@pytest.mark.parametrize("velocity", ["where(t < s, 0, 3)", "exp(-((t - s)/1e-5)**2)"])
+def test_pauses_change_no_bit_beyond_the_end(velocity):
+    leader = fk.Path([velocity, "0"], s=7.3)
+    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("(r - 1)**2")), fk.Track(leader, velocity_gain=1.0)])
+    start = fk.State([[0.0, 0.0], [1.5, 0.2]], [[1.0, 0.0], [0.0, 0.3]])
+    scenario = fk.Scenario(law, start, 2.0, frames=3, agents=fk.Disturbed(fk.PointMass(), 0.1, 0.5))
+    ends = []
+    for pauses in ((), (2.0,), (1.0, 5.9, 6.0), (3.0, 7.29, 7.31)):
+        session = fk.start(scenario, engine="exact")
+        for time in pauses:
+            session.advance(time)
+        session.advance(9.0)
+        ends.append(session.state)
+    for end in ends[1:]:
+        np.testing.assert_array_equal(end.q, ends[0].q)
+        np.testing.assert_array_equal(end.p, ends[0].p)
+
+
+def test_jumps_of_a_leader_that_only_the_energy_looks_at_are_jumps_of_the_energy():
+    """Agents at rest behind a leader whose velocity jumps from 0 to 3: 9/2 each."""
+    leader = fk.Path(["where(t < 1.2, 0, 3)", "0"])
+    law = fk.Law(fk.Fixed(2, []), [fk.Consensus(1.0)])
+    frame = fk.Energy(frame="leader", leader=leader)
+    scenario = fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), 2.0, frames=3, energy=frame)
+    run = fk.simulate(scenario, engine="exact", progress=False)
+    assert run.trace["jumped"][-1] == pytest.approx(9.0)
+    assert np.abs(run.residual).max() < 1e-9
+    assert fk.audit(run)["ledger"].verdict == "holds"
+
+
+def test_gains_of_the_declared_law_change_in_the_ledger_of_another_plant():
+    """4/2 |q|^2 is stored from then on of an agent at rest that nothing moves: all of it is a jump."""
+    law, plant = (
+        fk.Law(fk.Fixed(1, []), [fk.Track(fk.Sink([0.0, 0.0]), gain, 0.0)])
+        for gain in (fk.Schedule([1.2], [0.0, 4.0]), 0.0)
+    )
+    scenario = fk.Scenario(law, fk.State([[1.0, 0.0]]), 2.0, frames=3)
+    run = fk.simulate(scenario, engine="exact", plant=plant, progress=False)
+    assert run.trace["jumped"][-1] == pytest.approx(2.0)
+    assert np.abs(run.residual).max() < 1e-9
+
+
+@pytest.mark.parametrize("engine", ["exact", "delayed"])
+def test_a_gust_begins_at_the_end_of_the_scenario_too(engine):
+    """A session that goes on beyond it moves as one whose scenario ends later."""
+    world = {"information": fk.Messages(0.5)} if engine == "delayed" else {}
+    ends = []
+    for end, pauses in ((4.0, ()), (2.0, ()), (2.0, (2.0,)), (2.0, (1.0, 2.0, 2.7))):
+        law = fk.Law(fk.Fixed(1, []), [fk.Consensus(1.0)])
+        bodies = fk.Disturbed(fk.PointMass(), 1.0, 0.5, seed=1)
+        scenario = fk.Scenario(law, fk.State([[0.0, 0.0]]), end, frames=3, agents=bodies, **world)
+        session = fk.start(scenario, engine=engine)
+        for time in pauses:
+            session.advance(time)
+        session.advance(3.3)
+        ends.append(session.state.q)
+    np.testing.assert_allclose(ends, [ends[0]] * 4, atol=1e-12)

@@ -94,6 +94,11 @@ class Dynamics:
         self._judge_contacts()
         self._energies: dict[tuple[float, bytes], tuple[float, float]] = {}
 
+    @property
+    def layouts(self) -> tuple[Layout, ...]:
+        """The layout of the law that acts, and that of the declared one if it is another."""
+        return self.layout, *(() if self._declared is None else (self._declared[1],))
+
     def repack(self, t: float) -> None:
         """Take the parameters in force from time ``t`` on."""
         self._energies.clear()

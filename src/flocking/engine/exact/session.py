@@ -82,8 +82,7 @@ class ExactSession(AdaptiveSession):
         """Kernels and parameters: all that depends on the law but not on the state."""
         self.n, self.m = n, m
         self._dynamics = dynamics or Dynamics(self.scenario, self.plant, n, m, self._origin.time)
-        times = self.scenario.start.t, self.scenario.t_end
-        self._jumps = JumpTimes(self._dynamics.layout.law, self._origin, *times, self.scenario.agents)
+        self._jumps = JumpTimes(self._dynamics.layouts, self._origin, self.scenario)
         self._lengths = StepLengths(self.scenario.t_end - self.scenario.start.t)
         self._centres = ObstacleCentres(self.scenario)
 
@@ -138,13 +137,13 @@ class ExactSession(AdaptiveSession):
     def advance(self, to: float, seconds: float = np.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time. Where steps fall depends on neither."""
         to = time_to_reach("ExactSession", to, self.time)
-        own, end = (self._origin.own_time(t) for t in (to, self.scenario.t_end))
-        stop = end_of_slice("ExactSession", seconds)
+        own, stop = self._origin.own_time(to), end_of_slice("ExactSession", seconds)
+        self._jumps.look_beyond(own)
         try:
             while self._segment.t1 < own:
                 interruption.check()
                 self._leave_segment()
-                if self._segment.t1 == own == end:
+                if self._segment.t1 == own == self._jumps.end:
                     break
                 block = self._take_block(own, stop)
                 if block is None or block.segment is None:
@@ -158,7 +157,7 @@ class ExactSession(AdaptiveSession):
                     return
             self.time = to
             self._record_frames(own)
-            if self._segment.t1 == own == end:
+            if self._segment.t1 == own == self._jumps.end:
                 self._leave_segment()
         except SimulationError as error:
             error.run = self.run(str(error))
@@ -240,6 +239,7 @@ class ExactSession(AdaptiveSession):
         error = self._switch() if self._pending else None
         if jumps := (after := float(np.nextafter(t, np.inf))) == self._jumps.following(t):
             t = after
+        if jumps or self._jumps.gust_at_end(t):
             self._dynamics.repack(t)
             before, (self.energy, self.kinetic) = self.energy, self._dynamics.energy(t, y)
             self.jumped += self.energy - before
@@ -247,7 +247,7 @@ class ExactSession(AdaptiveSession):
         if self._dynamics.follow_limits(t, y) or (self._dynamics.held.limits and self._stepper.memory.t != t):
             self._stepper.restart(t, np.array(y))
         self._segment = Segment.resting(t, y)
-        if jumps and self._jumps.bound(t) == np.inf:  # Nothing comes later that would record it.
+        if jumps and t >= self._jumps.end:  # There may be no step that would record it.
             self._record_trace()
         if error is not None:
             raise error
