@@ -12,7 +12,7 @@ import pytest
 import flocking as fk
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from flocking.engine.tiles.session import TilesOptions, TilesSession
-from flocking.errors import NotFinite, StepTooLarge
+from flocking.errors import NotFinite, StepTooLarge, UnsupportedLaw
 from tests.mpi.job import scenario
 from tests.mpi.jobs import launch
 from tests.mpi.laws import PAIR_STYLES
@@ -57,6 +57,35 @@ def test_a_step_too_large_for_the_ledger_says_which_would_do():
     assert len(caught.value.run.t) >= 1
     assert fk.simulate(springs(), **PAIR_STYLES, step=caught.value.would_do, progress=False).finished
     assert fk.simulate(springs(), **PAIR_STYLES, progress=False).finished
+
+
+def parting(potential, radius):
+    law = fk.Law(fk.Proximity(radius), [fk.Gradient(fk.Potential(potential)), fk.Consensus(0.1)])
+    start = fk.State([[0.0, 0.0], [3.5, 0.0]], [[0.0, 0.0], [1.5, 0.3]])
+    return fk.Scenario(law, start, t_end=2.0, frames=5)
+
+
+def test_links_that_break_where_a_piece_begins_have_the_energy_of_below():
+    """(r - 2)^2/4 stores 1 at the radius, 4, whatever the formula says from there on."""
+    runs = [
+        fk.simulate(parting(potential, 4.0), **PAIR_STYLES, step=0.002, progress=False)
+        for potential in ("(r - 2)**2/4", "where(r < 4, (r - 2)**2/4, 0)", "where(r < 4, (r - 2)**2/4, 9)")
+    ]
+    for run in runs:
+        assert run.trace["jumped"][-1] == pytest.approx(-1.0, abs=1e-9)
+        assert np.abs(run.residual).max() < 1e-3
+        np.testing.assert_allclose(run.q, runs[0].q, atol=1e-9)
+
+
+@pytest.mark.parametrize("forces", ["kernels", "pair styles"])
+def test_no_step_is_recommended_for_a_potential_that_jumps_where_pairs_are_linked(forces):
+    made = parting("where(r < 4, (r - 2)**2/4, (r - 2)**2/4 + 3)", 7.0)
+    with pytest.raises(UnsupportedLaw, match=r"jumps at a distance of 4, .* or ledger=False"):
+        fk.simulate(made, engine="lammps", forces=forces, step=0.01, progress=False)
+    for ledger in (False, 0):
+        run = fk.simulate(made, engine="lammps", forces=forces, step=0.01, ledger=ledger, progress=False)
+        assert run.finished
+        assert len(run.trace) == 0 or len(run.trace["time"]) <= 1
 
 
 def test_a_step_too_large_for_a_collision_says_which_would_do():

@@ -17,8 +17,9 @@ from flocking.engine.lammps.neighbours import radius_of
 from flocking.engine.lammps.pairs import PairPart, pair_commands, pair_part, table_text
 from flocking.errors import InvalidInput, escaped
 from flocking.model.checks import number
-from flocking.model.law import Scenario
+from flocking.model.law import Law, Scenario
 from flocking.model.state import State
+from flocking.model.terms.potential_reach import inner_edge
 
 BALANCE_EVERY = 500
 """Steps between two checks of the load balance of ranks."""
@@ -222,9 +223,17 @@ def make_deck(scenario: Scenario, skin: float | None = None) -> Deck:
     if scenario.agents.order == 1:
         formulas = flow_formulas(formulas)
     P, A, _ = layout.values(scenario.agents, scenario.start.n, scenario.start.t)
-    parts = [pair_part(f, P, radius_of(graph)) for f, graph in zip(formulas.pairs, scenario.law.graphs, strict=True)]
+    parts = [
+        pair_part(found, P, radius := radius_of(graph), inner_edge(_borders(scenario.law, number), radius))
+        for number, (found, graph) in enumerate(zip(formulas.pairs, scenario.law.graphs, strict=True))
+    ]
     reach = max(part.radius for part in parts)
     return Deck(scenario, _skin(scenario, reach, skin), parts, body_deck(formulas, layout, P, scenario.agents), A)
+
+
+def _borders(law: Law, number: int) -> list[float]:
+    """Distances at which pieces of the terms over one graph meet."""
+    return [x for term in law.pair_terms if law.graph_number(term) == number for x in term.kinks()]
 
 
 def _skin(scenario: Scenario, reach: float, given: float | None) -> float:

@@ -39,6 +39,7 @@ class LammpsOptions:
         Steps between two rows of the energy ledger; 0 for no ledger. The kernels compute it at every step, so that
         with them it is 0 or 1 and by default 1. With pair styles rows are computed on one rank from the gathered
         state; by default every step has a row for up to 4,000 agents, and for more the interval grows in proportion.
+        As in the tiled engine, False is none, and True the default.
     observe
         Whether order, flocks, density and closest pair are recorded at the frame times.
     keep_log
@@ -70,6 +71,8 @@ class LammpsOptions:
         for name in ("step", "skin"):
             if getattr(self, name) is not None:
                 number("engine='lammps'", name, getattr(self, name), above=0.0)
+        if isinstance(self.ledger, bool):
+            object.__setattr__(self, "ledger", None if self.ledger else 0)
         if self.ledger is not None:
             integer("engine='lammps'", "ledger", self.ledger, least=0)
         if self.forces not in FORCES:

@@ -42,7 +42,8 @@ class PairPart:
     drag
         Coefficient of p_j - p_i.
     break_energy
-        Energy of a pair at the break radius, by which the energy jumps with a link.
+        Energy of a pair at the break radius, or just below it where pieces of a potential meet there, by which the
+        energy jumps with a link.
     """
 
     radius: float
@@ -79,7 +80,7 @@ def numbers(layout_values: Array, expression: sympy.Expr) -> sympy.Expr:
     return expression.xreplace(known)
 
 
-def pair_part(formulas: PairFormulas, P: Array, radius: float) -> PairPart:
+def pair_part(formulas: PairFormulas, P: Array, radius: float, edge: float) -> PairPart:
     """Translate the pair terms over one graph.
 
     Parameters
@@ -90,6 +91,8 @@ def pair_part(formulas: PairFormulas, P: Array, radius: float) -> PairPart:
         Values of the single-number parameters.
     radius
         Break radius of the links.
+    edge
+        Where the energy of a pair is taken as its link breaks; see `inner_edge`.
 
     Raises
     ------
@@ -115,7 +118,7 @@ def pair_part(formulas: PairFormulas, P: Array, radius: float) -> PairPart:
     # For a gradient the two are identical; otherwise the difference goes to the table.
     rest = sympy.Integer(0) if along == slope else along - slope
     energy = lepton(storage) if storage.has(r) else ""
-    break_energy = float(storage.xreplace({r: sympy.Float(radius, 17)}))
+    break_energy = float(storage.xreplace({r: sympy.Float(edge, 17)}))
     return PairPart(radius, energy, _table(rest, radius) if rest != 0 else None, float(drag), break_energy)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from flocking.arrays import Array, Forces
 from flocking.engine import interruption
+from flocking.engine.fixed_step.energy_jumps import check_no_energy_jump
 from flocking.engine.fixed_step.passing_pairs import check_passing, singular_reach
 from flocking.engine.fixed_step.step_checks import ledger_rule
 from flocking.engine.fixed_step.step_counts import STEP_ROUNDING, is_reached, steps_between
@@ -80,16 +81,18 @@ class LammpsSession(Session):
     ) -> None:
         check_world(self.engine, scenario)
         self.scenario, self.plant = scenario, plant
+        declared = make_deck(scenario, options.skin)
+        if options.rows(scenario.start.n):
+            check_no_energy_jump(scenario.law)
         if plant is not None:
             check_plant("LammpsSession", scenario.law, plant)
-            make_deck(scenario, options.skin)
-        self.deck: Deck = make_deck(scenario if plant is None else scenario.with_(law=plant), options.skin)
+        self.deck: Deck = declared if plant is None else make_deck(scenario.with_(law=plant), options.skin)
         check_not_crowded(scenario)
         check_apart(scenario)
         self._judge: LawCheck | None = None
         self.ranks = Ranks(library.communicator())
         self.time, self.steps = scenario.start.t, 0
-        break_energies = [part.break_energy for part in self.deck.parts]
+        break_energies = [part.break_energy for part in declared.parts]
         self.records = LammpsRecorder(scenario, break_energies, observe=options.observe)
         self._plan = (self.time, self.time, 1, 1)
         self._step = 0.0

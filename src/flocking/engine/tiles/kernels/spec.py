@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flocking.engine.fixed_step.energy_jumps import check_no_energy_jump
 from flocking.engine.fixed_step.supported_bodies import is_point, refused_in_tiles
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
@@ -19,7 +20,7 @@ from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 from flocking.model.space import Open, Periodic
 from flocking.model.terms.pair_terms import PairTerm
-from flocking.model.terms.potential_reach import energy_jump, jumps_at_radius
+from flocking.model.terms.potential_reach import jumps_at_radius
 from flocking.model.world.control import Held
 from flocking.model.world.information import Messages
 from flocking.model.world.safety_filters import SafetyFilter
@@ -270,12 +271,8 @@ def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
         When a potential jumps within the reach of its graph, and energies are summed.
     """
     law = scenario.law
-    jump = energy_jump((term, law.graphs[law.graph_number(term)]) for term in law.pair_terms) if ledger else None
-    if jump is not None:
-        raise UnsupportedLaw(
-            f"The tiled engine has no ledger for a potential that jumps at a distance of {jump:.6g}, where pairs are "
-            "linked: no step is short enough. Use engine='exact', which locates when pairs cross it, or ledger=False."
-        )
+    if ledger:
+        check_no_energy_jump(law)
     of_graphs: list[list[PairTerm]] = [[] for _ in law.graphs]
     for term in law.pair_terms:
         of_graphs[law.graph_number(term)].append(term)
