@@ -263,7 +263,7 @@ class ExactSession(AdaptiveSession):
         for crossing in crossings:
             found = write_switch(self.records, crossing, self._segment, q, p, self._links, self._error, self._origin)
             chattering = found or chattering
-            self._links.apply(crossing)
+            self._links.apply(crossing, q)
         error: SimulationError | None = sliding(self.time, chattering) if chattering else None
         try:
             self._dynamics.relink(self._links)

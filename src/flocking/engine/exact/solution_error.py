@@ -217,7 +217,7 @@ class SolutionError:
         memory = links.memory()
         try:
             before = self._dynamics.slope(t, y)
-            links.apply(Crossing(number, np.array([[i, j]])))
+            links.apply(Crossing(number, np.array([[i, j]])), self._dynamics.split(y)[0])
             self._dynamics.relink(links)
             change = self._dynamics.slope(t, y) - before
         except InvalidInput:

@@ -329,8 +329,8 @@ class LinkState:
             Crossing(number, which[when <= first + TIE]) for number, when, which in found if (when <= first + TIE).any()
         ]
 
-    def apply(self, crossing: Crossing) -> None:
-        """Toggle the pairs of a crossing."""
+    def apply(self, crossing: Crossing, q: Array) -> None:
+        """Toggle the pairs of a crossing, with agents at ``q`` then, shape (N, m)."""
         watch = self.watches[crossing.watch]
         matrix = self.near[crossing.watch]
         i, j = crossing.pairs.T
@@ -340,15 +340,17 @@ class LinkState:
         if watch.kind == "kink" or not self.graphs[watch.graph].directed:
             matrix[j, i] = matrix[i, j]
         if watch.kind == "link":
-            self._settle_kinks(watch.graph, crossing)
+            self._settle_kinks(watch.graph, crossing, q)
 
-    def _settle_kinks(self, graph: int, crossing: Crossing) -> None:
+    def _settle_kinks(self, graph: int, crossing: Crossing, q: Array) -> None:
         """Set the side of kinks of pairs whose link appears: before, it was not tracked."""
-        link_watch = self.watches[crossing.watch]
+        link_watch, now, by_view = self.watches[crossing.watch], self.links[graph], self._views[graph] is not None
+        apart = [float(np.linalg.norm(self.space.displacement(q[j] - q[i]))) for i, j in crossing.pairs if by_view]
         for number, watch in enumerate(self.watches):
             if watch.kind == "kink" and watch.graph == graph:
-                for i, j in crossing.pairs:
-                    at = link_watch.enter[i] if self.links[graph][i, j] else link_watch.leave[i]
+                for k, (i, j) in enumerate(crossing.pairs):
+                    # By its bearing an agent comes into view, and leaves it, at any distance.
+                    at = apart[k] if by_view else link_watch.enter[i] if now[i, j] else link_watch.leave[i]
                     self.near[number][i, j] = self.near[number][j, i] = at < watch.leave[i]
 
     def slides(self, crossing: Crossing, k: int, time: float, speed: float) -> bool:
