@@ -121,6 +121,26 @@ def test_agents_on_a_line_do_not_pass_through_each_other(k: float, speed: float)
     assert run.closest.distance == pytest.approx(4 * k / speed**2, rel=1e-3)
 
 
+@pytest.mark.parametrize("fine", [False, True])
+def test_two_agents_that_see_each_other_cross_a_border_of_pieces_once(fine: bool) -> None:
+    """Both directions of a pair have a row, at one time; nothing is open because of it, in either loop."""
+    pieces = fk.Potential("where(r < 0.8, (r - 0.8)**2, where(r < 1.3, 0, (r - 1.3)**2))")
+    law = fk.Law(fk.PerAgentRadii([1.8, 2.1, 1.9], closed=False), [fk.Gradient(pieces)])
+    begin = flight([[0.0, 0.0], [1.7, 0.1], [0.3, 1.6]], [[0.4, 0.3], [-0.8, 0.1], [0.0, -0.9]])
+    run = fk.simulate(fk.Scenario(law, begin, 3.0), engine="exact", fine=fine, progress=False)
+    kinks = run.switches[run.switches["kind"] == "kink"]
+    assert len(kinks) >= 8
+    for time in set(kinks["time"].tolist()):
+        rows = [(int(row["i"]), int(row["j"])) for row in kinks[kinks["time"] == time]]
+        assert len(set(rows)) == len(rows)
+        assert {(j, i) for i, j in rows} == set(rows)
+    apart = np.diff(sorted(set(kinks["time"].tolist())))
+    assert apart.min() > 1e-3
+    assert run.accuracy is not None
+    assert run.accuracy.known_until == np.inf
+    assert len(run.accuracy.doubts) == 0
+
+
 def test_a_barrier_at_the_radius_holds_its_links_or_says_that_it_lost_one() -> None:
     law = zhou(gain=0.0)
     begin = flight([[0, 0], [2.0, 0]], [[-30, 0], [30, 0]])

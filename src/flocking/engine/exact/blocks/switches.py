@@ -279,6 +279,18 @@ def again(crossed: Array, c: int) -> bool:
     return found
 
 
+def mirrored(crossed: Array, c: int) -> bool:
+    """Whether row ``c`` of ``crossed`` has the agents of one before it, whom they cross together; for native functions.
+
+    Over a directed graph each of two linked agents has a row. The side of a kink is that of both.
+    """
+    found = False
+    for k in range(c):
+        same = crossed[k, 0] == crossed[c, 0]
+        found = found or (same and crossed[k, 2] == crossed[c, 3] and crossed[k, 3] == crossed[c, 2])
+    return found
+
+
 @native_apart
 def apply_switches(
     law: CompiledLaw, watches: Watches, switching: Switching, limits: Limits, stop: float, count: int,
@@ -302,6 +314,8 @@ def apply_switches(
     for c in range(count):
         w = int(crossed[c, 0])
         if w < switching.owners.shape[0]:
+            if switching.kinks[w] and mirrored(crossed, c):
+                continue
             toggle(watches, switching, w, int(crossed[c, 2]), int(crossed[c, 3]))
         else:
             toggle_ball(watches.balls, w - switching.owners.shape[0], int(crossed[c, 2]), int(crossed[c, 3]))
