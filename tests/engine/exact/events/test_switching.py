@@ -141,6 +141,28 @@ def test_two_agents_that_see_each_other_cross_a_border_of_pieces_once(fine: bool
     assert len(run.accuracy.doubts) == 0
 
 
+@pytest.mark.parametrize("fine", [False, True])
+def test_a_border_of_pieces_at_a_radius_is_crossed_with_the_link(fine: bool) -> None:
+    """Agent 0 sees to 0.9, where pieces meet, and agent 1 to 1.5; with hysteresis a link appears there."""
+    pieces = fk.Potential("where(r < 0.9, (r - 0.9)**2 + 0.2, 0.4*(r - 0.9)**2)")
+    begin = flight([[0.0, 0.0], [0.6, 0.0]], [[0.0, 0.0], [2.0, 0.1]])
+    radii = fk.PerAgentRadii([0.9, 1.5], closed=False)
+    runs = []
+    for start in (begin, flight([[0.0, 0.0], [1.4, 0.0]], [[0.0, 0.0], [-2.0, 0.1]])):
+        made = fk.Scenario(fk.Law(radii, [fk.Gradient(pieces)]), start, 0.4, frames=5)
+        run = fk.simulate(made, engine="exact", fine=fine, progress=False)
+        runs.append([(str(row["kind"]), int(row["i"])) for row in run.switches])
+        assert run.accuracy is not None
+        assert run.accuracy.known_until == np.inf
+    assert set(runs[0]) == {("break", 0), ("kink", 0), ("kink", 1)}
+    assert set(runs[1]) <= {("appear", 0), ("kink", 0), ("kink", 1)}
+    assert [len(rows) for rows in runs] in ([3, 2], [3, 3])
+    law = fk.Law(fk.Hysteresis(1.5, 0.6), [fk.Gradient(pieces)])
+    gap = fk.Scenario(law, flight([[0.0, 0.0], [1.6, 0.0]], [[0.0, 0.0], [-2.0, 0.0]]), 0.5, frames=5)
+    run = fk.simulate(gap, engine="exact", fine=fine, progress=False)
+    assert [str(kind) for kind in run.switches["kind"]] == ["appear"]
+
+
 def test_a_barrier_at_the_radius_holds_its_links_or_says_that_it_lost_one() -> None:
     law = zhou(gain=0.0)
     begin = flight([[0, 0], [2.0, 0]], [[-30, 0], [30, 0]])

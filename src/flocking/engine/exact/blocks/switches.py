@@ -133,8 +133,10 @@ def toggle(watches: Watches, switching: Switching, w: int, i: int, j: int) -> No
         at = pairs.enter[w, i] if now else pairs.leave[w, i]
         for kink in range(switching.owners.shape[0]):
             if switching.kinks[kink] and switching.owners[kink] == g:
-                # Before a link appears the side of the kink is not tracked.
-                pairs.near[kink, i, j] = pairs.near[kink, j, i] = at < pairs.leave[kink, i]
+                # Before a link appears the side of the kink is not tracked, unless it was the other way.
+                if both or not switching.linked[g, j, i]:
+                    near = at < pairs.leave[kink, i] or (now and at == pairs.leave[kink, i])
+                    pairs.near[kink, i, j] = pairs.near[kink, j, i] = near
                 pairs.active[kink, i, j] = switching.linked[g, i, j]
                 pairs.active[kink, j, i] = switching.linked[g, j, i]
 

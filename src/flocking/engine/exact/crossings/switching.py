@@ -45,8 +45,7 @@ TIE = 1e-12
 
 ROUNDED = 1e-13
 """The same at other distances: above the error of a distance from rounding, some units of 2.2e-16, and a tenth of
-`TIE`, so that the choice of simultaneous crossings does not depend on it.
-"""
+`TIE`, so that the choice of simultaneous crossings does not depend on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,15 +342,17 @@ class LinkState:
             self._settle_kinks(watch.graph, crossing, q)
 
     def _settle_kinks(self, graph: int, crossing: Crossing, q: Array) -> None:
-        """Set the side of kinks of pairs whose link appears: before, it was not tracked."""
+        """Set the side of kinks of pairs whose link appears: before, only that of the other way was tracked."""
         link_watch, now, by_view = self.watches[crossing.watch], self.links[graph], self._views[graph] is not None
-        apart = [float(np.linalg.norm(self.space.displacement(q[j] - q[i]))) for i, j in crossing.pairs if by_view]
-        for number, watch in enumerate(self.watches):
-            if watch.kind == "kink" and watch.graph == graph:
-                for k, (i, j) in enumerate(crossing.pairs):
-                    # By its bearing an agent comes into view, and leaves it, at any distance.
-                    at = apart[k] if by_view else link_watch.enter[i] if now[i, j] else link_watch.leave[i]
-                    self.near[number][i, j] = self.near[number][j, i] = at < watch.leave[i]
+        kinks = [x for x in zip(self.watches, self.near, strict=True) if (x[0].kind, x[0].graph) == ("kink", graph)]
+        pairs = crossing.pairs.tolist() if kinks else []
+        for i, j in pairs:
+            if self.graphs[graph].directed and now[j, i] and [j, i] not in pairs:
+                continue
+            # By its bearing an agent comes into view, and leaves it, at any distance; views are in open space alone.
+            at = np.linalg.norm(q[j] - q[i]) if by_view else (link_watch.enter if now[i, j] else link_watch.leave)[i]
+            for watch, near in kinks:
+                near[i, j] = near[j, i] = at < watch.leave[i] or (now[i, j] and at == watch.leave[i])
 
     def slides(self, crossing: Crossing, k: int, time: float, speed: float) -> bool:
         """Record that pair ``k`` of a crossing crosses at ``time`` with ``speed``; whether it slides."""
