@@ -232,7 +232,7 @@ def test_replacements_keep_what_agents_see() -> None:
 
 def test_whoever_cannot_follow_headings_refuses_them_by_name() -> None:
     scenario = robots(0).with_(control=fk.Held(0.1), information=fk.Messages(0.1))
-    with pytest.raises(FlockingError, match="FieldOfView has another rule"):
+    with pytest.raises(FlockingError, match="does not know the heading of bodies"):
         exported_law(scenario)
     with pytest.raises(FlockingError, match="that look along their headings"):
         simulate_nodes(scenario, processes=False)
