@@ -120,7 +120,7 @@ def test_the_engine_is_chosen_by_size(large: Path, tmp_path: Path, capsys: pytes
     large.write_text(LARGE.replace("n = 2500", "n = 30000"))
     code, _, err = call(capsys, "run", large, "--engine", "exact")
     assert code == 2
-    assert "must be 'tiles' for more than 20000 agents" in err
+    assert "must be another one for more than 20000 agents" in err
 
 
 def steps_stored(folder: Path) -> int:

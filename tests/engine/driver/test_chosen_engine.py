@@ -69,7 +69,7 @@ def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: st
         ),
         (
             scenario(20001, fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0, functional=True)])),
-            "must be 'tiles' for more than 20000",
+            "must be another one for more than 20000 agents.*'tiles' does not, and states what it cannot run",
         ),
         (
             scenario(20001, fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)])),

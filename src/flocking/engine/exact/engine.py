@@ -34,8 +34,9 @@ class ExactEngine(Engine):
         """Refuse groups whose matrix of pairs would not fit into memory."""
         if scenario.start.n > MOST_AGENTS:
             raise InvalidInput(
-                "start", "engine", f"must be 'tiles' for more than {MOST_AGENTS} agents",
-                f"{self.name!r} for {scenario.start.n}", "The exact engine stores a matrix of all pairs.",
+                "start", "engine", f"must be another one for more than {MOST_AGENTS} agents",
+                f"{self.name!r} for {scenario.start.n}",
+                "The exact engine stores a matrix of all pairs; 'tiles' does not, and states what it cannot run.",
             )  # fmt: skip
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> ExactSession:
