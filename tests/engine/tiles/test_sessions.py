@@ -401,3 +401,24 @@ def test_the_arrays_of_a_group_are_put_together_from_few_parts():
     particles = TilesSession(smooth_scenario(), TilesOptions(step=0.01))._particles
     assert type(particles).__name__ == "ParticleArrays"
     assert len(vars(particles)) <= MOST_ATTRIBUTES, sorted(vars(particles))
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("scheme", ["verlet", "damped", "rk4"])
+def test_accelerations_are_those_of_the_velocities_of_now(scheme, precision):
+    """Half-step-velocity Verlet stores those of half a step before; asking changes no bit of the motion."""
+    law = fk.Law(fk.Proximity(1.5), [fk.Gradient(fk.Potential("(r - 1)**2")), fk.Consensus(0.7)])
+    agents = fk.PointMass(np.linspace(0.5, 2.0, 200), 0.4)
+    made = fk.Scenario(law, fk.start.box(200, side=9.0, speed=1.0, seed=3), t_end=2.0, agents=agents)
+    how = TilesOptions(step=0.01, scheme=scheme, precision=precision)
+    session, untouched = TilesSession(made, how), TilesSession(made, how)
+    for t in (0.0, 0.4, 1.1):
+        session.advance(t)
+        untouched.advance(t)
+        state = session.state
+        found = session.accelerations() * agents.masses[:, None]
+        expected = fk.evaluate(law, fk.State(state.q, state.p), agents=agents).u - 0.4 * state.p
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 if precision == "float64" else 1e-4)
+    session.advance(2.0)
+    untouched.advance(2.0)
+    assert (session.run().q == untouched.run().q).all()

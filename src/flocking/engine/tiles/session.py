@@ -192,9 +192,8 @@ class TilesSession(Session):
     def accelerations(self) -> Array:
         """Current acceleration (order 1: velocity) of every agent, shape (N, m), by the links of now."""
         particles = self._particles
-        self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
-        particles.move(self.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
-        return particles.in_order(particles.Y[particles.m :])
+        velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
+        return particles.in_order(particles.rates(self.time, velocities))
 
     def _guarded(self, action: Callable[[], Result]) -> Result:
         """Call a function that may rebuild lists; raises TooCrowded if they do not fit."""

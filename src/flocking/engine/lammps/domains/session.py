@@ -293,9 +293,9 @@ class DomainSession(TilesSession):
     def accelerations(self) -> Array:
         """Current acceleration (order 1: velocity) of every agent, shape (N, m), on every rank."""
         particles = self._particles
-        self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
-        particles.move(self.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
-        found: Array = self.ranks.comm.bcast(particles.gathered(particles.successor[: particles.n, particles.m :]))
+        velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
+        rates = particles.rates(self.time, velocities)
+        found: Array = self.ranks.comm.bcast(particles.gathered(rates[:, : particles.n].T))
         return found
 
     # --- checkpoints ---

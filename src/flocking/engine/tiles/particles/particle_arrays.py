@@ -205,6 +205,23 @@ class ParticleArrays(ListedAgents):
         if self.results.extremes[2] > 0 and self.lost is None and not hold:
             self.lost = self._broken_pair()
 
+    def rates(self, t: float, velocities: Reals) -> Reals:
+        """Accelerations of the agents (velocities of those of order 1), shape (m, size); nothing else changes.
+
+        Parameters
+        ----------
+        t
+            The time.
+        velocities
+            Velocities at the time of the positions, which half-step-velocity Verlet does not store, shape (m, size).
+        """
+        kept, moving = self.X[self.m :].copy(), velocities.copy()
+        if self.spec.order == 2:
+            self.X[self.m :] = moving
+        self.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
+        self.X[self.m :] = kept
+        return self.Y[self.m :]
+
     def obstacle_arguments(self, t: float, drift: float = 0.0, places: Reals | None = None) -> list[object]:
         """Obstacles within range of each tile, as kernels take them.
 
