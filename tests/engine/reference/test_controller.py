@@ -15,6 +15,7 @@ from tests.contracts.strategies import STRUCTURES, case_of
 PSI = fk.Potential("1/r + 1/(R - r)", R=4.0)
 LAW = fk.Law(fk.Hysteresis(4.0, 0.5), [fk.Gradient(PSI), fk.Consensus(0.7)])
 TRIO = fk.Fixed.complete(3)
+TURNED = np.tile(np.eye(2), (2, 1, 1))
 
 
 class Beside(fk.FieldOfView):
@@ -279,6 +280,17 @@ def test_poles_within_the_reach_of_links_are_watched():
         (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus()])), "headings must be given"),
         (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0, "heading"), [fk.Consensus()])), "must look along"),
         (lambda: fk.Controller(fk.Law(fk.Cone(2.0, 1.0), [fk.Consensus()]), agents=3, headings=[0.0]), "headings must"),
+        (lambda: fk.Controller(LAW, agents=3, headings=[0.0]), "headings must have one value for each of the 3"),
+        (lambda: fk.Controller(LAW, agents=3, headings=[[0.0], [1.0, 2.0], 3.0]), "sequences of different lengths"),
+        (lambda: fk.Controller(fk.Law(fk.FieldOfView([2.0, 1.0], 1.0), [fk.Consensus()]), agents=3,
+                               headings=[0.0, 1.0, 2.0]), "radius must have one value for each of the 3"),
+        (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, [1.0, 2.0], "p"), [fk.Consensus()]), agents=3), "half_angle"),
+        (lambda: fk.Controller(fk.Law(fk.Cone(2.0, 1.0), [fk.Consensus()]), agents=2,
+                               headings=TURNED), "'rotation' for"),
+        (lambda: fk.Controller(fk.Law(fk.Cone(2.0, 1.0, "rotation"), [fk.Consensus()]), agents=2,
+                               headings=2.0 * TURNED), "must be rotation matrices"),
+        (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus()]), agents=2, headings=2.0 * TURNED),
+         "must be rotation matrices"),
         (lambda: fk.Controller(fk.Law(OTHERS, [fk.Consensus()])), "must link by distances or fields of view"),
         (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus()]), agents=2, headings=[0.0, 1.0],
                                dimension=3), "must be directions in 3 dimensions"),

@@ -45,11 +45,13 @@ def test_more_columns_than_space_has_dimensions_are_mentioned() -> None:
         (fk.Cone(1.5, 1.0), fk.Cone(1.5, 2.0)), (fk.Cone(1.5, 1.0), fk.Cone(1.5, 1.0, "wrapped")),
         (fk.FieldOfView(1.5, 1.0), fk.FieldOfView(1.5, 2.0)), (fk.Hysteresis(2.0, 0.5), fk.Hysteresis(2.0, 0.2)),
         (fk.Fixed(3, [(0, 1)]), fk.Fixed(3, [(1, 2)])), (fk.Proximity(1.0), fk.Smooth(1.0, 0.5)),
+        (fk.SmoothCone(1.5, 0.3, 1.0), fk.SmoothCone(1.5, 0.3, 2.0)),
+        (fk.SmoothCone(1.5, 0.3, 1.0), fk.SmoothCone(1.5, 0.6, 1.0)),
     ],
     ids=lambda graph: type(graph).__name__,
 )  # fmt: skip
 def test_a_plant_that_links_other_agents_is_refused_with_fixed_steps(declared: Graph, other: Graph) -> None:
-    """Such engines follow the links of the declared graph alone."""
+    """Such engines follow the links of the declared graph alone, and take the factors of headings beside them."""
     terms, agents = (fk.Consensus(0.5),), fk.PointMass(headings=[0.0, 1.5, 3.0])
     start = fk.State([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     scenario = fk.Scenario(fk.Law(declared, terms), start, 1.0, agents=agents)

@@ -174,3 +174,19 @@ def test_an_opening_of_the_largest_gap_is_the_whole_group(size: int) -> None:
         assert gaps.min() >= 0.0
         assert gaps.max() <= 2.0
         assert fk.Cone(1.0, 2.0, "rotation").start_links(np.zeros((3, size)), headings).sum() == 6
+
+
+@pytest.mark.parametrize(
+    "headings", [np.zeros((4, 2, 2)), 2.0 * np.tile(np.eye(2), (4, 1, 1)), np.ones((4, 2, 3))],
+    ids=["zeros", "twice as long", "not square"],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    "graph", [fk.FieldOfView(1.5, 1.0), fk.Cone(1.5, 1.0, "rotation"), fk.SmoothCone(1.5, 0.3, 1.0, measure="rotation")]
+)  # fmt: skip
+def test_headings_that_are_no_rotations_are_refused_wherever_agents_look(graph, headings):
+    """A direction that is twice as long would be compared with the cosine of another half angle."""
+    start = fk.State(np.arange(8.0).reshape(4, 2), np.zeros((4, 2)))
+    made = fk.Scenario(fk.Law(graph, [fk.Consensus(1.0)]), start, 0.1, agents=fk.PointMass(headings=headings))
+    for scenario, engine in ((made, "exact"), (made, "tiles"), (made.with_(control=fk.Held(0.1)), "sampled")):
+        with pytest.raises(InvalidInput, match="must be rotation matrices"):
+            fk.start(scenario, engine=engine)

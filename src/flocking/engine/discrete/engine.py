@@ -50,7 +50,7 @@ class DiscreteEngine(Engine):
         for graph in scenario.law.graphs:
             if graph.sees_headings:
                 raise UnsupportedLaw(
-                    f"engine='discrete' links by distances; {type(graph).__name__} uses headings of agents at rest."
+                    f"engine='discrete' links by distances; {type(graph).__name__} looks along headings."
                 )
         if isinstance(scenario.information, Fixes):
             _check_fixes(scenario, scenario.information)

@@ -125,7 +125,7 @@ class Controller:
         masses, dampings = np.ones(self.count), np.zeros(self.count)
         masses[self.agent] = number("Controller", "mass", mass, above=0.0)
         dampings[self.agent] = number("Controller", "damping", damping, least=0.0)
-        self._bodies = Agents(masses, dampings, headings=None if headings is None else np.asarray(headings))
+        self._bodies = Agents(masses, dampings, headings=headings)
         self._check_law()
         law.check_count(self.count, self.m)
         check_space(space, law.graphs, law.body_terms, self.m)
@@ -172,6 +172,9 @@ class Controller:
                 "Controller", "law", "must be distributed",
                 f"a law that needs the {', '.join(self.law.beyond_neighbours)}", "No agent measures or receives these.",
             )  # fmt: skip
+        self._bodies.check_count(self.count)
+        for graph in self.law.graphs:
+            graph.check_count(self.count)
         about = self.agent, self._bodies.headings, (self.count, self.m)
         views = [controller_view(graph, *about) for graph in self.law.graphs]
         self._views = [(g, view) for g, view in enumerate(views) if view is not None]

@@ -8,7 +8,7 @@ from flocking.arrays import Array, Indices, Mask
 from flocking.errors import InvalidInput
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.smooth_cones import SmoothCone
-from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
+from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView, check_rotations
 
 
 class ControllerView:
@@ -28,7 +28,7 @@ class ControllerView:
     Raises
     ------
     InvalidInput
-        When there are no headings of all agents, or they are no directions in these axes.
+        When there are no headings of all agents, or they are no directions in these axes, or cannot be compared so.
     """
 
     def __init__(
@@ -41,6 +41,8 @@ class ControllerView:
         if not isinstance(graph, FieldOfView):
             others = np.arange(count)
             found = graph.checked_headings(headings, count)
+            if found.ndim > 1:
+                check_rotations(found, graph.measure)
             self._similar = graph.similar(found, np.full(count, agent), others)
             return
         self._cosine = float(graph.cosines(count)[agent])

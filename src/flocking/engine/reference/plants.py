@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.smooth_cones import HeadingWeights
 from flocking.model.law import Law
 
 
@@ -41,8 +42,13 @@ def check_plant(owner: str, declared: Law, plant: Law) -> None:
 
 
 def _same_links(ours: Graph, theirs: Graph) -> bool:
-    """Whether two graphs link the same agents: they differ in numbers of formulas at most, such as a smooth onset."""
+    """Whether two graphs link the same agents: they differ in numbers of formulas at most, such as a smooth onset.
+
+    Factors of headings must agree, too: such engines find those of the declared graph beside its links.
+    """
     if type(ours) is not type(theirs) or ours.structure != theirs.structure:
+        return False
+    if any(w != theirs.parameters[name] for name, w in ours.parameters.items() if isinstance(w, HeadingWeights)):
         return False
     names = ["break_radius", "appear_radius"]
     if is_dataclass(ours):

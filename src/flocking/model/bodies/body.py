@@ -298,7 +298,8 @@ class Body(ABC):
         if self.headings is not None:
             ndim = axes_of(self.headings)
             if ndim not in (1, 3):
-                raise InvalidInput(owner, "headings", "must have shape (N,) or (N, d, d)", f"{ndim} axes")
+                given = f"{ndim} axes" if ndim >= 0 else "sequences of different lengths"
+                raise InvalidInput(owner, "headings", "must have shape (N,) or (N, d, d)", given)
             object.__setattr__(self, "headings", array(owner, "headings", self.headings, ndim=ndim))
 
     def check_count(self, n: int) -> None:

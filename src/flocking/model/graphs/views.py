@@ -152,8 +152,9 @@ def check_rotations(headings: Array, measure: str) -> None:
     """
     if measure != "rotation":
         raise InvalidInput("Cone", "measure", "must be 'rotation' for rotation matrices", measure)
+    square = headings.shape[1] == headings.shape[2]
     product = np.einsum("nij,nik->njk", headings, headings)
-    orthogonal = np.allclose(product, np.eye(headings.shape[1]), rtol=0.0, atol=ORTHOGONAL)
+    orthogonal = square and np.allclose(product, np.eye(headings.shape[1]), rtol=0.0, atol=ORTHOGONAL)
     if not orthogonal or not np.allclose(np.linalg.det(headings), 1.0):
         raise InvalidInput("Agents", "headings", "must be rotation matrices", f"shape {headings.shape}")
 
@@ -327,12 +328,19 @@ class FieldOfView(HeadingGraph, OneRadius):
         Raises
         ------
         InvalidInput
-            If there are no headings.
+            If there are no headings, or a matrix has a first column that is no unit vector.
         """
         checked = self.checked_headings(headings, n if headings is None else max(len(headings), 1))
         if checked.ndim == 1:
             return np.stack([np.cos(checked), np.sin(checked)], axis=1)
-        return np.ascontiguousarray(checked if checked.ndim == 2 else checked[:, :, 0])
+        if checked.ndim == 2:
+            return np.ascontiguousarray(checked)
+        found = np.ascontiguousarray(checked[:, :, 0])
+        # Angles to a longer or shorter vector would be compared with another half angle.
+        if len(wrong := np.flatnonzero(np.abs((found**2).sum(axis=1) - 1.0) > ORTHOGONAL)):
+            given = f"a first column {found[wrong[0]].tolist()} of agent {wrong[0]}"
+            raise InvalidInput("Agents", "headings", "must be rotation matrices", given)
+        return found
 
     def cosines(self, n: int) -> Array:
         """Cosine of the half angle of each of ``n`` agents, `ALL_AROUND` for a view all around; shape (n,)."""
