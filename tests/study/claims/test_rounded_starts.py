@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.papers.zhou_2015.theorems import links_have_one_length
 from flocking.study.claims.claim import Measure, Verdict
+from flocking.study.claims.conclusions.limits import forces_vanish
 from flocking.study.claims.conclusions.links import stays_connected
 from flocking.study.claims.general_claims import GENERAL
 from flocking.study.evidence import Evidence, NotResolvable
@@ -105,16 +107,48 @@ def test_a_pair_that_no_repetition_links_either_is_none(precision):
     assert found.note == "no linked pair; error estimated from 2 repetitions, the last with 0.25 of the step"
 
 
-@pytest.mark.parametrize(("beyond", "verdict"), [(1e-6, Verdict.NOT_RESOLVED), (0.1, Verdict.HOLDS)])
-def test_a_pair_nearer_to_the_radius_than_the_error_leaves_open_whether_there_is_none(beyond, verdict):
-    """Two agents on an ellipse around the origin, x'' = -x, pass each other at the distance 1 + beyond."""
+@pytest.mark.parametrize(
+    ("beyond", "frames", "verdict"),
+    [
+        (1e-6, 41, Verdict.NOT_RESOLVED), (1e-6, 40, Verdict.NOT_RESOLVED), (1e-6, 4, Verdict.NOT_RESOLVED),
+        (0.1, 41, Verdict.HOLDS), (0.1, 8, Verdict.HOLDS), (0.1, 2, Verdict.NOT_RESOLVED),
+    ],
+)  # fmt: skip
+def test_a_pair_nearer_to_the_radius_than_the_error_leaves_open_whether_there_is_none(beyond, frames, verdict):
+    """Two agents on an ellipse around the origin, x'' = -x, pass each other at the distance 1 + beyond.
+
+    They do so at a frame of 41, and between two of an even number. Two frames alone say nothing of the way.
+    """
     apart = 0.5 * (1.0 + beyond)
     law = fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0), fk.Track(fk.Sink([0.0, 0.0]), 1.0, 0.0)])
     start = fk.State([[1.0, 0.0], [-1.0, 0.0]], [[0.0, apart], [0.0, -apart]])
-    run = fk.simulate(fk.Scenario(law, start, t_end=np.pi, frames=41), engine="tiles", step=0.05, progress=False)
+    run = fk.simulate(fk.Scenario(law, start, t_end=np.pi, frames=frames), engine="tiles", step=0.05, progress=False)
     found = judged(run, "linked-apart")
     assert not run.links.any()
     assert found.verdict is verdict, found
+
+
+@pytest.mark.parametrize("space", [fk.Open(), fk.Periodic([30.0, 30.0])])
+def test_how_far_beyond_the_radius_agents_stayed_is_not_more_than_on_a_dense_sample_of_curves(space):
+    """Agents under a sink: every pair follows sin and cos exactly, which 20,000 instants sample."""
+    rng, t = np.random.default_rng(2), np.linspace(0.0, 3.0, 20_001)
+    q, p = rng.uniform(-8.0, 8.0, (6, 2)), rng.uniform(-1.0, 1.0, (6, 2))
+    law = fk.Law(fk.Proximity(1e-3), [fk.Consensus(1.0), fk.Track(fk.Sink([0.0, 0.0]), 1.0, 0.0)])
+    if not space.is_open:
+        law = fk.Law(fk.Proximity(1e-3), [fk.Consensus(1.0)])
+    for frames in (16, 61):
+        made = fk.Scenario(law, fk.State(q, p), t_end=3.0, frames=frames, space=space)
+        found = Evidence(fk.simulate(made, engine="tiles", step=0.002, progress=False)).beyond_radius()
+        shape = t[:, None, None]
+        places = q * np.cos(shape) + p * np.sin(shape) if space.is_open else q + p * shape
+        i, j = np.triu_indices(6, 1)
+        truth = np.linalg.norm(space.displacement(places[:, i] - places[:, j]), axis=2).min() - 1e-3
+        assert truth - (0.02 if frames == 16 else 1e-3) < found <= truth + 1e-5
+
+
+def test_how_far_beyond_the_radius_one_agent_stayed_has_no_bound():
+    made = fk.Scenario(fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)]), row(1.0, 1), t_end=1.0, frames=5)
+    assert Evidence(fk.simulate(made, engine="tiles", step=0.05, progress=False)).beyond_radius() == np.inf
 
 
 def test_agents_whose_links_never_change_need_no_motion():
@@ -127,3 +161,13 @@ def test_agents_whose_links_never_change_need_no_motion():
 def test_an_infinite_margin_with_an_infinite_error_decides_nothing():
     assert Measure(np.inf, np.inf).holds is None
     assert Measure(np.inf, 0.0).holds is True
+
+
+def test_where_no_link_is_left_at_the_end_lengths_miss_one_by_the_distance_to_the_radius():
+    terms = [fk.Gradient(fk.Potential("(r - 1)**2"))]
+    for graph, beyond in ((fk.Proximity(1.0), 0.5), (fk.Fixed(4, []), None)):
+        made = fk.Scenario(fk.Law(graph, terms), row(1.5, 4), t_end=1.0, frames=5)
+        found = Evidence(fk.simulate(made, engine="tiles", step=0.05, progress=False))
+        for measured in (links_have_one_length(found), forces_vanish(found)):
+            assert measured.note.startswith("no links")
+            assert measured.absent == (None if beyond is None else pytest.approx(beyond))

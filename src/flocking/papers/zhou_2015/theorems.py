@@ -113,7 +113,8 @@ def links_have_one_length(e: Evidence) -> Measure:
     best, _ = smallest_value(e.potential, float(np.max(np.asarray(e.law.graph.break_radius))))
     lengths = e.equilibrium.r
     if len(lengths) == 0:
-        return of_configuration(e, Measure(np.inf, 0.0, "no links", absent=e.law.graph.moves))
+        absent = e.beyond_radius_at_end() if e.law.graph.moves else None
+        return of_configuration(e, Measure(np.inf, 0.0, "no links", absent=absent))
 
     def off(frame: int) -> float:
         return float(np.abs(e.equilibrium_at(frame).r - best).max(initial=0.0))

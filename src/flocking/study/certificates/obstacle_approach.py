@@ -12,17 +12,8 @@ from flocking.engine.runs.run import Run
 from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND
+from flocking.study.curve_distances import MOST_PARTS, RESOLVED, searched_curves
 from flocking.study.message_logs.recorded_motion import RecordedMotion
-
-ROUNDS = 40
-"""Halvings of a curve at most: the bounds of a part fall by a factor of two to four in each."""
-
-RESOLVED = 1e-13
-"""Share of the largest coordinate to which the smallest distance is searched for: a hundred times the rounding of
-places on a curve."""
-
-MOST_PARTS = 2**15
-"""Parts of curves that are looked at at once, and of which the nearest go on; what the others hide is in the error."""
 
 
 class _Samples(NamedTuple):
@@ -140,60 +131,8 @@ def _least(obstacle: Obstacle, samples: _Samples) -> tuple[float, float]:
     hidden = np.inf
     for first in range(0, len(points), MOST_PARTS):
         block = slice(first, first + MOST_PARTS)
-        nearest, lowest, missed = _searched(obstacle, t[0], points[block], aways[block], nearest, lowest, tolerance)
+        nearest, lowest, missed = searched_curves(
+            obstacle, t[0], points[block], aways[block], nearest, lowest, tolerance
+        )
         hidden = min(hidden, missed)
     return nearest, min(lowest, hidden)
-
-
-def _searched(
-    obstacle: Obstacle, t: float, points: Array, off: Array, nearest: float, lowest: float, tolerance: float
-) -> tuple[float, float, float]:
-    """The smallest distance on some curves, the smallest less what an agent may be off, and a bound of other parts.
-
-    Parameters
-    ----------
-    t
-        A time; obstacles are at rest.
-    points
-        Control points of the curves, shape (K, 4, m).
-    off
-        By how much agents may be off their curves, shape (K,).
-    nearest, lowest
-        What was found on others.
-    tolerance
-        Parts that hide less are let go.
-    """
-    hidden = np.inf
-    for _ in range(ROUNDS):
-        left, right, middle = _halved(points)
-        found = obstacle.at(middle, t=float(t))
-        nearest = min(nearest, float(found["distance"].min(initial=np.inf)))
-        lowest = min(lowest, float((found["distance"] - off).min(initial=np.inf)))
-        # The distance of a convex body is convex, so that it lies above its tangent planes, and it changes no faster
-        # than the place.
-        away = points - middle[:, None]
-        slope = np.einsum("kim,km->ki", away, found["normal"]).min(axis=1)
-        reach = -np.linalg.norm(away, axis=2).max(axis=1)
-        bound = found["distance"] + np.where(slope > reach, slope, reach)
-        parts = np.flatnonzero((bound < nearest - tolerance) | (bound - off < lowest - tolerance))
-        rest = np.setdiff1d(np.arange(len(bound)), parts)
-        hidden = min(hidden, float((bound - off)[rest].min(initial=np.inf)))
-        if len(parts) > MOST_PARTS // 2:
-            order = parts[np.argsort((bound - off)[parts], kind="stable")]
-            parts, late = order[: MOST_PARTS // 2], order[MOST_PARTS // 2 :]
-            hidden = min(hidden, float((bound - off)[late].min()))
-        if not len(parts):
-            return nearest, lowest, hidden
-        points, off = np.concatenate([left[parts], right[parts]]), np.tile(off[parts], 2)
-        bound = np.tile(bound[parts], 2)
-    return nearest, lowest, min(hidden, float((bound - off).min()))
-
-
-def _halved(points: Array) -> tuple[Array, Array, Array]:
-    """Control points of the two halves of cubic curves, and the points between them, by de Casteljau's rule."""
-    one = 0.5 * (points[:, 1:] + points[:, :-1])
-    two = 0.5 * (one[:, 1:] + one[:, :-1])
-    middle = 0.5 * (two[:, 1] + two[:, 0])
-    left = np.stack([points[:, 0], one[:, 0], two[:, 0], middle], axis=1)
-    right = np.stack([middle, two[:, 1], one[:, 2], points[:, 3]], axis=1)
-    return left, right, middle

@@ -149,12 +149,15 @@ def _with_errors_of_motion(measured: Measure, e: Evidence, conclusion: Callable[
     note = f"{measured.note}; {repetitions.note}"
     if measured.absent is None or any(margin != measured.margin for margin in margins):
         return replace(measured, error=measured.error + repetitions.error(measured.margin, margins), note=note)
-    if math.isinf(measured.absent):
+    if measured.absent == math.inf:
         return replace(measured, note=note)
     off = repetitions.error(measured.absent, [math.nan if one.absent is None else one.absent for one in again])
     if measured.absent > off:
         return replace(measured, note=note)
-    return replace(measured, error=math.nan, note=f"{note}; by {measured.absent:.1e} alone, with an error of {off:.1e}")
+    missed = f"by {measured.absent:.1e} alone, with an error of {off:.1e}"
+    if not measured.absent > 0.0:
+        missed = "as far as frames show, a pair may have been within the radius"
+    return replace(measured, error=math.nan, note=f"{note}; {missed}")
 
 
 def granted(_: Evidence) -> Measure:

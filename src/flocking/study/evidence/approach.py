@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
 
 from flocking.engine.runs.run import Closest
+from flocking.model.leaders_and_obstacles.obstacles import Ball
 from flocking.model.observables import closest_pair
+from flocking.model.position_tree import tree_of
 from flocking.model.state import State
+from flocking.study.curve_distances import RESOLVED, searched_curves
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable, stated
 from flocking.study.evidence.doubts import DoubtEvidence
 from flocking.study.evidence.motion import MotionEvidence
+from flocking.study.message_logs.recorded_motion import RecordedMotion
+
+CONTROL_POINTS = (
+    np.array([[6.0, 0.0, 0.0, 0.0], [-5.0, 18.0, -9.0, 2.0], [2.0, -9.0, 18.0, -5.0], [0.0, 0.0, 0.0, 6.0]]) / 6.0
+)
+"""Control points of a cubic in Bernstein's basis by its places at 0, 1/3, 2/3 and 1, a row for each."""
+
+MOST_PLACES = 10**7
+"""Places of agents at frames, and pairs that may come near between two of them, that are looked at at most."""
 
 
 class ApproachEvidence(DoubtEvidence, MotionEvidence):
@@ -72,19 +83,65 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
         reach = float(np.min(np.asarray(self.law.graph.appear_radius)))
         return min(self.closest_linked, Closest(reach), key=lambda c: c.distance)
 
-    def beyond_radius(self, frames: Iterable[int]) -> float:
-        """By how much the closest agents at some frames are further apart than any distance at which links appear.
+    @property
+    def _reach(self) -> float:
+        """Largest distance at which links appear."""
+        return float(np.max(np.asarray(self.law.graph.appear_radius)))
+
+    def beyond_radius_at_end(self) -> float:
+        """By how much the closest agents at the end are further apart than any distance at which links appear.
 
         Negative where headings or the past alone keep a pair apart; infinite for one agent.
-
-        Parameters
-        ----------
-        frames
-            Numbers of the frames.
         """
-        space, reach = self.run.scenario.space, float(np.max(np.asarray(self.law.graph.appear_radius)))
-        found = (closest_pair(State(self.q[k], self.q[k]), space)[0] for k in frames)
-        return min(found, default=np.inf) - reach
+        return closest_pair(State(self.q[-1], self.q[-1]), self.run.scenario.space)[0] - self._reach
+
+    def beyond_radius(self) -> float:
+        """By how much agents stayed further apart than any distance at which links appear, at least.
+
+        Where the engine records how near unlinked agents came, by that, else by the frames and the curves between them,
+        less what agents may be off these. Minus infinity where frames are too few, or agents too many, to know;
+        negative where headings or the past alone may have kept a pair apart; infinite for one agent.
+        """
+        n, reach, space = self.run.n, self._reach, self.run.scenario.space
+        if n < 2:
+            return np.inf
+        if self._records_all_pairs and np.isfinite(self.closest_unlinked.distance):
+            return self.closest_unlinked.distance - reach
+        if len(self.t) < 3 or n * len(self.t) > MOST_PLACES or not np.isfinite(reach):
+            return -np.inf
+        lowest = min(closest_pair(State(q, q), space)[0] for q in self.q) - reach
+        motion, agents = RecordedMotion(self.run), np.arange(n)
+        body = Ball(np.zeros(self.run.scenario.start.dimension), reach)
+        for k in range(len(self.t) - 1):
+            shares = np.array([[1.0 / 3.0], [0.5], [2.0 / 3.0]])
+            times = self.t[k] - self.run.scenario.start.t + shares * (self.t[k + 1] - self.t[k])
+            between = motion.at(np.broadcast_to(times, (3, n)), np.broadcast_to(agents, (3, n)))
+            off = between.off_q[1]
+            if not np.isfinite(off).all():
+                return -np.inf
+            # A cubic lies in the hull of its control points.
+            places = np.stack([self.q[k], between.q[0], between.q[2], self.q[k + 1]], axis=1)
+            points = np.einsum("pk,ikm->ipm", CONTROL_POINTS, places)
+            centres = points.mean(axis=1)
+            size = float((np.linalg.norm(points - centres[:, None], axis=2).max(axis=1) + off).max())
+            if not space.is_open:
+                # Another image of an agent than the nearest one to the middle of its curve.
+                lowest = min(lowest, 0.5 * min(space.lengths) - 2.0 * size - reach)
+            tree = tree_of(centres, space)
+            most = max(lowest, 0.0) + reach + 2.0 * size
+            if tree.count_neighbors(tree, most) > MOST_PLACES:
+                return -np.inf
+            i, j = tree.query_pairs(most, output_type="ndarray").T
+            if not len(i):
+                continue
+            apart = centres[i] - centres[j]
+            curves = points[i] - points[j] + (space.displacement(apart) - apart)[:, None]
+            tolerance = RESOLVED * float(np.abs(points).max())
+            _, found, hidden = searched_curves(body, 0.0, curves, off[i] + off[j], lowest, lowest, tolerance)
+            lowest = min(lowest, found, hidden)
+            if lowest <= 0.0:
+                return lowest
+        return lowest
 
     @property
     def _records_all_pairs(self) -> bool:

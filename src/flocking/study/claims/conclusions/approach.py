@@ -34,7 +34,7 @@ def linked_apart(e: Evidence) -> Measure:
     # Links that never change need no motion to be known.
     if not e.law.graph.moves:
         return Measure(np.inf, 0.0, "no linked pair")
-    return Measure(np.inf, e.error_of(c), "no linked pair", absent=e.beyond_radius(range(len(e.t))))
+    return Measure(np.inf, e.error_of(c), "no linked pair", absent=e.beyond_radius())
 
 
 @about(Subject.CLOSEST, _closest, lasting=True)

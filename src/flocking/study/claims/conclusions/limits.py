@@ -181,7 +181,7 @@ def imbalance(e: Evidence) -> float:
 def forces_vanish(e: Evidence) -> Measure:
     """Whether the potential forces of every agent cancel at the end."""
     if len(e.equilibrium.r) == 0:
-        absent = e.beyond_radius([len(e.t) - 1]) if e.law.graph.moves else None
+        absent = e.beyond_radius_at_end() if e.law.graph.moves else None
         return Measure(np.inf, 0.0, "no links", configuration_unsettled(e), everywhere=False, absent=absent)
     scale = _force_scale(e)
     return limit_of(
