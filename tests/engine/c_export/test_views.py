@@ -1,10 +1,13 @@
 """Exported laws of agents with fields of view and cones, compiled here: whom they see, and what their memory keeps."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import flocking as fk
+from flocking.engine.c_export.export import c_files
 from tests.engine.c_export.building import CODES, CompiledLaw, needs_compiler
 
 pytestmark = needs_compiler
@@ -141,3 +144,31 @@ def test_agents_at_the_border_itself_are_neighbours(graph, tmp_path):
     compiled = CompiledLaw(tmp_path, made, looks=getattr(graph, "heading_column", "") == "p")
     _, _, memory = compiled.force(0, [0.0, 0.0], [3.0, 0.0], {1: ([2.0, 0.0], [0.0, 0.0]), 2: ([0.0, 2.0], [0.0, 0.0])})
     assert compiled.links(memory) == [1]
+
+
+LIKE = "whose constant heading is similar enough"
+
+
+@pytest.mark.parametrize(
+    ("graph", "said"),
+    [
+        (fk.FieldOfView(2.5, 1.25),
+         "up to the distance 2.5, within 1.25 rad of the agent's constant heading in `law_heading0`."),
+        (fk.FieldOfView(np.linspace(1.0, 2.0, N), HALVES, "p"),
+         "up to the distance in `law_radii0` of `law.c`, within the angle whose cosine is in `law_cosine0` of `law.c` "
+         "of the agent's velocity, at rest all around."),
+        (fk.Cone(2.5, 1.4), f"up to the distance 2.5, {LIKE} (by the table `law_similar0` in `law.c`)."),
+        (fk.Cone(2.5, 9.0), f"up to the distance 2.5, {LIKE} (all have)."),
+        (fk.SmoothCone(2.5, 0.5, 1.4), f"below the distance 2.5, {LIKE} (by the table `law_similar0` in `law.c`)."),
+        (fk.Hysteresis(2.5, 0.5), "a link appears below the distance 2.0 and stays below 2.5; at the start all "
+                                  "below 2.5 are linked."),
+        (fk.Fixed(N, [(0, 1)]), "those of the table `law_fixed0` in `law.c`."),
+        (fk.Fixed.complete(N), "all of whom a state is known."),
+    ],
+)  # fmt: skip
+def test_the_readme_says_who_is_linked_and_names_tables_that_are_there(graph, said):
+    files = c_files(scenario_of(graph))
+    line = next(line for line in files["README.md"].splitlines() if line.startswith("Graph 0: "))
+    assert line.startswith(f"Graph 0: {type(graph).__name__}, ")
+    assert line.endswith(said)
+    assert all(f" {name}[" in files["law.c"] for name in re.findall(r"`(law_\w+)`", line))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.c_export.elementary_functions import BOUNDS
 from flocking.engine.c_export.exported_law import ExportedLaw
 from flocking.engine.c_export.header import STATUS
@@ -15,6 +16,7 @@ from flocking.engine.c_export.projection_source import DOUBLE, SINGLE
 from flocking.engine.c_export.steering_source import steering_latex
 from flocking.engine.runs.provenance import provenance
 from flocking.formula.safe_digits import given_text
+from flocking.model.graphs.views import FieldOfView
 from flocking.model.world.times import NANOSECOND
 
 if TYPE_CHECKING:
@@ -224,7 +226,12 @@ def formulas(law: ExportedLaw, name: str, source: str) -> str:
 
     lines = [r"$$u_i = \sum_{j \in N_i} \left( a(r_{ij})\, n_{ij} + b_{ij}\, (p_j - p_i) \right) + f_i$$", ""]
     for k, pair in enumerate(law.formulas.pairs):
-        lines += [f"Graph {k}:", "", f"$$a = {latex(pair.along)}, \\qquad b = {latex(pair.drag)}$$", ""]
+        lines += [
+            f"Graph {k}: {_linked(law, k, name)}",
+            "",
+            f"$$a = {latex(pair.along)}, \\qquad b = {latex(pair.drag)}$$",
+            "",
+        ]
     for k, force in enumerate(law.formulas.body.force):
         lines += [f"$$f_{k} = {latex(force)}$$", ""]
     for term in law.scenario.law.steering_terms:
@@ -239,6 +246,45 @@ def formulas(law: ExportedLaw, name: str, source: str) -> str:
     }
     table += [f"| ${s[0]}_{{{s[1:]}}}$ | {what} | {_value(law, s, name, source)} |" for s, what in slots.items()]
     return "\n".join([*lines, *table])
+
+
+def _linked(law: ExportedLaw, number: int, name: str) -> str:
+    """Who is linked under a graph, in words; tables are named where agents have numbers of their own."""
+    graph, declared = law.graphs[number], law.scenario.law.graphs[number]
+    kind = type(declared).__name__
+    if graph.fixed is not None:
+        everyone = bool((graph.fixed | np.eye(law.n, dtype=bool)).all())
+        whom = (
+            "all of whom a state is known" if everyone else f"those of the table `{name}_fixed{number}` in `{name}.c`"
+        )
+        return f"{kind}, {whom}."
+
+    def each(values: Array, table: str) -> str:
+        alike = bool((values == values[0]).all())
+        return repr(float(values[0])) if alike else f"in `{name}_{table}{number}` of `{name}.c`"
+
+    appear, leave = (each(radii, "radii") for radii in graph.radii.T)
+    within = "up to" if graph.closed else "below"
+    said = f"{kind}, neighbours {within} the distance {leave}"
+    if (graph.radii[:, 0] != graph.radii[:, 1]).any():
+        said = (
+            f"{kind}, a link appears {within} the distance {appear} and stays {within} {leave}; "
+            f"at the start all {within} {leave} are linked"
+        )
+    view = graph.view
+    if view is None:
+        return f"{said}."
+    if view.similar is not None:
+        everyone = bool((view.similar | np.eye(law.n, dtype=bool)).all())
+        whose = "all have" if everyone else f"by the table `{name}_similar{number}` in `{name}.c`"
+        return f"{said}, whose constant heading is similar enough ({whose})."
+    assert isinstance(declared, FieldOfView)
+    angles = np.broadcast_to(np.asarray(declared.half_angle, dtype=np.float64), law.n)
+    angle = f"{float(angles[0])!r} rad"
+    if (angles != angles[0]).any():
+        angle = f"the angle whose cosine is {each(angles, 'cosine')}"
+    along = "velocity, at rest all around" if view.along_velocity else f"constant heading in `{name}_heading{number}`"
+    return f"{said}, within {angle} of the agent's {along}."
 
 
 def _value(law: ExportedLaw, slot: str, name: str, source: str) -> str:

@@ -127,10 +127,17 @@ def view_lines(view: ExportedView, number: int, c: CSource, name: str) -> tuple[
     # Velocities are divided by their largest component: squares of small or large ones are no numbers. At rest an agent
     # looks all around.
     return table, [
+        "if (found != 0u)", "{", *(f"    {line}" for line in _ahead_of_velocity(cosine, zero, x, real)), "}",
+    ]  # fmt: skip
+
+
+def _ahead_of_velocity(cosine: str, zero: str, x: str, real: str) -> list[str]:
+    """Lines that take ``found`` back where an agent is not within an angle of the velocity; declarations first."""
+    return [
         f"{real} fastest = {zero};", "uint32_t k;", f"for (k = 0u; k < {x.upper()}DIMENSION; k++)", "{",
         f"    const {real} size = (p[k] < {zero}) ? (-p[k]) : p[k];",
         "    fastest = (size > fastest) ? size : fastest;",
-        "}", f"if ((found != 0u) && (fastest > {zero}))", "{", f"    {real} square = {zero};",
+        "}", f"if (fastest > {zero})", "{", f"    {real} square = {zero};",
         f"    {real} ahead = {zero};", f"    for (k = 0u; k < {x.upper()}DIMENSION; k++)", "    {",
         f"        const {real} part = p[k] / fastest;", "        square = square + (part * part);",
         "        ahead = ahead + (offset[k] * part);", "    }",

@@ -99,7 +99,7 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
         """By how much agents stayed further apart than any distance at which links appear, at least.
 
         Where the engine records how near unlinked agents came, by that, else by the frames and the curves between them,
-        less what agents may be off these. Minus infinity where frames are too few, or agents too many, to know;
+        less what agents may be off these. Minus infinity where frames are too few or lack, or agents too many, to know;
         negative where headings or the past alone may have kept a pair apart; infinite for one agent.
         """
         n, reach, space = self.run.n, self._reach, self.run.scenario.space
@@ -107,7 +107,8 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
             return np.inf
         if self._records_all_pairs and np.isfinite(self.closest_unlinked.distance):
             return self.closest_unlinked.distance - reach
-        if len(self.t) < 3 or n * len(self.t) > MOST_PLACES or not np.isfinite(reach):
+        complete = len(self.t) > 2 and self.t[0] <= self.run.scenario.start.t
+        if not complete or n * len(self.t) > MOST_PLACES or not np.isfinite(reach):
             return -np.inf
         lowest = min(closest_pair(State(q, q), space)[0] for q in self.q) - reach
         motion, agents = RecordedMotion(self.run), np.arange(n)
